@@ -1,0 +1,1 @@
+"""Wires every part into a cell; imported by nobody."""

@@ -1,0 +1,1 @@
+"""One study, one chart: speed against accuracy."""

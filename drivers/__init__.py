@@ -1,0 +1,1 @@
+"""Quantities, contracts, faults and hardware; imports nothing else of this project."""

@@ -1,0 +1,143 @@
+"""What can break: the fault codes that the PLC reads and the exceptions that carry them."""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+
+class FaultCode(IntEnum):
+    """1xxx communication, 2xxx motion, 3xxx interaction, 4xxx software; never reused."""
+
+    NONE = 0
+    SKIN_SILENT = 1001
+    SKIN_UNTRUSTED = 1002
+    SWITCH_UNKNOWN = 1003
+    ARM_SILENT = 1004
+    GRIPPER_SILENT = 1005
+    PLC_LOST = 1006
+    DEVICE_NOT_OPENED = 1007
+    ARM_STOPPED = 2001
+    ARM_REFLEX = 2002
+    TRACKING = 2003
+    SWITCH_DISAGREES = 3001
+    SIMULATION_UNSTABLE = 4001
+    SCAN_OVERRUN = 4002
+    SOFTWARE = 4003
+    CONFIG = 4004
+    JOURNAL = 4005
+
+
+@dataclass(frozen=True, slots=True)
+class FaultText:
+    """What a technician needs to know of one code."""
+
+    meaning: str
+    cause: str
+    remedy: str
+
+
+FAULTS: dict[FaultCode, FaultText] = {
+    FaultCode.NONE: FaultText("no fault", "-", "-"),
+    FaultCode.SKIN_SILENT: FaultText("no taxel frame arrived in time", "skin board unplugged, unpowered or its bus is down", "check the board's supply and cable, then reset"),
+    FaultCode.SKIN_UNTRUSTED: FaultText("too few taxels can be trusted", "dead module, saturated or frozen skin", "run `cell check`, change the finger it names, then reset"),
+    FaultCode.SWITCH_UNKNOWN: FaultText("the success switch gives no valid answer", "cable, supply or firmware of the switch board", "run `cell check`, mend the switch, then reset"),
+    FaultCode.ARM_SILENT: FaultText("the arm's state is too old", "network to the robot controller", "check the cable and the controller, then reset"),
+    FaultCode.GRIPPER_SILENT: FaultText("the gripper does not answer", "gripper cable or its controller", "check the gripper, then reset"),
+    FaultCode.PLC_LOST: FaultText("the PLC's life counter stands still", "PLC stopped or network down", "bring the PLC back, then reset and send the command again"),
+    FaultCode.DEVICE_NOT_OPENED: FaultText("a device could not be opened", "wrong port, no permission, or used by another program", "run `cell check` and follow what it says"),
+    FaultCode.ARM_STOPPED: FaultText("the arm is in emergency or protective stop", "somebody pressed a stop, or the arm's own supervision did", "find out why, release the stop, then reset"),
+    FaultCode.ARM_REFLEX: FaultText("the arm stopped itself by reflex", "collision, or a torque, speed or joint limit", "look at the run's record, clear the way, then reset"),
+    FaultCode.TRACKING: FaultText("the arm is too far from its setpoint", "it is blocked, or the setpoint cannot be reached", "clear the way, check the poses in the config, then reset"),
+    FaultCode.SWITCH_DISAGREES: FaultText("the switch and the depth of the tip disagree", "stuck switch, wrong hole depth in the recipe, or a wrong part", "look at the part and the switch, then reset"),
+    FaultCode.SIMULATION_UNSTABLE: FaultText("the simulated physics diverged", "time step or gains outside the stable range", "reduce sim.timestep or the gains"),
+    FaultCode.SCAN_OVERRUN: FaultText("the scan missed its period too often", "the computer is too slow or too busy", "stop other programs or lower scan_rate"),
+    FaultCode.SOFTWARE: FaultText("an error inside this program", "a defect", "keep the log and the run's record, report it, then reset"),
+    FaultCode.CONFIG: FaultText("the configuration cannot be used", "a key, value or file named in the message", "correct what the message names"),
+    FaultCode.JOURNAL: FaultText("the run's record cannot be written", "disk full or no permission", "free space or correct the folder, then reset"),
+}
+
+
+class CellError(Exception):
+    """Something is broken; `code` is the word that the PLC reads.
+
+    The message names the thing, the value, the limit and the permitted choices, in one line.
+    """
+
+    code = FaultCode.SOFTWARE
+
+
+class SkinSilentError(CellError):
+    """No taxel frame arrived within the configured time."""
+
+    code = FaultCode.SKIN_SILENT
+
+
+class SkinUntrustedError(CellError):
+    """Too few taxels can be trusted to tell where the peg is."""
+
+    code = FaultCode.SKIN_UNTRUSTED
+
+
+class SwitchUnknownError(CellError):
+    """The switch under the hole gives no valid answer."""
+
+    code = FaultCode.SWITCH_UNKNOWN
+
+
+class SwitchDisagreesError(CellError):
+    """The switch says one thing, the depth of the tip another."""
+
+    code = FaultCode.SWITCH_DISAGREES
+
+
+class ArmStoppedError(CellError):
+    """Emergency or protective stop."""
+
+    code = FaultCode.ARM_STOPPED
+
+
+class ArmReflexError(CellError):
+    """The arm stopped itself."""
+
+    code = FaultCode.ARM_REFLEX
+
+
+class TrackingError(CellError):
+    """The arm is too far from its setpoint."""
+
+    code = FaultCode.TRACKING
+
+
+class PlcLostError(CellError):
+    """The PLC's life counter stands still."""
+
+    code = FaultCode.PLC_LOST
+
+
+class DeviceNotOpenedError(CellError):
+    """A device could not be opened."""
+
+    code = FaultCode.DEVICE_NOT_OPENED
+
+
+class SimulationUnstableError(CellError):
+    """The simulated physics diverged."""
+
+    code = FaultCode.SIMULATION_UNSTABLE
+
+
+class ScanOverrunError(CellError):
+    """The scan missed its period too often."""
+
+    code = FaultCode.SCAN_OVERRUN
+
+
+class ConfigError(CellError):
+    """The configuration cannot be used; the message names file, key, value and what is allowed."""
+
+    code = FaultCode.CONFIG
+
+
+class JournalError(CellError):
+    """The run's record cannot be written or read."""
+
+    code = FaultCode.JOURNAL

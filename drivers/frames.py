@@ -1,0 +1,53 @@
+"""Compose, invert and re-express frames; pure functions."""
+
+import math
+
+import numpy as np
+
+from drivers.quantities import Pose, Vector
+
+UP: Vector = np.array([0.0, 0.0, 1.0])
+
+
+def compose(T_a_b: Pose, T_b_c: Pose) -> Pose:
+    """Return T_a_c."""
+    return Pose(T_a_b.position + T_a_b.rotation @ T_b_c.position, T_a_b.rotation @ T_b_c.rotation)
+
+
+def invert(T_a_b: Pose) -> Pose:
+    """Return T_b_a."""
+    return Pose(-T_a_b.rotation.T @ T_a_b.position, T_a_b.rotation.T)
+
+
+def peg_in_finger(theta: float, length: float) -> Pose:
+    """Return T_tcp_peg, the pose of the peg's end point in the finger frame.
+
+    [gibbons], Eq. (2), mended: as printed, the matrix is no rigid transform. Here the origin is
+    length·(cos t, sin t, 0) and the third column is v = -(cos t, sin t, 0), the peg's axis from the
+    tip to the finger, so that v* = (0, 0, 1) in the base frame means upright; the first column is the
+    closing axis and the second completes a right-handed frame.
+
+    Args:
+        theta: In-hand angle about the closing axis, rad.
+        length: Distance from the finger centre to the end point, m.
+    """
+    c, s = math.cos(theta), math.sin(theta)
+    rotation = np.array([[0.0, -s, -c], [0.0, c, -s], [1.0, 0.0, 0.0]])
+    return Pose(np.array([length * c, length * s, 0.0]), rotation)
+
+
+def angle_between(a: Vector, b: Vector) -> float:
+    """Return the angle between two vectors, rad, exact also where they are nearly parallel.
+
+    atan2(|a × b|, a · b); arccos loses its precision there.
+    """
+    cross = math.hypot(a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+    return math.atan2(cross, float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2]))
+
+
+def rotation_about(axis: Vector, angle: float) -> Vector:
+    """Return the rotation by `angle`, rad, about the unit vector `axis`, shape (3, 3) (Rodrigues)."""
+    x, y, z = axis
+    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    rotation: Vector = np.eye(3) + math.sin(angle) * K + (1.0 - math.cos(angle)) * (K @ K)
+    return rotation

@@ -1,0 +1,81 @@
+"""What a device can do, and nothing of how: the whole contract between skills and hardware."""
+
+from typing import Protocol
+
+from drivers.quantities import ArmState, GripperState, ImpedanceSetpoint, SwitchState, TaxelFrame
+
+
+class Device(Protocol):
+    """Something on a wire."""
+
+    def open(self) -> None:
+        """Connect; constructing touches nothing.
+
+        Raises:
+            DeviceNotOpenedError: The message says which port, what was found and what to do.
+        """
+
+    def close(self) -> None:
+        """Disconnect and leave the device safe; harmless when repeated."""
+
+
+class Clock(Protocol):
+    """The cell's time: simulated with stand-ins, monotonic wall time with hardware."""
+
+    def now(self) -> float:
+        """Return the time, s."""
+
+    def wait_until(self, stamp: float) -> None:
+        """Return when the clock shows `stamp`; at once when that has passed."""
+
+
+class Arm(Device, Protocol):
+    """A torque-controlled arm that realises an impedance at the peg's tip."""
+
+    def follow(self, setpoint: ImpedanceSetpoint) -> None:
+        """Hold `setpoint` until the next one or until its validity ends."""
+
+    def read(self) -> ArmState:
+        """Return the newest state.
+
+        Raises:
+            ArmStoppedError: Emergency or protective stop.
+            ArmReflexError: The arm stopped itself; `reset` is needed.
+        """
+
+    def halt(self) -> None:
+        """Hold still where the arm is, compliant."""
+
+    def reset(self) -> None:
+        """Leave a reflex or a released stop; the only way to move again after one."""
+
+
+class Gripper(Device, Protocol):
+    """A parallel hand."""
+
+    def grip(self, force: float) -> None:
+        """Close until `force`, N, is held or the fingers meet."""
+
+    def release(self, width: float) -> None:
+        """Open to `width`, m."""
+
+    def read(self) -> GripperState:
+        """Return the newest state."""
+
+
+class Skin(Device, Protocol):
+    """A tactile skin board with both fingers on it; its baseline is taken while it is opened."""
+
+    def read(self) -> TaxelFrame:
+        """Return the newest scan of all taxels; never waits for a fresh one.
+
+        Raises:
+            SkinSilentError: No scan arrived within the configured time.
+        """
+
+
+class SuccessSwitch(Device, Protocol):
+    """The switch under the hole."""
+
+    def read(self) -> SwitchState:
+        """Return what is known of it, debounced."""

@@ -1,0 +1,78 @@
+"""What crosses the line, as values: one Command in, one Report out."""
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+
+class Result(IntEnum):
+    """How the acknowledged command ended."""
+
+    NONE = 0
+    SUCCESS = 1
+    FAILURE = 2
+    ABORTED = 3
+    FAULT = 4
+    REFUSED = 5
+
+
+class Refusal(IntEnum):
+    """Why a command was not accepted."""
+
+    NONE = 0
+    UNKNOWN_CODE = 1
+    UNKNOWN_RECIPE = 2
+    BUSY = 3
+    NOT_READY = 4
+    NOT_HOLDER = 5
+    VERSION = 6
+    PARAMETER = 7
+    TORN = 8
+
+
+class Control(IntEnum):
+    """Command codes that act on the state machine; programs and skills have the codes from 100 on."""
+
+    NONE = 0
+    RESET = 1
+    STOP = 2
+    HOLD = 3
+    UNHOLD = 4
+    ABORT = 8
+    CLEAR = 9
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """One request of whoever holds the lease; counts once, when its sequence number changes."""
+
+    sequence: int
+    code: int
+    recipe: int = 0
+    serial: str = ""
+    parameters: tuple[tuple[str, float], ...] = ()
+    source: str = ""
+    """Who asked: address, node or user, as it shall stand in the run's record."""
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """What the PLC may read at any time; `sequence` echoes the command that the rest belongs to."""
+
+    sequence: int = 0
+    state: int = 0
+    """PackML state number."""
+    result: Result = Result.NONE
+    refusal: Refusal = Refusal.NONE
+    fault: int = 0
+    stage: int = 0
+    """Number of the skill under way or reached last, 0 before the first."""
+    reason: int = 0
+    """Reason of the outcome, as in `skills.contract.Reason`, by number."""
+    progress: int = 0
+    """Percent."""
+    run: int = 0
+    """Number of the run in the journal."""
+    holder: str = ""
+    """Who holds the lease."""
+    stage_times: tuple[float, ...] = field(default=())
+    """Time spent in each stage of the run so far, s."""

@@ -1,0 +1,249 @@
+"""What a skill is: typed parameters and a context in, a typed result out."""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from enum import Enum, IntEnum, StrEnum
+from typing import NoReturn, Protocol
+
+import numpy as np
+
+from drivers.frames import peg_in_finger
+from drivers.parts import ConfigModel, Job
+from drivers.protocols import Arm, Clock, Gripper, Skin, SuccessSwitch
+from drivers.quantities import (
+    ArmState,
+    GripperState,
+    ImpedanceSetpoint,
+    InHandTip,
+    SwitchState,
+    TaxelFrame,
+    Vector,
+)
+
+
+class SkillParams(ConfigModel):
+    """How a skill shall work; every skill derives its own."""
+
+
+class Outcome(StrEnum):
+    """How a skill or a program ended."""
+
+    SUCCESS = "success"
+    FAILURE = "failure"
+    ABORTED = "aborted"
+
+
+class Reason(IntEnum):
+    """Why it ended so; the PLC reads the number."""
+
+    NONE = 0
+    MISSED_GRASP = 1
+    LOST_GRASP = 2
+    NO_HOLE = 3
+    NOT_ALIGNED = 4
+    NOT_SEATED = 5
+    FORCE_LIMIT = 6
+    WORKSPACE = 7
+    STOPPED = 8
+    STILL_HELD = 9
+
+
+@dataclass(frozen=True, slots=True)
+class SkillResult:
+    """How a skill ended; every skill adds its facts."""
+
+    outcome: Outcome
+    reason: Reason
+    elapsed: float
+    """Time that counts as the skill's own, s; a free-space approach before it does not."""
+
+
+@dataclass(frozen=True, slots=True)
+class PegPose:
+    """What an estimator knows of the peg in the hand."""
+
+    theta: float
+    """In-hand angle, rad, in [-pi/2, pi/2)."""
+    offset: float
+    """Distance of the peg's axis from the finger centre, in the plane of the pads, m, signed."""
+    sigma: float
+    """Standard deviation of theta, rad."""
+    residual: float
+    """Part of the frame that the estimate does not explain, 0 to 1."""
+    healthy: bool
+    """False where theta should not be used."""
+    stamp: float
+    """Time of the frame it was made from, s."""
+
+
+NO_PEG = PegPose(theta=0.0, offset=0.0, sigma=math.inf, residual=1.0, healthy=False, stamp=-math.inf)
+"""Before the first healthy estimate: straight out of the hand, and nothing to rely on."""
+
+
+class Estimator(Protocol):
+    """Taxels in, pose of the peg in the hand out; pure."""
+
+    def estimate(self, frame: TaxelFrame) -> PegPose:
+        """Return the pose of the peg in `frame`; `healthy` is False where there is none to be seen."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Observation:
+    """Everything one scan reads."""
+
+    stamp: float
+    """Start of the scan, s."""
+    arm: ArmState
+    gripper: GripperState
+    frame: TaxelFrame
+    is_new_frame: bool
+    """The skin delivered `frame` in this scan."""
+    peg: PegPose
+    """The newest healthy estimate; its stamp tells the age."""
+    tip: Vector
+    """End point of the peg, shape (3,), m, base frame."""
+    axis: Vector
+    """Peg axis v from the tip to the finger, unit, shape (3,), base frame."""
+    switch: SwitchState
+
+
+class Request(Enum):
+    """What the supervisor asks of a skill at each scan."""
+
+    RUN = "run"
+    HOLD = "hold"
+    STOP = "stop"
+
+
+class Interrupted(Exception):  # noqa: N818  a way to end, not an error
+    """The scan ends the skill: stop, force limit or workspace limit; `flow` turns it into a result."""
+
+    def __init__(self, reason: Reason) -> None:
+        """Carry the reason to whoever runs the skill."""
+        super().__init__(reason.name)
+        self.reason = reason
+
+
+class Limits(ConfigModel):
+    """What ends a skill at once; no defaults."""
+
+    force: float
+    """Largest estimated external force at the TCP, N."""
+    low: tuple[float, float, float]
+    """Corner of the workspace that the TCP must stay in, m, base frame."""
+    high: tuple[float, float, float]
+    """The other corner, m, base frame."""
+
+
+Recorder = Callable[[Observation, ImpedanceSetpoint | None], None]
+
+
+@dataclass(slots=True)
+class SkillContext:
+    """A skill's whole world: devices, the job, the limits, and the scan."""
+
+    clock: Clock
+    arm: Arm
+    gripper: Gripper
+    skin: Skin
+    switch: SuccessSwitch
+    estimator: Estimator
+    job: Job
+    limits: Limits
+    scan_period: float
+    rng: np.random.Generator
+    """For choices that a skill makes at random, as the start of a search."""
+    poll: Callable[[], Request] = lambda: Request.RUN
+    """Asked once a scan."""
+    progress: Callable[[float], None] = lambda fraction: None
+    """Told how much of the skill is done, 0 to 1."""
+    record: Recorder = lambda seen, setpoint: None
+    """Given every observation with the setpoint that was held while it was made."""
+    stage: str = ""
+    """Name of the skill under way."""
+    held: ImpedanceSetpoint | None = field(default=None, init=False)
+    _peg: PegPose = field(default=NO_PEG, init=False)
+    _sequence: int = field(default=-1, init=False)
+    _next_id: int = field(default=0, init=False)
+
+    def new_id(self) -> int:
+        """Return a setpoint id that was not used before, which resets the arm's integral."""
+        self._next_id += 1
+        return self._next_id
+
+    def follow(self, setpoint: ImpedanceSetpoint) -> None:
+        """Hand `setpoint` to the arm and remember it for the record."""
+        self.held = setpoint
+        self.arm.follow(setpoint)
+
+    def in_hand(self) -> InHandTip:
+        """Return where the end point is in the hand by the newest healthy estimate."""
+        return InHandTip(self._peg.theta, self.job.peg.length, self._peg.stamp)
+
+    def observe(self) -> Observation:
+        """Read every sensor once.
+
+        Raises:
+            CellError: A device is silent, stopped or not to be believed.
+        """
+        arm = self.arm.read()
+        frame = self.skin.read()
+        is_new_frame = frame.sequence != self._sequence
+        if is_new_frame:
+            self._sequence = frame.sequence
+            pose = self.estimator.estimate(frame)
+            if pose.healthy:
+                self._peg = pose
+        tip_in_finger = peg_in_finger(self._peg.theta, self.job.peg.length)
+        return Observation(
+            stamp=arm.stamp,
+            arm=arm,
+            gripper=self.gripper.read(),
+            frame=frame,
+            is_new_frame=is_new_frame,
+            peg=self._peg,
+            tip=arm.tcp.position + arm.tcp.rotation @ tip_in_finger.position,
+            axis=arm.tcp.rotation @ tip_in_finger.rotation[:, 2],
+            switch=self.switch.read(),
+        )
+
+    def scan(self, timeout: float) -> Iterator[Observation]:
+        """Yield one observation a scan until `timeout` seconds of running have passed; the only loop of a skill.
+
+        A hold request halts the arm and stops the count of the timeout until it is taken back.
+
+        Args:
+            timeout: Longest time to go on, s; time on hold does not count.
+
+        Raises:
+            Interrupted: Stop request, force limit or workspace limit; the arm is halted.
+            CellError: A device is silent, stopped or not to be believed.
+        """
+        left = timeout
+        while left > 0.0:
+            request = self.poll()
+            if request is Request.STOP:
+                self._interrupt(Reason.STOPPED)
+            if request is Request.HOLD:
+                self.arm.halt()
+            seen = self.observe()
+            self._check(seen)
+            self.record(seen, self.held)
+            if request is Request.RUN:
+                yield seen
+                left -= self.scan_period
+            self.clock.wait_until(seen.stamp + self.scan_period)
+
+    def _check(self, seen: Observation) -> None:
+        force = seen.arm.wrench.force
+        if float(force @ force) > self.limits.force**2:
+            self._interrupt(Reason.FORCE_LIMIT)
+        x, y, z = seen.arm.tcp.position
+        low, high = self.limits.low, self.limits.high
+        if not (low[0] <= x <= high[0] and low[1] <= y <= high[1] and low[2] <= z <= high[2]):
+            self._interrupt(Reason.WORKSPACE)
+
+    def _interrupt(self, reason: Reason) -> NoReturn:
+        self.arm.halt()
+        raise Interrupted(reason)
