@@ -1,0 +1,102 @@
+"""Where the taxels of a finger are: geometry as data, shared by skills and stand-ins.
+
+A finger carries two modules, triangles of 4-3-2-1 taxels at 7.5 mm ([gibbons], Sec. VI). How the two sit in
+the finger is not published, so there are two layouts. Both fingers are the same part turned half a turn
+about x, hence in the finger frame the left one is the mirror image of the right one about the x axis; the
+flip of [gibbons], Eq. (1), undoes that.
+"""
+
+from functools import lru_cache
+from itertools import combinations
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.quantities import FINGERS, TAXELS, Vector
+
+Layout = Literal["parallelogram", "base_to_base"]
+LAYOUTS: tuple[Layout, ...] = ("parallelogram", "base_to_base")
+
+PITCH = 7.5e-3
+"""Between neighbouring taxels, m; [gibbons], Sec. VI."""
+ROW = PITCH * 0.75**0.5
+"""Between neighbouring rows of a triangle, m."""
+GAP = 7.6e-3
+"""Between the facing rows of the layout `base_to_base`, m."""
+MODULE_TAXELS = 10
+"""Taxels of one module."""
+MODULES = TAXELS // MODULE_TAXELS
+"""Modules of one finger."""
+MODULE_OF = np.repeat(np.arange(FINGERS * MODULES), MODULE_TAXELS).reshape(FINGERS, TAXELS)
+"""Number of each taxel's module, left finger first, shape (2, 20)."""
+MODULE_OF.flags.writeable = False
+
+_SHEAR = 1e-6
+_FLAT = 1e-3
+
+
+@lru_cache
+def positions(layout: Layout) -> Vector:
+    """Return where the right finger's taxels are, shape (20, 2), m, x and y of the finger frame.
+
+    The finger's centre is the origin, x points along the finger to its end, y across it. Module 0 comes
+    first; module 1 is its image by half a turn about the centre.
+    """
+    rows = [(place, row) for row in range(4) for place in range(4 - row)]
+    place, row = np.array(rows, dtype=float).T
+    if layout == "parallelogram":
+        module = np.column_stack([(place - 2.0) * PITCH + (row - 1.5) * PITCH / 2, (row - 1.5) * ROW])
+    else:
+        module = np.column_stack([GAP / 2 + row * ROW, (place - (3.0 - row) / 2) * PITCH])
+    both = np.concatenate([module, -module])
+    both.flags.writeable = False
+    return both
+
+
+@lru_cache
+def finger_positions(layout: Layout) -> Vector:
+    """Return where all taxels are, left finger first, shape (2, 20, 2), m, x and y of the finger frame."""
+    right = positions(layout)
+    both = np.stack([right * [1.0, -1.0], right])
+    both.flags.writeable = False
+    return both
+
+
+@lru_cache
+def triangles(layout: Layout) -> NDArray[np.intp]:
+    """Return the Delaunay triangles of one finger's taxels, shape (n, 3), indices of taxels.
+
+    A triangle belongs when no taxel lies inside its circumcircle. The rectangles between facing rows leave
+    a choice of diagonal, which a shear of a millionth makes.
+    """
+    x, y = positions(layout).T / PITCH
+    x = x + _SHEAR * y
+    corner = np.array(list(combinations(range(TAXELS), 3)))
+    a, b, c = corner.T
+    doubled_area = (x[b] - x[a]) * (y[c] - y[a]) - (x[c] - x[a]) * (y[b] - y[a])
+    wide = np.abs(doubled_area) > _FLAT
+    corner, doubled_area = corner[wide], doubled_area[wide]
+    a, b, c = corner.T
+    # Every point lifted to the paraboloid: inside the circumcircle is below the plane of the three corners.
+    power = x**2 + y**2
+    edge = np.stack([np.stack([v[k] - v[a] for v in (x, y, power)]) for k in (b, c)])
+    normal = np.cross(edge[0].T, edge[1].T) * np.sign(doubled_area)[:, None]
+    lifted = np.column_stack([x, y, power])
+    above = np.einsum("tk,tpk->tp", normal, lifted[None] - lifted[a][:, None])
+    above[np.arange(len(corner))[:, None], corner] = 0.0
+    is_empty = (above >= -1e-12).all(axis=1)
+    chosen: NDArray[np.intp] = corner[is_empty]
+    chosen.flags.writeable = False
+    return chosen
+
+
+def pad_size(layout: Layout) -> tuple[float, float]:
+    """Return length (along x) and width (along y) of the rubber that can touch a peg, m.
+
+    It ends with the outermost taxels along the finger and half a lattice spacing beyond them across it:
+    41 x 26 mm for the parallelogram, 47 x 26 mm base to base.
+    """
+    x, y = positions(layout).T
+    spacing = np.diff(np.unique(y.round(9))).min()
+    return float(np.ptp(x)), float(np.ptp(y) + spacing)

@@ -1,0 +1,77 @@
+"""Config models of the simulated skin and of the pads that it lies in; imports no physics."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field, NonNegativeInt, model_validator
+
+from drivers.parts import ConfigModel, Fraction
+from drivers.quantities import FINGERS, TAXELS
+from drivers.skin_health import SkinHealthConfig
+from drivers.skin_layout import MODULE_TAXELS, Layout
+
+
+class PadConfig(ConfigModel):
+    """Elastomer over the taxels, and how a taxel turns its pressure into counts.
+
+    Sources: [gibbons] for the elastomer; `assumed` values are the builder's choice, to be varied in studies.
+    """
+
+    stiffness: Annotated[float, Field(ge=1e3, le=1e6)] = 10e3
+    """Of one pad at small depth, under a contact as long as the pad, N/m; assumed, study 0.5 to 2 times as much."""
+    thickness: Annotated[float, Field(ge=2e-4, le=1e-2)] = 1.1e-3
+    """Depth at which the pad is solid, m: 1 mm of elastomer ([gibbons], Sec. VI) and some of the cover (assumed)."""
+    blur: Annotated[float, Field(ge=1e-4, le=1e-2)] = 1.2e-3
+    """Standard deviation of the point spread through 1 mm of elastomer, m; assumed, about the thickness."""
+    taxel_diameter: Annotated[float, Field(ge=1e-3, le=7e-3)] = 4e-3
+    """Of the round area that one taxel averages over, m; assumed, about half the pitch of [gibbons], Sec. VI."""
+    hold: Literal["force", "width"] = "width"
+    """What the hand keeps while the peg is pushed across the pads.
+
+    `width`: the fingers' distance, as a hand does whose gears hold; the pads stiffen, so both together carry
+    more than twice the grip force. `force`: the mean of the two loads; the average over the taxels then tells
+    nothing of a push, and the hole event of [gibbons], Sec. IV, could not have worked.
+    """
+
+
+class SimSkinConfig(ConfigModel):
+    """The simulated skin.
+
+    Sources: [gibbons] for rate and layout's pitch, [cyskin] (real recordings, see tests/line/test_recordings.py)
+    for counts and noise; `assumed` values are the builder's choice, none of them kinder than the recordings.
+    """
+
+    kind: Literal["sim"]
+    rate: Annotated[float, Field(ge=1.0, le=1000.0)] = 10.0
+    """Frames a second, Hz; [gibbons], Sec. VI."""
+    layout: Layout = "parallelogram"
+    """How the two modules of a finger sit; [gibbons] does not say."""
+    noise: Annotated[float, Field(ge=0.0, le=0.2)] = 0.015
+    """Standard deviation of the white noise, fraction of full scale; within the 0.3 to 4 % of [cyskin]."""
+    gain_spread: Annotated[float, Field(ge=0.0, le=0.3)] = 0.05
+    """Standard deviation of a taxel's gain about 1; assumed, what calibration leaves."""
+    drift: Annotated[float, Field(ge=0.0, le=0.01)] = 5e-4
+    """Random walk of a taxel's offset in one second, fraction of full scale; assumed, tenfold that of [cyskin]."""
+    creep: Fraction = 0.05
+    """Part of the answer to a step that comes late; assumed, usual for silicone."""
+    creep_time: Annotated[float, Field(ge=0.01, le=1e3)] = 5.0
+    """Time constant of that part, s; assumed."""
+    sensitivity: Annotated[float, Field(ge=1e-4, le=10.0)] = 0.05
+    """Counts of a taxel at 1 Pa, set so that touch peaks are those of [cyskin]: see `full_scale`."""
+    full_scale: Annotated[float, Field(ge=1e3, le=43e3)] = 20e3
+    """What noise and drift are fractions of, counts: the highest touch peak that [cyskin] publishes."""
+    offset: Annotated[float, Field(ge=0.0, le=43e3)] = 5000.0
+    """Mean raw reading of an untouched taxel, counts; assumed, [cyskin] has it removed."""
+    dead_taxels: Annotated[NonNegativeInt, Field(le=FINGERS * TAXELS)] = 0
+    """So many taxels, drawn at random, read zero."""
+    dead_modules: Annotated[NonNegativeInt, Field(le=FINGERS * TAXELS // MODULE_TAXELS)] = 0
+    """So many modules, drawn at random, read zero, as one does in [cyskin]."""
+    silent_after: Annotated[float, Field(gt=0.0, le=10.0)] = 0.35
+    """Without a frame for so long the skin is silent, s; three frames missed at 10 Hz."""
+    pad: PadConfig = PadConfig()
+    health: SkinHealthConfig = SkinHealthConfig()
+
+    @model_validator(mode="after")
+    def _can_speak(self) -> "SimSkinConfig":
+        if self.silent_after * self.rate <= 1.0:
+            raise ValueError(f"silent_after {self.silent_after} s is not longer than a frame at {self.rate} Hz")
+        return self

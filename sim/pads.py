@@ -1,0 +1,280 @@
+"""Pads of the two fingers under a peg: loads in, pressure on the taxels out; quasi-static, pure.
+
+Along the contact line, s from the finger centre towards the peg's tip, the peg sinks into the left pad by
+delta0 + u + phi·s and into the right one by delta0 - u - phi·s; where that is negative there is no contact.
+A pad answers with k·delta / (1 - delta/thickness) a metre, the cylinder spreads that over its width as a
+bed of springs does, and the elastomer blurs it on its way to the taxels.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from drivers.quantities import FINGERS, Vector
+from drivers.skin_layout import Layout, finger_positions, pad_size
+from sim.config import PadConfig
+
+CELL = 1e-3
+"""Of the grid on the pad, m."""
+LINE_POINTS = 33
+LEVER_LIMIT = 0.9
+"""Loads that would lift the peg off a pad, or lever it out over its edge, are clipped to this share of the most."""
+NEWTON_STEPS = 40
+NEWTON_TOLERANCE = 1e-4
+FURTHEST = 0.9
+"""Share of the way to the solid pad that one step may go."""
+LIFTED_SLOPE = 1e-3
+"""Stands in for the slope of a pad that is not touched, so that Newton's matrix has an inverse."""
+SMALLEST = 1e-6
+"""Of a step's length, in Newton steps."""
+
+
+@dataclass(frozen=True, slots=True)
+class PadLoad:
+    """What the pads hold, and against which forces."""
+
+    theta: float
+    """In-hand angle about the closing axis, rad: the peg points along (cos t, sin t, 0) of the finger frame."""
+    offset: float
+    """Of the peg's axis from the finger centre along (-sin t, cos t, 0), m."""
+    grip_force: float
+    """Of the hand, N: each pad's load while nothing pushes the peg."""
+    across: float
+    """Force on the peg along z of the finger frame, towards the left pad, N."""
+    tilting: float
+    """Moment of such forces about the finger centre: each times its lever s along the peg, L at the tip; N·m."""
+    reach_tip: float
+    """How far the peg reaches from the finger centre towards its tip, m."""
+    reach_back: float
+    """How far it reaches the other way, m."""
+    diameter: float
+    """Of the peg, m."""
+
+
+def contact_span(load: PadLoad, length: float, width: float) -> tuple[float, float]:
+    """Return where along its axis the peg lies on a pad of this size, two values of s, m; equal where it does not."""
+    return _span(load.theta, load.offset, load.reach_tip, load.reach_back, length / 2, width / 2)
+
+
+def _span(
+    theta: float, offset: float, reach_tip: float, reach_back: float, half_length: float, half_width: float
+) -> tuple[float, float]:
+    c, s = math.cos(theta), math.sin(theta)
+    low, high = -reach_back, reach_tip
+    for start, step, half in ((-offset * s, c, half_length), (offset * c, s, half_width)):
+        if abs(step) > 1e-9:
+            reach = abs(half / step)
+            middle = -start / step
+            low, high = max(low, middle - reach), min(high, middle + reach)
+        elif abs(start) > half:
+            high = low
+    return low, max(low, high)
+
+
+def breakaway_torque(load: PadLoad, friction: float, length: float, width: float) -> float:
+    """Return the torque about the closing axis at which the peg starts to turn in the pads, N·m.
+
+    Coulomb friction of a line under uniform pressure that turns about the finger centre: each pad resists
+    with mu·N·(integral of |r| ds)/l, and the two pads' N add up to twice the grip force. For a line of length
+    l with the finger centre in its middle that is mu·N·l/4 a pad.
+
+    Args:
+        load: What the pads hold; `across` and `tilting` do not count.
+        friction: Coulomb coefficient of peg on pad.
+        length: Of a pad along the finger, m.
+        width: Of a pad across the finger, m.
+    """
+    return breakaway_torque_of(
+        load.theta,
+        load.offset,
+        load.grip_force,
+        load.reach_tip,
+        load.reach_back,
+        length / 2,
+        width / 2,
+        friction,
+    )
+
+
+def breakaway_torque_of(
+    theta: float,
+    offset: float,
+    grip_force: float,
+    reach_tip: float,
+    reach_back: float,
+    half_length: float,
+    half_width: float,
+    friction: float,
+) -> float:
+    """Return `breakaway_torque` from scalars alone."""
+    low, high = _span(theta, offset, reach_tip, reach_back, half_length, half_width)
+    if high <= low:
+        return 0.0
+    return 2.0 * friction * grip_force * (_lever(high, offset) - _lever(low, offset)) / (high - low)
+
+
+def _lever(s: float, offset: float) -> float:
+    """Return the integral of sqrt(s² + offset²) from 0 to s."""
+    if abs(offset) < 1e-9:
+        return s * abs(s) / 2
+    return (s * math.hypot(s, offset) + offset**2 * math.asinh(s / abs(offset))) / 2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pressing:
+    """How the peg lies in the pads."""
+
+    low: float
+    """Where the contact line starts, m along the peg from the finger centre."""
+    high: float
+    """Where it ends, m."""
+    delta0: float
+    """Mean depth, m."""
+    u: float
+    """How far the peg has moved towards the left pad, at the finger centre, m."""
+    phi: float
+    """How far it has tilted that way, rad."""
+
+    def depth(self, finger: int, s: Vector) -> Vector:
+        """Return how deep the peg sits in a finger's pad at `s`, m, not below 0; 0 is the left finger."""
+        move = self.u + self.phi * s
+        depth: Vector = np.maximum(self.delta0 + (move if finger == 0 else -move), 0.0)
+        return depth
+
+
+class Pads:
+    """Two pads with taxels under them."""
+
+    def __init__(self, config: PadConfig, layout: Layout) -> None:
+        """Set up pads of the size that belongs to `layout`."""
+        self.length, self.width = pad_size(layout)
+        self._config = config
+        self._foundation = config.stiffness / self.length
+        self._cells, self._weights = _taxel_weights(layout, config.blur, config.taxel_diameter)
+
+    def line_load(self, depth: Vector) -> Vector:
+        """Return the load of a pad for a depth of the contact line, N/m."""
+        load: Vector = self._foundation * depth / (1.0 - depth / self._config.thickness)
+        return load
+
+    def press(self, load: PadLoad) -> Pressing:
+        """Return how the peg lies under `load`.
+
+        Newton's method on the potential energy of the pads, which is convex, so there is one answer.
+        """
+        low, high = contact_span(load, self.length, self.width)
+        if high - low < CELL or load.grip_force <= 0.0:
+            return Pressing(low, low, 0.0, 0.0, 0.0)
+        step = (high - low) / LINE_POINTS
+        s = low + step * (np.arange(LINE_POINTS) + 0.5)
+        mean = load.grip_force / (high - low) / self._foundation
+        delta0 = mean / (1.0 + mean / self._config.thickness)
+        across, tilting = _bearable(load, low, high)
+        one = np.ones_like(s)
+        motions = np.concatenate([[one, one, s], [one, -one, -s]], axis=1)
+        wanted = np.array([2.0 * load.grip_force, across, tilting]) / (step * self._foundation)
+        if self._config.hold == "width":
+            u, phi = self._solve(motions[1:], wanted[1:], np.zeros(2), delta0)
+        else:
+            delta0, u, phi = self._solve(motions, wanted, np.array([delta0, 0.0, 0.0]), 0.0)
+        return Pressing(low, high, float(delta0), float(u), float(phi))
+
+    def _solve(self, motions: Vector, wanted: Vector, lie: Vector, rest: float) -> Vector:
+        """Return the motions' amounts at which the pads' answer, in units of the foundation, is what is `wanted`.
+
+        Args:
+            motions: Depth that a unit of each motion adds at each point of both pads, shape (m, n).
+            wanted: What the answers, each times its motion, shall add up to, shape (m,).
+            lie: Where to start, shape (m,).
+            rest: Depth that no motion changes, m.
+        """
+        thickness = self._config.thickness
+        depth = rest + lie @ motions
+        energy = self._energy(depth) - wanted @ lie
+        for _ in range(NEWTON_STEPS):
+            pressed = np.maximum(depth, 0.0)
+            room = 1.0 / (1.0 - pressed / thickness)
+            missing = wanted - motions @ (pressed * room)
+            if np.abs(missing).max() < NEWTON_TOLERANCE * np.abs(wanted).max():
+                break
+            slope = np.where(depth > 0.0, room * room, LIFTED_SLOPE)
+            move = np.linalg.solve((motions * slope) @ motions.T, missing)
+            change = move @ motions
+            # Most of the way to the solid pad at the furthest.
+            share = float((change / (thickness - depth)).max())
+            size = min(1.0, FURTHEST / share if share > 0.0 else 1.0)
+            gain = float(missing @ move)
+            while size > SMALLEST:
+                trial = self._energy(depth + size * change) - wanted @ (lie + size * move)
+                if trial <= energy - 1e-4 * size * gain:
+                    break
+                size /= 2
+            lie, depth, energy = lie + size * move, depth + size * change, trial
+        return lie
+
+    def _energy(self, depth: Vector) -> float:
+        """Return the energy stored at these depths, the integral of depth / (1 - depth/thickness), in its units."""
+        share = np.maximum(depth, 0.0) / self._config.thickness
+        return -float((share + np.log1p(-share)).sum()) * self._config.thickness**2
+
+    def pressure(self, load: PadLoad) -> Vector:
+        """Return the pressure that each taxel sees, shape (2, 20), left finger first, Pa."""
+        pressing = self.press(load)
+        if pressing.high <= pressing.low:
+            return np.zeros(self._weights.shape[:2])
+        c, s = math.cos(load.theta), math.sin(load.theta)
+        along = self._cells @ np.array([c, s])
+        beside = self._cells @ np.array([-s, c]) - load.offset
+        near = np.flatnonzero(
+            (np.abs(beside) < math.sqrt(load.diameter * self._config.thickness))
+            & (along > pressing.low - CELL)
+            & (along < pressing.high + CELL)
+        )
+        along, beside = along[near], beside[near]
+        inside = np.clip((along - pressing.low) / CELL + 0.5, 0.0, 1.0) * np.clip(
+            (pressing.high - along) / CELL + 0.5, 0.0, 1.0
+        )
+        taxels = np.empty(self._weights.shape[:2])
+        for finger in range(FINGERS):
+            depth = pressing.depth(finger, along)
+            # A cylinder leaves a groove of half width b, b² = d·depth, and depth·(1 - (y/b)²) across it.
+            square = np.maximum(load.diameter * depth, 1e-12)
+            shape = np.maximum(1.0 - beside**2 / square, 0.0) * 0.75 / np.sqrt(square)
+            pressure = inside * shape * self.line_load(depth)
+            taxels[finger] = self._weights[finger][:, near] @ pressure
+        return taxels
+
+
+def _bearable(load: PadLoad, low: float, high: float) -> tuple[float, float]:
+    """Return `across` and `tilting` as far as pads that cannot pull can bear them."""
+    most = 2.0 * LEVER_LIMIT * load.grip_force
+    across = min(max(load.across, -most), most)
+    left, right = load.grip_force + across / 2, load.grip_force - across / 2
+    upper, lower = left * high - right * low, left * low - right * high
+    middle, reach = (upper + lower) / 2, LEVER_LIMIT * (upper - lower) / 2
+    return across, min(max(load.tilting, middle - reach), middle + reach)
+
+
+@lru_cache
+def _taxel_weights(layout: Layout, blur: float, diameter: float) -> tuple[Vector, Vector]:
+    """Return the grid's cells, shape (n, 2), m, and what share of each cell's pressure a taxel sees, shape (2, 20, n).
+
+    The point spread is a Gaussian averaged over the taxel's disc; on an endless pad the shares of a taxel add up to 1.
+    """
+    length, width = pad_size(layout)
+    x, y = ((np.arange(round(size / CELL)) + 0.5) * size / round(size / CELL) - size / 2 for size in (length, width))
+    cells = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    area = (x[1] - x[0]) * (y[1] - y[0])
+    number = np.arange(200) + 0.5
+    # A sunflower covers a disc evenly.
+    radius, turn = diameter / 2 * np.sqrt(number / number.size), np.pi * (1 + 5**0.5) * number
+    disc = np.column_stack([radius * np.cos(turn), radius * np.sin(turn)])
+    away = finger_positions(layout)[:, :, None, :] - cells
+    distance = np.sqrt((away**2).sum(axis=-1))
+    table = np.linspace(0.0, diameter / 2 + 6 * blur, 400)
+    gap = (table[:, None] - disc[:, 0]) ** 2 + disc[:, 1] ** 2
+    spread = np.exp(-gap / (2 * blur**2)).mean(axis=1) * area / (2 * np.pi * blur**2)
+    weights = np.interp(distance, table, spread, right=0.0)
+    return cells, weights

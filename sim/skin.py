@@ -1,0 +1,134 @@
+"""A simulated skin board: what the pads feel, through taxels that drift, creep and hiss, ten times a second."""
+
+import math
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+
+from drivers.errors import DeviceNotOpenedError, SkinSilentError
+from drivers.quantities import FINGERS, TAXELS, Mask, TaxelFrame, Vector
+from drivers.skin_health import Counts, SkinHealth
+from drivers.skin_layout import MODULE_OF, MODULE_TAXELS
+from sim.config import SimSkinConfig
+from sim.pads import PadLoad, Pads
+
+Disturb = Callable[[Counts], Counts | None]
+"""Raw counts in, what arrives of them out; None is a frame lost on the way."""
+
+_SHAPE = (FINGERS, TAXELS)
+_LARGEST = np.iinfo(np.uint16).max
+
+
+class PadSource(Protocol):
+    """The world, as far as a skin sees it."""
+
+    def now(self) -> float:
+        """Return the time, s."""
+
+    def pad_load(self) -> PadLoad | None:
+        """Return what the pads hold now; None when nothing is between them."""
+
+
+class Taxels:
+    """Taxels and their converter: pressure in, raw counts out.
+
+    Gain, offset and which taxels are dead are drawn once; the offset then walks at random, and part of the
+    answer to a load comes late (creep of the elastomer, first order).
+    """
+
+    def __init__(self, config: SimSkinConfig, rng: np.random.Generator) -> None:
+        """Draw one skin."""
+        self._config, self._rng = config, rng
+        self._gain = config.sensitivity * rng.normal(1.0, config.gain_spread, _SHAPE)
+        self._offset: Vector = config.offset * rng.normal(1.0, config.gain_spread, _SHAPE)
+        self._late: Vector = np.zeros(_SHAPE)
+        self.dead: Mask = np.isin(MODULE_OF, rng.permutation(FINGERS * TAXELS // MODULE_TAXELS)[: config.dead_modules])
+        """Taxels that read zero, shape (2, 20)."""
+        living = rng.permutation(np.flatnonzero(~self.dead))
+        self.dead.flat[living[: config.dead_taxels]] = True
+
+    def measure(self, pressure: Vector, elapsed: float) -> Counts:
+        """Return raw counts, shape (2, 20).
+
+        Args:
+            pressure: On each taxel, shape (2, 20), Pa.
+            elapsed: Time since the last measurement, s; the load is taken as constant over it.
+        """
+        config, rng = self._config, self._rng
+        answer = self._gain * pressure
+        self._late += (1.0 - math.exp(-elapsed / config.creep_time)) * (answer - self._late)
+        self._offset += config.drift * config.full_scale * math.sqrt(elapsed) * rng.standard_normal(_SHAPE)
+        reading = self._offset + (1.0 - config.creep) * answer + config.creep * self._late
+        reading += config.noise * config.full_scale * rng.standard_normal(_SHAPE)
+        # The converter stops at its rail: more pressure is "at least", not an error mark.
+        reading = np.clip(np.rint(reading), 0, config.health.saturation)
+        return np.where(self.dead, 0, reading).astype(np.uint16)
+
+
+class SimSkin:
+    """Both fingers' skin, measured when the world's clock passes the next frame's instant.
+
+    The stand-in sees the world only while it is read, so it is to be read at least once a scan: a frame is
+    measured at the first read at or after its instant, bears the time of that read, and frames in between
+    that nobody read are lost, as they are on a board that keeps only the newest.
+    """
+
+    def __init__(
+        self,
+        config: SimSkinConfig,
+        source: PadSource,
+        rng: np.random.Generator,
+        disturb: Disturb = lambda counts: counts,
+    ) -> None:
+        """Describe the skin; `disturb` may spoil or lose frames."""
+        self._config, self._source, self._rng, self._disturb = config, source, rng, disturb
+        self._pads = Pads(config.pad, config.layout)
+        self._taxels: Taxels | None = None
+        self._health: SkinHealth | None = None
+        self._frame: TaxelFrame | None = None
+        self._start = self._measured = 0.0
+        self._due = 0
+
+    def open(self) -> None:
+        """Draw a skin the first time, and take the baseline, which costs no simulated time.
+
+        Nothing may be between the pads: what lies there would become part of the baseline.
+        """
+        if self._taxels is None:
+            self._taxels = Taxels(self._config, self._rng)
+        pressure = self._pressure()
+        frames = self._config.health.baseline_frames
+        still = np.array([self._taxels.measure(pressure, 0.0) for _ in range(frames)])
+        self._health = SkinHealth(self._config.health, still)
+        self._start = self._measured = self._source.now()
+        self._due, self._frame = 0, None
+
+    def close(self) -> None:
+        """Stop measuring."""
+        self._health = None
+
+    def read(self) -> TaxelFrame:
+        """Return the newest frame; see `drivers.protocols.Skin`."""
+        if self._health is None or self._taxels is None:
+            raise DeviceNotOpenedError("skin: read before it was opened")
+        now = self._source.now()
+        passed = math.floor((now - self._start) * self._config.rate + 1e-6)
+        if passed >= self._due:
+            self._measure(self._taxels, self._health, now, passed)
+        last = self._start if self._frame is None else self._frame.stamp
+        if self._frame is None or now - last > self._config.silent_after:
+            raise SkinSilentError(f"skin: no frame for {now - last:.3f} s > {self._config.silent_after} s limit")
+        return self._frame
+
+    def _measure(self, taxels: Taxels, health: SkinHealth, now: float, sequence: int) -> None:
+        raw = taxels.measure(self._pressure(), now - self._measured)
+        self._measured, self._due = now, sequence + 1
+        arrived = self._disturb(raw)
+        if arrived is not None:
+            values, trusted = health.update(arrived, now)
+            self._frame = TaxelFrame(values, trusted, now, sequence)
+
+    def _pressure(self) -> Vector:
+        load = self._source.pad_load()
+        return np.zeros(_SHAPE) if load is None else self._pads.pressure(load)
