@@ -152,7 +152,7 @@ class Pads:
         self.length, self.width = pad_size(layout)
         self._config = config
         self._foundation = config.stiffness / self.length
-        self._cells, self._weights = _taxel_weights(layout, config.blur, config.taxel_diameter)
+        self._cells, self._weights = taxel_weights(layout, config.blur, config.taxel_diameter)
 
     def line_load(self, depth: Vector) -> Vector:
         """Return the load of a pad for a depth of the contact line, N/m."""
@@ -258,7 +258,7 @@ def _bearable(load: PadLoad, low: float, high: float) -> tuple[float, float]:
 
 
 @lru_cache
-def _taxel_weights(layout: Layout, blur: float, diameter: float) -> tuple[Vector, Vector]:
+def taxel_weights(layout: Layout, blur: float, diameter: float) -> tuple[Vector, Vector]:
     """Return the grid's cells, shape (n, 2), m, and what share of each cell's pressure a taxel sees, shape (2, 20, n).
 
     The point spread is a Gaussian averaged over the taxel's disc; on an endless pad the shares of a taxel add up to 1.

@@ -117,8 +117,9 @@ class SimSkin:
         if passed >= self._due:
             self._measure(self._taxels, self._health, now, passed)
         last = self._start if self._frame is None else self._frame.stamp
-        if self._frame is None or now - last > self._config.silent_after:
-            raise SkinSilentError(f"skin: no frame for {now - last:.3f} s > {self._config.silent_after} s limit")
+        limit = self._config.silent_frames / self._config.rate
+        if self._frame is None or now - last > limit:
+            raise SkinSilentError(f"skin: no frame for {now - last:.3f} s > {limit:.3f} s limit")
         return self._frame
 
     def _measure(self, taxels: Taxels, health: SkinHealth, now: float, sequence: int) -> None:

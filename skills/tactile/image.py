@@ -29,7 +29,9 @@ class ImageParams(ConfigModel):
     """A frame whose highest pixel is below this shows no peg, counts."""
     least_elongation: Annotated[float, Field(ge=1.0, le=100.0)] = 1.5
     """An ellipse whose axes' ratio is below this has no direction."""
-    most_residual: Fraction = 0.5
+    most_width: Annotated[float, Field(ge=5e-4, le=2e-2)] = 4e-3
+    """An ellipse whose minor axis has a larger standard deviation is no peg, m; 2.4 mm for 8 mm of diameter."""
+    most_residual: Fraction = 0.4
     """A frame with more than this beside the peg's axis shows something else."""
     least_trusted: Annotated[int, Field(ge=3, le=FINGERS * TAXELS)] = 20
     """Fewer trusted taxels than this tell nothing."""
@@ -88,13 +90,14 @@ class ImageEstimator:
         c, s = math.cos(theta), math.sin(theta)
         offset = c * y - s * x
         residual = self._beside(frame, c, s, offset)
-        least = params.least_elongation**2
+        minor, major = (xx + yy - split) / 2, (xx + yy + split) / 2
+        is_line = major >= params.least_elongation**2 * minor and minor <= params.most_width**2
         return PegPose(
             theta=theta,
             offset=offset,
             sigma=self._sigma(split, trusted),
             residual=residual,
-            healthy=xx + yy + split >= least * (xx + yy - split) and residual <= params.most_residual,
+            healthy=is_line and residual <= params.most_residual,
             stamp=frame.stamp,
         )
 

@@ -1,0 +1,125 @@
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from drivers.errors import DeviceNotOpenedError, SkinSilentError
+from drivers.skin_health import ERROR_COUNT, dead_groups
+from drivers.skin_layout import LAYOUTS, MODULE_OF
+from sim.config import SimSkinConfig
+from sim.pads import PadLoad, Pads
+from sim.skin import SimSkin, Taxels
+
+
+@dataclass
+class Source:
+    """A scripted world."""
+
+    time: float = 0.0
+    load: PadLoad | None = None
+
+    def now(self):
+        return self.time
+
+    def pad_load(self):
+        return self.load
+
+
+def _load(theta=0.3):
+    return PadLoad(theta, 0.0, 30.0, 0.0, 0.0, 0.05, 0.012, 0.008)
+
+
+def _skin(source, seed=0, disturb=lambda counts: counts, **keys):
+    skin = SimSkin(SimSkinConfig(kind="sim", **keys), source, np.random.default_rng(seed), disturb)
+    skin.open()
+    return skin
+
+
+def _read_after(skin, source, seconds):
+    source.time += seconds
+    return skin.read()
+
+
+def test_reading_before_opening_is_a_fault():
+    with pytest.raises(DeviceNotOpenedError):
+        SimSkin(SimSkinConfig(kind="sim"), Source(), np.random.default_rng(0)).read()
+
+
+def test_frames_come_at_the_rate_and_bear_the_time_they_were_measured_at():
+    source = Source()
+    skin = _skin(source)
+    seen = [skin.read()] + [_read_after(skin, source, 0.01) for _ in range(100)]
+    stamps = sorted({frame.stamp for frame in seen})
+    assert stamps == pytest.approx(np.arange(11) / 10)
+    assert [frame.sequence for frame in seen[::10]] == list(range(11))
+
+
+def test_frame_that_nobody_read_is_lost():
+    source = Source()
+    skin = _skin(source)
+    assert _read_after(skin, source, 0.31).sequence == 3
+
+
+def test_untouched_skin_reads_signed_noise_about_zero():
+    source = Source()
+    skin = _skin(source, drift=0.0)
+    values = np.array([_read_after(skin, source, 0.1).values for _ in range(200)])
+    assert values.std() == pytest.approx(300.0, rel=0.05)
+    assert abs(values.mean()) < 20.0
+
+
+@pytest.mark.parametrize(("seconds", "is_silent"), [(0.35, False), (0.36, True)])
+def test_skin_is_silent_when_frames_stay_out_too_long(seconds, is_silent):
+    source, lost = Source(), []
+    skin = _skin(source, disturb=lambda counts: None if lost else counts)
+    skin.read()
+    lost.append(True)
+    if is_silent:
+        with pytest.raises(SkinSilentError, match=r"0\.360 s > 0\.350 s"):
+            _read_after(skin, source, seconds)
+    else:
+        assert _read_after(skin, source, seconds).stamp == 0.0
+
+
+def test_error_counts_are_masked():
+    def spoil(counts):
+        counts[1, 7] = ERROR_COUNT
+        return counts
+
+    frame = _skin(Source(), disturb=spoil).read()
+    assert np.argwhere(~frame.trusted).tolist() == [[1, 7]]
+
+
+def test_dead_taxels_are_masked():
+    assert np.count_nonzero(~_skin(Source(), dead_taxels=3).read().trusted) == 3
+
+
+def test_dead_module_is_found():
+    frame = _skin(Source(), dead_modules=1).read()
+    assert len(dead_groups(~frame.trusted, MODULE_OF)) == 1
+
+
+def test_same_seed_gives_the_same_frames():
+    frames = [_skin(Source(load=_load()), seed=5, dead_taxels=1).read().values for _ in range(2)]
+    assert (frames[0] == frames[1]).all()
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_touch_peaks_as_real_recordings_do(layout):
+    config = SimSkinConfig(kind="sim", layout=layout)
+    pads = Pads(config.pad, layout)
+    peaks = [config.sensitivity * pads.pressure(_load(theta)).max() for theta in np.linspace(-1.4, 1.4, 15)]
+    assert 7600.0 < np.median(peaks) < 20_000.0
+
+
+def test_part_of_the_answer_creeps_in():
+    config = SimSkinConfig(kind="sim", noise=0.0, drift=0.0, gain_spread=0.0)
+    taxels = Taxels(config, np.random.default_rng(0))
+    pressure = np.full((2, 20), 2e5)
+    readings = [float(taxels.measure(pressure, elapsed)[0, 0]) - 5000.0 for elapsed in (0.0, 5.0, 100.0)]
+    assert readings == pytest.approx([9500.0, 10_000.0 - 500.0 / np.e, 10_000.0], abs=1.0)
+
+
+def test_overload_stops_at_the_rail():
+    taxels = Taxels(SimSkinConfig(kind="sim"), np.random.default_rng(0))
+    assert taxels.measure(np.full((2, 20), 1e8), 0.1).max() == SimSkinConfig(kind="sim").health.saturation

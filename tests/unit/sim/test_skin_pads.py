@@ -1,0 +1,101 @@
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from drivers.skin_layout import LAYOUTS
+from sim.config import PadConfig
+from sim.pads import PadLoad, Pads, breakaway_torque, contact_span, taxel_weights
+
+LENGTH, WIDTH = 0.040, 0.026
+AT_REST = PadLoad(0.0, 0.0, 30.0, 0.0, 0.0, 0.05, 0.02, 0.008)
+PUSHED = replace(AT_REST, across=5.7, tilting=0.285)
+HOLDS = ("force", "width")
+
+
+def _sums(pads, load):
+    """Return load and moment of each pad, integrated along the contact."""
+    pressing = pads.press(load)
+    s = np.linspace(pressing.low, pressing.high, 4001)
+    loads = [pads.line_load(pressing.depth(finger, s)) for finger in (0, 1)]
+    return [np.trapezoid(q, s) for q in loads], [np.trapezoid(q * s, s) for q in loads]
+
+
+@pytest.mark.parametrize("hold", HOLDS)
+@pytest.mark.parametrize("theta", [-1.2, 0.0, 0.7])
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_pads_balance_the_push(hold, theta, sign):
+    load = replace(PUSHED, theta=theta, across=sign * PUSHED.across, tilting=sign * PUSHED.tilting)
+    (left, right), (left_moment, right_moment) = _sums(Pads(PadConfig(hold=hold), "parallelogram"), load)
+    assert left - right == pytest.approx(load.across, abs=0.03)
+    assert left_moment - right_moment == pytest.approx(load.tilting, rel=0.01)
+
+
+@pytest.mark.parametrize("hold", HOLDS)
+def test_each_pad_bears_the_grip_force_when_nothing_pushes(hold):
+    sums, _ = _sums(Pads(PadConfig(hold=hold), "parallelogram"), AT_REST)
+    assert sums == pytest.approx([30.0, 30.0], rel=1e-3)
+
+
+def test_fingers_held_by_force_bear_the_same_together_under_a_push():
+    sums, _ = _sums(Pads(PadConfig(hold="force"), "parallelogram"), PUSHED)
+    assert sum(sums) == pytest.approx(60.0, rel=2e-3)
+
+
+def test_fingers_held_at_their_width_bear_more_together_under_a_push():
+    sums, _ = _sums(Pads(PadConfig(hold="width"), "parallelogram"), PUSHED)
+    assert sum(sums) > 63.0
+
+
+def test_pads_do_not_pull():
+    pads = Pads(PadConfig(), "parallelogram")
+    pressing = pads.press(replace(AT_REST, grip_force=4.0, tilting=0.15))
+    depth = pressing.depth(1, np.linspace(pressing.low, pressing.high, 50))
+    assert depth.min() == 0.0 < depth.max()
+
+
+def test_push_that_no_pad_could_bear_gives_a_finite_pressure():
+    pads = Pads(PadConfig(), "base_to_base")
+    assert np.isfinite(pads.pressure(replace(AT_REST, across=500.0, tilting=-90.0))).all()
+
+
+def test_peg_beside_the_pad_presses_nothing():
+    assert not Pads(PadConfig(), "parallelogram").pressure(replace(AT_REST, offset=0.05)).any()
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_mirroring_the_load_about_the_finger_axis_swaps_the_fingers(layout):
+    load = replace(PUSHED, theta=0.5, offset=1e-3)
+    mirrored = replace(load, theta=-0.5, offset=-1e-3, across=-load.across, tilting=-load.tilting)
+    pads = Pads(PadConfig(), layout)
+    assert pads.pressure(mirrored) == pytest.approx(pads.pressure(load)[::-1], rel=1e-6, abs=1.0)
+
+
+def test_wide_flat_pressure_reaches_a_taxel_undiminished():
+    _, weights = taxel_weights("base_to_base", 1.2e-3, 4e-3)
+    assert weights.sum(axis=-1).max() == pytest.approx(1.0, abs=0.01)
+
+
+def test_line_through_the_middle_breaks_away_at_a_quarter_of_its_length_a_pad():
+    torque = breakaway_torque(AT_REST, 0.8, LENGTH, WIDTH)
+    assert torque == pytest.approx(2 * 0.8 * 30.0 * LENGTH / 4)
+
+
+@pytest.mark.parametrize("theta", [0.0, 0.6, 1.5])
+@pytest.mark.parametrize("offset", [0.0, 2e-3])
+def test_breakaway_torque_is_the_mean_lever_of_the_contact(theta, offset):
+    load = replace(AT_REST, theta=theta, offset=offset, reach_back=0.008)
+    s = np.linspace(*contact_span(load, LENGTH, WIDTH), 20001)
+    lever = np.trapezoid(np.hypot(s, offset), s) / (s[-1] - s[0])
+    assert breakaway_torque(load, 0.8, LENGTH, WIDTH) == pytest.approx(2 * 0.8 * 30.0 * lever, rel=1e-4)
+
+
+def test_contact_ends_at_the_sides_of_the_pad():
+    load = replace(AT_REST, theta=math.radians(75.0))
+    reach = WIDTH / 2 / math.sin(load.theta)
+    assert contact_span(load, LENGTH, WIDTH) == pytest.approx((-reach, reach))
+
+
+def test_contact_ends_with_the_peg():
+    assert contact_span(replace(AT_REST, reach_back=0.005), LENGTH, WIDTH) == pytest.approx((-0.005, 0.02))
