@@ -27,6 +27,10 @@ class Refusal(IntEnum):
     VERSION = 6
     PARAMETER = 7
     TORN = 8
+    ADOPTED = 9
+    """First sequence number after start, reconnect or a lost PLC: taken over, never run."""
+    LATE = 10
+    """Sequence number just behind the last one: an old write that arrived late."""
 
 
 class Control(IntEnum):
@@ -39,6 +43,22 @@ class Control(IntEnum):
     UNHOLD = 4
     ABORT = 8
     CLEAR = 9
+    LOST = 0x10000
+    """Made by the watchdog: whoever started the run has fallen silent; no 16-bit register can hold it."""
+    ACKNOWLEDGE = 0x10001
+    """Made by the handshake: the result has been read."""
+
+
+FIRST_PROGRAM = 100
+"""Lowest command code of a program or a skill."""
+
+
+class LeaseState(IntEnum):
+    """Who may start, as one reader sees it."""
+
+    FREE = 0
+    YOURS = 1
+    TAKEN = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +93,8 @@ class Report:
     run: int = 0
     """Number of the run in the journal."""
     holder: str = ""
-    """Who holds the lease."""
+    """Who holds the lease; the bridge fills it in."""
     stage_times: tuple[float, ...] = field(default=())
-    """Time spent in each stage of the run so far, s."""
+    """Time spent in each stage of the run so far, s; at most six."""
+    total_time: float = 0.0
+    """Time of the run that counts, s."""

@@ -1,0 +1,182 @@
+"""The mailbox between the scan thread and the PLC: the one place where the two threads meet.
+
+One lock guards the handshake; every method takes it for a few microseconds and waits for nothing else.
+"""
+
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+from plc_bridge.config import PlcConfig
+from plc_bridge.handshake import Handshake
+from plc_bridge.messages import Command, Refusal, Report, Result
+from plc_bridge.modbus import ModbusServer
+from plc_bridge.registers import (
+    DISCRETE_INPUTS,
+    CommandImage,
+    Diagnostics,
+    Parameter,
+    ReportImage,
+    diagnostics_words,
+    report_words,
+)
+
+_ERRORS = (Result.FAILURE, Result.FAULT, Result.REFUSED)
+
+
+class Bridge:
+    """Commands for the scan thread, reports for everybody else.
+
+    Constructing touches nothing. `start` opens the sockets; `poll` and `publish` belong to the scan thread, which
+    calls each once a scan.
+
+    Args:
+        config: Where to listen, and the time-outs.
+        programs: Name of each program and skill by its command code, from 100 on.
+        parameters: What the numbered parameters mean, at most eight.
+        now: Monotonic time, s.
+    """
+
+    def __init__(
+        self,
+        config: PlcConfig,
+        programs: Mapping[int, str],
+        parameters: Sequence[Parameter] = (),
+        now: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._now = now
+        self._lock = threading.Lock()
+        self._handshake = Handshake(dict(programs), tuple(parameters), config.life_timeout, config.lease_timeout)
+        self._life = 0
+        self._server = ModbusServer(config.modbus, self)
+
+    def start(self) -> None:
+        """Listen for the PLC.
+
+        Raises:
+            DeviceNotOpenedError: The port is in use, or the address is not this computer's.
+        """
+        self._server.start()
+
+    def close(self) -> None:
+        """Stop listening and drop every connection; may be called again."""
+        self._server.close()
+
+    @property
+    def address(self) -> tuple[str, int]:
+        """Host and port that the server listens on."""
+        return self._server.address
+
+    def poll(self) -> Command | None:
+        """Return what the scan thread shall do next, each thing once: stops and a lost PLC come first."""
+        with self._lock:
+            return self._handshake.poll(self._now())
+
+    def publish(self, report: Report) -> None:
+        """Show `report` to everybody; a result in it ends the command whose sequence number it echoes."""
+        with self._lock:
+            self._life = (self._life + 1) % 0x10000
+            self._handshake.publish(report)
+
+    @property
+    def holder(self) -> str:
+        """Who holds the lease; empty when it is free."""
+        with self._lock:
+            return self._handshake.holder
+
+    @property
+    def diagnostics(self) -> Diagnostics:
+        """Counts since the start."""
+        counts = self._handshake.counts
+        return replace(self._server.counts, refusals=counts.refusals, torn=counts.torn, lost=counts.lost)
+
+    def take(self, source: str) -> bool:
+        """Give the lease to a user of this process, as "terminal"; return whether it was free."""
+        with self._lock:
+            self._handshake.opened(source, source, self._now(), is_local=True)
+            is_taken = self._handshake.take(source)
+            if not is_taken:
+                self._handshake.closed(source)
+            return is_taken
+
+    def submit(self, source: str, image: CommandImage) -> Refusal:
+        """Pass on a command of the local user `source` that holds the lease; return why it was refused, or NONE."""
+        with self._lock:
+            return self._handshake.submit(source, image, self._now())
+
+    def release(self, source: str) -> None:
+        """Give back the lease of a local user."""
+        with self._lock:
+            self._handshake.release(source)
+            self._handshake.closed(source)
+
+    def opened(self, source: str, host: str) -> None:
+        """Begin a link, for a server."""
+        with self._lock:
+            self._handshake.opened(source, host, self._now())
+
+    def closed(self, source: str) -> None:
+        """End a link, for a server."""
+        with self._lock:
+            self._handshake.closed(source)
+
+    def wrote(self, source: str, image: CommandImage) -> None:
+        """Take the command block after a write, for a server."""
+        with self._lock:
+            self._handshake.wrote(source, image, self._now())
+
+    def switched(self, source: str, coils: Mapping[str, bool]) -> None:
+        """Take the coils just written, for a server."""
+        with self._lock:
+            self._handshake.switched(source, coils, self._now())
+
+    def heard(self, source: str) -> None:
+        """Note that a request came, for a server."""
+        with self._lock:
+            self._handshake.heard(source, self._now())
+
+    def report_for(self, source: str) -> ReportImage:
+        """Return the report as the link `source` shall read it, for a server."""
+        with self._lock:
+            answer, life = self._handshake.answer(source), self._life
+        report = answer.report
+        return ReportImage(
+            life=life,
+            sequence=answer.sequence,
+            answered=answer.answered,
+            refusal=answer.refusal,
+            result=answer.result,
+            state=report.state,
+            fault=report.fault,
+            stage=report.stage,
+            reason=report.reason,
+            progress=report.progress,
+            code=answer.code,
+            run=report.run,
+            lease=answer.lease,
+            holder=report.holder,
+            stage_times=report.stage_times,
+            total_time=report.total_time,
+            life_tail=life,
+        )
+
+    def report_words(self, source: str) -> list[int]:
+        """Return the report block as the link `source` shall read it, for a server."""
+        return report_words(self.report_for(source))
+
+    def diagnostics_words(self) -> list[int]:
+        """Return the diagnostics block, for a server."""
+        return diagnostics_words(self.diagnostics)
+
+    def discrete_inputs(self, source: str) -> list[bool]:
+        """Return the discrete inputs, for a server."""
+        with self._lock:
+            answer = self._handshake.answer(source)
+        bits = {
+            "busy": answer.is_busy,
+            "done": answer.result is Result.SUCCESS,
+            "error": answer.result in _ERRORS,
+            "command_aborted": answer.result is Result.ABORTED,
+        }
+        return [bits[name] for name in DISCRETE_INPUTS]

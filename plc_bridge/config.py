@@ -1,0 +1,35 @@
+"""How the cell meets its PLC."""
+
+from ipaddress import IPv4Network, IPv6Network
+from typing import Annotated
+
+from pydantic import Field
+
+from drivers.parts import ConfigModel
+
+Seconds = Annotated[float, Field(ge=0.05, le=3600.0)]
+
+
+class ModbusConfig(ConfigModel):
+    """The Modbus TCP server."""
+
+    host: str = "127.0.0.1"
+    """Address to listen on; only this computer unless set otherwise."""
+    port: Annotated[int, Field(ge=0, le=65535)] = 5020
+    """TCP port; 0 takes a free one."""
+    connections: Annotated[int, Field(ge=1, le=500)] = 64
+    """Most connections at once; a newcomer beyond drops the one that was idle longest."""
+    idle_timeout: Seconds = 60.0
+    """A connection without a request for this long is closed, s."""
+    allow: tuple[IPv4Network | IPv6Network, ...] = ()
+    """Networks or addresses that may connect; none given means every one that can reach the port."""
+
+
+class PlcConfig(ConfigModel):
+    """The PLC's side of the cell."""
+
+    life_timeout: Seconds = 1.0
+    """A run stops when the life counter of whoever started it stands still for this long, s."""
+    lease_timeout: Seconds = 5.0
+    """The lease is free again when its holder has sent no request for this long, s."""
+    modbus: ModbusConfig = ModbusConfig()

@@ -1,0 +1,458 @@
+"""The sequence-number handshake, the lease and the watchdog: pure, no sockets, no threads, time passed in.
+
+A *link* is one conversation with one sequence number: a TCP connection, or all connections of a host that asked for
+that, or a CAN node, or a local user. Links come and go; what may run is decided here, once for all buses.
+
+Sequence numbers
+    | seen on a link                                | what happens                                                  |
+    | --------------------------------------------- | ------------------------------------------------------------- |
+    | the first one after it opened or was lost     | adopted, never run; refused ADOPTED if it came with a command |
+    | the same again, whatever else the block holds | nothing                                                       |
+    | one of the last `LATE_WINDOW` before it       | refused LATE                                                  |
+    | any other                                     | a command, which counts once and is answered at once          |
+
+Lease
+    | event                                  | holder afterwards                                                 |
+    | -------------------------------------- | ----------------------------------------------------------------- |
+    | `command_lease` is TAKE, lease is free | that link                                                         |
+    | a start is accepted, lease is free     | that link: a simple PLC never has to ask                          |
+    | any request of the holder              | the same: activity keeps the lease                                |
+    | holder closed, its host writes again   | the new link of that host, which also watches over the run        |
+    | release, silence for `lease_timeout`   | nobody                                                            |
+    | the holder's run was lost              | nobody                                                            |
+    | restart of the cell                    | nobody                                                            |
+
+    Only the holder may start, reset, clear, hold or unhold. Anybody may stop and abort, even with a first number.
+
+Answers
+    Every number gets one: `answered` with `refusal`. `sequence` and `result` tell how the link's own last command
+    ended and are held until it is acknowledged or the next command comes; another's run never shows in them. A link
+    that never wrote sees the run of whoever runs.
+"""
+
+import logging
+import math
+from collections import deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from plc_bridge.messages import FIRST_PROGRAM, Command, Control, LeaseState, Refusal, Report, Result
+from plc_bridge.registers import VERSION_MAJOR, CommandImage, Lease, Parameter
+
+logger = logging.getLogger(__name__)
+
+LATE_WINDOW = 256
+"""How far behind a sequence number is taken for an old write; further behind the PLC's counter has restarted."""
+MOST_PENDING = 8
+"""Controls that may wait for the scan thread."""
+
+_STOPS = (Control.STOP, Control.ABORT)
+_CONTROLS = frozenset(control.value for control in Control if control < FIRST_PROGRAM)
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What the report tells one link about its own command."""
+
+    sequence: int
+    result: Result
+    answered: int
+    refusal: Refusal
+    code: int
+    is_busy: bool
+    lease: LeaseState
+    report: Report
+    """The cell as published last; details of an older run than `sequence` are blanked."""
+
+
+@dataclass(slots=True)
+class Counts:
+    """What went wrong since the start."""
+
+    refusals: int = 0
+    torn: int = 0
+    lost: int = 0
+
+
+@dataclass(slots=True)
+class _Link:
+    source: str
+    host: str
+    heard: float
+    is_local: bool = False
+    is_open: bool = True
+    image: CommandImage | None = None
+    sequence: int | None = None
+    answered: int = 0
+    refusal: Refusal = Refusal.NONE
+    own: tuple[int, int, Result] | None = None
+    """Sequence, code and result of its last command; None while that is the current one or there was none."""
+    uses_life: bool = False
+    life_stamp: float = -math.inf
+    uses_tail: bool = False
+    torn_since: float | None = None
+    execute: bool | None = None
+    reset: bool | None = None
+
+
+@dataclass(slots=True)
+class _Current:
+    """The command that the scan thread works on or has finished last."""
+
+    command: Command
+    link: _Link
+    is_delivered: bool = False
+    is_taken_up: bool = False
+    is_lost: bool = False
+    result: Result = Result.NONE
+    is_acknowledged: bool = False
+
+    @property
+    def is_busy(self) -> bool:
+        return self.command.code >= FIRST_PROGRAM and self.result is Result.NONE
+
+
+@dataclass(slots=True)
+class Handshake:
+    """Commands in from any number of links, at most one run at a time out, the right answer back to each.
+
+    Args:
+        programs: Name of each program and skill by its command code, from 100 on.
+        parameters: What the numbered parameters mean.
+        life_timeout: A run is lost when the life counter of its link stands still for this long, s. A link that
+            never wrote its life counter shows life with any request.
+        lease_timeout: Silence after which the lease is free again, s.
+    """
+
+    programs: Mapping[int, str]
+    parameters: Sequence[Parameter] = ()
+    life_timeout: float = 1.0
+    lease_timeout: float = 5.0
+    counts: Counts = field(default_factory=Counts)
+    _links: dict[str, _Link] = field(default_factory=dict)
+    _holder: _Link | None = None
+    _current: _Current | None = None
+    _stops: dict[int, Command] = field(default_factory=dict)
+    _controls: deque[Command] = field(default_factory=deque)
+    _report: Report = field(default_factory=Report)
+    _last: tuple[int, Refusal] = (0, Refusal.NONE)
+
+    def opened(self, source: str, host: str, now: float, is_local: bool = False) -> None:
+        """Begin a link; a local one is never silent."""
+        self._links[source] = _Link(source, host, now, is_local)
+
+    def closed(self, source: str) -> None:
+        """End a link; what it holds and runs stays until its host comes back or the time-outs pass."""
+        link = self._links.pop(source, None)
+        if link is not None:
+            link.is_open = False
+
+    def heard(self, source: str, now: float) -> None:
+        """Note that any request came from `source`."""
+        self._links[source].heard = now
+
+    def wrote(self, source: str, image: CommandImage, now: float) -> None:
+        """Take the command block as it stands after a write of `source`."""
+        self._expire(now)
+        link = self._links[source]
+        self._come_back(link)
+        link.heard = now
+        before, link.image = link.image, image
+        if image.life != (before.life if before else 0):
+            link.uses_life, link.life_stamp = True, now
+        link.uses_tail |= image.life_tail != 0
+        if link.uses_tail and image.life != image.life_tail:
+            self.counts.torn += 1
+            if link.torn_since is None:
+                link.torn_since = now
+            return
+        link.torn_since = None
+        self._update_lease(link, image.lease)
+        if image.acknowledge != (before.acknowledge if before else 0):
+            self._acknowledge(link, image.acknowledge)
+        self._take_sequence(link, image, now)
+
+    def switched(self, source: str, coils: Mapping[str, bool], now: float) -> None:
+        """Take the coils that `source` has just written: execute, stop, reset."""
+        self._expire(now)
+        link = self._links[source]
+        link.heard = now
+        if coils.get("stop"):
+            self._stop(Command(link.sequence or 0, Control.STOP, source=source))
+        image = link.image or CommandImage()
+        if "execute" in coils:
+            self._come_back(link)
+            is_rising, link.execute = coils["execute"] and link.execute is False, coils["execute"]
+            if is_rising:
+                self._command(link, self._count_up(link), image, now)
+            elif not coils["execute"]:
+                self._acknowledge(link, self.answer(source).sequence)
+        if "reset" in coils:
+            self._come_back(link)
+            is_rising, link.reset = coils["reset"] and link.reset is False, coils["reset"]
+            if is_rising:
+                self._command(link, self._count_up(link), replace(image, code=Control.RESET), now)
+
+    def take(self, source: str) -> bool:
+        """Give `source` the lease if it is free; return whether it holds it now."""
+        link = self._links[source]
+        if self._holder is None:
+            self._holder = link
+            logger.info("%s takes the lease", source)
+        return self._holder is link
+
+    def release(self, source: str) -> None:
+        """Free the lease if `source` holds it."""
+        if self._holder is not None and self._holder.source == source:
+            self._holder = None
+            logger.info("%s releases the lease", source)
+
+    def submit(self, source: str, image: CommandImage, now: float) -> Refusal:
+        """Run what a local user asks for as the next number of `source`; return why it was refused."""
+        self._expire(now)
+        link = self._links[source]
+        link.image = image
+        self._command(link, self._count_up(link), image, now)
+        return link.refusal
+
+    def poll(self, now: float) -> Command | None:
+        """Return the next thing for the scan thread to do, stops first, each once."""
+        self._expire(now)
+        if self._stops:
+            return self._stops.pop(max(self._stops))
+        current = self._current
+        if self._controls:
+            return self._controls.popleft()
+        if current is not None and not current.is_delivered and current.result is Result.NONE:
+            current.is_delivered = True
+            return current.command
+        return None
+
+    def publish(self, report: Report) -> None:
+        """Take the scan thread's report; its result ends the delivered command whose number it echoes."""
+        self._report = report
+        current = self._current
+        if current is None or not current.is_delivered or report.sequence != current.command.sequence:
+            return
+        current.is_taken_up = True
+        if current.result is Result.NONE and report.result is not Result.NONE:
+            current.result = report.result
+            if report.refusal is not Refusal.NONE and current.link.answered == report.sequence:
+                self._refuse(current.link, current.command.sequence, report.refusal)
+
+    @property
+    def holder(self) -> str:
+        """Who holds the lease; empty when it is free."""
+        return self._holder.source if self._holder is not None else ""
+
+    @property
+    def is_busy(self) -> bool:
+        """A program or skill is accepted and has not ended."""
+        return self._current is not None and self._current.is_busy
+
+    def answer(self, source: str) -> Answer:
+        """Return what `source` shall read."""
+        link, current = self._links[source], self._current
+        answered, refusal = (link.answered, link.refusal) if link.sequence is not None else self._last
+        lease = LeaseState.FREE if self._holder is None else LeaseState.TAKEN
+        if self._holder is link:
+            lease = LeaseState.YOURS
+        report = replace(self._report, holder=self.holder)
+        if current is not None and not current.is_taken_up:
+            report = Report(state=report.state, fault=report.fault, holder=report.holder)
+        if link.own is not None:
+            sequence, code, result = link.own
+            return Answer(sequence, result, answered, refusal, code, False, lease, report)
+        if current is None:
+            return Answer(0, Result.NONE, answered, refusal, 0, False, lease, report)
+        result = Result.NONE if current.is_acknowledged else current.result
+        command = current.command
+        return Answer(command.sequence, result, answered, refusal, command.code, current.is_busy, lease, report)
+
+    def _take_sequence(self, link: _Link, image: CommandImage, now: float) -> None:
+        last, link.sequence = link.sequence, image.sequence
+        if last is None:
+            self._adopt(link, image)
+        elif image.sequence != last:
+            if (last - image.sequence) % 0x10000 <= LATE_WINDOW:
+                link.sequence = last
+                self._refuse(link, image.sequence, Refusal.LATE)
+            else:
+                self._command(link, image.sequence, image, now)
+
+    def _adopt(self, link: _Link, image: CommandImage) -> None:
+        if image.code in _STOPS:
+            self._command_stop(link, image.sequence, image.code)
+        elif self._is_current(link, image):
+            self._accept(link, image.sequence)
+        elif image.code == Control.NONE:
+            self._accept(link, image.sequence)
+            if self._current is None or self._current.link is not link:
+                link.own = (image.sequence, image.code, Result.NONE)
+        else:
+            self._refuse(link, image.sequence, Refusal.ADOPTED)
+            link.own = (image.sequence, image.code, Result.REFUSED)
+
+    def _is_current(self, link: _Link, image: CommandImage) -> bool:
+        current = self._current
+        if current is None or current.link is not link:
+            return False
+        command = current.command
+        asked = (command.sequence, command.code, command.recipe, command.serial)
+        return asked == (image.sequence, image.code, image.recipe, image.serial)
+
+    def _command(self, link: _Link, sequence: int, image: CommandImage, now: float) -> None:
+        """Answer a number that counts."""
+        if image.code in _STOPS:
+            self._command_stop(link, sequence, image.code)
+            return
+        if image.code == Control.NONE:
+            self._accept(link, sequence)
+            if not self.is_busy:
+                link.own = (sequence, image.code, Result.NONE)
+            return
+        parameters = self._parameters(image)
+        refusal = self._why_not(link, image)
+        if refusal is Refusal.NONE and parameters is None:
+            refusal = Refusal.PARAMETER
+        if refusal is not Refusal.NONE or parameters is None:
+            self._refuse(link, sequence, refusal)
+            if not self._runs_for(link):
+                link.own = (sequence, image.code, Result.REFUSED)
+            return
+        self.take(link.source)
+        self._accept(link, sequence)
+        command = Command(sequence, image.code, image.recipe, image.serial, parameters, link.source)
+        if self.is_busy:
+            self._controls.append(command)
+            return
+        self._make_current(_Current(command, link))
+        link.life_stamp = link.heard = now
+
+    def _why_not(self, link: _Link, image: CommandImage) -> Refusal:
+        is_control = image.code in _CONTROLS
+        if image.version and image.version >> 8 != VERSION_MAJOR:
+            return Refusal.VERSION
+        if not is_control and image.code not in self.programs:
+            return Refusal.UNKNOWN_CODE
+        if self._holder not in (None, link):
+            return Refusal.NOT_HOLDER
+        if self.is_busy and (not is_control or len(self._controls) >= MOST_PENDING):
+            return Refusal.BUSY
+        return Refusal.NONE
+
+    def _parameters(self, image: CommandImage) -> tuple[tuple[str, float], ...] | None:
+        """Return the parameters in their units, or None where one is unknown or beyond its limits."""
+        if not image.serial.isascii() or not image.serial.isprintable():
+            return None
+        values = []
+        for number, count in image.parameters:
+            if number >= len(self.parameters):
+                return None
+            spec = self.parameters[number]
+            value = count * spec.scale
+            slack = spec.scale / 2  # limits need not be a multiple of the scale
+            if not spec.low - slack <= value <= spec.high + slack:
+                return None
+            values.append((spec.name, min(max(value, spec.low), spec.high)))
+        return tuple(values)
+
+    def _make_current(self, current: _Current) -> None:
+        """Let every link that followed the command before keep what it was told."""
+        old = self._current
+        if old is not None and not old.is_delivered and old.result is Result.NONE:
+            self._controls.append(old.command)
+        for link in self._links.values():
+            if old is not None and link.own is None and link.sequence is not None and link is not current.link:
+                result = Result.NONE if old.is_acknowledged else old.result
+                link.own = (old.command.sequence, old.command.code, result)
+        current.link.own = None
+        self._current = current
+
+    def _runs_for(self, link: _Link) -> bool:
+        return self._current is not None and self._current.is_busy and self._current.link is link
+
+    def _command_stop(self, link: _Link, sequence: int, code: int) -> None:
+        self._accept(link, sequence)
+        was_running = self._runs_for(link)
+        self._stop(Command(sequence, code, source=link.source))
+        if not was_running:
+            link.own = (sequence, code, Result.SUCCESS)
+
+    def _stop(self, command: Command) -> None:
+        """Queue a stop; what has not reached the scan thread yet never will."""
+        self._stops[command.code] = command
+        self._controls.clear()
+        current = self._current
+        if current is not None and not current.is_delivered and current.result is Result.NONE:
+            current.result = Result.ABORTED
+
+    def _acknowledge(self, link: _Link, sequence: int) -> None:
+        current = self._current
+        if link.own is not None:
+            if link.own[0] == sequence:
+                link.own = (*link.own[:2], Result.NONE)
+            return
+        if current is None or current.link is not link or current.command.sequence != sequence:
+            return
+        if current.result is not Result.NONE and not current.is_acknowledged:
+            current.is_acknowledged = True
+            if len(self._controls) < MOST_PENDING:
+                self._controls.append(Command(sequence, Control.ACKNOWLEDGE, source=link.source))
+
+    def _update_lease(self, link: _Link, wish: int) -> None:
+        if wish in (Lease.TAKE, Lease.TAKE_FOR_HOST):
+            self.take(link.source)
+        elif wish == Lease.RELEASE:
+            self.release(link.source)
+
+    def _come_back(self, link: _Link) -> None:
+        """Hand over what a closed link of the same host held."""
+        if self._holder is not None and not self._holder.is_open and self._holder.host == link.host:
+            self._holder = link
+        current = self._current
+        if current is not None and not current.link.is_open and current.link.host == link.host:
+            link.uses_life, link.life_stamp = current.link.uses_life, current.link.life_stamp
+            current.link = link
+
+    def _count_up(self, link: _Link) -> int:
+        link.sequence = ((link.sequence or 0) + 1) % 0x10000
+        return link.sequence
+
+    def _accept(self, link: _Link, sequence: int) -> None:
+        link.answered, link.refusal = self._last = sequence, Refusal.NONE
+
+    def _refuse(self, link: _Link, sequence: int, refusal: Refusal) -> None:
+        if link.refusal is not refusal:
+            logger.warning("%s: command %d refused: %s", link.source, sequence, refusal.name)
+        self.counts.refusals += 1
+        link.answered, link.refusal = self._last = sequence, refusal
+
+    def _expire(self, now: float) -> None:
+        """Let time-outs act: lost runs, silent holders, blocks that stay torn."""
+        current = self._current
+        if current is not None and current.is_busy and not current.is_lost and not current.link.is_local:
+            link = current.link
+            if now - (link.life_stamp if link.uses_life else link.heard) > self.life_timeout:
+                self._lose(current)
+        holder = self._holder
+        if holder is not None and not holder.is_local and now - holder.heard > self.lease_timeout:
+            logger.info("%s loses the lease: silent for %g s", holder.source, self.lease_timeout)
+            self._holder = None
+        for link in self._links.values():
+            if link.torn_since is not None and now - link.torn_since > self.life_timeout:
+                link.torn_since = None
+                if link.image is not None and link.image.sequence != link.sequence:
+                    link.sequence = link.image.sequence
+                    self._refuse(link, link.sequence, Refusal.TORN)
+                    if not self._runs_for(link):
+                        link.own = (link.sequence, link.image.code, Result.REFUSED)
+
+    def _lose(self, current: _Current) -> None:
+        logger.warning("%s is lost: no sign of life for %g s", current.link.source, self.life_timeout)
+        self.counts.lost += 1
+        current.is_lost = True
+        current.link.sequence = None
+        current.link.execute = current.link.reset = None
+        self.release(current.link.source)
+        self._stop(Command(current.command.sequence, Control.LOST, source=current.link.source))

@@ -1,0 +1,345 @@
+"""Modbus TCP server: one thread, one asyncio loop, every socket; strict framing, answers in the order of requests.
+
+A malformed header closes the connection, because nothing after it can be trusted; a well-framed request that cannot
+be served gets its exception. The unit identifier is not used for addressing on TCP; it is echoed.
+"""
+
+import asyncio
+import errno
+import logging
+import socket
+import struct
+import threading
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from ipaddress import ip_address
+from typing import Protocol, TypeVar
+
+from drivers.errors import DeviceNotOpenedError
+from plc_bridge.config import ModbusConfig
+from plc_bridge.pdu import is_exception, respond
+from plc_bridge.registers import (
+    COILS,
+    COMMAND_WORDS,
+    DIAGNOSTICS,
+    MIRROR,
+    CommandImage,
+    Diagnostics,
+    Lease,
+    command_image,
+)
+
+logger = logging.getLogger(__name__)
+
+T = TypeVar("T")
+
+HEADER = struct.Struct(">HHHB")
+"""Transaction, protocol, length of what follows the length field, unit."""
+SHORTEST, LONGEST = 2, 254  # MBAP length: unit + function .. unit + the longest PDU
+FRAMES_PER_TURN = 32
+"""Requests of one connection that are answered before the others get their turn."""
+
+
+class Mailbox(Protocol):
+    """What the server needs of the bridge."""
+
+    def opened(self, source: str, host: str) -> None:
+        """Begin a link."""
+
+    def closed(self, source: str) -> None:
+        """End a link."""
+
+    def heard(self, source: str) -> None:
+        """Note that a request came."""
+
+    def wrote(self, source: str, image: CommandImage) -> None:
+        """Take the command block."""
+
+    def switched(self, source: str, coils: Mapping[str, bool]) -> None:
+        """Take the coils just written."""
+
+    def report_words(self, source: str) -> list[int]:
+        """Return the report block."""
+
+    def diagnostics_words(self) -> list[int]:
+        """Return the diagnostics block."""
+
+    def discrete_inputs(self, source: str) -> list[bool]:
+        """Return the discrete inputs."""
+
+    @property
+    def holder(self) -> str:
+        """Who holds the lease."""
+
+
+@dataclass(slots=True)
+class _Link:
+    """The words of one link, and how many connections use them."""
+
+    source: str
+    words: list[int] = field(default_factory=lambda: [0] * COMMAND_WORDS)
+    coils: list[bool] = field(default_factory=lambda: [False] * len(COILS))
+    users: int = 1
+
+
+class _Connection(asyncio.Protocol):
+    """One client: frames its bytes, is the `Station` behind its requests."""
+
+    def __init__(self, server: "ModbusServer") -> None:
+        self._server = server
+        self._mailbox = server.mailbox
+        self._buffer = bytearray()
+        self._is_writable = True
+        self._is_scheduled = False
+        self.transport: asyncio.Transport
+        self.host = ""
+        self.source = ""
+        self.link: _Link
+        self.heard = 0.0
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        assert isinstance(transport, asyncio.Transport)
+        self.transport = transport
+        peer = transport.get_extra_info("peername") or ("unknown", 0)
+        self.host, self.source = peer[0], f"{peer[0]}:{peer[1]}"
+        self._server.admit(self)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        self._server.leave(self)
+
+    def data_received(self, data: bytes) -> None:
+        self._buffer += data
+        if not self._is_scheduled:
+            self._turn()
+
+    def pause_writing(self) -> None:
+        self._is_writable = False
+        self.transport.pause_reading()
+
+    def resume_writing(self) -> None:
+        self._is_writable = True
+        self._turn()
+
+    def _turn(self) -> None:
+        """Answer what has arrived, but leave the others their turn."""
+        self._is_scheduled = False
+        for _ in range(FRAMES_PER_TURN):
+            if not self._is_writable or self.transport.is_closing():
+                return
+            if not self._answer_next():
+                self.transport.resume_reading()
+                return
+        self._is_scheduled = True
+        self.transport.pause_reading()
+        self._server.loop.call_soon(self._turn)
+
+    def _answer_next(self) -> bool:
+        """Answer one request; return False when there is no whole one or the connection had to be closed."""
+        if len(self._buffer) < HEADER.size:
+            return False
+        transaction, protocol, length, unit = HEADER.unpack_from(self._buffer)
+        if protocol != 0 or not SHORTEST <= length <= LONGEST:
+            self._server.counts.malformed += 1
+            logger.warning("%s: closed: protocol id %d, length %d in the frame", self.source, protocol, length)
+            self.transport.abort()
+            return False
+        end = 6 + length
+        if len(self._buffer) < end:
+            return False
+        request = bytes(self._buffer[HEADER.size : end])
+        del self._buffer[:end]
+        self.heard = self._server.loop.time()
+        self._mailbox.heard(self.link.source)
+        response = respond(request, self)
+        self._server.counts.requests += 1
+        self._server.counts.exceptions += is_exception(response)
+        self.transport.write(HEADER.pack(transaction, 0, len(response) + 1, unit) + response)
+        return True
+
+    def read_words(self, function: int, address: int, count: int) -> list[int]:
+        """Return holding registers (3) or input registers (4)."""
+        if function == 3 and address < MIRROR:
+            return _slice(self.link.words, address, count)
+        start = address - (MIRROR if function == 3 else 0)
+        if start < DIAGNOSTICS[0].address:
+            return _slice(self._mailbox.report_words(self.link.source), start, count)
+        return _slice(self._mailbox.diagnostics_words(), start - DIAGNOSTICS[0].address, count)
+
+    def read_bits(self, function: int, address: int, count: int) -> list[bool]:
+        """Return coils (1) or discrete inputs (2)."""
+        bits = self.link.coils if function == 1 else self._mailbox.discrete_inputs(self.link.source)
+        return _slice(bits, address, count)
+
+    def write_words(self, address: int, words: Sequence[int]) -> None:
+        """Write into the command block."""
+        _slice(self.link.words, address, len(words))
+        self.link.words[address : address + len(words)] = words
+        image = command_image(self.link.words)
+        if image.lease == Lease.TAKE_FOR_HOST:
+            self._server.share(self)
+        self._mailbox.wrote(self.link.source, image)
+
+    def write_bits(self, address: int, bits: Sequence[bool]) -> None:
+        """Write coils."""
+        _slice(self.link.coils, address, len(bits))
+        self.link.coils[address : address + len(bits)] = bits
+        written = range(address, address + len(bits))
+        self._mailbox.switched(
+            self.link.source, {name: self.link.coils[place] for name, place in COILS.items() if place in written}
+        )
+
+
+def _slice(values: list[T], start: int, count: int) -> list[T]:
+    if start < 0 or start + count > len(values):
+        raise LookupError(f"{start}..{start + count - 1} is not within 0..{len(values) - 1}")
+    return values[start : start + count]
+
+
+class ModbusServer:
+    """Listens, admits clients, drops the idle; `start` and `close` may be called from any thread."""
+
+    def __init__(self, config: ModbusConfig, mailbox: Mailbox) -> None:
+        self._config = config
+        self.mailbox = mailbox
+        self.counts = Diagnostics()
+        self.loop: asyncio.AbstractEventLoop
+        self._stop: asyncio.Event
+        self._socket: socket.socket | None = None
+        self._thread: threading.Thread | None = None
+        self._connections: dict[str, _Connection] = {}
+        self._shared: dict[str, _Link] = {}
+
+    @property
+    def address(self) -> tuple[str, int]:
+        """Host and port that clients reach; the configured ones while nothing listens."""
+        if self._socket is None:
+            return self._config.host, self._config.port
+        host, port = self._socket.getsockname()[:2]
+        return host, port
+
+    def start(self) -> None:
+        """Bind, then serve in a thread of its own.
+
+        Raises:
+            DeviceNotOpenedError: The port is in use, not permitted, or the address is not this computer's.
+        """
+        self._socket = _bind(self._config.host, self._config.port)
+        is_ready = threading.Event()
+        self._thread = threading.Thread(
+            target=asyncio.run, args=(self._serve(self._socket, is_ready),), name="modbus", daemon=True
+        )
+        self._thread.start()
+        is_ready.wait()
+        logger.info("Modbus TCP: listening on %s port %d", *self.address)
+
+    def close(self) -> None:
+        """Close every connection and wait for the thread to end; may be called again."""
+        if self._thread is None or self._socket is None:
+            return
+        self.loop.call_soon_threadsafe(self._stop.set)
+        self._thread.join()
+        self._socket.close()
+        self._thread = self._socket = None
+
+    async def _serve(self, listening: socket.socket, is_ready: threading.Event) -> None:
+        self.loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
+        server = await self.loop.create_server(lambda: _Connection(self), sock=listening)
+        is_ready.set()
+        while not self._stop.is_set():
+            try:
+                await asyncio.wait_for(self._stop.wait(), self._config.idle_timeout / 4)
+            except TimeoutError:
+                self._drop_idle()
+        server.close()
+        for connection in list(self._connections.values()):
+            connection.transport.abort()
+        await asyncio.sleep(0)  # lets the transports call connection_lost
+        await server.wait_closed()
+
+    def admit(self, connection: _Connection) -> None:
+        """Let a new connection in, or turn it away; make room by dropping the one that was idle longest."""
+        if not self._is_allowed(connection.host):
+            self.counts.forbidden += 1
+            logger.warning("%s: refused: not in plc.modbus.allow", connection.source)
+            connection.transport.abort()
+            return
+        if len(self._connections) >= self._config.connections:
+            self._drop(min(self._connections.values(), key=lambda other: other.heard), "to make room")
+        connection.heard = self.loop.time()
+        shared = self._shared_of(connection.host)
+        if shared is None:
+            connection.link = _Link(connection.source)
+            self.mailbox.opened(connection.source, connection.host)
+        else:
+            connection.link = shared
+            shared.users += 1
+        self._connections[connection.source] = connection
+        self.counts.accepted += 1
+        self.counts.connections = len(self._connections)
+
+    def leave(self, connection: _Connection) -> None:
+        """Forget a connection that has ended."""
+        if self._connections.pop(connection.source, None) is None:
+            return
+        self.counts.connections = len(self._connections)
+        connection.link.users -= 1
+        if connection.link.source == connection.source:
+            self.mailbox.closed(connection.source)
+        else:
+            self._shared_of(connection.host)
+
+    def share(self, connection: _Connection) -> None:
+        """Move `connection` to the link that all connections of its host have together."""
+        link, host = connection.link, connection.host
+        if link.source == host:
+            return
+        shared = self._shared_of(host)
+        if shared is None:
+            shared = self._shared[host] = _Link(host, users=0)
+            self.mailbox.opened(host, host)
+        shared.words[:], shared.users = link.words, shared.users + 1
+        connection.link = shared
+        self.mailbox.closed(link.source)
+
+    def _shared_of(self, host: str) -> _Link | None:
+        """Return the shared link of `host`; it ends with its lease, once no connection is left."""
+        shared = self._shared.get(host)
+        if shared is not None and shared.users == 0 and self.mailbox.holder != host:
+            del self._shared[host]
+            self.mailbox.closed(host)
+            return None
+        return shared
+
+    def _is_allowed(self, host: str) -> bool:
+        if not self._config.allow:
+            return True
+        address = ip_address(host.partition("%")[0])
+        address = getattr(address, "ipv4_mapped", None) or address
+        return any(address in network for network in self._config.allow)
+
+    def _drop_idle(self) -> None:
+        oldest = self.loop.time() - self._config.idle_timeout
+        for connection in list(self._connections.values()):
+            if connection.heard < oldest:
+                self._drop(connection, "idle")
+
+    def _drop(self, connection: _Connection, why: str) -> None:
+        self.counts.dropped += 1
+        logger.info("%s: dropped: %s", connection.source, why)
+        connection.transport.abort()
+        self.leave(connection)
+
+
+def _bind(host: str, port: int) -> socket.socket:
+    """Return a listening socket."""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    try:
+        return socket.create_server((host, port), family=family)
+    except OSError as error:
+        if error.errno == errno.EADDRINUSE:
+            remedy = "in use by another program: stop it, or set plc.modbus.port (0 takes a free one)"
+        elif error.errno == errno.EACCES:
+            remedy = "not permitted: set plc.modbus.port to 1024 or above"
+        else:
+            remedy = f"{error.strerror or error}: set plc.modbus.host to an address of this computer"
+        raise DeviceNotOpenedError(f"Modbus TCP server: {host} port {port} is {remedy}") from error

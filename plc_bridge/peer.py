@@ -1,0 +1,208 @@
+"""The PLC's side of the map, over Modbus TCP: for demos, the terminal and tests of the line."""
+
+import logging
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+from pymodbus.client import ModbusTcpClient
+from pymodbus.exceptions import ModbusException
+from pymodbus.pdu import ModbusPDU
+
+from drivers.errors import CellError, FaultCode
+from plc_bridge.messages import Control, LeaseState, Result
+from plc_bridge.registers import (
+    COILS,
+    COMMAND,
+    DIAGNOSTICS,
+    REPORT,
+    VERSION,
+    CommandImage,
+    Diagnostics,
+    Lease,
+    ReportImage,
+    command_words,
+    diagnostics_image,
+    report_image,
+)
+
+logging.getLogger("pymodbus.logging").setLevel(logging.CRITICAL)  # what it would log is raised here
+
+
+class CellSilentError(CellError):
+    """The cell cannot be reached, or does not answer in time."""
+
+    code = FaultCode.PLC_LOST
+
+
+class Peer:
+    """A PLC that commands the cell; not for use by several threads.
+
+    Every method that waits goes on counting life, so that the cell does not take the run for lost. Between calls
+    the caller keeps the connection alive with `cycle`.
+
+    Args:
+        host: Where the cell listens.
+        port: The same.
+        period: Time between two cycles while waiting, s.
+        timeout: Longest wait for one answer, s.
+        wait: Waits so many seconds.
+        now: Monotonic time, s.
+    """
+
+    def __init__(
+        self,
+        host: str,
+        port: int,
+        *,
+        period: float = 0.02,
+        timeout: float = 3.0,
+        wait: Callable[[float], None] = time.sleep,
+        now: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._where = f"{host}:{port}"
+        self._client: Any = ModbusTcpClient(  # some of its methods carry no types
+            host, port=port, timeout=timeout, retries=0
+        )
+        self._period, self._timeout, self._wait, self._now = period, timeout, wait, now
+        self._image = CommandImage(version=VERSION)
+
+    def connect(self) -> ReportImage:
+        """Connect, go on from the sequence number that the cell reports, and return the report.
+
+        Raises:
+            CellSilentError: Nothing answers there.
+        """
+        if not self._client.connect():
+            raise CellSilentError(f"no cell answers at {self._where}: is `cell serve` running there?")
+        sequence = self.read_report().sequence
+        self._image = CommandImage(sequence=sequence, version=VERSION)
+        return self.cycle()
+
+    def close(self) -> None:
+        """Disconnect; may be called again."""
+        self._client.close()
+
+    def cycle(self) -> ReportImage:
+        """Count life up, write the command block in one request, return the report."""
+        life = self._image.life % 0xFFFF + 1
+        self._image = replace(self._image, life=life, life_tail=life)
+        words = command_words(self._image)
+        self._ask(lambda: self._client.write_registers(COMMAND[0].address, words))
+        return self.read_report()
+
+    def read_report(self) -> ReportImage:
+        """Return the report; writes nothing."""
+        return report_image(self._read(REPORT[0].address, sum(register.words for register in REPORT)))
+
+    def read_diagnostics(self) -> Diagnostics:
+        """Return the cell's counts; writes nothing."""
+        return diagnostics_image(self._read(DIAGNOSTICS[0].address, sum(register.words for register in DIAGNOSTICS)))
+
+    def take(self) -> bool:
+        """Ask for the lease and return whether it was given; it is kept until `release` or silence."""
+        self._image = replace(self._image, lease=Lease.TAKE)
+        return self.cycle().lease == LeaseState.YOURS
+
+    def release(self) -> None:
+        """Give the lease back."""
+        self._image = replace(self._image, lease=Lease.RELEASE)
+        self.cycle()
+        self._image = replace(self._image, lease=Lease.NONE)
+
+    def trigger(
+        self, code: int, recipe: int = 0, serial: str = "", parameters: Sequence[tuple[int, int]] = ()
+    ) -> ReportImage:
+        """Send one command under the next sequence number; return the report with its answer.
+
+        Args:
+            code: A program, a skill or a `Control`.
+            recipe: Number of the recipe.
+            serial: Serial number of the part.
+            parameters: Number from 0 and raw count of each parameter given.
+        """
+        self._image = replace(
+            self._image,
+            sequence=(self._image.sequence + 1) % 0x10000,
+            code=code,
+            recipe=recipe,
+            serial=serial,
+            parameters=tuple(parameters),
+        )
+        return self.cycle()
+
+    def wait_for_result(self, timeout: float, watch: Callable[[ReportImage], None] | None = None) -> ReportImage:
+        """Wait until the last command has ended and return the report of that moment.
+
+        Args:
+            timeout: Longest wait, s.
+            watch: Given every report until then.
+
+        Raises:
+            CellSilentError: No result in time, or the connection is lost.
+        """
+        deadline = self._now() + timeout
+        while True:
+            report = self.cycle()
+            if watch is not None:
+                watch(report)
+            if report.sequence == self._image.sequence and report.result != Result.NONE:
+                return report
+            if report.answered == self._image.sequence and report.refusal:
+                return report
+            if self._now() > deadline:
+                raise CellSilentError(f"{self._where}: no result of command {self._image.sequence} in {timeout:g} s")
+            self._wait(self._period)
+
+    def acknowledge(self) -> ReportImage:
+        """Tell the cell that the result of the last command has been read."""
+        self._image = replace(self._image, acknowledge=self._image.sequence)
+        return self.cycle()
+
+    def run(
+        self,
+        code: int,
+        recipe: int = 0,
+        serial: str = "",
+        parameters: Sequence[tuple[int, int]] = (),
+        *,
+        timeout: float,
+        watch: Callable[[ReportImage], None] | None = None,
+    ) -> ReportImage:
+        """Trigger, wait for the result, acknowledge it; return the report with the result or the refusal."""
+        self.trigger(code, recipe, serial, parameters)
+        report = self.wait_for_result(timeout, watch)
+        self.acknowledge()
+        return report
+
+    def stop(self) -> None:
+        """Stop the cell, whoever holds the lease."""
+        self._ask(lambda: self._client.write_coil(COILS["stop"], True))
+        self._ask(lambda: self._client.write_coil(COILS["stop"], False))
+
+    def abort(self) -> ReportImage:
+        """Abort what runs, whoever holds the lease."""
+        return self.trigger(Control.ABORT)
+
+    def reset(self, timeout: float) -> ReportImage:
+        """Reset the cell after a stop or a fault."""
+        return self.run(Control.RESET, timeout=timeout)
+
+    def _read(self, address: int, count: int) -> list[int]:
+        answer = self._ask(lambda: self._client.read_input_registers(address, count=count))
+        return list(answer.registers)
+
+    def _ask(self, request: Callable[[], ModbusPDU]) -> ModbusPDU:
+        if not self._client.connected:
+            raise CellSilentError(f"{self._where}: the connection is lost")
+        try:
+            answer = request()
+        except (ModbusException, OSError) as error:
+            self._client.close()
+            raise CellSilentError(f"{self._where}: {error}".replace("\n", " ")) from error
+        if answer.isError():
+            raise CellSilentError(
+                f"{self._where}: exception {answer.exception_code}; is this a cell of the same version?"
+            )
+        return answer

@@ -1,0 +1,365 @@
+"""THE register map: every word and bit that a PLC sees, its scale and its meaning.
+
+Addresses are zero-based protocol addresses; values wider than a word and strings are big-endian: the high word,
+the high byte first. A value is the raw integer times `scale`, in `unit`.
+
+The command block is written by the PLC, best in one FC16 request. Every connection has its own, so that no client
+can disturb another's. The report and the diagnostics are input registers and can be read at the same address plus
+`MIRROR` as holding registers too, for PLCs that know only FC3.
+"""
+
+import csv
+import io
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
+from typing import Literal
+
+from plc_bridge.messages import FIRST_PROGRAM, Control, LeaseState, Refusal, Result
+
+VERSION_MAJOR = 1
+VERSION_MINOR = 0
+VERSION = VERSION_MAJOR * 256 + VERSION_MINOR
+
+MIRROR = 1000
+"""Offset of the holding registers that repeat the input registers."""
+STAGES = 6
+"""Stages whose times the report can hold."""
+PARAMETERS = 8
+"""Parameters that a command can carry."""
+
+Table = Literal["holding", "input", "coil", "discrete"]
+Kind = Literal["u16", "u32", "i16", "i32", "string", "bool"]
+Value = int | float | str
+
+
+class Lease:
+    """Values of `command_lease`."""
+
+    NONE = 0
+    TAKE = 1
+    TAKE_FOR_HOST = 2
+    RELEASE = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Register:
+    """One entry of the map."""
+
+    name: str
+    table: Table
+    address: int
+    words: int
+    type: Kind
+    scale: float
+    unit: str
+    access: Literal["r", "rw"]
+    meaning: str
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """One numbered parameter of the commands; `cell` names them, the bridge enforces their limits."""
+
+    name: str
+    unit: str
+    scale: float
+    """Value of one count."""
+    low: float
+    high: float
+    meaning: str
+
+
+@dataclass(frozen=True, slots=True)
+class CommandImage:
+    """The command block as values; `parameters` has the raw count of each one given, by number from 0."""
+
+    life: int = 0
+    sequence: int = 0
+    code: int = 0
+    recipe: int = 0
+    acknowledge: int = 0
+    lease: int = 0
+    version: int = 0
+    serial: str = ""
+    parameters: tuple[tuple[int, int], ...] = ()
+    life_tail: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class ReportImage:
+    """The report block as values, as one reader sees it."""
+
+    life: int = 0
+    version: int = VERSION
+    sequence: int = 0
+    answered: int = 0
+    refusal: int = 0
+    result: int = 0
+    state: int = 0
+    fault: int = 0
+    stage: int = 0
+    reason: int = 0
+    progress: int = 0
+    code: int = 0
+    run: int = 0
+    lease: int = 0
+    holder: str = ""
+    stage_times: tuple[float, ...] = (0.0,) * STAGES
+    total_time: float = 0.0
+    life_tail: int = 0
+
+
+@dataclass(slots=True)
+class Diagnostics:
+    """Counts since the start, as the diagnostics block shows them."""
+
+    requests: int = 0
+    exceptions: int = 0
+    malformed: int = 0
+    refusals: int = 0
+    torn: int = 0
+    lost: int = 0
+    connections: int = 0
+    accepted: int = 0
+    dropped: int = 0
+    forbidden: int = 0
+
+
+def _numbers(words: type[Result] | type[Refusal] | type[LeaseState]) -> str:
+    return ", ".join(f"{word.value} {word.name}" for word in words)
+
+
+def _codes(programs: Mapping[int, str]) -> str:
+    controls = {control.value: control.name for control in Control if control < FIRST_PROGRAM}
+    return ", ".join(f"{code} {name}" for code, name in sorted({**controls, **programs}.items()))
+
+
+class _Block:
+    """Lays registers one after the other."""
+
+    def __init__(self, table: Table, start: int, access: Literal["r", "rw"], prefix: str) -> None:
+        self._table: Table = table
+        self._next = start
+        self._access: Literal["r", "rw"] = access
+        self._prefix = prefix
+        self.registers: list[Register] = []
+
+    def add(self, name: str, kind: Kind, meaning: str, unit: str = "", scale: float = 1.0, words: int = 0) -> None:
+        """Append one entry; `words` is needed for strings only."""
+        words = words or (2 if kind in ("u32", "i32") else 1)
+        entry = Register(self._prefix + name, self._table, self._next, words, kind, scale, unit, self._access, meaning)
+        self.registers.append(entry)
+        self._next += words
+
+
+def _command_block(programs: Mapping[int, str], parameters: Sequence[Parameter]) -> list[Register]:
+    block = _Block("holding", 0, "rw", "command_")
+    block.add("life", "u16", "head life counter: change it in every cycle; a run stops when it stands still")
+    block.add("sequence", "u16", "count up by one to send a command; the first number after connecting is not run")
+    block.add("code", "u16", f"what to do: {_codes(programs)}")
+    block.add("recipe", "u16", "number of the recipe that a program shall use; 0 is the default")
+    block.add("acknowledge", "u16", "write report_sequence here once its result has been read")
+    block.add(
+        "lease",
+        "u16",
+        "0 no wish (a start takes a free lease), 1 take it whenever it is free, "
+        "2 the same for all connections of this host together, 3 release",
+    )
+    block.add("version", "u16", "256 * major + minor that the PLC was written for; another major is refused; 0 unsaid")
+    block.add("parameter_mask", "u16", "bit n - 1 set: parameter n is given; those not given keep their defaults")
+    block.add("serial", "string", "serial number of the part, ASCII, zero-padded; goes into the run's record", words=16)
+    for number in range(1, PARAMETERS + 1):
+        if number <= len(parameters):
+            spec = parameters[number - 1]
+            meaning = f"{spec.name}: {spec.meaning}; {spec.low:g} to {spec.high:g} {spec.unit}".rstrip()
+            block.add(f"parameter_{number}", "i32", meaning, spec.unit, spec.scale)
+        else:
+            block.add(f"parameter_{number}", "i32", "reserved; leave its mask bit 0")
+    block.add("life_tail", "u16", "equal to command_life when the block is whole; leave 0 for ever to do without")
+    return block.registers
+
+
+def _report_block() -> list[Register]:
+    block = _Block("input", 0, "r", "report_")
+    block.add("life", "u16", "head life counter: changes with every scan of the cell")
+    block.add("version", "u16", "256 * major + minor of this map")
+    block.add("sequence", "u16", "number of the command that report_result belongs to")
+    block.add("answered", "u16", "number of the last command that was accepted or refused: the answer to the sequence")
+    block.add("refusal", "u16", f"why report_answered was refused: {_numbers(Refusal)}")
+    block.add("result", "u16", f"how report_sequence ended, held until acknowledged: {_numbers(Result)}")
+    block.add("state", "u16", "PackML state number of the cell")
+    block.add("fault", "u16", "fault code, see `cell faults`; 0 is none")
+    block.add("stage", "u16", "number of the skill under way or reached last; 0 before the first")
+    block.add("reason", "u16", "reason of the outcome, by number")
+    block.add("progress", "u16", "how much of the run is done", unit="%")
+    block.add("code", "u16", "code of the command that report_sequence belongs to")
+    block.add("run", "u32", "number of the run in the journal")
+    block.add("lease", "u16", f"who may start: {_numbers(LeaseState)}")
+    block.add("holder", "string", "who holds the lease, ASCII, zero-padded", words=16)
+    for number in range(1, STAGES + 1):
+        block.add(f"stage_time_{number}", "u32", f"time spent in stage {number} of the run", unit="s", scale=0.001)
+    block.add("total_time", "u32", "time of the run that counts", unit="s", scale=0.001)
+    block.add("life_tail", "u16", "equal to report_life when the block was read whole")
+    return block.registers
+
+
+def _diagnostics_block() -> list[Register]:
+    block = _Block("input", 100, "r", "diagnostics_")
+    block.add("requests", "u32", "Modbus requests answered")
+    block.add("exceptions", "u32", "Modbus requests answered with an exception")
+    block.add("malformed", "u32", "connections closed because of a malformed frame")
+    block.add("refusals", "u32", "commands refused")
+    block.add("torn", "u32", "command blocks whose head and tail life counters differed")
+    block.add("lost", "u32", "runs stopped because the PLC fell silent")
+    block.add("connections", "u32", "connections open now")
+    block.add("accepted", "u32", "connections accepted")
+    block.add("dropped", "u32", "connections closed for being idle or to make room")
+    block.add("forbidden", "u32", "connections refused by the list of allowed addresses")
+    return block.registers
+
+
+def _bits() -> list[Register]:
+    coils = _Block("coil", 0, "rw", "")
+    coils.add("execute", "bool", "0 to 1 runs command_code as the next sequence number; 1 to 0 acknowledges its result")
+    coils.add("stop", "bool", "1 stops the cell, whoever holds the lease")
+    coils.add("reset", "bool", "0 to 1 resets the cell after a stop or a fault")
+    inputs = _Block("discrete", 0, "r", "")
+    inputs.add("busy", "bool", "the command is accepted and has not ended")
+    inputs.add("done", "bool", "the command ended in success; held until acknowledged")
+    inputs.add("error", "bool", "the command failed, met a fault or was refused; held until acknowledged")
+    inputs.add("command_aborted", "bool", "the command was stopped; held until acknowledged")
+    return [*coils.registers, *inputs.registers]
+
+
+def table(programs: Mapping[int, str] | None = None, parameters: Sequence[Parameter] = ()) -> tuple[Register, ...]:
+    """Return the whole map.
+
+    Args:
+        programs: Name of each program and skill by its command code.
+        parameters: What the numbered parameters mean, at most `PARAMETERS`.
+    """
+    return (*_command_block(programs or {}, parameters), *_report_block(), *_diagnostics_block(), *_bits())
+
+
+def as_json(registers: Sequence[Register]) -> str:
+    """Return the map as a JSON list of objects."""
+    return json.dumps([asdict(register) for register in registers], indent=2)
+
+
+def as_csv(registers: Sequence[Register]) -> str:
+    """Return the map as CSV with a heading."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, [column.name for column in fields(Register)], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(asdict(register) for register in registers)
+    return text.getvalue()
+
+
+def as_markdown(registers: Sequence[Register]) -> str:
+    """Return the map as a Markdown table below the rules that hold for all of it."""
+    columns = [column.name for column in fields(Register)]
+    lines = [
+        f"Register map {VERSION_MAJOR}.{VERSION_MINOR}. Addresses are zero-based; wide values and strings are "
+        "big-endian; value = raw integer x scale, in unit. Every connection has its own command block. Input "
+        f"registers can be read as holding registers too, {MIRROR} higher.",
+        "",
+        f"| {' | '.join(columns)} |",
+        f"|{' --- |' * len(columns)}",
+    ]
+    lines += [f"| {' | '.join(str(cell) for cell in asdict(register).values())} |" for register in registers]
+    return "\n".join(lines) + "\n"
+
+
+COMMAND = tuple(_command_block({}, ()))
+REPORT = tuple(_report_block())
+DIAGNOSTICS = tuple(_diagnostics_block())
+COMMAND_WORDS = sum(register.words for register in COMMAND)
+REPORT_WORDS = sum(register.words for register in REPORT)
+COILS = {register.name: register.address for register in _bits() if register.table == "coil"}
+DISCRETE_INPUTS = {register.name: register.address for register in _bits() if register.table == "discrete"}
+
+
+def pack(block: Sequence[Register], values: Mapping[str, Value]) -> list[int]:
+    """Return the words of `block`; values that do not fit are cut to what the register holds.
+
+    Args:
+        block: Registers without gaps, in the order of their addresses.
+        values: Value of each register in its unit; those left out are 0.
+    """
+    words: list[int] = []
+    for register in block:
+        value = values.get(register.name, "" if register.type == "string" else 0)
+        if isinstance(value, str):
+            data = value.encode("ascii", "replace")[: 2 * register.words].ljust(2 * register.words, b"\0")
+        else:
+            bits, is_signed = 16 * register.words, register.type.startswith("i")
+            low, high = (-(1 << bits - 1), (1 << bits - 1) - 1) if is_signed else (0, (1 << bits) - 1)
+            raw = min(max(round(value / register.scale), low), high)
+            data = raw.to_bytes(2 * register.words, "big", signed=is_signed)
+        words += [data[i] << 8 | data[i + 1] for i in range(0, len(data), 2)]
+    return words
+
+
+def unpack(block: Sequence[Register], words: Sequence[int]) -> dict[str, Value]:
+    """Return the value of each register of `block`, raw integers where the scale is 1."""
+    values: dict[str, Value] = {}
+    start = block[0].address
+    for register in block:
+        first = register.address - start
+        data = b"".join(word.to_bytes(2, "big") for word in words[first : first + register.words])
+        if register.type == "string":
+            values[register.name] = data.rstrip(b"\0").decode("latin-1")
+        else:
+            raw = int.from_bytes(data, "big", signed=register.type.startswith("i"))
+            values[register.name] = raw if register.scale == 1.0 else raw * register.scale
+    return values
+
+
+def command_image(words: Sequence[int]) -> CommandImage:
+    """Return the command block in `words` as values."""
+    values = unpack(COMMAND, words)
+    mask = int(values["command_parameter_mask"])
+    given = tuple((n, int(values[f"command_parameter_{n + 1}"])) for n in range(16) if mask >> n & 1 and n < PARAMETERS)
+    if mask >> PARAMETERS:
+        given += ((PARAMETERS, 0),)
+    simple = ("life", "sequence", "code", "recipe", "acknowledge", "lease", "version", "life_tail")
+    numbers = {name: int(values[f"command_{name}"]) for name in simple}
+    return CommandImage(serial=str(values["command_serial"]), parameters=given, **numbers)
+
+
+def command_words(image: CommandImage) -> list[int]:
+    """Return the words of the command block."""
+    values: dict[str, Value] = {
+        f"command_{name}": value for name, value in asdict(image).items() if name != "parameters"
+    }
+    values["command_parameter_mask"] = sum(1 << number for number, _ in image.parameters)
+    values.update({f"command_parameter_{number + 1}": count for number, count in image.parameters})
+    return pack(COMMAND, values)
+
+
+def report_words(image: ReportImage) -> list[int]:
+    """Return the words of the report block."""
+    values: dict[str, Value] = {
+        f"report_{column.name}": getattr(image, column.name) for column in fields(image) if column.name != "stage_times"
+    }
+    values.update({f"report_stage_time_{n}": time for n, time in enumerate(image.stage_times, 1)})
+    return pack(REPORT, values)
+
+
+def report_image(words: Sequence[int]) -> ReportImage:
+    """Return the report block in `words` as values."""
+    values = unpack(REPORT, words)
+    times = tuple(float(values.pop(f"report_stage_time_{n}")) for n in range(1, STAGES + 1))
+    return ReportImage(stage_times=times, **{name.removeprefix("report_"): value for name, value in values.items()})  # type: ignore[arg-type]
+
+
+def diagnostics_words(counts: Diagnostics) -> list[int]:
+    """Return the words of the diagnostics block."""
+    return pack(DIAGNOSTICS, {f"diagnostics_{name}": value for name, value in asdict(counts).items()})
+
+
+def diagnostics_image(words: Sequence[int]) -> Diagnostics:
+    """Return the diagnostics block in `words` as values."""
+    values = unpack(DIAGNOSTICS, words)
+    return Diagnostics(**{name.removeprefix("diagnostics_"): int(value) for name, value in values.items()})
