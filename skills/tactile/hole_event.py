@@ -36,7 +36,7 @@ class HoleEvent:
     """Watches the average of all trusted taxels, frame by frame.
 
     Frames are compared over the taxels that are trusted in all of them, so that a taxel that drops out is no
-    fall. After an event the watch starts anew, and an event is reported once.
+    fall. An event is reported at the first frame that shows it; a sum starts anew after it.
     """
 
     def __init__(self, params: HoleEventParams) -> None:
@@ -44,6 +44,7 @@ class HoleEvent:
         self._params = params
         self._frames: deque[TaxelFrame] = deque(maxlen=max(params.memory, params.span) + 1)
         self._sum = 0.0
+        self._is_falling = False
         self.count = 0
         """Events so far."""
         self.stamp: float | None = None
@@ -52,9 +53,9 @@ class HoleEvent:
     def update(self, frame: TaxelFrame) -> bool:
         """Take a new frame; return whether it shows the peg falling."""
         self._frames.append(frame)
-        is_event = self._fall() > self._params.threshold
+        was_falling, self._is_falling = self._is_falling, self._fall() > self._params.threshold
+        is_event = self._is_falling and not was_falling
         if is_event:
-            self._frames.clear()
             self._sum = 0.0
             self.count += 1
             self.stamp = frame.stamp
