@@ -51,3 +51,10 @@ def rotation_about(axis: Vector, angle: float) -> Vector:
     K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     rotation: Vector = np.eye(3) + math.sin(angle) * K + (1.0 - math.cos(angle)) * (K @ K)
     return rotation
+
+
+def end_point(T_base_tcp: Pose, theta: float, length: float) -> tuple[Vector, Vector]:
+    """Return the peg's end point x_p, m, and its axis v, both shape (3,) in the base frame, [gibbons], Eq. (3)."""
+    c, s = math.cos(theta), math.sin(theta)
+    v: Vector = -c * T_base_tcp.rotation[:, 0] - s * T_base_tcp.rotation[:, 1]
+    return T_base_tcp.position - length * v, v

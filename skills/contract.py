@@ -8,7 +8,7 @@ from typing import NoReturn, Protocol
 
 import numpy as np
 
-from drivers.frames import peg_in_finger
+from drivers.frames import end_point
 from drivers.parts import ConfigModel, Job
 from drivers.protocols import Arm, Clock, Gripper, Skin, SuccessSwitch
 from drivers.quantities import (
@@ -195,7 +195,7 @@ class SkillContext:
             pose = self.estimator.estimate(frame)
             if pose.healthy:
                 self._peg = pose
-        tip_in_finger = peg_in_finger(self._peg.theta, self.job.peg.length)
+        tip, axis = end_point(arm.tcp, self._peg.theta, self.job.peg.length)
         return Observation(
             stamp=arm.stamp,
             arm=arm,
@@ -203,21 +203,22 @@ class SkillContext:
             frame=frame,
             is_new_frame=is_new_frame,
             peg=self._peg,
-            tip=arm.tcp.position + arm.tcp.rotation @ tip_in_finger.position,
-            axis=arm.tcp.rotation @ tip_in_finger.rotation[:, 2],
+            tip=tip,
+            axis=axis,
             switch=self.switch.read(),
         )
 
-    def scan(self, timeout: float) -> Iterator[Observation]:
+    def scan(self, timeout: float, holding: bool = False) -> Iterator[Observation]:
         """Yield one observation a scan until `timeout` seconds of running have passed; the only loop of a skill.
 
         A hold request halts the arm and stops the count of the timeout until it is taken back.
 
         Args:
             timeout: Longest time to go on, s; time on hold does not count.
+            holding: The hand must hold something all the while.
 
         Raises:
-            Interrupted: Stop request, force limit or workspace limit; the arm is halted.
+            Interrupted: Stop request, force limit, workspace limit or a lost grasp; the arm is halted.
             CellError: A device is silent, stopped or not to be believed.
         """
         left = timeout
@@ -230,6 +231,8 @@ class SkillContext:
             seen = self.observe()
             self._check(seen)
             self.record(seen, self.held)
+            if holding and not seen.gripper.is_gripping:
+                self._interrupt(Reason.LOST_GRASP)
             if request is Request.RUN:
                 yield seen
                 left -= self.scan_period

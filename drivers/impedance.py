@@ -1,0 +1,239 @@
+"""The impedance law at the peg's tip, [gibbons], Eq. (5)-(6): one law for hardware and stand-in; pure and compiled.
+
+It is evaluated at 1 kHz with x_p, v and J_p from the current joint positions and the held in-hand angle,
+so that only theta is as old as the last tactile frame. A setpoint crosses into the torque loop as a
+fixed block of words, `pack`, which a real-time process can read as well.
+
+Three places differ from the printed equations:
+- the orientation error is (v* x v)·phi / |v* x v|: with the printed order, -K e would turn the peg away from v*;
+- phi is atan2(|v x v*|, v·v*), exact near alignment;
+- damping acts on the tip's twist less the setpoint's, or the tip would lag by D·v/K along a path.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from drivers import panda
+from drivers.quantities import ImpedanceSetpoint, Vector
+
+WORDS = 51
+ID, TIP, AXIS, STIFFNESS, DAMPING, VALID_UNTIL = 0, 1, 4, 7, 13, 19
+HAS_HAND, THETA, LENGTH = 20, 21, 22
+HAS_ROLL, ROLL, TWIST, INTEGRAL_GAIN, INTEGRAL_LIMIT = 23, 24, 27, 33, 34
+HAS_POSTURE, POSTURE = 35, 36
+STAMP = 43
+
+STATE_WORDS = 16
+INTEGRAL, SEEN_ID, TORQUE, IS_HOLDING = 0, 3, 4, 11
+"""State of the law between steps: the integral's torque, the id it belongs to, the last torque, whether it holds still."""
+
+NULL_STIFFNESS = 10.0
+"""Of the null space towards the posture, N·m/rad."""
+NULL_DAMPING = 3.0
+"""Of the null space, N·m·s/rad."""
+
+_A, _D = panda.DH_A, panda.DH_D
+_COS_ALPHA, _SIN_ALPHA = np.cos(panda.DH_ALPHA), np.sin(panda.DH_ALPHA)
+_TURN_COS, _TURN_SIN = math.cos(panda.HAND_TURN), math.sin(panda.HAND_TURN)
+_REACH = panda.FLANGE_D + panda.FINGER_CENTRE
+_TORQUE_MAX = panda.TORQUE_MAX
+_RATE_MAX = panda.TORQUE_RATE_MAX
+
+
+def pack(setpoint: ImpedanceSetpoint, stamp: float) -> Vector:
+    """Return a setpoint as the words that the torque loop reads, shape (WORDS,); `stamp` is when it was handed over, s."""
+    words = np.zeros(WORDS)
+    words[ID] = setpoint.id
+    words[TIP : TIP + 3] = setpoint.tip
+    words[AXIS : AXIS + 3] = setpoint.axis
+    words[STIFFNESS : STIFFNESS + 6] = setpoint.stiffness
+    words[DAMPING : DAMPING + 6] = setpoint.damping
+    words[VALID_UNTIL] = setpoint.valid_until
+    if setpoint.in_hand is not None:
+        words[HAS_HAND] = 1.0
+        words[THETA] = setpoint.in_hand.theta
+        words[LENGTH] = setpoint.in_hand.length
+    if setpoint.roll is not None:
+        words[HAS_ROLL] = 1.0
+        words[ROLL : ROLL + 3] = setpoint.roll
+    if setpoint.twist is not None:
+        words[TWIST : TWIST + 3] = setpoint.twist.linear
+        words[TWIST + 3 : TWIST + 6] = setpoint.twist.angular
+    words[INTEGRAL_GAIN] = setpoint.integral_gain
+    words[INTEGRAL_LIMIT] = setpoint.integral_limit
+    if setpoint.posture is not None:
+        words[HAS_POSTURE] = 1.0
+        words[POSTURE : POSTURE + 7] = setpoint.posture
+    words[STAMP] = stamp
+    return words
+
+
+@njit(cache=True)
+def forward(q: Vector) -> tuple[Vector, Vector, Vector, Vector]:  # pragma: no cover
+    """Return the finger frame and the joints' axes, base frame.
+
+    Args:
+        q: Joint positions, shape (7,), rad.
+
+    Returns:
+        Position of the finger centre, shape (3,), m; its axes as columns, shape (3, 3), x out of the
+        hand, z along the closing axis; the joints' axes and origins, each shape (7, 3).
+    """
+    R = np.eye(3)
+    o = np.zeros(3)
+    axes = np.empty((7, 3))
+    origins = np.empty((7, 3))
+    S = np.empty((3, 3))
+    for i in range(7):
+        ca, sa = _COS_ALPHA[i], _SIN_ALPHA[i]
+        for k in range(3):
+            o[k] += R[k, 0] * _A[i] - R[k, 1] * sa * _D[i] + R[k, 2] * ca * _D[i]
+        c, s = math.cos(q[i]), math.sin(q[i])
+        for k in range(3):
+            r0, r1, r2 = R[k, 0], R[k, 1] * ca + R[k, 2] * sa, -R[k, 1] * sa + R[k, 2] * ca
+            S[k, 0], S[k, 1], S[k, 2] = r0 * c + r1 * s, r1 * c - r0 * s, r2
+        for k in range(3):
+            for j in range(3):
+                R[k, j] = S[k, j]
+            axes[i, k] = R[k, 2]
+            origins[i, k] = o[k]
+    finger = np.empty((3, 3))
+    position = np.empty(3)
+    for k in range(3):
+        position[k] = o[k] + _REACH * R[k, 2]
+        finger[k, 0] = R[k, 2]
+        finger[k, 1] = R[k, 0] * _TURN_COS + R[k, 1] * _TURN_SIN
+        finger[k, 2] = -R[k, 0] * _TURN_SIN + R[k, 1] * _TURN_COS
+    return position, finger, axes, origins
+
+
+@njit(cache=True)
+def _solve(A: Vector, b: Vector) -> Vector:  # pragma: no cover
+    """Solve a symmetric positive definite system in place, by Cholesky; A shape (n, n), b shape (n,)."""
+    n = b.shape[0]
+    for j in range(n):
+        for k in range(j):
+            A[j, j] -= A[j, k] * A[j, k]
+        A[j, j] = math.sqrt(A[j, j])
+        for i in range(j + 1, n):
+            for k in range(j):
+                A[i, j] -= A[i, k] * A[j, k]
+            A[i, j] /= A[j, j]
+    for i in range(n):
+        for k in range(i):
+            b[i] -= A[i, k] * b[k]
+        b[i] /= A[i, i]
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, n):
+            b[i] -= A[k, i] * b[k]
+        b[i] /= A[i, i]
+    return b
+
+
+@njit(cache=True)
+def torque(words: Vector, state: Vector, q: Vector, dq: Vector, now: float, period: float) -> Vector:  # pragma: no cover
+    """Return the joint torques of one control step, within the arm's limits of torque and torque rate.
+
+    Gravity and Coriolis torques are the robot controller's affair, as on the real arm.
+
+    Args:
+        words: The held setpoint, from `pack`; past its validity it is overwritten by "hold still here".
+        state: What the law remembers, shape (STATE_WORDS,), updated.
+        q: Joint positions, shape (7,), rad.
+        dq: Joint velocities, shape (7,), rad/s.
+        now: Time on the cell's clock, s.
+        period: Of the control loop, s.
+
+    Returns:
+        Torques, shape (7,), N·m.
+    """
+    position, finger, axes, origins = forward(q)
+    x, v = np.empty(3), np.empty(3)
+    if words[HAS_HAND] > 0.0:
+        c, s, length = math.cos(words[THETA]), math.sin(words[THETA]), words[LENGTH]
+    else:
+        c, s, length = 1.0, 0.0, 0.0
+    for k in range(3):
+        v[k] = -(finger[k, 0] * c + finger[k, 1] * s)
+        x[k] = position[k] - length * v[k]
+
+    if now > words[VALID_UNTIL] and state[IS_HOLDING] == 0.0:
+        state[IS_HOLDING] = 1.0
+        for k in range(3):
+            words[TIP + k], words[AXIS + k] = x[k], v[k]
+            words[TWIST + k] = words[TWIST + 3 + k] = 0.0
+            state[INTEGRAL + k] = 0.0
+            words[ROLL + k] = finger[k, 2]
+    if words[ID] != state[SEEN_ID]:
+        state[SEEN_ID] = words[ID]
+        for k in range(3):
+            state[INTEGRAL + k] = 0.0
+
+    J = np.empty((6, 7))
+    twist = np.zeros(6)
+    for i in range(7):
+        rx, ry, rz = x[0] - origins[i, 0], x[1] - origins[i, 1], x[2] - origins[i, 2]
+        ax, ay, az = axes[i, 0], axes[i, 1], axes[i, 2]
+        J[0, i], J[1, i], J[2, i] = ay * rz - az * ry, az * rx - ax * rz, ax * ry - ay * rx
+        J[3, i], J[4, i], J[5, i] = ax, ay, az
+        for k in range(6):
+            twist[k] += J[k, i] * dq[i]
+
+    # Orientation: turn v into v*, and about v the closing axis towards its setpoint.
+    turn = np.zeros(3)
+    wx = v[1] * words[AXIS + 2] - v[2] * words[AXIS + 1]
+    wy = v[2] * words[AXIS] - v[0] * words[AXIS + 2]
+    wz = v[0] * words[AXIS + 1] - v[1] * words[AXIS]
+    sine = math.sqrt(wx * wx + wy * wy + wz * wz)
+    cosine = v[0] * words[AXIS] + v[1] * words[AXIS + 1] + v[2] * words[AXIS + 2]
+    if sine > 1e-9:
+        scale = math.atan2(sine, cosine) / sine
+        turn[0], turn[1], turn[2] = wx * scale, wy * scale, wz * scale
+    if words[HAS_ROLL] > 0.0:
+        along = v[0] * words[ROLL] + v[1] * words[ROLL + 1] + v[2] * words[ROLL + 2]
+        gx, gy, gz = words[ROLL] - along * v[0], words[ROLL + 1] - along * v[1], words[ROLL + 2] - along * v[2]
+        zx, zy, zz = finger[0, 2], finger[1, 2], finger[2, 2]
+        up = v[0] * (zy * gz - zz * gy) + v[1] * (zz * gx - zx * gz) + v[2] * (zx * gy - zy * gx)
+        roll = math.atan2(up, zx * gx + zy * gy + zz * gz)
+        for k in range(3):
+            turn[k] += roll * v[k]
+
+    wrench = np.empty(6)
+    for k in range(3):
+        wrench[k] = words[STIFFNESS + k] * (words[TIP + k] - x[k])
+        limit = words[INTEGRAL_LIMIT]
+        state[INTEGRAL + k] = min(max(state[INTEGRAL + k] + words[INTEGRAL_GAIN] * turn[k] * period, -limit), limit)
+        wrench[3 + k] = words[STIFFNESS + 3 + k] * turn[k] + state[INTEGRAL + k]
+    for k in range(6):
+        wrench[k] -= words[DAMPING + k] * (twist[k] - words[TWIST + k])
+
+    # Null space: posture and damping, less what of it would move the tip (projection by J's pseudo-inverse).
+    null = np.empty(7)
+    for i in range(7):
+        null[i] = -NULL_DAMPING * dq[i]
+        if words[HAS_POSTURE] > 0.0:
+            null[i] += NULL_STIFFNESS * (words[POSTURE + i] - q[i])
+    A = np.empty((6, 6))
+    b = np.zeros(6)
+    for k in range(6):
+        for j in range(6):
+            A[k, j] = 0.0
+            for i in range(7):
+                A[k, j] += J[k, i] * J[j, i]
+        A[k, k] += 1e-4
+        for i in range(7):
+            b[k] += J[k, i] * null[i]
+    _solve(A, b)
+    tau = np.empty(7)
+    step = _RATE_MAX * period
+    for i in range(7):
+        t = null[i]
+        for k in range(6):
+            t += J[k, i] * (wrench[k] - b[k])
+        last = state[TORQUE + i]
+        t = min(max(t, last - step), last + step)
+        tau[i] = min(max(t, -_TORQUE_MAX[i]), _TORQUE_MAX[i])
+        state[TORQUE + i] = tau[i]
+    return tau

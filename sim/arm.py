@@ -1,0 +1,63 @@
+"""The simulated Panda as an Arm."""
+
+import math
+
+import numpy as np
+
+from drivers import impedance
+from drivers.quantities import ArmState, ImpedanceSetpoint, Wrench
+from sim.world import World
+
+HALT_DAMPING = np.array([60.0, 60.0, 60.0, 4.0, 4.0, 4.0])
+HALT_STIFFNESS = np.array([400.0, 400.0, 400.0, 20.0, 20.0, 20.0])
+"""While holding still: compliant, N/m and N·m/rad, N·s/m and N·m·s/rad."""
+
+
+class SimArm:
+    """Runs the impedance law inside the world's own loop, at the arm's control rate."""
+
+    def __init__(self, world: World) -> None:
+        """Attach to the world that carries the arm."""
+        self._world = world
+
+    def open(self) -> None:
+        """Hold still where the arm stands."""
+        self.halt()
+
+    def close(self) -> None:
+        """Hold still."""
+        self.halt()
+
+    def follow(self, setpoint: ImpedanceSetpoint) -> None:
+        """Hold `setpoint` until the next one or until its validity ends."""
+        words = self._world.words
+        words[:] = impedance.pack(setpoint, self._world.now())
+        self._world.law_state[impedance.IS_HOLDING] = 0.0
+
+    def halt(self) -> None:
+        """Hold still where the arm is, compliant."""
+        words = self._world.words
+        words[impedance.STIFFNESS : impedance.STIFFNESS + 6] = HALT_STIFFNESS
+        words[impedance.DAMPING : impedance.DAMPING + 6] = HALT_DAMPING
+        words[impedance.HAS_ROLL] = 1.0
+        words[impedance.INTEGRAL_GAIN] = 0.0
+        words[impedance.VALID_UNTIL] = -math.inf
+        self._world.law_state[impedance.IS_HOLDING] = 0.0
+
+    def reset(self) -> None:
+        """Hold still; the simulated arm has no reflexes."""
+        self.halt()
+
+    def read(self) -> ArmState:
+        """Return the state now; the external wrench is the plates' force on the peg, exact but for a 5 ms low-pass."""
+        world = self._world
+        now = world.now()
+        words = world.words
+        return ArmState(
+            stamp=now,
+            q=world.q.copy(),
+            dq=world.dq.copy(),
+            tcp=world.tcp(),
+            wrench=Wrench(world.contact_force(), world.contact_torque()),
+            setpoint_age=now - words[impedance.STAMP] if words[impedance.VALID_UNTIL] >= now else math.inf,
+        )

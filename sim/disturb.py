@@ -1,0 +1,47 @@
+"""What differs from trial to trial: drawn from the trial's seed, and nothing else is."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drivers.parts import Job
+from drivers.quantities import Vector
+from sim.world_config import ContactConfig, GripConfig, Spread
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Draw:
+    """One trial's world."""
+
+    hole: Vector
+    """Middle of the hole's mouth, shape (3,), m, base frame."""
+    tilt_direction: float
+    """Azimuth towards which the plate's normal leans, rad."""
+    friction: float
+    """Coulomb coefficient between peg and plate."""
+    pad_friction: float
+    """Coulomb coefficient between peg and pads."""
+    grasp_angle: float
+    """In-hand angle at which the peg is found in the rack, rad."""
+    skin: np.random.Generator
+    """For the skin's gains, dead taxels and noise."""
+
+
+def draw(job: Job, contact: ContactConfig, grip: GripConfig, seed: int) -> Draw:
+    """Return the world of the trial with this seed; independent streams, so that no draw shifts another."""
+    place, feel, skin = np.random.SeedSequence(seed).spawn(3)
+    where, how = np.random.default_rng(place), np.random.default_rng(feel)
+    half = np.array([*job.hole.area, 0.0]) / 2
+    return Draw(
+        hole=np.array(job.hole.centre) + where.uniform(-half, half),
+        tilt_direction=float(where.uniform(-np.pi, np.pi)),
+        friction=_one(contact.friction, how),
+        pad_friction=_one(grip.friction, how),
+        grasp_angle=float(how.uniform(-grip.angle, grip.angle)),
+        skin=np.random.default_rng(skin),
+    )
+
+
+def _one(spread: Spread, rng: np.random.Generator) -> float:
+    low, high = spread if isinstance(spread, tuple) else (spread, spread)
+    return float(rng.uniform(low, high))

@@ -1,0 +1,45 @@
+"""The simulated hand as a Gripper."""
+
+from drivers.quantities import GripperState
+from sim import engine
+from sim.world import World
+
+GRIPPING_SHARE = 0.5
+"""Both pads must carry this share of the set force to count as gripping."""
+POSITION_TOLERANCE = 1e-3
+"""The hand has arrived when it is this close to the commanded width, m."""
+
+
+class SimGripper:
+    """Two fingers moved by one drive."""
+
+    def __init__(self, world: World) -> None:
+        """Attach to the world that carries the hand."""
+        self._world = world
+
+    def open(self) -> None:
+        """Nothing to connect."""
+
+    def close(self) -> None:
+        """Keep what is held: an opening hand would drop the peg."""
+
+    def grip(self, force: float) -> None:
+        """Close until `force`, N, is held or the fingers meet."""
+        self._world.drive[engine.DRIVE_FORCE] = force
+
+    def release(self, width: float) -> None:
+        """Open to `width`, m."""
+        self._world.drive[engine.DRIVE_FORCE] = 0.0
+        self._world.drive[engine.DRIVE_WIDTH] = width
+
+    def read(self) -> GripperState:
+        """Return the newest state."""
+        world = self._world
+        width = world.finger_gap()
+        force = world.finger_force
+        is_gripping = force > 0.0 and world.pad_force() > GRIPPING_SHARE * force
+        if force > 0.0:
+            is_moving = not is_gripping and width > POSITION_TOLERANCE
+        else:
+            is_moving = abs(width - world.finger_width) > POSITION_TOLERANCE
+        return GripperState(width=width, is_gripping=is_gripping, is_moving=is_moving)

@@ -1,0 +1,97 @@
+"""Reach into MuJoCo's structs from compiled code: where the arrays are, and how to follow a pointer.
+
+Numba's cache on disk does not notice a changed constant of another package, so the byte offsets are
+literals of this file, good for one release of MuJoCo, and proved against the running library on import.
+"""
+
+import ctypes
+from pathlib import Path
+
+import llvmlite.binding
+import mujoco
+import numpy as np
+from numba import carray, njit, types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+MUJOCO_VERSION = "3.17.0"
+
+MODEL_GEOM_USER = 2616
+MODEL_GEOM_SIZE = 2528
+MODEL_GEOM_BODYID = 2448
+MODEL_BODY_ROOTID = 1816
+DATA_GEOM_XPOS = 160896
+DATA_GEOM_XMAT = 160904
+DATA_CVEL = 161256
+DATA_SUBTREE_COM = 160912
+DATA_USERDATA = 160792
+DATA_NCON = 160560
+DATA_CONTACT = 161472
+DATA_EFC_FORCE = 162080
+CONTACT_WORDS = 66
+CONTACT_BYTES = 584
+CONTACT_GEOM1 = 532
+CONTACT_EFC_ADDRESS = 576
+"""66 doubles (dist, pos, frame, includemargin, friction, solref, solreffriction, solimp, adhesion, mu, H), then 13 ints and padding."""
+
+_PROBE = """<mujoco><size nuser_geom="8" nuserdata="8"/><worldbody><geom type="ellipsoid" size="1 1 1"/>
+<body><freejoint/><geom type="cylinder" size=".1 .1"/></body></worldbody></mujoco>"""
+
+
+def library_path() -> Path:
+    """Return the MuJoCo library that the Python package has loaded."""
+    return next(Path(mujoco.__file__).parent.glob("libmujoco.so*"))
+
+
+def verify_layout() -> None:
+    """Prove the offsets of this file against the loaded library.
+
+    Raises:
+        ImportError: Another release than the one this file was made for.
+    """
+    found = mujoco.mj_versionString()
+    if found != MUJOCO_VERSION:
+        raise ImportError(f"mujoco {found} found, {MUJOCO_VERSION} needed: the exact contacts rely on its memory layout")
+    model = mujoco.MjModel.from_xml_string(_PROBE)
+    data = mujoco.MjData(model)
+    expected = {
+        model._address + MODEL_GEOM_USER: model.geom_user,
+        model._address + MODEL_GEOM_SIZE: model.geom_size,
+        model._address + MODEL_GEOM_BODYID: model.geom_bodyid,
+        model._address + MODEL_BODY_ROOTID: model.body_rootid,
+        data._address + DATA_GEOM_XPOS: data.geom_xpos,
+        data._address + DATA_GEOM_XMAT: data.geom_xmat,
+        data._address + DATA_CVEL: data.cvel,
+        data._address + DATA_SUBTREE_COM: data.subtree_com,
+        data._address + DATA_USERDATA: data.userdata,
+    }
+    for address, array in expected.items():
+        if ctypes.c_uint64.from_address(address).value != array.ctypes.data:
+            raise ImportError(f"mujoco {found}: its structs are not laid out as in sim/native.py")
+    if data.contact.dist.strides != (CONTACT_BYTES,):
+        raise ImportError(f"mujoco {found}: a contact has {data.contact.dist.strides[0]} bytes, {CONTACT_BYTES} expected")
+
+
+@intrinsic
+def pointer(typingctx, address):  # type: ignore[no-untyped-def]
+    """Turn an integer address into a pointer, for `numba.carray`."""
+    signature = types.voidptr(address)
+
+    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        return builder.inttoptr(args[0], cgutils.voidptr_t)
+
+    return signature, codegen
+
+
+@njit(cache=True)
+def load(address):  # type: ignore[no-untyped-def]
+    """Return the pointer stored at an address, as an integer."""
+    return carray(pointer(address), (1,), np.int64)[0]
+
+
+verify_layout()
+llvmlite.binding.load_library_permanently(str(library_path()))
+add_contact = types.ExternalFunction("mj_addContact", types.int32(types.intp, types.intp, types.intp))
+step = types.ExternalFunction("mj_step", types.void(types.intp, types.intp))
+NUSERDATA = 96
+assert np.dtype(np.intp).itemsize == 8

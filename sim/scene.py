@@ -1,0 +1,133 @@
+"""The MuJoCo models of the cell: what can be touched, and nothing else.
+
+Two models share the arm. In `held` the peg hangs from the hand by a hinge about the closing axis, the
+model that [gibbons], Sec. II and Fig. 2, states; its friction follows from the pads. In `free` the peg is
+a body of its own, in the rack, between the fingers' pads or in the hole. Gravity is switched off and the
+peg's weight applied by hand: the arm's controller compensates the arm's own exactly.
+"""
+
+import math
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from drivers import panda
+from drivers.parts import Job
+from drivers.quantities import Vector
+from sim import contact, native, panda_inertia
+
+HINGE_RANGE = math.radians(100.0)
+"""Where the peg meets the palm: beyond it the grasp is lost."""
+RACK_CLEARANCE = 0.25e-3
+"""Radial, of a slot, m."""
+PAD_THICKNESS = 0.004
+"""Of the block that stands for a finger's rubber, towards the peg, m; how thick it is changes nothing."""
+FINGER_ARMATURE = 1.0
+"""Inertia of the hand's drive as felt at a finger, kg; not published, of the order of a geared motor's."""
+STIFFER = 1e-3
+"""MuJoCo regularises joint friction in proportion to its own estimate of inverse inertia, so that a stuck joint
+creeps; a thousandth of the estimate makes the creep a thousandth, and Newton's method bears it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plate:
+    """A plate with one hole as it really is."""
+
+    position: Vector
+    """Middle of the hole's mouth, shape (3,), m, base frame."""
+    rotation: Vector
+    """Axes of the plate, z outward, shape (3, 3)."""
+    radius: float
+    """m."""
+    depth: float
+    """Of the floor, m."""
+
+
+def held_model(job: Job, plate: Plate, friction: float, timestep: float) -> mujoco.MjModel:
+    """Return the arm with the peg on its hinge, above one plate."""
+    axis = -job.peg.length / 2 + job.peg.overhang / 2
+    # The peg's frame is that of `drivers.frames.peg_in_finger(0)`: x the closing axis, z from the tip to the finger.
+    peg = f"""<body name="peg" pos="0 0 {panda.FINGER_CENTRE}" quat="0 {math.sqrt(0.5)} {math.sqrt(0.5)} 0">
+      <joint name="pivot" type="hinge" axis="1 0 0" frictionloss="0.2" limited="true" range="{-HINGE_RANGE} {HINGE_RANGE}"
+        solreffriction="{2 * timestep} 1" solimpfriction="0.9999 0.9999 0.001 0.5 2"/>
+      {_peg_geom(job, axis)}</body>"""
+    hand_mass = panda_inertia.HAND_MASS + 2 * panda_inertia.FINGER_MASS
+    model = _compile(_plate("plate", plate, friction, timestep), _arm(timestep, hand_mass, peg), "", "disable", timestep)
+    model.dof_invweight0[model.joint("pivot").dofadr] *= STIFFER
+    return model
+
+
+def free_model(
+    job: Job,
+    plate: Plate,
+    rack: Plate,
+    friction: float,
+    pad_friction: float,
+    pad: tuple[float, float],
+    timestep: float,
+) -> mujoco.MjModel:
+    """Return the arm with two moving fingers, pads of length and width `pad`, and the peg as a body of its own."""
+    length, width = pad
+    fingers = ""
+    for name, sign in (("left", 1), ("right", -1)):
+        fingers += f"""<body name="{name}" pos="0 0 {panda.FINGER_CENTRE}">
+          <joint name="{name}" type="slide" axis="0 {sign} 0" limited="true" range="0 {panda.HAND_STROKE / 2}" armature="{FINGER_ARMATURE}"
+            solreflimit="{2 * timestep} 1" solimplimit="0.999 0.999 0.0005"/>
+          <inertial mass="{panda_inertia.FINGER_MASS}" pos="0 {sign * 0.01} 0" diaginertia="3e-6 3e-6 1e-6"/>
+          <geom name="{name}" type="box" size="{width / 2} {PAD_THICKNESS / 2} {length / 2}" pos="0 {sign * PAD_THICKNESS / 2} 0"
+            contype="2" conaffinity="0" friction="{pad_friction} 0.002 0.0001" priority="1" solref="{2 * timestep} 1" solimp="0.999 0.999 0.0005"/>
+        </body>"""
+    peg = f"""<body name="peg"><freejoint/>{_peg_geom(job, 0.0)}</body>"""
+    plates = _plate("plate", plate, friction, timestep) + _plate("rack", rack, friction, timestep)
+    extra = f'<equality><joint joint1="left" joint2="right" solref="{2 * timestep} 1" solimp="0.999 0.999 0.0005"/></equality>'
+    return _compile(plates, _arm(timestep, panda_inertia.HAND_MASS, fingers) + peg, extra, "enable", timestep)
+
+
+def _peg_geom(job: Job, axis: float) -> str:
+    half = (job.peg.length + job.peg.overhang) / 2
+    return (
+        f'<geom name="peg" type="cylinder" size="{job.peg.diameter / 2} {half}" pos="0 0 {axis}" mass="{job.peg.mass}" '
+        'contype="0" conaffinity="3" friction="0.01 0.002 0.0001"/>'
+    )
+
+
+def _plate(name: str, plate: Plate, friction: float, timestep: float) -> str:
+    user = " ".join(repr(float(u)) for u in contact.plate_user(plate.radius, plate.depth, friction, timestep))
+    quat = np.empty(4)
+    mujoco.mju_mat2Quat(quat, plate.rotation.flatten())
+    return (
+        f'<geom name="{name}" type="ellipsoid" size="0.1 0.1 0.1" pos="{_words(plate.position)}" quat="{_words(quat)}" '
+        f'contype="1" conaffinity="0" user="{user}"/>'
+    )
+
+
+def _arm(timestep: float, hand_mass: float, in_hand: str) -> str:
+    inner = f"""<body name="hand" pos="0 0 {panda.FLANGE_D}" euler="0 0 {panda.HAND_TURN}">
+      <inertial mass="{hand_mass}" pos="{_words(panda_inertia.HAND_COM)}" diaginertia="{_words(panda_inertia.HAND_INERTIA)}"/>
+      {in_hand}</body>"""
+    for i in range(panda.JOINTS - 1, -1, -1):
+        a, d, alpha = panda.DH_A[i], panda.DH_D[i], panda.DH_ALPHA[i]
+        mass, com, inertia = panda_inertia.LINKS[i]
+        inner = f"""<body name="link{i + 1}" pos="{a} {-d * math.sin(alpha)} {d * math.cos(alpha)}" euler="{alpha} 0 0">
+          <inertial mass="{mass}" pos="{_words(com)}" fullinertia="{_words(inertia)}"/>
+          <joint name="joint{i + 1}" type="hinge" axis="0 0 1" limited="true" range="{panda.Q_MIN[i]} {panda.Q_MAX[i]}"
+            frictionloss="{panda_inertia.JOINT_FRICTION[i]}" solreffriction="{2 * timestep} 1" solimpfriction="0.9999 0.9999 0.001 0.5 2"/>
+          {inner}</body>"""
+    return inner
+
+
+def _compile(plates: str, bodies: str, extra: str, islands: str, timestep: float) -> mujoco.MjModel:
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco model="cell">
+        <compiler angle="radian" autolimits="false"/>
+        <option timestep="{timestep}" gravity="0 0 0" cone="elliptic" impratio="10" solver="Newton" iterations="60" tolerance="1e-14" jacobian="dense">
+          <flag island="{islands}" autoreset="disable"/></option>
+        <size nuser_geom="{contact.USER}" nuserdata="{native.NUSERDATA}" memory="4M"/>
+        <worldbody>{plates}{bodies}</worldbody>{extra}</mujoco>"""
+    )
+    return model
+
+
+def _words(values: object) -> str:
+    return " ".join(repr(float(v)) for v in np.asarray(values).ravel())

@@ -1,0 +1,399 @@
+"""Owns model and data, steps the physics, and is the cell's Clock.
+
+The peg is at every time in one of three situations: a body of its own (`FREE`: in the rack, between the
+pads, in the hole), on the hinge of the hand (`HELD`), or out of play (`GONE`). The world passes from FREE to
+HELD when the pads hold the peg clear of the rack, and back when the fingers open; positions and velocities
+go along.
+"""
+
+import math
+import time
+from dataclasses import dataclass
+from enum import Enum
+
+import mujoco
+import numpy as np
+
+from drivers import frames, impedance, panda
+from drivers.errors import SimulationUnstableError
+from drivers.parts import Job
+from drivers.quantities import Pose, Vector
+from drivers.skin_layout import Layout, pad_size
+from sim import contact, engine, scene
+from sim.disturb import Draw, draw
+from sim.pads import PadLoad, breakaway_torque
+from sim.world_config import ContactConfig, GripConfig, SimConfig
+
+GRAVITY = 9.81
+HOME: Vector = np.array([-0.45, -0.2, 0.05, -2.45, 0.0, 2.25, 0.785])
+"""Where the arm waits: above the rack, hand down."""
+SETTLED_GRIP = 0.05
+"""The pads must have held the peg clear of the rack for so long before it is taken for held, s."""
+FLOOR_MARGIN = 0.5e-3
+"""The hole's floor lies so far below the depth at which the switch closes, m."""
+LOST_TURN = scene.HINGE_RANGE - math.radians(2.0)
+"""Hinge angle at which the peg meets the palm and drops out, rad."""
+VOID_PENETRATION = 10e-6
+VOID_SHARE = 0.2
+"""A trial is void when the peg penetrates by more than 10 um, or this share of the radial clearance, for longer than 2 ms."""
+
+
+class Peg(Enum):
+    """Where the peg is."""
+
+    FREE = "free"
+    HELD = "held"
+    GONE = "gone"
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """What no sensor tells: for records and tests, never for skills."""
+
+    stamp: float
+    peg: Peg
+    theta: float
+    """In-hand angle, rad; NaN when the peg is not held."""
+    tip: tuple[float, float, float]
+    """Middle of the peg's end face, m, base frame."""
+    hole: tuple[float, float, float]
+    """Middle of the hole's mouth, m, base frame."""
+    depth: float
+    """Of the tip below the hole's mouth along its axis, m; negative above."""
+    is_in_hole: bool
+    """The tip is below the surface and within the hole's radius of its axis."""
+    switch_closed: bool
+    peak_contact_force: float
+    """Largest net force of the plates on the peg, 5 ms low-pass, N."""
+    max_penetration: float
+    """Deepest that lasted longer than 2 ms, in a bore or at its rim, m."""
+    is_void: bool
+    max_in_hand_rotation: float
+    """Since the grasp, rad."""
+
+
+class World:
+    """One cell's physics."""
+
+    def __init__(self, sim: SimConfig, friction: ContactConfig, grip: GripConfig, layout: Layout, job: Job) -> None:
+        """Keep the configuration and build the scene of the first run; the skin's layout tells the pads' size."""
+        self._sim, self._contact, self._grip = sim, friction, grip
+        self._pad = pad_size(layout)
+        self._law_every = round(panda.CONTROL_PERIOD / sim.timestep)
+        self._ticks = 0
+        self._wall: float | None = None
+        self.words = np.zeros(impedance.WORDS)
+        self.law_state = np.zeros(impedance.STATE_WORDS)
+        self.drive = np.array([0.0, panda.HAND_STROKE])
+        self._held_since = 0.0
+        self._q, self._dq = HOME.copy(), np.zeros(7)
+        contact.install()
+        self.restock(job, sim.seed)
+
+    def restock(self, job: Job, seed: int) -> None:
+        """Stand a fresh peg in the rack and draw the trial's world from `seed`; the arm stays where it is."""
+        self.job, self.draw = job, draw(job, self._contact, self._grip, seed)
+        self._build(self.draw)
+        self.meters = engine.new_meters()
+        self._enter_free(width=self.finger_width, peg=self._racked())
+
+    def _build(self, drawn: Draw) -> None:
+        lean = frames.rotation_about(
+            np.array([-math.sin(drawn.tilt_direction), math.cos(drawn.tilt_direction), 0.0]), self.job.hole.tilt
+        )
+        hole, rack = self.job.hole, self.job.rack
+        self.plate = scene.Plate(drawn.hole, lean, hole.diameter / 2, hole.depth + FLOOR_MARGIN)
+        slot = np.array(rack.first) + np.array([0.0, rack.pitch * (self.job.slot % rack.slots), 0.0])
+        # The hand comes with its closing axis along y, so the slot leans about y.
+        self.rack = scene.Plate(
+            slot,
+            frames.rotation_about(np.array([0.0, 1.0, 0.0]), -drawn.grasp_angle),
+            self.job.peg.diameter / 2 + scene.RACK_CLEARANCE,
+            rack.depth,
+        )
+        dt = self._sim.timestep
+        self._models = {
+            Peg.HELD: scene.held_model(self.job, self.plate, drawn.friction, dt),
+            Peg.FREE: scene.free_model(self.job, self.plate, self.rack, drawn.friction, drawn.pad_friction, self._pad, dt),
+        }
+        self._datas = {which: mujoco.MjData(model) for which, model in self._models.items()}
+        body = self._models[Peg.HELD].body("peg")
+        self._pivot_dof = int(self._models[Peg.HELD].joint("pivot").dofadr[0])
+        self._weight = body.mass[0] * GRAVITY
+        self._half = (self.job.peg.length + self.job.peg.overhang) / 2
+
+    # The clock.
+
+    def now(self) -> float:
+        """Return the simulated time, s."""
+        return self._ticks * self._sim.timestep
+
+    def wait_until(self, stamp: float) -> None:
+        """Advance the physics to `stamp`; at a set pace also wait for the wall clock.
+
+        Raises:
+            SimulationUnstableError: The state is no longer finite.
+        """
+        steps = round((stamp - self.now()) / self._sim.timestep)
+        while steps > 0:
+            chunk = min(steps, self._law_every * 10)
+            self._advance(chunk)
+            steps -= chunk
+        if self._sim.pace != "max":
+            self._keep_pace(self._sim.pace)
+
+    def _keep_pace(self, pace: float) -> None:
+        now = time.monotonic()
+        if self._wall is None:
+            self._wall = now - self.now() / pace
+        behind = self._wall + self.now() / pace - now
+        if behind > 0.0:
+            time.sleep(behind)
+        else:
+            # Too slow for the pace: do not run after the lost time.
+            self._wall = now - self.now() / pace
+
+    # The physics.
+
+    def _advance(self, steps: int) -> None:
+        model, data = self._model, self._data
+        if self.peg is Peg.HELD:
+            model.dof_frictionloss[self._pivot_dof] = self.breakaway()
+        broken = engine.advance(
+            model._address,
+            data._address,
+            data.qpos,
+            data.qvel,
+            data.qfrc_applied,
+            self._pivot,
+            data.userdata,
+            self.words,
+            self.law_state,
+            self.meters,
+            self.drive,
+            7 if self.peg is Peg.HELD else -1,
+            1 if self.peg is Peg.HELD else 2,
+            self.now(),
+            self._sim.timestep,
+            steps,
+            self._law_every,
+            self._ticks % self._law_every,
+        )
+        self._ticks += steps
+        if broken:
+            raise SimulationUnstableError(
+                f"simulation at {self.now():.3f} s: state not finite (time step {self._sim.timestep} s); reduce gains or sim.timestep"
+            )
+        self._pass_on()
+
+    def _pass_on(self) -> None:
+        """Change the peg's situation when what happened asks for it."""
+        if self.peg is Peg.HELD:
+            if abs(self._data.qpos[7]) > LOST_TURN:
+                self._drop()
+            elif self.finger_force <= 0.0:
+                self._enter_free(width=self.job.peg.diameter, peg=self._peg_pose())
+        elif self.peg is Peg.FREE:
+            clear = self._lowest() > self.rack.position[2] + 1e-3
+            if clear and self.pad_force() > 0.5 * self.finger_force > 0.0:
+                if self.now() - self._held_since > SETTLED_GRIP:
+                    self._enter_held()
+            else:
+                self._held_since = self.now()
+
+    def _use(self, which: Peg) -> None:
+        self.peg = which
+        key = Peg.HELD if which is Peg.HELD else Peg.FREE
+        self._model, self._data = self._models[key], self._datas[key]
+        mujoco.mj_resetData(self._model, self._data)
+        self._data.qpos[:7], self._data.qvel[:7] = self._q, self._dq
+
+    def _leave(self) -> None:
+        self._q, self._dq = self._data.qpos[:7].copy(), self._data.qvel[:7].copy()
+
+    def _enter_free(self, width: float, peg: Pose) -> None:
+        if hasattr(self, "_data"):
+            self._leave()
+        self._use(Peg.FREE)
+        data = self._data
+        data.qpos[7] = data.qpos[8] = width / 2
+        data.qpos[9:12] = peg.position
+        quat = np.empty(4)
+        mujoco.mju_mat2Quat(quat, peg.rotation.flatten())
+        data.qpos[12:16] = quat
+        data.xfrc_applied[self._model.body("peg").id, 2] = -self._weight
+        self._finish()
+
+    def _enter_held(self) -> None:
+        T_base_tcp = self.tcp()
+        peg = self._peg_pose()
+        axis = T_base_tcp.rotation.T @ peg.rotation[:, 2]
+        theta = math.atan2(-axis[1], -axis[0])
+        # The nearest point of the peg's axis to the finger centre is where the pads hold it.
+        reach = float((T_base_tcp.position - peg.position) @ peg.rotation[:, 2]) + self._half
+        self._leave()
+        self._use(Peg.HELD)
+        self.peg_length = reach - self._grip.slip
+        geom = self._model.geom("peg")
+        geom.pos[2] = self._half - self.peg_length
+        self._model.body("peg").ipos[2] = geom.pos[2]
+        self._data.qpos[7] = theta
+        self._data.xfrc_applied[self._model.body("peg").id, 2] = -self._weight
+        self.meters[engine.TURN_FROM] = theta
+        self._finish()
+
+    def _drop(self) -> None:
+        """Take the peg out of play: it fell out of the hand."""
+        self._enter_free(width=self.job.peg.diameter, peg=Pose(np.array([0.0, 0.0, -1.0]), np.eye(3)))
+        self._data.xfrc_applied[self._model.body("peg").id, 2] = 0.0
+        self.peg = Peg.GONE
+
+    def _finish(self) -> None:
+        mujoco.mj_forward(self._model, self._data)
+        held = self.peg is Peg.HELD
+        body = self._model.body("peg" if held else "left").id
+        self._pivot = self._data.xpos[body]
+        self._peg_geom = int(self._model.geom("peg").id)
+        self._held_since = self.now()
+
+    # What devices and records ask.
+
+    @property
+    def q(self) -> Vector:
+        """Joint positions, shape (7,), rad."""
+        return self._data.qpos[:7]
+
+    @property
+    def dq(self) -> Vector:
+        """Joint velocities, shape (7,), rad/s."""
+        return self._data.qvel[:7]
+
+    def tcp(self) -> Pose:
+        """Return T_base_tcp from the arm's own kinematics."""
+        position, rotation, _, _ = impedance.forward(self._data.qpos[:7])
+        return Pose(position, rotation)
+
+    def finger_gap(self) -> float:
+        """Return the distance between the pads, m."""
+        if self.peg is Peg.HELD:
+            return self.job.peg.diameter
+        return float(self._data.qpos[7] + self._data.qpos[8])
+
+    @property
+    def finger_force(self) -> float:
+        """Closing force commanded, N; 0 opens to `finger_width`."""
+        return float(self.drive[engine.DRIVE_FORCE])
+
+    @property
+    def finger_width(self) -> float:
+        """Distance between the pads commanded when the hand opens, m."""
+        return float(self.drive[engine.DRIVE_WIDTH])
+
+    def pad_force(self) -> float:
+        """Return the smaller of the forces between the pads and the peg, N."""
+        if self.peg is Peg.HELD:
+            return self.finger_force
+        if self.peg is Peg.GONE:
+            return 0.0
+        sums = {"left": 0.0, "right": 0.0}
+        ids = {self._model.geom(name).id: name for name in sums}
+        wrench = np.empty(6)
+        for k, pair in enumerate(self._data.contact.geom):
+            for geom in pair:
+                if geom in ids:
+                    mujoco.mj_contactForce(self._model, self._data, k, wrench)
+                    sums[ids[geom]] += wrench[0]
+        return min(sums.values())
+
+    def breakaway(self) -> float:
+        """Return the torque at which the pivot slips, N·m."""
+        length, width = self._pad
+        return breakaway_torque(self._pad_load(), self.draw.pad_friction, length, width)
+
+    def pad_load(self) -> PadLoad | None:
+        """Return what the pads hold now; None when nothing is between them."""
+        if self.peg is Peg.HELD or (self.peg is Peg.FREE and self.pad_force() > 0.0):
+            return self._pad_load()
+        return None
+
+    def _pad_load(self) -> PadLoad:
+        """Return the load of the pads: grip, and the reaction of what pushes the held peg; its inertia is too small to count."""
+        tcp, pose = self.tcp(), self._peg_pose()
+        axis = tcp.rotation.T @ pose.rotation[:, 2]
+        theta = math.atan2(-axis[1], -axis[0])
+        way = pose.position - tcp.position
+        lateral = tcp.rotation @ np.array([-math.sin(theta), math.cos(theta), 0.0])
+        closing = tcp.rotation[:, 2]
+        reach = self._half - float(way @ pose.rotation[:, 2])
+        return PadLoad(
+            theta=theta,
+            offset=float(way @ lateral),
+            grip_force=self.pad_force(),
+            across=float(self.contact_force() @ closing),
+            # A force f along z at the lever s along the peg gives s·f about (z × peg), with the sign turned.
+            tilting=-float(self.contact_torque() @ lateral),
+            reach_tip=reach,
+            reach_back=2 * self._half - reach,
+            diameter=self.job.peg.diameter,
+        )
+
+    def contact_force(self) -> Vector:
+        """Return the net force of the plates on the held peg, 5 ms low-pass, shape (3,), N, base frame."""
+        if self.peg is not Peg.HELD:
+            return np.zeros(3)
+        return self.meters[engine.FORCE : engine.FORCE + 3].copy()
+
+    def contact_torque(self) -> Vector:
+        """Return its torque about the finger centre, shape (3,), N·m, base frame."""
+        if self.peg is not Peg.HELD:
+            return np.zeros(3)
+        return self.meters[engine.TORQUE : engine.TORQUE + 3].copy()
+
+    def is_switch_pressed(self) -> bool:
+        """Whether the peg's end presses the switch."""
+        depth, in_hole = self._depth()
+        return in_hole and depth >= self.job.hole.depth
+
+    def truth(self) -> Truth:
+        """Return what no sensor tells."""
+        depth, in_hole = self._depth()
+        tip = self._end()
+        clearance = (self.job.hole.diameter - self.job.peg.diameter) / 2
+        lasting = float(self.meters[engine.SUSTAINED])
+        return Truth(
+            stamp=self.now(),
+            peg=self.peg,
+            theta=float(self._data.qpos[7]) if self.peg is Peg.HELD else math.nan,
+            tip=(float(tip[0]), float(tip[1]), float(tip[2])),
+            hole=(float(self.plate.position[0]), float(self.plate.position[1]), float(self.plate.position[2])),
+            depth=depth,
+            is_in_hole=in_hole,
+            switch_closed=self.is_switch_pressed(),
+            peak_contact_force=float(self.meters[engine.PEAK_FORCE]),
+            max_penetration=lasting,
+            is_void=lasting > min(VOID_PENETRATION, VOID_SHARE * clearance),
+            max_in_hand_rotation=float(self.meters[engine.TURN_MAX]),
+        )
+
+    def _racked(self) -> Pose:
+        up = self.rack.rotation[:, 2]
+        return Pose(self.rack.position + up * (self._half - self.job.rack.depth), self.rack.rotation)
+
+    def _peg_pose(self) -> Pose:
+        """Return the pose of the peg's middle, z from its end upward."""
+        return Pose(
+            self._data.geom_xpos[self._peg_geom].copy(), self._data.geom_xmat[self._peg_geom].reshape(3, 3).copy()
+        )
+
+    def _end(self) -> Vector:
+        pose = self._peg_pose()
+        end: Vector = pose.position - self._half * pose.rotation[:, 2]
+        return end
+
+    def _lowest(self) -> float:
+        axis = self._peg_pose().rotation[:, 2]
+        return float(self._end()[2] - self.job.peg.diameter / 2 * math.hypot(axis[0], axis[1]))
+
+    def _depth(self) -> tuple[float, bool]:
+        inside = self.plate.rotation.T @ (self._end() - self.plate.position)
+        return float(-inside[2]), bool(inside[2] < 0.0 and math.hypot(inside[0], inside[1]) < self.plate.radius)

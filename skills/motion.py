@@ -1,0 +1,145 @@
+"""Setpoints and free-space moves that the skills share."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from pydantic import PositiveFloat
+
+from drivers.frames import UP, angle_between, rotation_about
+from drivers.parts import ConfigModel
+from drivers.quantities import ImpedanceSetpoint, InHandTip, Twist, Vector
+from skills.contract import Observation, SkillContext
+
+VALIDITY = 0.1
+"""A setpoint outlives this many seconds without a new one, then the arm holds still."""
+
+
+class Gains(ConfigModel):
+    """How stiffly the arm follows."""
+
+    translation: PositiveFloat
+    """N/m."""
+    rotation: PositiveFloat
+    """N·m/rad."""
+    translation_damping: PositiveFloat
+    """N·s/m."""
+    rotation_damping: PositiveFloat
+    """N·m·s/rad."""
+
+    def stiffness(self) -> Vector:
+        """Return the stiffness, shape (6,)."""
+        return np.array([self.translation] * 3 + [self.rotation] * 3)
+
+    def damping(self) -> Vector:
+        """Return the damping, shape (6,)."""
+        return np.array([self.translation_damping] * 3 + [self.rotation_damping] * 3)
+
+
+class Transfer(ConfigModel):
+    """How the arm moves through free space."""
+
+    gains: Gains
+    speed: PositiveFloat
+    """Largest speed of the tip, m/s."""
+    turn_speed: PositiveFloat
+    """Largest turning rate, rad/s."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Goal:
+    """Where the controlled point shall be, and how the peg and the closing axis shall point."""
+
+    tip: Vector
+    axis: Vector
+    roll: Vector
+
+
+def minimum_jerk(share: float) -> tuple[float, float]:
+    """Return position and rate, both per whole move, after a share of its time: 10 s^3 - 15 s^4 + 6 s^5 (Flash and Hogan)."""
+    s = min(max(share, 0.0), 1.0)
+    return s**3 * (10.0 - 15.0 * s + 6.0 * s * s), 30.0 * s * s * (1.0 - s) ** 2
+
+
+def move(goal: Goal, transfer: Transfer, ctx: SkillContext, in_hand: InHandTip | None, settle: float = 0.3) -> Iterator[Observation]:
+    """Move the tip straight to `goal`, turning on the way, and yield every scan until it has settled there.
+
+    The setpoint follows a minimum-jerk profile whose peak keeps to the transfer's speeds, with its twist fed
+    forward.
+
+    Args:
+        goal: Where to.
+        transfer: How fast and how stiffly.
+        ctx: The skill's context.
+        in_hand: The peg as it is held, or None for the empty hand.
+        settle: Time allowed to settle at the end, s.
+    """
+    first = ctx.observe()
+    if in_hand is None:
+        tip, axis = first.arm.tcp.position, -first.arm.tcp.rotation[:, 0]
+    else:
+        tip, axis = first.tip, first.axis
+    roll = first.arm.tcp.rotation[:, 2]
+    way = goal.tip - tip
+    swing_axis, swing = _turn_between(axis, goal.axis)
+    carried = rotation_about(swing_axis, swing) @ roll
+    twist = math.atan2(float(goal.axis @ np.cross(carried, goal.roll)), float(carried @ goal.roll))
+    peak = 1.875
+    duration = max(
+        peak * float(np.linalg.norm(way)) / transfer.speed, peak * (swing + abs(twist)) / transfer.turn_speed, 0.2
+    )
+    identity = ctx.new_id()
+    started = first.stamp
+    stiffness, damping = transfer.gains.stiffness(), transfer.gains.damping()
+    for seen in ctx.scan(duration + settle):
+        share, rate = minimum_jerk((seen.stamp - started) / duration)
+        turned = rotation_about(swing_axis, swing * share)
+        axis_now = turned @ axis
+        roll_now = rotation_about(axis_now, twist * share) @ turned @ roll
+        omega = swing_axis * (swing * rate / duration) + axis_now * (twist * rate / duration)
+        ctx.follow(
+            ImpedanceSetpoint(
+                id=identity,
+                tip=tip + way * share,
+                axis=axis_now,
+                roll=roll_now,
+                stiffness=stiffness,
+                damping=damping,
+                valid_until=seen.stamp + VALIDITY,
+                in_hand=in_hand,
+                twist=Twist(way * (rate / duration), omega),
+            )
+        )
+        yield seen
+
+
+def _turn_between(a: Vector, b: Vector) -> tuple[Vector, float]:
+    cross = np.cross(a, b)
+    size = float(np.linalg.norm(cross))
+    if size < 1e-9:
+        other = np.cross(a, UP) if abs(a[2]) < 0.9 else np.cross(a, np.array([1.0, 0.0, 0.0]))
+        return other / np.linalg.norm(other), angle_between(a, b)
+    return cross / size, angle_between(a, b)
+
+
+def tilted(direction: float, tilt: float) -> tuple[Vector, Vector]:
+    """Return the peg's axis leaning by `tilt` towards the azimuth `direction`, and the closing axis in the plane of the tilt.
+
+    The closing axis then has a component along the surface's normal: the back of a finger faces the surface,
+    [gibbons], Sec. IV.
+
+    Args:
+        direction: Azimuth that the peg's upper end leans to, rad.
+        tilt: Angle to the vertical, rad.
+    """
+    lean = np.array([math.cos(direction), math.sin(direction), 0.0])
+    axis = math.sin(tilt) * lean + math.cos(tilt) * UP
+    closing = math.cos(tilt) * lean - math.sin(tilt) * UP
+    return axis, closing
+
+
+def stay(ctx: SkillContext, stamp: float) -> None:
+    """Keep the held setpoint alive, at rest."""
+    if ctx.held is not None:
+        ctx.follow(replace(ctx.held, valid_until=stamp + VALIDITY, twist=None))

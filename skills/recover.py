@@ -1,0 +1,57 @@
+"""Free hand and arm after a failure: draw up, drop what is held into the reject bin, come back above the rack."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from drivers.frames import UP
+from drivers.parts import Point
+from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillResult
+from skills.motion import Goal, Transfer, move, stay
+
+
+class RecoverParams(SkillParams):
+    """How to come back."""
+
+    transfer: Transfer
+    height: Annotated[float, Field(gt=0.0, le=0.3)]
+    """How far to draw up first, m."""
+    bin: Point
+    """Above the reject bin, m, base frame."""
+    opening: Annotated[float, Field(gt=0.0, le=0.08)]
+    """Distance between the pads, m."""
+    opening_time: Annotated[float, Field(gt=0.0, le=10.0)]
+    """Longest time for the fingers to open, s."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecoverResult(SkillResult):
+    """Whether a peg was dropped."""
+
+    dropped: bool
+
+
+def run(params: RecoverParams, ctx: SkillContext) -> RecoverResult:
+    """Draw up, turn the hand down above the bin, open it."""
+    first = ctx.observe()
+    held = first.gripper.is_gripping
+    tcp = first.arm.tcp
+    upright = np.array([0.0, 1.0 if tcp.rotation[1, 2] >= 0.0 else -1.0, 0.0])
+    for goal in (
+        Goal(tcp.position + UP * params.height, -tcp.rotation[:, 0], tcp.rotation[:, 2]),
+        Goal(np.array(params.bin), UP, upright),
+    ):
+        for _ in move(goal, params.transfer, ctx, None):
+            pass
+    ctx.gripper.release(params.opening)
+    for seen in ctx.scan(params.opening_time):
+        if not seen.gripper.is_moving:
+            break
+        stay(ctx, seen.stamp)
+    last = ctx.observe()
+    elapsed = last.stamp - first.stamp
+    if last.gripper.is_gripping or last.gripper.is_moving:
+        return RecoverResult(Outcome.FAILURE, Reason.STILL_HELD, elapsed, False)
+    return RecoverResult(Outcome.SUCCESS, Reason.NONE, elapsed, held)

@@ -1,0 +1,92 @@
+"""Keep the tip still and tilt the peg along a growing spiral, pushing, until it is seated: [gibbons], Sec. V.B."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from pydantic import NonNegativeFloat, PositiveFloat
+
+from drivers.frames import UP, end_point
+from drivers.quantities import ImpedanceSetpoint, Vector
+from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillResult
+from skills.motion import VALIDITY, Gains
+from skills.paths import spiral
+from skills.seating import Seating
+
+
+class SpiralAdjustParams(SkillParams):
+    """How to tilt the peg about its tip; the spiral is drawn by the finger centre. Tactile measurements are not used."""
+
+    growth: PositiveFloat
+    """Growth of the spiral's radius at the finger centre, m/s."""
+    turn_rate: PositiveFloat
+    """Turns of the spiral, rad/s."""
+    radius: PositiveFloat
+    """Largest radius, m."""
+    timeout: PositiveFloat
+    """Longest adjustment, s; where the radius is largest sooner, the spiral starts again."""
+    gains: Gains
+    """Along x and y, and in rotation."""
+    push_stiffness: PositiveFloat
+    """Along z, N/m."""
+    push_offset: NonNegativeFloat
+    """The tip's setpoint lies so far below its own height, m."""
+
+
+@dataclass(frozen=True, slots=True)
+class SpiralAdjustResult(SkillResult):
+    """How far the peg was tilted when the adjustment ended."""
+
+    radius: float
+    """Last commanded radius at the finger centre, m."""
+    depth: float
+    """Of the tip below the surface by the arm, m."""
+
+
+def run(params: SpiralAdjustParams, ctx: SkillContext) -> SpiralAdjustResult:
+    """Tilt the peg along a growing spiral about its tip until it is seated."""
+    first = ctx.observe()
+    in_hand = ctx.in_hand()
+    identity = ctx.new_id()
+    roll = first.arm.tcp.rotation[:, 2]
+    seating = Seating(ctx.job.hole)
+    stiffness, damping = params.gains.stiffness(), params.gains.damping()
+    stiffness[2] = params.push_stiffness
+    offset, tip = np.zeros(2), first.tip
+    for seen in ctx.scan(params.timeout, holding=True):
+        # The angle is frozen: an estimate fed back while the peg is wedged would chase its own bias.
+        tip, _ = end_point(seen.arm.tcp, in_hand.theta, in_hand.length)
+        if seating.is_seated(seen.switch, tip, seen.stamp):
+            return SpiralAdjustResult(
+                Outcome.SUCCESS,
+                Reason.NONE,
+                seen.stamp - first.stamp,
+                float(np.linalg.norm(offset)),
+                seating.depth(tip),
+            )
+        time = (seen.stamp - first.stamp) % (params.radius / params.growth)
+        offset = spiral(time, params.growth, params.turn_rate)
+        ctx.progress(min((seen.stamp - first.stamp) / params.timeout, 1.0))
+        target = first.tip.copy()
+        target[2] = tip[2] - params.push_offset
+        ctx.follow(
+            ImpedanceSetpoint(
+                id=identity,
+                tip=target,
+                axis=tilted_by(offset, in_hand.length),
+                roll=roll,
+                stiffness=stiffness,
+                damping=damping,
+                valid_until=seen.stamp + VALIDITY,
+                in_hand=in_hand,
+            )
+        )
+    return SpiralAdjustResult(
+        Outcome.FAILURE, Reason.NOT_SEATED, params.timeout, float(np.linalg.norm(offset)), seating.depth(tip)
+    )
+
+
+def tilted_by(offset: Vector, length: float) -> Vector:
+    """Return the axis of a peg whose finger centre, `length` above its tip, stands off the vertical by `offset`, m."""
+    axis = np.array([offset[0], offset[1], 0.0]) + math.sqrt(max(length**2 - float(offset @ offset), 1e-12)) * UP
+    return axis / np.linalg.norm(axis)

@@ -1,0 +1,136 @@
+"""Turn the peg upright with its tip in the hole, steering by touch: [gibbons], Sec. V.A, Eq. (4)-(7)."""
+
+import math
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field, NonNegativeFloat, PositiveFloat
+
+from drivers.frames import UP, angle_between, rotation_about
+from drivers.parts import Job
+from drivers.quantities import ImpedanceSetpoint, Vector
+from skills.contract import Observation, Outcome, Reason, SkillContext, SkillParams, SkillResult
+from skills.motion import VALIDITY, Gains
+from skills.seating import Seating
+
+
+class TactileInsertParams(SkillParams):
+    """How to align the peg with the plate's normal."""
+
+    gains: Gains
+    """Along x and y, and in rotation."""
+    integral_gain: NonNegativeFloat
+    """K_I on orientation, N·m/(rad·s)."""
+    integral_limit: NonNegativeFloat
+    """Saturation of the integral, N·m."""
+    push_offset: NonNegativeFloat
+    """The tip's setpoint lies so far below the surface, m; 0.01 in [gibbons]."""
+    push_stiffness: tuple[PositiveFloat, PositiveFloat]
+    """K_min and K_max of Eq. (7), along z, N/m."""
+    turn_rate: PositiveFloat
+    """Rate at which the setpoint of the axis goes from where the peg is to upright, rad/s."""
+    aligned: Annotated[float, Field(gt=0.0, lt=0.8)]
+    """phi below which the adjustment takes over, rad; 15 degrees in [gibbons]."""
+    centre_offset: bool
+    """Place the hole where the peg's geometry puts it, not at the tip: 1.22 mm apart at 45 degrees for 8 mm."""
+    forward: NonNegativeFloat
+    """The tip's setpoint lies so far ahead, towards the side that the peg leans to, m: raising then cannot lift the peg out."""
+    timeout: PositiveFloat
+    """Longest insertion, s."""
+    lost_height: PositiveFloat
+    """The tip this far above the surface is out of the hole, m."""
+
+
+@dataclass(frozen=True, slots=True)
+class TactileInsertResult(SkillResult):
+    """How upright the peg is."""
+
+    first_phi: float
+    """phi_0: angle between the peg and the normal upon contact, rad."""
+    phi: float
+    """At the end, rad, by the skin."""
+
+
+def run(params: TactileInsertParams, ctx: SkillContext) -> TactileInsertResult:
+    """Align the peg, whose tip is in the hole, with the vertical."""
+    first = ctx.observe()
+    seating = Seating(ctx.job.hole)
+    first_phi = angle_between(first.axis, UP)
+    hole = first.tip.copy()
+    if params.centre_offset:
+        hole += centre_ahead(first.tip, first.axis, ctx.job)
+    hole[2] = ctx.job.hole.centre[2] - params.push_offset
+    identity = ctx.new_id()
+    roll = first.arm.tcp.rotation[:, 2]
+    stiffness, damping = params.gains.stiffness(), params.gains.damping()
+    phi = first_phi
+    for seen in ctx.scan(params.timeout, holding=True):
+        elapsed = seen.stamp - first.stamp
+        phi = angle_between(seen.axis, UP)
+        if seating.is_seated(seen.switch, seen.tip, seen.stamp) or phi < params.aligned:
+            return TactileInsertResult(Outcome.SUCCESS, Reason.NONE, elapsed, first_phi, phi)
+        if seating.depth(seen.tip) < -params.lost_height - ctx.job.peg.diameter / 2 * math.sin(phi):
+            return TactileInsertResult(Outcome.FAILURE, Reason.NOT_ALIGNED, elapsed, first_phi, phi)
+        ctx.progress(1.0 - min(phi / max(first_phi, 1e-6), 1.0))
+        tip = hole.copy()
+        if params.centre_offset:
+            tip -= centre_ahead(seen.tip, seen.axis, ctx.job)
+        tip += params.forward * _ahead(seen.axis)
+        stiffness[2] = push_stiffness(phi, first_phi, *params.push_stiffness)
+        ctx.follow(
+            ImpedanceSetpoint(
+                id=identity,
+                tip=tip,
+                axis=_on_the_way(first, first_phi, params.turn_rate * elapsed),
+                roll=roll,
+                stiffness=stiffness.copy(),
+                damping=damping,
+                valid_until=seen.stamp + VALIDITY,
+                in_hand=ctx.in_hand(),
+                integral_gain=params.integral_gain,
+                integral_limit=params.integral_limit,
+            )
+        )
+    return TactileInsertResult(Outcome.FAILURE, Reason.NOT_ALIGNED, params.timeout, first_phi, phi)
+
+
+def push_stiffness(phi: float, first_phi: float, low: float, high: float) -> float:
+    """Return [K]_33 of [gibbons], Eq. (7): K_max exp(-a phi), a = -ln(K_min / K_max) / phi_0, at most K_max.
+
+    Args:
+        phi: Angle between the peg and the normal, rad, >= 0.
+        first_phi: Upon contact, rad.
+        low: K_min, N/m.
+        high: K_max, N/m.
+    """
+    return high * math.exp(math.log(low / high) * min(phi / max(first_phi, 1e-3), 1.0))
+
+
+def centre_ahead(tip: Vector, axis: Vector, job: Job) -> Vector:
+    """Return the vector from the middle of the peg's end face to the hole's axis, horizontal, shape (3,), m.
+
+    A tilted peg rests with its side on the hole's edge ahead, where it leans to: its lowest line leaves the
+    surface at r cos t + h tan t ahead of the end face's middle, h the depth of its lowest point, and the hole's
+    middle lies R behind that place.
+    """
+    tilt = angle_between(axis, UP)
+    radius = job.peg.diameter / 2
+    deepest = job.hole.centre[2] - tip[2] + radius * math.sin(tilt)
+    distance = radius * math.cos(tilt) + max(deepest, 0.0) * math.tan(min(tilt, 1.2)) - job.hole.diameter / 2
+    return max(distance, 0.0) * _ahead(axis)
+
+
+def _ahead(axis: Vector) -> Vector:
+    """Return the horizontal direction that the peg leans to, shape (3,); zero for an upright peg."""
+    level = np.array([axis[0], axis[1], 0.0])
+    size = float(np.linalg.norm(level))
+    return level / size if size > 1e-6 else np.zeros(3)
+
+
+def _on_the_way(first: Observation, first_phi: float, turned: float) -> Vector:
+    """Return the setpoint of the axis after turning by `turned` from where the peg was towards the vertical."""
+    if turned >= first_phi:
+        return UP
+    normal = np.cross(first.axis, UP)
+    return rotation_about(normal / np.linalg.norm(normal), turned) @ first.axis
