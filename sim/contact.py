@@ -36,8 +36,13 @@ PENETRATION = 80
 SCAN = 48
 SAMPLE_EVERY = 3
 """Of the points that are scanned for minima, every third is also a contact where surfaces are nearly conformal."""
-BAND = 4e-6
-"""Gap below which a sample is a contact also at rest, m."""
+NEAR = 1e-3
+"""Features further apart than this cannot meet in a step, m."""
+FEATURE_BAND = 3e-4
+"""Gap below which a feature is a contact whatever its speed, m: the pivot's friction can give the light peg's tip
+0.25 m/s within a step of 0.5 ms, and a constraint that is not there cannot stop it."""
+SAMPLE_BAND = 2e-5
+"""The same for a sample, which only spreads the load of nearly conformal surfaces, m."""
 IMPEDANCE = 0.9999
 """Largest that MuJoCo allows."""
 FRICTION_FLOOR = 1e-5
@@ -61,7 +66,7 @@ def plate_user(hole_radius: float, hole_depth: float, friction: float, timestep:
 
 
 @njit(cache=True)
-def _put(model, data, scratch, ids, frame, twist, user, gap, p, n, judged):  # type: ignore[no-untyped-def]
+def _put(model, data, scratch, ids, frame, twist, user, gap, p, n, judged, band):  # type: ignore[no-untyped-def]
     """Add a contact where the coming steps could close `gap`; p and n in the plate's frame, n from plate to peg."""
     origin, R = frame
     if judged and -gap > scratch[PENETRATION]:
@@ -81,7 +86,7 @@ def _put(model, data, scratch, ids, frame, twist, user, gap, p, n, judged):  # t
         + N2 * (v[2] + omega[0] * r1 - omega[1] * r0)
     )
     # With solref (2 dt, 1) the constraint bites where the approach is faster than a quarter of the gap a step.
-    if gap > BAND - 4.0 * timestep * min(speed, 0.0):
+    if gap > band - 4.0 * timestep * min(speed, 0.0):
         return
     # Any tangent serves, the friction cone is isotropic.
     if abs(N0) <= abs(N1) and abs(N0) <= abs(N2):
@@ -186,10 +191,10 @@ def collide(model, data, geom_plate, geom_peg):  # type: ignore[no-untyped-def]
         Z[i], W[i] = p[2], hole - rho
         if i % SAMPLE_EVERY == 0:
             if Z[i] >= W[i]:
-                _put(model, data, scratch, ids, frame, twist, user, Z[i], p, up, False)
+                _put(model, data, scratch, ids, frame, twist, user, Z[i], p, up, False, SAMPLE_BAND)
             else:
-                _put(model, data, scratch, ids, frame, twist, user, W[i], p, _inward(p, rho), True)
-                _put(model, data, scratch, ids, frame, twist, user, Z[i] + depth, p, up, False)
+                _put(model, data, scratch, ids, frame, twist, user, W[i], p, _inward(p, rho), True, SAMPLE_BAND)
+                _put(model, data, scratch, ids, frame, twist, user, Z[i] + depth, p, up, False, SAMPLE_BAND)
     if tilt > 1e-9:
         # The lowest point of the rim, in closed form.
         cosine = -e1[2] / math.sqrt(e1[2] * e1[2] + e2[2] * e2[2])
@@ -197,14 +202,14 @@ def collide(model, data, geom_plate, geom_peg):  # type: ignore[no-untyped-def]
         p, _ = _rim(c, e1, e2, r, cosine, sine)
         rho = math.sqrt(p[0] * p[0] + p[1] * p[1])
         if p[2] >= hole - rho:
-            _put(model, data, scratch, ids, frame, twist, user, p[2], p, up, False)
+            _put(model, data, scratch, ids, frame, twist, user, p[2], p, up, False, FEATURE_BAND)
         else:
-            _put(model, data, scratch, ids, frame, twist, user, p[2] + depth, p, up, False)
+            _put(model, data, scratch, ids, frame, twist, user, p[2] + depth, p, up, False, FEATURE_BAND)
     for i in range(SCAN):
         j = (i + 1) % SCAN
         h = (i - 1) % SCAN
-        if W[i] > Z[i] and W[i] <= W[h] and W[i] < W[j] and W[i] < 1e-3:
-            # Rim on wall: Newton on d(rho^2)/d(angle).
+        if W[i] <= W[h] and W[i] < W[j] and abs(W[i]) < NEAR:
+            # Rim on wall: Newton on d(rho^2)/d(angle); where the plane decides there, it is no minimum.
             angle = i * _ANGLE
             for _ in range(4):
                 p, dp = _rim(c, e1, e2, r, math.cos(angle), math.sin(angle))
@@ -216,8 +221,8 @@ def collide(model, data, geom_plate, geom_peg):  # type: ignore[no-untyped-def]
             p, dp = _rim(c, e1, e2, r, math.cos(angle), math.sin(angle))
             rho = math.sqrt(p[0] * p[0] + p[1] * p[1])
             if hole - rho > p[2]:
-                _put(model, data, scratch, ids, frame, twist, user, hole - rho, p, _inward(p, rho), True)
-        if (Z[i] >= W[i]) != (Z[j] >= W[j]) and min(Z[i], W[i]) < 1e-3:
+                _put(model, data, scratch, ids, frame, twist, user, hole - rho, p, _inward(p, rho), True, FEATURE_BAND)
+        if (Z[i] >= W[i]) != (Z[j] >= W[j]) and max(Z[i], W[i]) < NEAR + r * _ANGLE:
             # Edge on edge: where plane and wall are equally far, by regula falsi (Illinois).
             lo, hi = i * _ANGLE, (i + 1) * _ANGLE
             flo, fhi = Z[i] - W[i], Z[j] - W[j]
@@ -241,20 +246,18 @@ def collide(model, data, geom_plate, geom_peg):  # type: ignore[no-untyped-def]
                     norm = math.sqrt(share * share + (1.0 - share) * (1.0 - share))
                     wall = _inward(p, rho)
                     n = ((1.0 - share) / norm * wall[0], (1.0 - share) / norm * wall[1], share / norm)
-                    _put(model, data, scratch, ids, frame, twist, user, max(p[2], hole - rho) / norm, p, n, True)
+                    _put(model, data, scratch, ids, frame, twist, user, max(p[2], hole - rho) / norm, p, n, True, FEATURE_BAND)
 
     # The hole's edge against the peg's side: distance from the peg's axis less its radius, above the end face.
     for i in range(SCAN):
         _edge_sample(c, v, r, hole, i, Z, W)
     for i in range(SCAN):
         # Z: height above the end face along the axis; W: clearance from the side.
-        if Z[i] <= 0.0 or W[i] < -Z[i]:
-            continue
         if i % SAMPLE_EVERY == 0:
-            _put_edge(model, data, scratch, ids, frame, twist, user, c, v, r, hole, _COS[i], _SIN[i])
+            _put_edge(model, data, scratch, ids, frame, twist, user, c, v, r, hole, _COS[i], _SIN[i], SAMPLE_BAND)
         j = (i + 1) % SCAN
         h = (i - 1) % SCAN
-        if W[i] <= W[h] and W[i] < W[j] and W[i] < 1e-3:
+        if W[i] <= W[h] and W[i] < W[j] and abs(W[i]) < NEAR:
             # Newton on the squared distance from the axis.
             angle = i * _ANGLE
             for _ in range(4):
@@ -275,7 +278,7 @@ def collide(model, data, geom_plate, geom_peg):  # type: ignore[no-untyped-def]
                 if bend <= 0.0:
                     break
                 angle -= min(max(slope / bend, -_ANGLE), _ANGLE)
-            _put_edge(model, data, scratch, ids, frame, twist, user, c, v, r, hole, math.cos(angle), math.sin(angle))
+            _put_edge(model, data, scratch, ids, frame, twist, user, c, v, r, hole, math.cos(angle), math.sin(angle), FEATURE_BAND)
 
 
 @njit(cache=True)
@@ -288,7 +291,7 @@ def _edge_sample(c, v, r, hole, i, Z, W):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _put_edge(model, data, scratch, ids, frame, twist, user, c, v, r, hole, cosine, sine):  # type: ignore[no-untyped-def]
+def _put_edge(model, data, scratch, ids, frame, twist, user, c, v, r, hole, cosine, sine, band):  # type: ignore[no-untyped-def]
     """Add the peg's side against one point of the hole's edge."""
     p = (hole * cosine, hole * sine, 0.0)
     q = (p[0] - c[0], p[1] - c[1], -c[2])
@@ -297,10 +300,10 @@ def _put_edge(model, data, scratch, ids, frame, twist, user, c, v, r, hole, cosi
         return
     n = (along * v[0] - q[0], along * v[1] - q[1], along * v[2] - q[2])
     distance = math.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
-    if distance < 1e-9:
+    if distance < 1e-9 or distance - r < -along:
         return
     n = (n[0] / distance, n[1] / distance, n[2] / distance)
-    _put(model, data, scratch, ids, frame, twist, user, distance - r, p, n, True)
+    _put(model, data, scratch, ids, frame, twist, user, distance - r, p, n, True, band)
 
 
 @cfunc(types.int32(types.intp, types.intp, types.intp, types.int32, types.int32, types.float64), cache=True)

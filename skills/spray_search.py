@@ -43,7 +43,11 @@ class SpraySearchParams(SkillParams):
     """Time to come down to the surface and let the push settle, s."""
     event: HoleEventParams
     drop: NonNegativeFloat
-    """An event counts only when the tip has come down by this much, m; 0 trusts the skin alone, as [gibbons] does."""
+    """The tip must have come down by this much, m; 0 trusts the skin's event alone, as [gibbons] does."""
+    window: PositiveFloat
+    """The skin's event and the drop may lie so far apart, s."""
+    dwell: PositiveFloat
+    """A drop that lasts so long, the path at rest, is a fall also when no frame of the skin caught it, s."""
     timeout: PositiveFloat
     """Longest search, s; 100 in [gibbons]."""
 
@@ -79,21 +83,29 @@ def run(params: SpraySearchParams, ctx: SkillContext) -> SpraySearchResult:
     stiffness, damping = params.gains.stiffness(), params.gains.damping()
     stiffness[2] = params.push_stiffness
     identity = ctx.new_id()
-    event, drop = HoleEvent(params.event), Drop(params.drop)
-    tip = first
+    event, fall = HoleEvent(params.event), Fall(params.drop, params.window, params.dwell)
+    tip, at_rest, along = first, first, 0.0
     for seen in ctx.scan(params.timeout, holding=True):
-        tip = seen.tip
         elapsed = seen.stamp - started
-        target, velocity = _setpoint(path, elapsed - params.touch_down, middle, surface - params.push_offset)
-        if elapsed < params.touch_down:
-            share = elapsed / params.touch_down
-            target[2] = first[2] + (surface - params.push_offset - first[2]) * min(2.0 * share, 1.0)
+        is_event = seen.is_new_frame and event.update(seen.frame)
+        was_down = fall.is_down
+        if elapsed >= params.touch_down and fall.update(seen.stamp, seen.tip[2], is_event):
+            return SpraySearchResult(
+                Outcome.SUCCESS, Reason.NONE, elapsed, _point(seen.tip), (first[0], first[1]), event.count
+            )
+        if not fall.is_down:
+            target, velocity = _setpoint(path, along, middle, surface - params.push_offset)
+            if elapsed < params.touch_down:
+                share = min(2.0 * elapsed / params.touch_down, 1.0)
+                target[2] = first[2] + (surface - params.push_offset - first[2]) * share
+                velocity = np.zeros(3)
+            else:
+                along += ctx.scan_period
         else:
-            has_dropped = drop.update(tip[2])
-            if seen.is_new_frame and event.update(seen.frame) and has_dropped:
-                return SpraySearchResult(
-                    Outcome.SUCCESS, Reason.NONE, elapsed, _point(tip), (first[0], first[1]), event.count
-                )
+            # The path rests while the peg is down: dragged on, it would come out again.
+            at_rest = at_rest if was_down else seen.tip
+            target, velocity = np.array([at_rest[0], at_rest[1], surface - params.push_offset]), np.zeros(3)
+        tip = seen.tip
         ctx.progress(elapsed / params.timeout)
         ctx.follow(
             ImpedanceSetpoint(
@@ -114,10 +126,8 @@ def run(params: SpraySearchParams, ctx: SkillContext) -> SpraySearchResult:
 
 
 def _setpoint(path: SprayPaint, time: float, middle: Vector, z: float) -> tuple[Vector, Vector]:
-    """Return setpoint and velocity of the tip on the path, each shape (3,); at rest at the first point before time 0."""
-    point, velocity = path.at(max(time, 0.0))
-    if time < 0.0:
-        velocity = np.zeros(2)
+    """Return setpoint and velocity of the tip on the path, each shape (3,)."""
+    point, velocity = path.at(time)
     return np.array([*(middle + point), z]), np.array([*velocity, 0.0])
 
 
@@ -125,19 +135,45 @@ def _point(tip: Vector) -> tuple[float, float, float]:
     return float(tip[0]), float(tip[1]), float(tip[2])
 
 
-class Drop:
-    """Whether the tip has come down from the height at which it slid."""
+@dataclass(slots=True)
+class Fall:
+    """Tells a fall into the hole from the skin's events and the tip's height; pure.
 
-    def __init__(self, least: float, blend: float = 0.02) -> None:
-        """Watch for a drop of `least`, m, from a running mean of weight `blend` a scan."""
-        self._least, self._blend = least, blend
-        self._height: float | None = None
+    The skin alone errs: a fall takes less than a frame, and noise looks like one. The tip's drop lasts, and does
+    not depend on theta while the closing axis lies in the plane of the tilt. Both within `window` are a fall at
+    once; a drop that lasts for `dwell` is one without the skin.
+    """
 
-    def update(self, height: float) -> bool:
-        """Take the tip's height, m; return whether it is down now."""
+    drop: float
+    """Least drop, m; 0 believes every event of the skin."""
+    window: float
+    dwell: float
+    blend: float = 0.02
+    """Weight of a scan in the running mean of the height at which the tip slides."""
+    is_down: bool = False
+    """The tip is down now."""
+    _height: float | None = None
+    _since: float = 0.0
+    _event: float = -math.inf
+
+    def update(self, stamp: float, height: float, is_event: bool) -> bool:
+        """Take one scan; return whether the peg has fallen in.
+
+        Args:
+            stamp: Time, s.
+            height: Of the tip, m.
+            is_event: The skin showed an event in this scan.
+        """
+        if self.drop == 0.0:
+            return is_event
+        if is_event:
+            self._event = stamp
         if self._height is None:
             self._height = height
-        is_down = height <= self._height - self._least
-        if not is_down or self._least == 0.0:
-            self._height += self._blend * (height - self._height)
-        return is_down
+        was_down, self.is_down = self.is_down, height <= self._height - self.drop
+        if not self.is_down:
+            self._height += self.blend * (height - self._height)
+            return False
+        if not was_down:
+            self._since = stamp
+        return abs(self._event - self._since) <= self.window or stamp - self._since >= self.dwell
