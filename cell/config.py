@@ -1,0 +1,284 @@
+"""CellConfig, the union of every part's config model, and how it is loaded: file, preset, recipe, single keys."""
+
+import re
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, ValidationError, model_validator
+
+import config as shipped
+from cell.config_errors import explain
+from drivers.errors import ConfigError
+from drivers.parts import ConfigModel, Hole, Job, Peg, Rack
+from plc_bridge.config import PlcConfig
+from sim.config import SimSkinConfig
+from sim.world_config import (
+    ContactConfig,
+    GripConfig,
+    SimArmConfig,
+    SimConfig,
+    SimGripperConfig,
+    SimSwitchConfig,
+)
+from skills.catalogue import SkillSet
+from skills.contract import Limits
+from skills.grasp_from_rack import GraspFromRackParams
+from skills.recover import RecoverParams
+from skills.release_and_retract import ReleaseAndRetractParams
+from skills.spiral_adjust import SpiralAdjustParams
+from skills.spray_search import SpraySearchParams
+from skills.tactile.image import ImageParams
+from skills.tactile_insert import TactileInsertParams
+
+SHIPPED = Path(shipped.__file__).parent
+"""Where the configs that come with the program are."""
+DEFAULT = SHIPPED / "sim.toml"
+RECIPE_SECTIONS = frozenset(
+    {"preset", "peg", "hole", "rack", "grasp", "search", "insert", "adjust", "release", "recover"}
+)
+"""What a recipe may say: the part, its place and how to handle it; never the hardware."""
+
+
+class InsertSection(TactileInsertParams):
+    """[insert]: the skill's parameters and the estimator that steers it."""
+
+    estimator: Literal["image"] = "image"
+    """What turns taxels into the pose of the peg."""
+
+
+class JournalConfig(ConfigModel):
+    """[journal]: where the records of runs go."""
+
+    folder: str = ""
+    """Empty is the user's own data folder."""
+
+
+class CellConfig(ConfigModel):
+    """One cell."""
+
+    preset: str = ""
+    """Name of a file of `presets/` that was merged in; empty is none."""
+    scan_rate: Annotated[float, Field(ge=10.0, le=1000.0)]
+    """Decisions a second, Hz."""
+    limits: Limits
+    peg: Peg
+    hole: Hole
+    rack: Rack
+    grasp: GraspFromRackParams
+    search: SpraySearchParams
+    insert: InsertSection
+    adjust: SpiralAdjustParams
+    release: ReleaseAndRetractParams
+    recover: RecoverParams
+    arm: SimArmConfig
+    gripper: SimGripperConfig
+    skin: SimSkinConfig
+    image: ImageParams = ImageParams()
+    switch: SimSwitchConfig
+    plc: PlcConfig
+    journal: JournalConfig = JournalConfig()
+    contact: ContactConfig | None = None
+    grip: GripConfig | None = None
+    sim: SimConfig | None = None
+
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        peg, hole, rack = self.peg, self.hole, self.rack
+        if peg.diameter >= hole.diameter:
+            raise ValueError(
+                f"peg.diameter = {peg.diameter}: thicker than the hole; less than hole.diameter = {hole.diameter} allowed"
+            )
+        for name, depth in (("hole.depth", hole.depth), ("rack.depth", rack.depth)):
+            if depth >= peg.length:
+                raise ValueError(
+                    f"{name} = {depth}: deeper than the peg reaches; less than peg.length = {peg.length} allowed"
+                )
+        for low, high, axis in zip(self.limits.low, self.limits.high, "xyz", strict=True):
+            if low >= high:
+                raise ValueError(f"limits.low = {low} along {axis}: less than limits.high = {high} allowed")
+        return self
+
+    @model_validator(mode="after")
+    def _has_world(self) -> Self:
+        simulated = [name for name in ("arm", "gripper", "skin", "switch") if getattr(self, name).kind == "sim"]
+        for name in ("contact", "grip", "sim"):
+            if simulated and getattr(self, name) is None:
+                raise ValueError(f'[{name}]: missing; needed because {simulated[0]}.kind = "sim"')
+        if simulated and self.peg.shape != "round":
+            raise ValueError(f'peg.shape = "{self.peg.shape}": the simulated cell has round pegs; "round" allowed')
+        return self
+
+    def skill_set(self) -> SkillSet:
+        """Return the parameters of every skill."""
+        return SkillSet(
+            grasp=self.grasp,
+            search=self.search,
+            insert=self.insert,
+            adjust=self.adjust,
+            release=self.release,
+            recover=self.recover,
+        )
+
+    def job(self, slot: int = 0) -> Job:
+        """Return the part and its place, taken from the rack's `slot`."""
+        return Job(peg=self.peg, hole=self.hole, rack=self.rack, slot=slot)
+
+
+@dataclass(frozen=True, slots=True)
+class LoadedConfig:
+    """A cell and the recipes that it knows, each a whole config of its own."""
+
+    cell: CellConfig
+    recipes: Mapping[int, CellConfig] = field(default_factory=dict)
+    """By number; 0 is the cell's own part."""
+
+
+def load(path: Path | None = None, preset: str | None = None, sets: Iterable[str] = ()) -> LoadedConfig:
+    """Load a cell: the file, then its preset, then, for each recipe, the recipe's file, then single keys.
+
+    `presets/` and `recipes/` stand beside the file; a preset that is not there is looked for among those that
+    ship with the program.
+
+    Args:
+        path: TOML file of the cell; None is the simulated cell that ships with the program.
+        preset: Instead of the file's own `preset`.
+        sets: Single keys, `KEY=VALUE`; a value is TOML, a bare word a text.
+
+    Raises:
+        ConfigError: One line with file, key, what was found and what is allowed.
+    """
+    path = path or DEFAULT
+    tree = read_toml(path)
+    source: dict[tuple[str, ...], str] = {}
+    keys = [parse_set(text) for text in sets]
+    if preset is not None:
+        keys.append((("preset",), preset))
+    cell = _merge(path, tree, source, None, keys)
+    recipes = {0: cell}
+    for file in sorted((path.parent / "recipes").glob("*.toml")):
+        if not file.stem.isdigit() or int(file.stem) == 0:
+            raise ConfigError(f"{file}: recipes are named by their number; 01.toml to 65535.toml allowed")
+        recipes[int(file.stem)] = _merge(path, tree, {}, file, keys)
+    return LoadedConfig(cell, recipes)
+
+
+def with_parameters(config: CellConfig, parameters: Iterable[tuple[str, Any]]) -> CellConfig:
+    """Return a config with single values replaced, as a command may ask for; only what a recipe may say.
+
+    Raises:
+        ConfigError: Unknown, or not allowed.
+    """
+    parameters = list(parameters)
+    if not parameters:
+        return config
+    merged = config.model_dump()
+    source: dict[tuple[str, ...], str] = {}
+    for name, value in parameters:
+        place = tuple(name.split("."))
+        if place[0] not in RECIPE_SECTIONS - {"preset"}:
+            raise ConfigError(
+                f"parameter {name}: not for a command; keys of {', '.join(sorted(RECIPE_SECTIONS))} allowed"
+            )
+        _lay_over(merged, _nested(place, value), "parameter", source)
+    return _validated(merged, source, "parameter")
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Return the content of a TOML file.
+
+    Raises:
+        ConfigError: No such file, not readable, or not TOML.
+    """
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise ConfigError(f"{path}: no such file") from None
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: not TOML: {error}".replace("\n", " ")) from None
+
+
+def parse_set(text: str) -> tuple[tuple[str, ...], Any]:
+    """Return path and value of `KEY.SUBKEY=VALUE`.
+
+    Raises:
+        ConfigError: Not of that form.
+    """
+    key, equals, literal = text.partition("=")
+    if not equals or not re.fullmatch(r"\w+(\.\w+)*", key.strip()):
+        raise ConfigError(f"--set {text}: KEY=VALUE or SECTION.KEY=VALUE allowed, as in peg.diameter=0.008")
+    path = tuple(key.strip().split("."))
+    try:
+        return path, tomllib.loads(f"value = {literal}")["value"]
+    except tomllib.TOMLDecodeError:
+        return path, literal.strip()
+
+
+def _merge(
+    path: Path,
+    tree: Mapping[str, Any],
+    source: dict[tuple[str, ...], str],
+    recipe: Path | None,
+    keys: list[tuple[tuple[str, ...], Any]],
+) -> CellConfig:
+    merged: dict[str, Any] = {}
+    part = {} if recipe is None else read_toml(recipe)
+    for name in part:
+        if name not in RECIPE_SECTIONS:
+            raise ConfigError(f"{recipe}: {name}: not for a recipe; {', '.join(sorted(RECIPE_SECTIONS))} allowed")
+    preset = {**tree, **part, **{keyed[0]: value for keyed, value in keys if len(keyed) == 1}}.get("preset", "")
+    _lay_over(merged, tree, str(path), source)
+    if preset != "":
+        file = _find_preset(path.parent, preset)
+        _lay_over(merged, read_toml(file), str(file), source)
+    _lay_over(merged, part, str(recipe), source)
+    merged["preset"] = preset
+    for keyed, value in keys:
+        _lay_over(merged, _nested(keyed, value), "--set", source)
+    return _validated(merged, source, str(path))
+
+
+def _validated(merged: dict[str, Any], source: Mapping[tuple[str, ...], str], file: str) -> CellConfig:
+    try:
+        return CellConfig.model_validate(merged)
+    except ValidationError as error:
+        raise ConfigError(explain(error, CellConfig, merged, source, file)) from None
+
+
+def _nested(place: tuple[str, ...], value: Any) -> dict[str, Any]:
+    for name in reversed(place):
+        value = {name: value}
+    nested: dict[str, Any] = value
+    return nested
+
+
+def _find_preset(folder: Path, name: Any) -> Path:
+    folders = [folder / "presets", SHIPPED / "presets"]
+    known = sorted({file.stem for place in folders for file in place.glob("*.toml")})
+    if name not in known:
+        allowed = ", ".join(f'"{k}"' for k in known) or "none"
+        raise ConfigError(f"preset = {name!r}: no such file in presets/; {allowed} allowed")
+    return next(place / f"{name}.toml" for place in folders if (place / f"{name}.toml").is_file())
+
+
+def _lay_over(
+    below: dict[str, Any],
+    above: Mapping[str, Any],
+    name: str,
+    source: dict[tuple[str, ...], str],
+    at: tuple[str, ...] = (),
+) -> None:
+    """Merge `above` into `below`, tables key by key, everything else whole; note where each key came from."""
+    for key, value in above.items():
+        place = (*at, key)
+        if isinstance(value, Mapping) and (key not in below or isinstance(below[key], dict)):
+            below[key] = dict(below.get(key, {}))
+            source.setdefault(place, name)
+            _lay_over(below[key], value, name, source, place)
+        else:
+            below[key] = value
+            source[place] = name
