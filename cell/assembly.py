@@ -1,0 +1,133 @@
+"""CellConfig -> opened devices, clock and estimator; closes them in reverse order.
+
+The only place that names hardware and simulated classes together, and where the type checker proves that
+each satisfies its protocol. The simulated ones are imported only when a config asks for them.
+"""
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cell.config import CellConfig
+from drivers.errors import CellError
+from drivers.parts import Job
+from drivers.protocols import Arm, Clock, Device, Gripper, Skin, SuccessSwitch
+from skills.contract import Estimator, SkillContext
+from skills.tactile.image import ImageEstimator
+
+if TYPE_CHECKING:
+    from sim.world import Truth
+
+SEARCH_STREAM = 3
+"""Key of the random stream for choices of the skills; the simulated world draws from the ones before it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """Everything that one cell is made of, ready to be opened."""
+
+    config: CellConfig
+    clock: Clock
+    arm: Arm
+    gripper: Gripper
+    skin: Skin
+    switch: SuccessSwitch
+    restock: Callable[[Job, int], None]
+    """Stand a fresh peg in the rack: simulated cells do, on hardware it is the operator's affair."""
+    truth: "Callable[[], Truth] | None" = None
+    """What no sensor tells; simulated cells only."""
+
+    def devices(self) -> tuple[tuple[str, Device], ...]:
+        """Return the devices by name, in the order in which they are opened."""
+        return (("arm", self.arm), ("gripper", self.gripper), ("skin", self.skin), ("switch", self.switch))
+
+    def context(self, seed: int) -> SkillContext:
+        """Return a skill's world; `seed` is that of the choices which skills make at random."""
+        config = self.config
+        return SkillContext(
+            clock=self.clock,
+            arm=self.arm,
+            gripper=self.gripper,
+            skin=self.skin,
+            switch=self.switch,
+            estimator=make_estimator(config),
+            job=config.job(),
+            limits=config.limits,
+            scan_period=1.0 / config.scan_rate,
+            rng=choices(seed),
+        )
+
+
+def choices(seed: int) -> np.random.Generator:
+    """Return the random numbers that skills may draw in the run with this seed."""
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(SEARCH_STREAM,)))
+
+
+def make_estimator(config: CellConfig) -> Estimator:
+    """Return the estimator that `insert.estimator` names; the image of [gibbons] is the only one so far."""
+    return ImageEstimator(config.image, config.skin.layout)
+
+
+def assemble(config: CellConfig) -> Cell:
+    """Return the cell that a config describes; nothing is opened yet."""
+    # Every kind of device is simulated so far: a config of another kind does not get here.
+    from sim.arm import SimArm
+    from sim.gripper import SimGripper
+    from sim.skin import SimSkin
+    from sim.switch import SimSwitch
+    from sim.world import World
+
+    assert config.sim is not None
+    assert config.contact is not None
+    assert config.grip is not None
+    world = World(config.sim, config.contact, config.grip, config.skin.layout, config.job())
+    return Cell(
+        config=config,
+        clock=world,
+        arm=SimArm(world),
+        gripper=SimGripper(world),
+        skin=SimSkin(config.skin, world, world.draw.skin),
+        switch=SimSwitch(world),
+        restock=world.restock,
+        truth=world.truth,
+    )
+
+
+@contextmanager
+def opened(cell: Cell) -> Iterator[Cell]:
+    """Open every device; on the way out halt the arm and close them in reverse order.
+
+    Raises:
+        CellError: A device cannot be opened; those opened before it are closed again.
+    """
+    with ExitStack() as stack:
+        for name, device in cell.devices():
+            stack.callback(device.close)
+            device.open()
+            if name == "arm":
+                stack.callback(cell.arm.halt)
+        yield cell
+
+
+def check(cell: Cell) -> list[tuple[str, str]]:
+    """Open each device, read it once, close it; return the name of each with "ok" or what is wrong."""
+    readers: dict[str, Callable[[], object]] = {
+        "arm": cell.arm.read,
+        "gripper": cell.gripper.read,
+        "skin": cell.skin.read,
+        "switch": cell.switch.read,
+    }
+    found = []
+    for name, device in cell.devices():
+        try:
+            device.open()
+            readers[name]()
+            found.append((name, "ok"))
+        except CellError as error:
+            found.append((name, f"fault {error.code.value}: {error}"))
+        finally:
+            device.close()
+    return found

@@ -1,0 +1,89 @@
+"""Cell states, with the names and numbers of PackML, and the table of permitted transitions; pure.
+
+Source: [packml], the state model of TR88. Acting states (`-ing`) end by themselves; the others wait for a command.
+"""
+
+from enum import Enum, IntEnum
+
+
+class State(IntEnum):
+    """What the cell is doing; the PLC reads the number."""
+
+    CLEARING = 1
+    STOPPED = 2
+    STARTING = 3
+    IDLE = 4
+    SUSPENDED = 5
+    EXECUTE = 6
+    STOPPING = 7
+    ABORTING = 8
+    ABORTED = 9
+    HOLDING = 10
+    HELD = 11
+    UNHOLDING = 12
+    SUSPENDING = 13
+    UNSUSPENDING = 14
+    RESETTING = 15
+    COMPLETING = 16
+    COMPLETE = 17
+
+
+class Event(Enum):
+    """What makes the state change."""
+
+    RESET = "reset"
+    START = "start"
+    STOP = "stop"
+    HOLD = "hold"
+    UNHOLD = "unhold"
+    ABORT = "abort"
+    CLEAR = "clear"
+    FINISHED = "finished"
+    """The acting state has done what it does."""
+
+
+_STOPPABLE = (
+    State.STARTING,
+    State.IDLE,
+    State.SUSPENDED,
+    State.EXECUTE,
+    State.HOLDING,
+    State.HELD,
+    State.UNHOLDING,
+    State.SUSPENDING,
+    State.UNSUSPENDING,
+    State.RESETTING,
+    State.COMPLETING,
+    State.COMPLETE,
+)
+
+TRANSITIONS: dict[tuple[State, Event], State] = {
+    (State.IDLE, Event.START): State.STARTING,
+    (State.STARTING, Event.FINISHED): State.EXECUTE,
+    (State.EXECUTE, Event.FINISHED): State.COMPLETING,
+    (State.COMPLETING, Event.FINISHED): State.COMPLETE,
+    (State.COMPLETE, Event.RESET): State.RESETTING,
+    (State.STOPPED, Event.RESET): State.RESETTING,
+    (State.RESETTING, Event.FINISHED): State.IDLE,
+    (State.EXECUTE, Event.HOLD): State.HOLDING,
+    (State.HOLDING, Event.FINISHED): State.HELD,
+    (State.HELD, Event.UNHOLD): State.UNHOLDING,
+    (State.UNHOLDING, Event.FINISHED): State.EXECUTE,
+    (State.STOPPING, Event.FINISHED): State.STOPPED,
+    (State.ABORTING, Event.FINISHED): State.ABORTED,
+    (State.ABORTED, Event.CLEAR): State.CLEARING,
+    (State.CLEARING, Event.FINISHED): State.STOPPED,
+    **{(state, Event.STOP): State.STOPPING for state in _STOPPABLE},
+    **{(state, Event.ABORT): State.ABORTING for state in (*_STOPPABLE, State.STOPPED, State.STOPPING, State.CLEARING)},
+}
+"""Everything that is permitted; nothing suspends this cell yet, so those two ways in are left out."""
+
+
+def is_permitted(state: State, event: Event) -> bool:
+    """Return whether `event` changes anything in `state`."""
+    return (state, event) in TRANSITIONS
+
+
+def after(state: State, event: Event) -> State:
+    """Return the state that follows; the same one where the event is not permitted."""
+    return TRANSITIONS.get((state, event), state)
