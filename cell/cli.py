@@ -1,0 +1,385 @@
+"""Technician commands; the only place that prints. Exit status: 0 done and good, 1 done and not good, 2 wrong use, 3 fault."""
+
+import argparse
+import json
+import logging
+import os
+import signal
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from threading import Event as ThreadEvent
+from typing import Any, NoReturn
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from cell import client, demo, tables
+from cell.assembly import assemble, check, opened
+from cell.config import LoadedConfig, load
+from cell.journal import Journal, default_folder
+from cell.line import PARAMETERS, PROGRAMS, TerminalLine
+from cell.plots import Point, plot_run, plot_speed_accuracy
+from cell.samples import export_csv, read_samples
+from cell.statistics import stage_table
+from cell.supervisor import Supervisor
+from cell.trials import TrialRow, run_trials
+from drivers.errors import FAULTS, CellError, ConfigError
+from plc_bridge.bridge import Bridge
+from plc_bridge.messages import Command, Refusal, Report, Result
+from plc_bridge.registers import ReportImage, as_csv, as_json, as_markdown, table
+from skills.catalogue import CATALOGUE
+
+logger = logging.getLogger(__name__)
+
+GOOD, NOT_GOOD, WRONG_USE, FAULT = 0, 1, 2, 3
+_STATUS = {Result.SUCCESS: GOOD, Result.FAULT: FAULT}
+_FORMATS = {"md": as_markdown, "csv": as_csv, "json": as_json}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit status."""
+    args = _parser().parse_args(arguments)
+    logging.basicConfig(
+        stream=sys.stderr,
+        level=logging.DEBUG if args.verbose else args.log_level,
+        format="%(asctime)s %(levelname)s %(name)s: %(message)s",
+        force=True,
+    )
+    try:
+        return int(args.run(args))
+    except ConfigError as error:
+        return _complain(str(error), WRONG_USE)
+    except CellError as error:
+        return _complain(f"fault {error.code.value}: {error}", FAULT)
+    except KeyboardInterrupt:
+        return _complain("stopped", NOT_GOOD)
+    except BrokenPipeError:
+        # Whoever read our output has left; point it elsewhere so that the interpreter's last flush is quiet too.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return NOT_GOOD
+    except Exception as error:
+        logger.debug("error inside this program", exc_info=True)
+        return _complain(f"fault {CellError.code.value}: {type(error).__name__}: {error}; -v shows more", FAULT)
+
+
+def _complain(message: str, status: int) -> int:
+    print(f"cell: {message}".replace("\n", " "), file=sys.stderr)
+    return status
+
+
+def _show(args: argparse.Namespace, picture: Any, data: object) -> None:
+    """Print a result: for people, or with --json for programs."""
+    if args.json:
+        print(json.dumps(data, indent=2))
+    else:
+        console = Console()
+        # A pipe has no width; cutting a table there would lose what it says.
+        Console(width=console.width if console.is_terminal else 200).print(picture)
+
+
+def _stop_on_signals() -> ThreadEvent:
+    stop = ThreadEvent()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    return stop
+
+
+def _progress() -> Progress:
+    """Return bars on a terminal, nothing in a pipe."""
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    return Progress(*columns, console=Console(stderr=True), disable=not sys.stderr.isatty())
+
+
+def _load(args: argparse.Namespace, default_pace: str | None = None) -> LoadedConfig:
+    sets = list(args.set)
+    if default_pace is not None and not any(text.startswith("sim.pace=") for text in sets):
+        sets.append(f"sim.pace={default_pace}")
+    return load(args.config, sets=sets)
+
+
+def _journal(args: argparse.Namespace, folder: str = "") -> Journal:
+    return Journal(args.journal or (Path(folder).expanduser() if folder else default_folder()))
+
+
+def _out(folder: Path) -> Path:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError(f"{folder}: cannot be made: {error.strerror}") from None
+    return folder
+
+
+# The commands.
+
+
+def _check(args: argparse.Namespace) -> int:
+    loaded = _load(args)
+    found = check(assemble(loaded.cell))
+    bridge = Bridge(loaded.cell.plc, PROGRAMS, PARAMETERS)
+    try:
+        bridge.start()
+        found.append(("plc", "ok"))
+    except CellError as error:
+        found.append(("plc", f"fault {error.code.value}: {error}"))
+    finally:
+        bridge.close()
+    _show(args, tables.devices(found), [{"device": name, "found": text} for name, text in found])
+    return GOOD if all(text == "ok" for _, text in found) else FAULT
+
+
+def _demo(args: argparse.Namespace) -> int:
+    stop = _stop_on_signals()
+    loaded = _load(args, default_pace="max")
+    folder = _out(args.out)
+    with _journal(args, loaded.cell.journal.folder) as journal, _progress() as progress:
+        bar = progress.add_task("insertions", total=args.trials)
+
+        def watch(done: int, report: ReportImage) -> None:
+            progress.update(
+                bar, completed=done, description=f"insertions: {tables.report(report)['stage'] or 'waiting'}"
+            )
+
+        result = demo.run_demo(loaded, journal, args.trials, watch, stop)
+        pictures = demo.draw_demo(result, journal, folder)
+    lines = stage_table(result.tried())
+    results = [tables.report(report) for report in result.reports]
+    data = {"results": results, "stages": [asdict(line) for line in lines], "pictures": [str(p) for p in pictures]}
+    _show(args, tables.stages(lines), data)
+    if not args.json:
+        for row in result.rows:
+            print(f"run {row.run}: {row.outcome} {row.stage} {row.reason}".rstrip())
+        print("pictures:", *pictures)
+    return GOOD if len(results) == args.trials and all(r["result"] == "success" for r in results) else NOT_GOOD
+
+
+def _serve(args: argparse.Namespace) -> int:
+    stop = _stop_on_signals()
+    loaded = _load(args)
+    bridge = Bridge(loaded.cell.plc, PROGRAMS, PARAMETERS)
+    with _journal(args, loaded.cell.journal.folder) as journal, opened(assemble(loaded.cell)) as cell:
+        try:
+            bridge.start()
+            print(f"serving on {bridge.address[0]}:{bridge.address[1]}", flush=True)
+            Supervisor(cell, loaded, bridge, journal, stop).serve()
+        finally:
+            bridge.close()
+    return GOOD
+
+
+def _run(args: argparse.Namespace) -> int:
+    names = [*CATALOGUE, *(client.CONTROLS if args.connect else ())]
+    if args.name not in names:
+        raise ConfigError(f"run {args.name}: no such skill or program; {', '.join(names)} allowed")
+    return _run_there(args) if args.connect else _run_here(args)
+
+
+def _run_there(args: argparse.Namespace) -> int:
+    if args.config is not None:
+        raise ConfigError("--config: not together with --connect, the cell there has its own; one of the two allowed")
+    stop = _stop_on_signals()
+    parameters = client.raw_parameters(args.set)
+    with _progress() as progress:
+        bar = progress.add_task(args.name, total=100)
+        report = client.run_remote(
+            args.connect,
+            args.name,
+            args.recipe,
+            args.serial,
+            parameters,
+            lambda r: progress.update(bar, completed=r.progress),
+            stop,
+        )
+    data = tables.report(report)
+    refused = report.refusal != Refusal.NONE
+    _show(args, " ".join(f"{k}={v}" for k, v in data.items() if v not in ("", "none")), data)
+    if args.name in ("stop", "abort") and not refused:
+        return GOOD
+    return NOT_GOOD if refused else _STATUS.get(Result(report.result), NOT_GOOD)
+
+
+def _run_here(args: argparse.Namespace) -> int:
+    stop = _stop_on_signals()
+    loaded = _load(args)
+    if args.recipe not in loaded.recipes:
+        raise ConfigError(f"--recipe {args.recipe}: no such recipe; {', '.join(map(str, loaded.recipes))} allowed")
+    command = Command(1, CATALOGUE[args.name].code, args.recipe, args.serial, source="terminal")
+    with (
+        _journal(args, loaded.cell.journal.folder) as journal,
+        _progress() as progress,
+        opened(assemble(loaded.cell)) as cell,
+    ):
+        bar = progress.add_task(args.name, total=100)
+
+        def watch(report: Report) -> None:
+            progress.update(bar, completed=report.progress)
+            if report.sequence == command.sequence and report.result is not Result.NONE:
+                stop.set()
+
+        supervisor = Supervisor(cell, loaded, TerminalLine(command, watch), journal, stop)
+        supervisor.serve()
+    row = supervisor.last
+    if row is None:
+        fault = supervisor.report.fault
+        return _complain(f"fault {fault}: nothing was run", FAULT) if fault else NOT_GOOD
+    _show(args, tables.run(row), asdict(row))
+    if row.outcome == "fault":
+        return _complain(f"fault {row.fault}: {row.message}", FAULT)
+    return GOOD if row.outcome == "success" else NOT_GOOD
+
+
+def _watch(args: argparse.Namespace) -> int:
+    stop = _stop_on_signals()
+    last: dict[str, object] = {}
+    with Console().status("") as status:
+
+        def show(report: ReportImage) -> None:
+            data = tables.report(report)
+            line = " ".join(f"{key}={value}" for key, value in data.items() if value not in ("", "none"))
+            if sys.stdout.isatty() and not args.json and not args.once:
+                status.update(line)
+            elif data != last:
+                print(json.dumps(data) if args.json else line, flush=True)
+            last.update(data)
+
+        client.watch_remote(args.connect, show, stop, args.once)
+    return GOOD
+
+
+def _trials(args: argparse.Namespace) -> int:
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    config = _load(args, default_pace="max").cell
+    seeds = range(args.seed, args.seed + args.trials)
+    with _progress() as progress:
+        bar = progress.add_task("trials", total=args.trials)
+
+        def done(row: TrialRow) -> None:
+            progress.advance(bar)
+
+        rows = run_trials(config, seeds, args.workers or os.cpu_count() or 1, args.out, done)
+    lines = stage_table([row.tried() for row in rows])
+    total = lines[-1]
+    point = Point(
+        "this cell, simulated", total.successes, total.attempts, float("nan") if total.time is None else total.time
+    )
+    plot_speed_accuracy([point], args.out / demo.CHART)
+    _show(args, tables.stages(lines), json.loads((args.out / "summary.json").read_text(encoding="utf-8")))
+    if not args.json:
+        Console().print(tables.outcomes(rows))
+        print("written:", *(args.out / name for name in ("trials.csv", "summary.json", demo.CHART)))
+    return GOOD
+
+
+def _runs(args: argparse.Namespace) -> int:
+    with _journal(args) as journal:
+        rows = journal.runs(args.last)
+    _show(args, tables.runs(rows), [asdict(row) for row in rows])
+    return GOOD
+
+
+def _run_shown(args: argparse.Namespace) -> int:
+    with _journal(args) as journal:
+        row = journal.find(args.number)
+    samples = read_samples(journal.samples_path(row.run))
+    folder = _out(args.export) if args.export else journal.folder
+    picture = folder / f"run-{row.run:06d}.png"
+    plot_run(row, samples, picture)
+    written = [picture]
+    if args.export:
+        written.append(folder / f"run-{row.run:06d}.csv")
+        export_csv(samples, written[-1])
+    _show(args, tables.run(row), {**asdict(row), "files": [str(path) for path in written]})
+    if not args.json:
+        print("written:", *written)
+    return GOOD
+
+
+def _faults(args: argparse.Namespace) -> int:
+    _show(
+        args,
+        tables.faults(),
+        [{"code": code.value, "name": code.name, **asdict(text)} for code, text in FAULTS.items()],
+    )
+    return GOOD
+
+
+def _map(args: argparse.Namespace) -> int:
+    print(_FORMATS["json" if args.json else args.format](table(PROGRAMS, PARAMETERS)).rstrip("\n"))
+    return GOOD
+
+
+# The command line.
+
+
+class _Parser(argparse.ArgumentParser):
+    """Says in one line what is wrong."""
+
+    def error(self, message: str) -> NoReturn:
+        raise SystemExit(_complain(message, WRONG_USE))
+
+
+def _positive(text: str) -> int:
+    if not text.isdigit() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r}: a whole number >= 1 allowed")
+    return int(text)
+
+
+def _natural(text: str) -> int:
+    if not text.isdigit():
+        raise argparse.ArgumentTypeError(f"{text!r}: a whole number >= 0 allowed")
+    return int(text)
+
+
+def _address(text: str) -> tuple[str, int]:
+    host, colon, port = text.rpartition(":")
+    if not colon or not host or not port.isdigit() or not 0 < int(port) < 65536:
+        raise argparse.ArgumentTypeError(f"{text!r}: HOST:PORT allowed, as in 127.0.0.1:5020")
+    return host.strip("[]"), int(port)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(
+        prog="cell", description="Inserts a loosely held peg by touch. Without --config: the simulated cell."
+    )
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    def add(name: str, run: Callable[[argparse.Namespace], int], text: str, *shared: str) -> argparse.ArgumentParser:
+        command = commands.add_parser(name, help=text, description=text)
+        command.set_defaults(run=run, log_level=logging.INFO if name == "serve" else logging.ERROR)
+        command.add_argument("-v", "--verbose", action="store_true", help="log everything")
+        command.add_argument("--json", action="store_true", help="print the result as JSON")
+        if "config" in shared:
+            command.add_argument("--config", type=Path, metavar="F", help="TOML file of the cell")
+            command.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="replace one key")
+        if "journal" in shared:
+            command.add_argument("--journal", type=Path, metavar="DIR", help="folder of the records of runs")
+        return command
+
+    add("check", _check, "open every device of a config, read each once, say what is wrong", "config")
+    command = add("demo", _demo, "the main job: a PLC peer triggers insertions over Modbus TCP", "config", "journal")
+    command.add_argument("--trials", type=_positive, default=5, metavar="N")
+    command.add_argument("--out", type=Path, default=Path("out/demo"), metavar="DIR", help="where the pictures go")
+    add("serve", _serve, "obey the PLC until SIGINT or SIGTERM", "config", "journal")
+    command = add("run", _run, "one skill or program, by hand", "config", "journal")
+    command.add_argument("name", metavar="NAME")
+    command.add_argument("--connect", type=_address, metavar="HOST:PORT", help="on a cell that is served there")
+    command.add_argument("--recipe", type=_natural, default=0, metavar="N")
+    command.add_argument("--serial", default="", metavar="TEXT", help="of the part, for the record")
+    command = add("watch", _watch, "live state of a cell that is served")
+    command.add_argument("--connect", type=_address, required=True, metavar="HOST:PORT")
+    command.add_argument("--once", action="store_true", help="the state now, and no more")
+    command = add("trials", _trials, "many insertions on fresh simulated cells", "config")
+    command.add_argument("--trials", type=_positive, default=40, metavar="N")
+    command.add_argument("--seed", type=_natural, default=1, metavar="S", help="of the first trial")
+    command.add_argument("--workers", type=_positive, metavar="N", help="processes; one for each core")
+    command.add_argument("--out", type=Path, required=True, metavar="DIR")
+    command = add("runs", _runs, "the newest runs on record", "journal")
+    command.add_argument("--last", type=_positive, default=20, metavar="N")
+    command = add("show", _run_shown, "one run on record, with its plots", "journal")
+    command.add_argument("number", type=_positive, metavar="RUN")
+    command.add_argument("--export", type=Path, metavar="DIR", help="raw samples as CSV")
+    add("faults", _faults, "every fault code: meaning, cause, what to do")
+    command = add("map", _map, "the register map")
+    command.add_argument("--format", choices=sorted(_FORMATS), default="md")
+    return parser

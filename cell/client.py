@@ -1,0 +1,105 @@
+"""A terminal as one more client of a cell that is served elsewhere: run, stop and watch over its Modbus port."""
+
+from collections.abc import Callable, Iterable
+from threading import Event as ThreadEvent
+
+from cell.config import parse_set
+from cell.line import PARAMETERS
+from drivers.errors import CellError, ConfigError
+from plc_bridge.messages import Control
+from plc_bridge.peer import Peer
+from plc_bridge.registers import ReportImage
+from skills.catalogue import CATALOGUE
+
+CONTROLS = {
+    "reset": Control.RESET,
+    "stop": Control.STOP,
+    "hold": Control.HOLD,
+    "unhold": Control.UNHOLD,
+    "abort": Control.ABORT,
+    "clear": Control.CLEAR,
+}
+"""What can be asked of a running cell beside programs and skills."""
+PERIOD = 0.1
+"""Between two looks at a cell that is watched, s."""
+LONGEST = 3600.0
+"""A run is given up after this wall time, s."""
+
+
+def raw_parameters(sets: Iterable[str]) -> list[tuple[int, int]]:
+    """Return number and raw count of each `KEY=VALUE`.
+
+    Raises:
+        ConfigError: No command can carry that key, or not with that value.
+    """
+    numbers = {spec.name: number for number, spec in enumerate(PARAMETERS)}
+    found = []
+    for text in sets:
+        place, value = parse_set(text)
+        key = ".".join(place)
+        if key not in numbers:
+            raise ConfigError(f"--set {key}: not for --connect; {', '.join(numbers)} allowed")
+        spec = PARAMETERS[numbers[key]]
+        if isinstance(value, bool) or not isinstance(value, int | float) or not spec.low <= value <= spec.high:
+            raise ConfigError(
+                f"--set {key} = {value!r}: a number from {spec.low:g} to {spec.high:g} {spec.unit} allowed"
+            )
+        found.append((numbers[key], round(value / spec.scale)))
+    return found
+
+
+def run_remote(
+    address: tuple[str, int],
+    name: str,
+    recipe: int,
+    serial: str,
+    parameters: list[tuple[int, int]],
+    watch: Callable[[ReportImage], None],
+    stop: ThreadEvent,
+) -> ReportImage:
+    """Run a program, a skill or a control on a served cell, under the same lease as a PLC; return the last report.
+
+    Raises:
+        CellError: The cell does not answer, or somebody else holds the lease.
+    """
+    peer = Peer(*address)
+    peer.connect()
+    is_stopping = False
+
+    def look(report: ReportImage) -> None:
+        nonlocal is_stopping
+        watch(report)
+        if stop.is_set() and not is_stopping:
+            is_stopping = True
+            peer.stop()
+
+    try:
+        if name in ("stop", "abort"):
+            return peer.trigger(CONTROLS[name])
+        if not peer.take():
+            raise CellError(
+                f"{address[0]}:{address[1]}: {peer.read_report().holder} holds the lease; only its holder may start"
+            )
+        code = CONTROLS[name] if name in CONTROLS else CATALOGUE[name].code
+        report = peer.run(code, recipe, serial, parameters, timeout=LONGEST, watch=look)
+        peer.release()
+        return report
+    finally:
+        peer.close()
+
+
+def watch_remote(address: tuple[str, int], show: Callable[[ReportImage], None], stop: ThreadEvent, once: bool) -> None:
+    """Read a served cell's report again and again; it asks for no lease.
+
+    Raises:
+        CellError: The cell does not answer.
+    """
+    peer = Peer(*address)
+    peer.connect()
+    try:
+        while True:
+            show(peer.read_report())
+            if once or stop.wait(PERIOD):
+                return
+    finally:
+        peer.close()

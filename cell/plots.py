@@ -1,0 +1,129 @@
+"""Pictures: one run from its samples, and one chart of speed against accuracy."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from cell.journal import RunRow
+from cell.statistics import PUBLISHED_ATTEMPTS, PUBLISHED_SUCCESSES, PUBLISHED_TOTAL, wilson
+from drivers.quantities import Vector
+from skills.catalogue import STAGES
+
+COLOURS = ("#bbbbbb", "#4477aa", "#66ccee", "#228833", "#ccbb44", "#ee6677", "#aa3377")
+"""Of stage 0 (none) and stages 1 to 6; told apart by colour-blind readers too."""
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """One way of working, on the chart of speed against accuracy."""
+
+    label: str
+    successes: int
+    attempts: int
+    time: float
+    """Mean total time of the successes, s."""
+
+
+def plot_run(row: RunRow, samples: dict[str, Vector], path: Path) -> None:
+    """Draw one run: tip over the plate, angles, taxels with the hole event, forces, all by stage."""
+    figure = Figure(figsize=(12, 8), layout="constrained")
+    plan = figure.add_subplot(1, 2, 1)
+    time = samples["stamp"] - samples["stamp"][0] if samples["stamp"].size else samples["stamp"]
+    stage = samples["stage"].astype(int)
+    _draw_plan(plan, samples, stage)
+    angles, taxels, forces = (figure.add_subplot(3, 2, place) for place in (2, 4, 6))
+    upright = np.hypot(samples["axis_x"], samples["axis_y"])
+    angles.plot(time, np.degrees(samples["theta"]), label="theta, in the hand", color="#aa3377", lw=1)
+    angles.plot(
+        time, np.degrees(np.arctan2(upright, samples["axis_z"])), label="phi, to the vertical", color="#4477aa", lw=1
+    )
+    angles.set_ylabel("angle (degrees)")
+    columns = [samples[name] for name in samples if name.startswith("taxel_")]
+    taxels.plot(time, np.mean(columns, axis=0), color="#222222", lw=1, label="average of 40 taxels")
+    found = _end_of(stage, "spray_search")
+    if found is not None and found + 1 < time.size:
+        taxels.axvline(time[found], color="#ee6677", lw=1.5, ls="--", label="hole event: the search ends")
+    taxels.set_ylabel("pressure (counts)")
+    size = np.sqrt(samples["force_x"] ** 2 + samples["force_y"] ** 2 + samples["force_z"] ** 2)
+    forces.plot(time, size, color="#228833", lw=1, label="magnitude")
+    forces.plot(time, samples["force_z"], color="#66ccee", lw=1, label="along z")
+    forces.set_ylabel("external force (N)")
+    forces.set_xlabel("time since the first scan (s)")
+    for axes in (angles, taxels, forces):
+        _shade_stages(axes, time, stage)
+        axes.legend(loc="upper left", fontsize=8)
+        axes.margins(x=0)
+    ending = f"{row.outcome} {row.reason}".strip()
+    figure.suptitle(f"Run {row.run}: {row.program}, {ending}, {row.started}")
+    figure.savefig(path, dpi=110)
+
+
+def plot_speed_accuracy(points: Sequence[Point], path: Path) -> None:
+    """Draw success rate, with its Wilson 95 % interval, against mean total time, with the published point."""
+    figure = Figure(figsize=(7.5, 5), layout="constrained")
+    axes = figure.add_subplot()
+    published = Point("[gibbons], Table I", PUBLISHED_SUCCESSES, PUBLISHED_ATTEMPTS, PUBLISHED_TOTAL)
+    longest = PUBLISHED_TOTAL
+    for point, colour, marker in zip((published, *points), ("#222222", *COLOURS[1:]), "sovD^<>", strict=False):
+        if point.attempts == 0 or not math.isfinite(point.time):
+            continue
+        low, high = wilson(point.successes, point.attempts)
+        rate = point.successes / point.attempts
+        label = f"{point.label}: {point.successes}/{point.attempts}, {point.time:.1f} s"
+        error = [[100 * (rate - low)], [100 * (high - rate)]]
+        axes.errorbar([point.time], [100 * rate], yerr=error, fmt=marker, color=colour, capsize=4, label=label)
+        longest = max(longest, point.time)
+    axes.set_xlim(0.0, 1.15 * longest)
+    axes.set_ylim(0.0, 104.0)
+    axes.set_xlabel("mean total time of successes: search + insertion + adjustment (s)")
+    axes.set_ylabel("success rate (%), Wilson 95 % interval")
+    axes.set_title("Speed against accuracy")
+    axes.grid(alpha=0.3)
+    axes.legend(loc="lower right", fontsize=9)
+    figure.savefig(path, dpi=110)
+
+
+def _draw_plan(axes: Axes, samples: dict[str, Vector], stage: Vector) -> None:
+    for number, name in enumerate(STAGES, start=1):
+        if name not in ("spray_search", "tactile_insert", "spiral_adjust"):
+            continue
+        here = stage == number
+        if here.any():
+            axes.plot(
+                1e3 * samples["tip_x"][here], 1e3 * samples["tip_y"][here], lw=0.8, color=COLOURS[number], label=name
+            )
+    found = _end_of(stage, "spray_search")
+    if found is not None:
+        axes.plot(
+            1e3 * samples["tip_x"][found],
+            1e3 * samples["tip_y"][found],
+            "x",
+            color="#ee6677",
+            ms=9,
+            label="end of search",
+        )
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel("x, base frame (mm)")
+    axes.set_ylabel("y, base frame (mm)")
+    axes.set_title("End point of the peg over the plate, as estimated")
+    if axes.has_data():
+        axes.legend(loc="upper right", fontsize=8)
+
+
+def _shade_stages(axes: Axes, time: Vector, stage: Vector) -> None:
+    if time.size == 0:
+        return
+    edges = [0, *(np.flatnonzero(np.diff(stage)) + 1), time.size]
+    for first, last in pairwise(edges):
+        axes.axvspan(time[first], time[last - 1], color=COLOURS[int(stage[first]) % len(COLOURS)], alpha=0.15, lw=0)
+
+
+def _end_of(stage: Vector, name: str) -> int | None:
+    here = np.flatnonzero(stage == STAGES.index(name) + 1)
+    return int(here[-1]) if here.size else None

@@ -1,0 +1,114 @@
+"""What the terminal shows, as tables; nothing is printed here."""
+
+import json
+from collections.abc import Iterable, Sequence
+
+from rich.table import Table
+from rich.text import Text
+
+from cell.journal import RunRow
+from cell.states import State
+from cell.statistics import PUBLISHED, PUBLISHED_ATTEMPTS, PUBLISHED_SUCCESSES, PUBLISHED_TOTAL, StageLine, wilson
+from cell.trials import TrialRow
+from drivers.errors import FAULTS
+from plc_bridge.messages import LeaseState, Refusal, Result
+from plc_bridge.registers import ReportImage
+from skills.catalogue import STAGES
+from skills.contract import Reason
+
+
+def stages(lines: Sequence[StageLine]) -> Table:
+    """Return this cell's stage table beside [gibbons], Table I."""
+    table = Table(title=Text("Stages, beside [gibbons], Table I"), caption="times are means of the successes")
+    for name in ("stage", "success", "Wilson 95 %", "time (s)", "published", "time (s)"):
+        table.add_column(name, justify="left" if name == "stage" else "right")
+    published = [(p.label, p.successes, p.attempts, p.time) for p in PUBLISHED]
+    published.append(("total", PUBLISHED_SUCCESSES, PUBLISHED_ATTEMPTS, PUBLISHED_TOTAL))
+    for line, (label, successes, attempts, time) in zip(lines, published, strict=True):
+        low, high = wilson(line.successes, line.attempts)
+        table.add_row(
+            label,
+            f"{line.successes}/{line.attempts}",
+            f"{100 * low:.1f} to {100 * high:.1f} %",
+            "-" if line.time is None else f"{line.time:.1f}",
+            f"{successes}/{attempts}",
+            f"{time:.1f}",
+        )
+    return table
+
+
+def outcomes(rows: Sequence[TrialRow]) -> Table:
+    """Return how many trials ended how."""
+    table = Table("outcome", "stage", "reason", "trials")
+    kinds = sorted({(row.outcome, row.stage, row.reason) for row in rows})
+    for kind in kinds:
+        count = sum((row.outcome, row.stage, row.reason) == kind for row in rows)
+        table.add_row(*kind, str(count))
+    return table
+
+
+def runs(rows: Iterable[RunRow]) -> Table:
+    """Return the index of the journal, one line a run."""
+    table = Table("run", "started (UTC)", "program", "recipe", "serial", "source", "seq", "outcome", "stage", "reason")
+    for row in rows:
+        table.add_row(
+            str(row.run),
+            row.started[:19],
+            row.program,
+            str(row.recipe),
+            row.serial,
+            row.source,
+            str(row.sequence),
+            row.outcome,
+            row.stage,
+            row.reason or row.message,
+        )
+    return table
+
+
+def run(row: RunRow) -> Table:
+    """Return everything that the index has of one run."""
+    table = Table(show_header=False)
+    for name in RunRow.__slots__:
+        value = getattr(row, name)
+        if name == "stage_times":
+            value = ", ".join(f"{stage} {time:.2f} s" for stage, time in json.loads(value))
+        elif name == "versions":
+            value = ", ".join(f"{package} {version}" for package, version in json.loads(value).items())
+        table.add_row(name, str(value))
+    return table
+
+
+def faults() -> Table:
+    """Return every fault code: meaning, cause, what to do."""
+    table = Table("code", "name", "meaning", "cause", "what to do", show_lines=True)
+    for code, text in FAULTS.items():
+        table.add_row(str(code.value), code.name, text.meaning, text.cause, text.remedy)
+    return table
+
+
+def devices(found: Iterable[tuple[str, str]]) -> Table:
+    """Return what a check of the devices found."""
+    table = Table("device", "found")
+    for name, text in found:
+        table.add_row(name, text)
+    return table
+
+
+def report(image: ReportImage) -> dict[str, object]:
+    """Return a report in words."""
+    return {
+        "state": State(image.state).name if image.state else "",
+        "stage": STAGES[image.stage - 1] if 0 < image.stage <= len(STAGES) else "",
+        "progress": image.progress,
+        "sequence": image.sequence,
+        "result": Result(image.result).name.lower(),
+        "reason": Reason(image.reason).name.lower(),
+        "refusal": Refusal(image.refusal).name.lower(),
+        "fault": image.fault,
+        "run": image.run,
+        "lease": LeaseState(image.lease).name.lower(),
+        "holder": image.holder,
+        "stage_times": list(image.stage_times),
+        "total_time": image.total_time,
+    }

@@ -1,0 +1,296 @@
+"""Many insertions, each on a fresh simulated cell of its own seed, on every core; one row each in trials.csv."""
+
+import csv
+import json
+import math
+import multiprocessing
+import os
+import platform
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TextIO
+
+from cell.assembly import Cell, assemble, opened
+from cell.config import CellConfig
+from cell.journal import config_hash, versions
+from cell.statistics import PUBLISHED, Tried, spread, stage_table, wilson
+from drivers.errors import CellError, ConfigError, FaultCode
+from drivers.quantities import ImpedanceSetpoint
+from skills.catalogue import CATALOGUE
+from skills.contract import Observation, Outcome, SkillContext
+from skills.flow import StageRecord
+from skills.spray_search import SpraySearchResult
+
+if TYPE_CHECKING:
+    from sim.world import Truth
+
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+"""A worker is one thread: one trial per core, and the same sums in the same order everywhere."""
+WATCHED = frozenset({"spray_search", "tactile_insert"})
+"""Stages over which the estimate in use is compared with the truth."""
+TABLE, PARTIAL, SUMMARY = "trials.csv", "trials.partial.jsonl", "summary.json"
+
+
+@dataclass(frozen=True, slots=True)
+class TrialRow:
+    """One row of trials.csv; SI units and radians, empty where a stage was not reached."""
+
+    seed: int
+    outcome: str
+    """`success`, `failure`, `aborted` or `void`."""
+    reason: str
+    stage: str
+    grasp_time: float | None
+    search_time: float | None
+    insert_time: float | None
+    adjust_time: float | None
+    total_time: float | None
+    """search + insert + adjust."""
+    retries: int
+    peak_contact_force: float
+    max_penetration: float
+    max_in_hand_rotation: float
+    theta_rmse: float | None
+    tip_rmse: float | None
+    hole_x: float
+    hole_y: float
+    start_x: float | None
+    start_y: float | None
+    switch_closed: bool
+    depth: float
+    sim_time: float
+    wall_time: float
+
+    def tried(self) -> Tried:
+        """Return the row as the stage table needs it."""
+        names = ("search_time", "insert_time", "adjust_time")
+        times = {
+            stage.name: value
+            for stage, name in zip(PUBLISHED, names, strict=True)
+            if (value := getattr(self, name)) is not None
+        }
+        return Tried(self.outcome == "success", self.stage, times)
+
+
+COLUMNS = tuple(f.name for f in fields(TrialRow))
+
+
+@dataclass(slots=True)
+class Watcher:
+    """Compares, at every scan of the watched stages, the estimate in use with the truth."""
+
+    cell: Cell
+    ctx: SkillContext
+    ending: "Truth | None" = None
+    """The truth when the insertion had ended and before anything was cleared away."""
+    count: int = 0
+    theta: float = 0.0
+    """Sum of squared errors, rad²."""
+    tip: float = 0.0
+    """Sum of squared errors, m²."""
+
+    def record(self, seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
+        """Take one scan."""
+        if self.cell.truth is None or (self.ctx.stage not in WATCHED and self.ctx.stage != "recover"):
+            return
+        truth = self.cell.truth()
+        if self.ctx.stage == "recover":
+            self.ending = self.ending or truth
+            return
+        if math.isnan(truth.theta):
+            return
+        self.count += 1
+        self.theta += (seen.peg.theta - truth.theta) ** 2
+        self.tip += math.dist(seen.tip.tolist(), truth.tip) ** 2
+
+    def rmse(self, total: float) -> float | None:
+        """Return the root of the mean, or None when nothing was watched."""
+        return math.sqrt(total / self.count) if self.count else None
+
+
+def run_trial(config: CellConfig, seed: int) -> TrialRow:
+    """Run `insert_peg` once on a fresh cell of this seed, without sockets and without waiting for the wall clock.
+
+    A fault ends the trial as a failure whose reason is the fault's name.
+    """
+    assert config.sim is not None
+    wall = time.perf_counter()
+    config = config.model_copy(update={"sim": config.sim.model_copy(update={"seed": seed, "pace": "max"})})
+    cell = assemble(config)
+    assert cell.truth is not None
+    records: list[StageRecord] = []
+    reason = stage = ""
+    outcome = Outcome.FAILURE
+    with opened(cell):
+        ctx = cell.context(seed)
+        watcher = Watcher(cell, ctx)
+        ctx.record = watcher.record
+        try:
+            records = CATALOGUE["insert_peg"].run(config.skill_set(), ctx)
+        except CellError as error:
+            reason, stage = FaultCode(error.code).name.lower(), ctx.stage
+        truth = watcher.ending or cell.truth()
+        sim_time = cell.clock.now()
+    if records:
+        ending = next((r for r in records if r.result.outcome is not Outcome.SUCCESS), records[-1])
+        outcome, stage = ending.result.outcome, ending.name
+        reason = "" if outcome is Outcome.SUCCESS else ending.result.reason.name.lower()
+    times = {record.name: record.result.elapsed for record in records}
+    start = next((r.result.start for r in records if isinstance(r.result, SpraySearchResult)), None)
+    stages = [times[s.name] for s in PUBLISHED if s.name in times]
+    return TrialRow(
+        seed=seed,
+        outcome="void" if truth.is_void else outcome.value,
+        reason=reason,
+        stage=stage,
+        grasp_time=times.get("grasp_from_rack"),
+        search_time=times.get("spray_search"),
+        insert_time=times.get("tactile_insert"),
+        adjust_time=times.get("spiral_adjust"),
+        total_time=sum(stages) if stages else None,
+        retries=0,
+        peak_contact_force=truth.peak_contact_force,
+        max_penetration=truth.max_penetration,
+        max_in_hand_rotation=truth.max_in_hand_rotation,
+        theta_rmse=watcher.rmse(watcher.theta),
+        tip_rmse=watcher.rmse(watcher.tip),
+        hole_x=truth.hole[0],
+        hole_y=truth.hole[1],
+        start_x=float(start[0]) if start else None,
+        start_y=float(start[1]) if start else None,
+        switch_closed=truth.switch_closed,
+        depth=truth.depth,
+        sim_time=sim_time,
+        wall_time=time.perf_counter() - wall,
+    )
+
+
+def run_trials(
+    config: CellConfig, seeds: Sequence[int], workers: int, folder: Path, done: Callable[[TrialRow], None]
+) -> list[TrialRow]:
+    """Run a trial of every seed on `workers` processes and return the rows, sorted by seed.
+
+    Rows go to a partial file as they finish; the same call again takes them up and runs only what is missing.
+
+    Args:
+        config: The cell of every trial, but for its seed.
+        seeds: One trial each.
+        workers: Processes; the rows do not depend on it.
+        folder: Where trials.csv and summary.json go.
+        done: Told of every row, those of an earlier call included.
+
+    Raises:
+        ConfigError: The folder cannot be written.
+        CellError: A worker was killed.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        partial = (folder / PARTIAL).open("a+", encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"--out {folder}: cannot be written: {error.strerror}") from None
+    with partial:
+        rows = {row.seed: row for row in _resume(partial, config) if row.seed in set(seeds)}
+        for row in rows.values():
+            done(row)
+        missing = [seed for seed in seeds if seed not in rows]
+        for row in _run_missing(config, missing, workers):
+            rows[row.seed] = row
+            partial.write(json.dumps(asdict(row)) + "\n")
+            partial.flush()
+            done(row)
+    ordered = [rows[seed] for seed in sorted(seeds)]
+    write_table(ordered, folder / TABLE)
+    (folder / SUMMARY).write_text(json.dumps(summarise(ordered, config), indent=2) + "\n", encoding="utf-8")
+    (folder / PARTIAL).unlink()
+    return ordered
+
+
+def _run_missing(config: CellConfig, seeds: Sequence[int], workers: int) -> Iterator[TrialRow]:
+    if not seeds:
+        return
+    with _one_thread_each():
+        pool = ProcessPoolExecutor(min(workers, len(seeds)), mp_context=multiprocessing.get_context("spawn"))
+        try:
+            for future in as_completed([pool.submit(run_trial, config, seed) for seed in seeds]):
+                yield future.result()
+        except BrokenProcessPool:
+            raise CellError("trials: a worker process was killed; the same command takes up where it was") from None
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Make child processes use one thread each."""
+    before = {name: os.environ.get(name) for name in THREADS}
+    os.environ.update(dict.fromkeys(THREADS, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+def _resume(partial: TextIO, config: CellConfig) -> list[TrialRow]:
+    """Return the rows of an interrupted call with the same config and versions, and make the file ready to append."""
+    head = {"config": config_hash(config), "versions": versions()}
+    partial.seek(0)
+    lines = partial.read().splitlines()
+    rows = []
+    for line in lines[1:]:
+        try:
+            rows.append(TrialRow(**json.loads(line)))
+        except (json.JSONDecodeError, TypeError):
+            break  # cut off in the middle of a line
+    if not lines or lines[0] != json.dumps(head):
+        rows = []
+    partial.seek(0)
+    partial.truncate()
+    for entry in (head, *map(asdict, rows)):
+        partial.write(json.dumps(entry) + "\n")
+    return rows
+
+
+def write_table(rows: Sequence[TrialRow], path: Path) -> None:
+    """Write rows as CSV."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        writer.writerows([_cell(getattr(row, name)) for name in COLUMNS] for row in rows)
+
+
+def _cell(value: object) -> object:
+    if value is None:
+        return ""
+    return str(value).lower() if isinstance(value, bool) else value
+
+
+def summarise(rows: Sequence[TrialRow], config: CellConfig) -> dict[str, Any]:
+    """Return counts, the interval of the success rate, times of the successes, versions and the whole config."""
+    outcomes = [row.outcome for row in rows]
+    successes = outcomes.count("success")
+    low, high = wilson(successes, len(rows))
+    good = [row for row in rows if row.outcome == "success"]
+    times = ("grasp_time", "search_time", "insert_time", "adjust_time", "total_time", "sim_time", "wall_time")
+    return {
+        "trials": len(rows),
+        "seeds": [rows[0].seed, rows[-1].seed] if rows else [],
+        "outcomes": {name: outcomes.count(name) for name in ("success", "failure", "aborted", "void")},
+        "reasons": dict(Counter(f"{row.stage}: {row.reason}" for row in rows if row.reason)),
+        "success_rate": successes / len(rows) if rows else None,
+        "wilson_95": [low, high],
+        "times": {name: spread([v for row in good if (v := getattr(row, name)) is not None]) for name in times},
+        "stages": [asdict(line) for line in stage_table([row.tried() for row in rows])],
+        "config_hash": config_hash(config),
+        "versions": {"python": platform.python_version(), **versions()},
+        "config": config.model_dump(mode="json"),
+    }
