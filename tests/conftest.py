@@ -1,0 +1,23 @@
+"""What tests share."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from cell.config import LoadedConfig, load
+from tests.fakes import Rig
+
+
+@pytest.fixture(scope="session")
+def loaded() -> LoadedConfig:
+    """Return the cell that ships with the program."""
+    return load()
+
+
+@pytest.fixture
+def rig(loaded: LoadedConfig, tmp_path: Path) -> Iterator[Rig]:
+    """Yield a cell of fakes with a PLC."""
+    made = Rig(loaded, tmp_path / "journal")
+    yield made
+    made.journal.close()

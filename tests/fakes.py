@@ -1,0 +1,228 @@
+"""Instant, scripted stand-ins without physics: devices that do at once what they are told, and a PLC that acts on cue."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from cell.assembly import Cell
+from cell.config import LoadedConfig
+from cell.journal import Journal
+from cell.line import PARAMETERS, PROGRAMS
+from cell.supervisor import Supervisor
+from drivers.frames import peg_in_finger
+from drivers.parts import Job
+from drivers.quantities import (
+    FINGERS,
+    TAXELS,
+    ArmState,
+    GripperState,
+    ImpedanceSetpoint,
+    Pose,
+    SwitchState,
+    TaxelFrame,
+    Wrench,
+)
+from plc_bridge.bridge import Bridge
+from plc_bridge.registers import CommandImage, ReportImage
+
+HAND_DOWN = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
+"""The finger frame of a hand that points down, closing along y."""
+
+
+class FakeClock:
+    """Time that passes when somebody waits for it; what is due happens then."""
+
+    def __init__(self) -> None:
+        self.time = 0.0
+        self.at: list[tuple[float, Callable[[], None]]] = []
+        self.every: list[Callable[[], None]] = []
+
+    def now(self) -> float:
+        return self.time
+
+    def wait_until(self, stamp: float) -> None:
+        self.time = max(self.time, stamp)
+        for action in self.every:
+            action()
+        due = [entry for entry in self.at if entry[0] <= self.time]
+        for entry in due:
+            self.at.remove(entry)
+            entry[1]()
+
+
+class FakeArm:
+    """Is at once where it shall be, but never with the controlled point below `floor`."""
+
+    def __init__(self, clock: FakeClock) -> None:
+        self.clock = clock
+        self.tcp = Pose(np.array([0.45, 0.0, 0.3]), HAND_DOWN)
+        self.force = np.zeros(3)
+        self.floor = -math.inf
+        self.fault: Exception | None = None
+        self.is_open = self.is_halted = False
+        self.resets = 0
+
+    def open(self) -> None:
+        self.is_open = True
+
+    def close(self) -> None:
+        self.is_open = False
+
+    def follow(self, setpoint: ImpedanceSetpoint) -> None:
+        self.is_halted = False
+        theta, length = (0.0, 0.0) if setpoint.in_hand is None else (setpoint.in_hand.theta, setpoint.in_hand.length)
+        roll = self.tcp.rotation[:, 2] if setpoint.roll is None else setpoint.roll
+        closing = roll - (roll @ setpoint.axis) * setpoint.axis
+        closing /= np.linalg.norm(closing)
+        peg = np.column_stack([closing, np.cross(setpoint.axis, closing), setpoint.axis])
+        finger_peg = peg_in_finger(theta, length)
+        rotation = peg @ finger_peg.rotation.T
+        tip = np.array([*setpoint.tip[:2], max(setpoint.tip[2], self.floor)])
+        self.tcp = Pose(tip - rotation @ finger_peg.position, rotation)
+
+    def halt(self) -> None:
+        self.is_halted = True
+
+    def reset(self) -> None:
+        self.resets += 1
+        self.fault = None
+
+    def read(self) -> ArmState:
+        if self.fault is not None:
+            raise self.fault
+        return ArmState(self.clock.now(), np.zeros(7), np.zeros(7), self.tcp, Wrench(self.force, np.zeros(3)), math.inf)
+
+
+class FakeGripper:
+    """Closes at once, on a peg or on nothing."""
+
+    def __init__(self, width: float) -> None:
+        self.peg_width = width
+        self.has_peg = True
+        self.force = 0.0
+        self.width = 0.04
+
+    def open(self) -> None: ...
+
+    def close(self) -> None: ...
+
+    def grip(self, force: float) -> None:
+        self.force, self.width = force, self.peg_width if self.has_peg else 0.0
+
+    def release(self, width: float) -> None:
+        self.force, self.width = 0.0, width
+
+    def read(self) -> GripperState:
+        return GripperState(self.width, self.force > 0.0 and self.has_peg, False)
+
+
+class FakeSkin:
+    """Ten frames a second, without a peg in them."""
+
+    def __init__(self, clock: FakeClock) -> None:
+        self.clock = clock
+        self.fault: Exception | None = None
+
+    def open(self) -> None: ...
+
+    def close(self) -> None: ...
+
+    def read(self) -> TaxelFrame:
+        if self.fault is not None:
+            raise self.fault
+        shape = (FINGERS, TAXELS)
+        return TaxelFrame(np.zeros(shape), np.ones(shape, dtype=bool), self.clock.now(), int(self.clock.now() * 10.0))
+
+
+class FakeSwitch:
+    """Says what it is told to say."""
+
+    def __init__(self) -> None:
+        self.state = SwitchState.OPEN
+
+    def open(self) -> None: ...
+
+    def close(self) -> None: ...
+
+    def read(self) -> SwitchState:
+        return self.state
+
+
+class FakePlc:
+    """A PLC behind the bridge's mailbox, without sockets; lives in the cell's own time."""
+
+    def __init__(self, bridge: Bridge, clock: FakeClock) -> None:
+        self._bridge = bridge
+        self._image = CommandImage()
+        self.is_alive = True
+        bridge.opened("plc", "plc")
+        self.live()
+        clock.every.append(self.live)
+
+    def live(self) -> None:
+        """Count life up, as a PLC does in every cycle."""
+        if self.is_alive:
+            self._write(life=self._image.life % 0xFFFF + 1)
+
+    def trigger(self, code: int, recipe: int = 0, parameters: tuple[tuple[int, int], ...] = ()) -> None:
+        """Send a command under the next sequence number."""
+        self._write(sequence=self._image.sequence + 1, code=code, recipe=recipe, parameters=parameters)
+
+    def stop(self) -> None:
+        """Set the stop coil for a moment."""
+        self._bridge.switched("plc", {"stop": True})
+
+    def acknowledge(self) -> None:
+        """Say that the result has been read."""
+        self._write(acknowledge=self._image.sequence)
+
+    @property
+    def report(self) -> ReportImage:
+        """What the PLC reads now."""
+        return self._bridge.report_for("plc")
+
+    def _write(self, **changes: object) -> None:
+        values = {name: getattr(self._image, name) for name in CommandImage.__slots__} | changes
+        self._image = CommandImage(**values)  # type: ignore[arg-type]
+        self._bridge.wrote("plc", self._image)
+
+
+@dataclass
+class Rig:
+    """A whole cell of fakes, with a PLC."""
+
+    loaded: LoadedConfig
+    folder: Path
+    clock: FakeClock = field(default_factory=FakeClock)
+    restocked: list[tuple[Job, int]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        config = self.loaded.cell
+        self.arm, self.skin, self.switch = FakeArm(self.clock), FakeSkin(self.clock), FakeSwitch()
+        self.gripper = FakeGripper(config.peg.diameter)
+        self.cell = Cell(
+            config, self.clock, self.arm, self.gripper, self.skin, self.switch, lambda *job: self.restocked.append(job)
+        )
+        self.journal = Journal(self.folder)
+        self.bridge = Bridge(config.plc, PROGRAMS, PARAMETERS, now=self.clock.now)
+        self.plc = FakePlc(self.bridge, self.clock)
+        self.supervisor = Supervisor(self.cell, self.loaded, self.bridge, self.journal)
+        self.journal.open()
+
+    def scan(self, times: int = 3) -> ReportImage:
+        """Scan, outside a program so many times, and return what the PLC reads then."""
+        for _ in range(times):
+            self.supervisor.scan()
+        return self.plc.report
+
+    def at(self, delay: float, action: Callable[[], None]) -> None:
+        """Do something when so much time has passed."""
+        self.clock.at.append((self.clock.now() + delay, action))
+
+    def command(self, code: int, recipe: int = 0, parameters: tuple[tuple[int, int], ...] = ()) -> ReportImage:
+        """Send a command, let the cell obey to the end, and return what the PLC reads then."""
+        self.plc.trigger(code, recipe, parameters)
+        return self.scan()

@@ -1,0 +1,172 @@
+"""The technician's commands: exit statuses, and one line for whatever is wrong."""
+
+import csv
+import json
+import logging
+import threading
+
+import pytest
+
+from cell import cli, demo
+from cell.cli import FAULT, GOOD, NOT_GOOD, WRONG_USE, main
+from cell.config import DEFAULT
+from drivers.errors import FAULTS
+from plc_bridge.bridge import Bridge
+from tests.fakes import Rig
+
+WRONG = {
+    "unknown key": ["check", "--set", "peg.diametre=0.008"],
+    "wrong unit": ["check", "--set", "hole.diameter=8.1"],
+    "missing file": ["check", "--config", "no_such_cell.toml"],
+    "peg thicker than the hole": ["trials", "--out", "never", "--set", "peg.diameter=0.0082"],
+    "unknown skill": ["run", "juggle"],
+    "unknown skill elsewhere": ["run", "juggle", "--connect", "127.0.0.1:5020"],
+    "parameter out of range": ["run", "spray_search", "--set", "search.speed=3"],
+    "parameter out of range elsewhere": [
+        "run",
+        "spray_search",
+        "--connect",
+        "127.0.0.1:5020",
+        "--set",
+        "search.speed=3",
+    ],
+    "parameter nobody can send": ["run", "spray_search", "--connect", "127.0.0.1:5020", "--set", "peg.diameter=0.008"],
+    "unknown recipe": ["run", "insert_peg", "--recipe", "999"],
+    "not an address": ["watch", "--connect", "localhost"],
+    "not a count": ["demo", "--trials", "0"],
+    "unknown command": ["dance"],
+    "no command": [],
+    "unknown format": ["map", "--format", "pdf"],
+    "a folder that is a file": ["demo", "--out", str(DEFAULT)],
+}
+
+
+def status(arguments):
+    """Return the exit status of a command, wherever it is decided."""
+    try:
+        return main(arguments)
+    except SystemExit as exit_:
+        return exit_.code
+
+
+@pytest.fixture(autouse=True)
+def _quiet():
+    yield
+    logging.getLogger().handlers.clear()
+
+
+@pytest.mark.parametrize("wrong", WRONG, ids=lambda name: name.replace(" ", "_"))
+def test_wrong_use_is_told_in_one_line(wrong, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert status(WRONG[wrong]) == WRONG_USE
+    told = capsys.readouterr()
+    assert (told.out, told.err.count("\n")) == ("", 1)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_cell_that_does_not_answer_is_a_fault(capsys):
+    assert main(["watch", "--connect", "127.0.0.1:1", "--once"]) == FAULT
+    assert "127.0.0.1:1" in capsys.readouterr().err
+
+
+def test_a_run_that_is_not_on_record_is_a_fault(capsys, tmp_path):
+    assert main(["show", "7", "--journal", str(tmp_path)]) == FAULT
+    assert "run 7" in capsys.readouterr().err
+
+
+def test_a_defect_is_one_line_too(capsys, monkeypatch):
+    monkeypatch.setattr(cli, "_map", lambda args: 1 / 0)
+    assert main(["map"]) == FAULT
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_check_reads_every_device(capsys):
+    assert main(["check", "--json", "--set", "plc.modbus.port=0"]) == GOOD
+    found = {entry["device"]: entry["found"] for entry in json.loads(capsys.readouterr().out)}
+    assert found == dict.fromkeys(("arm", "gripper", "skin", "switch", "plc"), "ok")
+
+
+def test_faults_lists_every_code(capsys):
+    assert main(["faults", "--json"]) == GOOD
+    assert [entry["code"] for entry in json.loads(capsys.readouterr().out)] == list(FAULTS)
+
+
+def test_the_map_has_the_names_that_every_plc_needs(capsys):
+    assert main(["map", "--format", "json"]) == GOOD
+    entries = {entry["name"]: entry for entry in json.loads(capsys.readouterr().out)}
+    for name in (
+        *("command_sequence", "command_code", "command_life", "report_sequence", "report_state", "report_result"),
+        *("report_refusal", "report_fault", "report_stage", "report_progress", "report_run", "report_life"),
+    ):
+        assert set(entries[name]) >= {"table", "address", "words", "type", "scale", "unit", "access", "meaning"}
+
+
+@pytest.mark.parametrize("form", ["md", "csv"])
+def test_the_map_comes_in_other_forms(capsys, form):
+    assert main(["map", "--format", form]) == GOOD
+    assert "report_sequence" in capsys.readouterr().out
+
+
+@pytest.fixture
+def served(rig: Rig):
+    """Yield HOST:PORT of a cell of fakes, served by a thread until the test ends."""
+    config = rig.loaded.cell.plc.model_copy(
+        update={"modbus": rig.loaded.cell.plc.modbus.model_copy(update={"port": 0})}
+    )
+    rig.bridge = Bridge(config, cli.PROGRAMS, cli.PARAMETERS)
+    rig.journal.close()
+    is_up, stop = threading.Event(), threading.Event()
+
+    def serve():
+        with rig.journal:
+            supervisor = cli.Supervisor(rig.cell, rig.loaded, rig.bridge, rig.journal, stop)
+            is_up.set()
+            supervisor.serve()
+
+    rig.bridge.start()
+    thread = threading.Thread(target=serve)
+    thread.start()
+    is_up.wait()
+    yield "{}:{}".format(*rig.bridge.address)
+    stop.set()
+    thread.join()
+    rig.bridge.close()
+
+
+def test_a_skill_runs_on_a_served_cell(served, capsys):
+    assert main(["run", "grasp_from_rack", "--connect", served, "--json", "--set", "grasp.force=12.5"]) == GOOD
+    assert json.loads(capsys.readouterr().out)["result"] == "success"
+
+
+def test_a_failure_on_a_served_cell_is_not_good(served, rig, capsys):
+    rig.gripper.has_peg = False
+    assert main(["run", "grasp_from_rack", "--connect", served, "--json"]) == NOT_GOOD
+    assert json.loads(capsys.readouterr().out)["reason"] == "missed_grasp"
+
+
+def test_anybody_may_stop_a_served_cell_and_its_holder_reset_it(served, capsys):
+    assert main(["run", "stop", "--connect", served]) == GOOD
+    assert main(["run", "reset", "--connect", served]) == GOOD
+    capsys.readouterr()
+    main(["watch", "--once", "--json", "--connect", served])
+    assert json.loads(capsys.readouterr().out)["state"] == "IDLE"
+
+
+def test_the_journal_shows_a_run_with_its_picture_and_samples(served, rig, capsys, tmp_path):
+    main(["run", "grasp_from_rack", "--connect", served])
+    capsys.readouterr()
+    assert main(["runs", "--json", "--journal", str(rig.folder)]) == GOOD
+    assert [row["outcome"] for row in json.loads(capsys.readouterr().out)] == ["success"]
+    assert main(["show", "1", "--json", "--journal", str(rig.folder), "--export", str(tmp_path / "out")]) == GOOD
+    picture, samples = sorted((tmp_path / "out").iterdir(), reverse=True)
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    with samples.open() as file:
+        assert {row["stage"] for row in csv.DictReader(file)} == {"1.0"}
+
+
+def test_no_demo_without_a_port(capsys, served, tmp_path):
+    port = served.rpartition(":")[2]
+    arguments = ["demo", "--set", f"plc.modbus.port={port}", "--out", str(tmp_path), "--journal", str(tmp_path)]
+    assert main(arguments) == FAULT
+    assert port in capsys.readouterr().err
+    assert not (tmp_path / demo.CHART).exists()

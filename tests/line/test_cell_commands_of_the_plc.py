@@ -1,0 +1,159 @@
+"""What a PLC can ask of the cell, through the bridge's mailbox, against instant fakes."""
+
+import json
+
+import pytest
+
+from cell.states import State
+from plc_bridge.messages import Control, Refusal, Result
+from skills.contract import Reason
+
+GRASP, SEARCH, RELEASE = 101, 102, 105
+
+
+def test_a_skill_runs_and_the_plc_reads_the_answer(rig):
+    report = rig.command(GRASP)
+    assert (report.result, report.state, report.stage, report.run) == (Result.SUCCESS, State.COMPLETE, 1, 1)
+
+
+def test_the_run_is_on_record_with_who_asked(rig):
+    rig.command(GRASP, recipe=1)
+    row = rig.journal.find(1)
+    assert (row.program, row.recipe, row.source, row.sequence, row.outcome) == (
+        "grasp_from_rack",
+        1,
+        "plc",
+        1,
+        "success",
+    )
+    assert dict(json.loads(row.stage_times))["grasp_from_rack"] > 1.0
+
+
+def test_an_empty_slot_is_a_failure_and_the_next_command_runs(rig):
+    rig.gripper.has_peg = False
+    report = rig.command(GRASP)
+    assert (report.result, report.reason, report.state) == (Result.FAILURE, Reason.MISSED_GRASP, State.COMPLETE)
+    rig.gripper.has_peg = True
+    assert rig.command(GRASP).result == Result.SUCCESS
+
+
+def test_the_program_clears_up_after_a_failure(rig):
+    rig.gripper.has_peg = False
+    rig.command(100)
+    row = rig.journal.find(1)
+    assert (row.outcome, row.stage, row.reason) == ("failure", "grasp_from_rack", "missed_grasp")
+    assert [name for name, _ in json.loads(row.stage_times)] == ["grasp_from_rack", "recover"]
+
+
+def test_every_start_takes_a_fresh_peg(rig):
+    rig.command(GRASP)
+    rig.command(RELEASE)
+    rig.command(GRASP)
+    seeds = [seed for _, seed in rig.restocked]
+    assert seeds[1] == seeds[0] + 1
+    assert len(seeds) == 2
+
+
+def test_an_acknowledged_result_leaves_the_cell_idle(rig):
+    rig.command(GRASP)
+    rig.plc.acknowledge()
+    assert rig.scan().state == State.IDLE
+
+
+def test_stop_halts_the_arm_in_the_middle_of_a_skill(rig):
+    rig.at(0.5, rig.plc.stop)
+    report = rig.command(GRASP)
+    assert (report.result, report.reason, report.state) == (Result.ABORTED, Reason.STOPPED, State.STOPPED)
+    assert rig.arm.is_halted
+    assert rig.clock.now() < 1.0
+
+
+def test_a_stopped_cell_starts_only_after_a_reset(rig):
+    rig.at(0.5, rig.plc.stop)
+    rig.command(GRASP)
+    assert rig.command(GRASP).refusal == Refusal.NOT_READY
+    assert rig.command(Control.RESET).state == State.IDLE
+    assert rig.command(GRASP).result == Result.SUCCESS
+
+
+def test_abort_ends_in_aborted(rig):
+    rig.at(0.5, lambda: rig.plc.trigger(Control.ABORT))
+    assert rig.command(GRASP).state == State.ABORTED
+
+
+def test_hold_keeps_the_arm_still_until_it_is_taken_back(rig):
+    states = []
+    rig.at(0.5, lambda: rig.plc.trigger(Control.HOLD))
+    rig.at(2.4, lambda: states.append((rig.supervisor.state, rig.arm.is_halted)))
+    rig.at(2.5, lambda: rig.plc.trigger(Control.UNHOLD))
+    report = rig.command(GRASP)
+    assert states == [(State.HELD, True)]
+    assert report.state == State.COMPLETE
+
+
+def test_a_stop_on_hold_ends_the_run(rig):
+    rig.at(0.5, lambda: rig.plc.trigger(Control.HOLD))
+    rig.at(1.0, rig.plc.stop)
+    assert rig.command(GRASP).state == State.STOPPED
+
+
+def test_stop_stops_an_idle_cell_too(rig):
+    rig.plc.stop()
+    assert rig.scan().state == State.STOPPED
+
+
+def test_a_second_start_is_refused_and_the_first_goes_on(rig):
+    refusals = []
+    rig.at(0.5, lambda: rig.plc.trigger(SEARCH))
+    rig.at(0.6, lambda: refusals.append(rig.plc.report.refusal))
+    rig.command(GRASP)
+    assert refusals == [Refusal.BUSY]
+    assert rig.journal.find(1).outcome == "success"
+
+
+@pytest.mark.parametrize(
+    ("code", "recipe", "parameters", "refusal"),
+    [
+        (GRASP, 99, (), Refusal.UNKNOWN_RECIPE),
+        (99, 0, (), Refusal.UNKNOWN_CODE),
+        (GRASP, 0, ((0, 10_000),), Refusal.PARAMETER),
+        (GRASP, 0, ((7, 1),), Refusal.PARAMETER),
+        (Control.UNHOLD, 0, (), Refusal.NOT_READY),
+        (Control.CLEAR, 0, (), Refusal.NOT_READY),
+    ],
+)
+def test_what_cannot_be_done_is_refused_with_the_reason_and_nothing_moves(rig, code, recipe, parameters, refusal):
+    before = rig.arm.tcp
+    report = rig.command(code, recipe, parameters)
+    assert (report.refusal, report.state) == (refusal, State.IDLE)
+    assert rig.arm.tcp is before
+
+
+def test_a_parameter_holds_for_its_own_run(rig):
+    rig.command(GRASP, parameters=((0, 123),))
+    assert rig.gripper.force == pytest.approx(12.3)
+    rig.command(GRASP)
+    assert rig.gripper.force == rig.loaded.cell.grasp.force
+
+
+def test_a_force_beyond_the_limit_ends_the_skill_as_a_failure(rig):
+    limit = rig.loaded.cell.limits.force
+    rig.at(0.5, lambda: rig.arm.force.__setitem__(2, limit))
+    assert rig.command(GRASP).result == Result.SUCCESS
+    rig.at(0.5, lambda: rig.arm.force.__setitem__(2, 1.001 * limit))
+    report = rig.command(GRASP)
+    assert (report.result, report.reason) == (Result.FAILURE, Reason.FORCE_LIMIT)
+    assert rig.arm.is_halted
+
+
+@pytest.mark.parametrize(("beyond", "reason"), [(0.0, Reason.NONE), (1e-4, Reason.WORKSPACE)])
+def test_leaving_the_workspace_ends_the_skill(rig, beyond, reason):
+    rig.arm.tcp.position[0] = rig.loaded.cell.limits.high[0] + beyond
+    assert rig.command(RELEASE).reason == reason
+
+
+def test_the_plc_sees_stage_and_progress_while_a_skill_runs(rig):
+    seen = []
+    rig.at(0.5, lambda: seen.append(rig.plc.report))
+    rig.command(GRASP)
+    assert (seen[0].state, seen[0].stage, seen[0].result) == (State.EXECUTE, 1, Result.NONE)

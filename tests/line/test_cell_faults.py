@@ -1,0 +1,141 @@
+"""Every fault code that can be provoked today: the arm is halted, the PLC reads the code, and a reset re-arms."""
+
+import math
+import socket
+
+import pytest
+
+from cell.assembly import assemble, opened
+from cell.cli import FAULT, WRONG_USE, main
+from cell.config import load
+from cell.journal import Journal
+from cell.line import TerminalLine
+from cell.states import State
+from cell.supervisor import Supervisor
+from drivers.errors import (
+    ArmReflexError,
+    ArmStoppedError,
+    FaultCode,
+    SkinSilentError,
+    SkinUntrustedError,
+)
+from drivers.quantities import SwitchState
+from plc_bridge.messages import Command, Control, Result
+
+GRASP, ADJUST = 101, 104
+
+
+def faulty(rig, device, error):
+    """Let a device of the rig fail half a second from now."""
+    rig.at(0.5, lambda: setattr(device, "fault", error))
+
+
+def switch_says(rig, state):
+    """Let the switch change half a second from now, while the hand holds the peg on the plate."""
+    rig.gripper.grip(rig.loaded.cell.grasp.force)
+    rig.arm.floor = rig.loaded.cell.hole.centre[2]
+    rig.at(0.5, lambda: setattr(rig.switch, "state", state))
+
+
+PROVOKE = {
+    FaultCode.SKIN_SILENT: (GRASP, lambda rig: faulty(rig, rig.skin, SkinSilentError("skin: silent"))),
+    FaultCode.SKIN_UNTRUSTED: (GRASP, lambda rig: faulty(rig, rig.skin, SkinUntrustedError("skin: 3 taxels"))),
+    FaultCode.ARM_STOPPED: (GRASP, lambda rig: faulty(rig, rig.arm, ArmStoppedError("arm: emergency stop"))),
+    FaultCode.ARM_REFLEX: (GRASP, lambda rig: faulty(rig, rig.arm, ArmReflexError("arm: reflex"))),
+    FaultCode.SOFTWARE: (GRASP, lambda rig: faulty(rig, rig.arm, ZeroDivisionError("a\ndefect"))),
+    FaultCode.SWITCH_UNKNOWN: (ADJUST, lambda rig: switch_says(rig, SwitchState.UNKNOWN)),
+    FaultCode.SWITCH_DISAGREES: (ADJUST, lambda rig: switch_says(rig, SwitchState.CLOSED)),
+    FaultCode.PLC_LOST: (GRASP, lambda rig: rig.at(0.5, lambda: setattr(rig.plc, "is_alive", False))),
+}
+
+
+@pytest.mark.parametrize("code", PROVOKE, ids=lambda code: code.name)
+def test_a_fault_in_a_run_halts_the_arm_and_is_reported(rig, code):
+    command, provoke = PROVOKE[code]
+    provoke(rig)
+    report = rig.command(command)
+    assert (report.state, report.fault) == (State.ABORTED, code)
+    assert rig.arm.is_halted
+    assert (rig.journal.find(1).outcome, rig.journal.find(1).fault) == ("fault", code)
+
+
+@pytest.mark.parametrize("code", PROVOKE, ids=lambda code: code.name)
+def test_after_a_fault_clear_and_reset_re_arm(rig, code):
+    command, provoke = PROVOKE[code]
+    provoke(rig)
+    rig.command(command)
+    rig.skin.fault, rig.switch.state, rig.plc.is_alive = None, SwitchState.OPEN, True
+    rig.scan(2)
+    if code is FaultCode.PLC_LOST:
+        rig.plc.trigger(0)  # the first number after a loss is adopted, never run
+    assert rig.command(Control.CLEAR).state == State.STOPPED
+    assert rig.command(Control.RESET).state == State.IDLE
+    assert rig.arm.resets >= 1
+    assert rig.command(GRASP).result == Result.SUCCESS
+
+
+def test_reset_alone_re_arms_too(rig):
+    faulty(rig, rig.arm, ArmReflexError("arm: reflex"))
+    rig.command(GRASP)
+    assert rig.command(Control.RESET).state == State.IDLE
+
+
+def test_a_reset_that_does_not_mend_the_device_leaves_the_fault(rig):
+    faulty(rig, rig.skin, SkinSilentError("skin: silent"))
+    rig.command(GRASP)
+    report = rig.command(Control.RESET)
+    assert (report.state, report.fault, report.result) == (State.ABORTED, FaultCode.SKIN_SILENT, Result.FAULT)
+
+
+def test_a_faulty_device_is_noticed_in_an_idle_cell(rig):
+    rig.skin.fault = SkinSilentError("skin: silent")
+    report = rig.scan()
+    assert (report.state, report.fault) == (State.ABORTED, FaultCode.SKIN_SILENT)
+
+
+def test_a_fault_while_idle_does_not_rewrite_the_last_result(rig):
+    rig.command(GRASP)
+    rig.skin.fault = SkinSilentError("skin: silent")
+    report = rig.scan()
+    assert (report.state, report.result) == (State.ABORTED, Result.SUCCESS)
+
+
+def test_a_plc_that_dies_between_runs_is_no_fault(rig):
+    rig.command(GRASP)
+    rig.plc.is_alive = False
+    assert rig.scan(300).fault == FaultCode.NONE
+
+
+def test_a_record_that_cannot_be_begun_keeps_the_arm_still(rig):
+    before = rig.arm.tcp
+    rig.journal.close()
+    report = rig.command(GRASP)
+    assert (report.state, report.fault) == (State.ABORTED, FaultCode.JOURNAL)
+    assert rig.arm.tcp is before
+
+
+def test_a_port_in_use_is_told_and_nothing_is_half_started(capsys, tmp_path):
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        status = main(["serve", "--set", f"plc.modbus.port={port}", "--journal", str(tmp_path)])
+    told = capsys.readouterr().err
+    assert (status, told.count("\n")) == (FAULT, 1)
+    assert f"fault {FaultCode.DEVICE_NOT_OPENED}" in told
+    assert str(port) in told
+
+
+def test_a_wrong_config_is_told_before_anything_opens(capsys):
+    assert main(["serve", "--set", "peg.diameter=8"]) == WRONG_USE
+    assert "metres" in capsys.readouterr().err
+
+
+def test_physics_that_diverge_are_a_fault(tmp_path, monkeypatch):
+    loaded = load(sets=["sim.pace=max"])
+    reports = []
+    monkeypatch.chdir(tmp_path)  # the physics engine leaves a log where it runs
+    with Journal(tmp_path) as journal, opened(assemble(loaded.cell)) as cell:
+        line = TerminalLine(Command(1, GRASP), reports.append)
+        supervisor = Supervisor(cell, loaded, line, journal)
+        cell.clock.dq[:] = math.inf
+        supervisor.scan()
+    assert (reports[-1].state, reports[-1].fault) == (State.ABORTED, FaultCode.SIMULATION_UNSTABLE)

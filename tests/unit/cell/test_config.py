@@ -1,0 +1,92 @@
+import pytest
+
+from cell.config import DEFAULT, load, parse_set, with_parameters
+from drivers.errors import ConfigError
+
+
+def line_about(*sets, path=None):
+    """Return what a wrong config is told."""
+    with pytest.raises(ConfigError) as caught:
+        load(path, sets=sets)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def test_the_shipped_cell_is_a_whole_config(loaded):
+    assert loaded.cell.peg.diameter < loaded.cell.hole.diameter
+    assert set(loaded.recipes) >= {0, 1}
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        ("peg.diametre=0.008", ["--set", "peg.diametre", "unknown key", "diameter, length"]),
+        ("peg.diameter=8", ["--set", "peg.diameter = 8", "0.002 to 0.03", "metres", "0.008"]),
+        ("hole.area=[60, 60]", ["hole.area", "60", "0 to 0.2", "metres"]),
+        ("peg.diameter=0.0081", ["--set", "peg.diameter = 0.0081", "thicker than the hole", "0.0081"]),
+        ("insert.estimator=pca", ["insert.estimator", "'pca'", '"image"']),
+        ("preset=hasty", ["preset", "'hasty'", "presets/"]),
+        ("peg.shape=square", ["peg.shape", '"round" allowed']),
+        ("hole.depth=0.06", ["hole.depth = 0.06", "peg.length"]),
+        ("scan_rate=5", ["scan_rate = 5", "10 to 1000"]),
+        ("contact.friction=[0.1, 3]", ["contact.friction", "[0.1, 3]", "0 to 2"]),
+        ("arm.kind=serial", ["arm.kind", "'serial'", '"sim"']),
+        ("sim.timestep=0.0007", ["sim", "0.0007", "does not divide"]),
+        ("plc.modbus.port=70000", ["plc.modbus.port = 70000", "65535"]),
+        ("gibberish", ["gibberish", "KEY=VALUE"]),
+    ],
+)
+def test_a_wrong_value_is_told_in_one_line(wrong, told):
+    line = line_about(wrong)
+    assert all(word in line for word in told), line
+
+
+def test_a_missing_file_is_named(tmp_path):
+    assert "no such file" in line_about(path=tmp_path / "cell_07.toml")
+
+
+def test_a_file_that_is_not_toml_is_named(tmp_path):
+    path = tmp_path / "cell.toml"
+    path.write_text("peg = ")
+    assert str(path) in line_about(path=path)
+
+
+def test_a_missing_safety_limit_is_not_made_up(tmp_path):
+    path = tmp_path / "cell.toml"
+    path.write_text("\n".join(line for line in DEFAULT.read_text().splitlines() if not line.startswith("low =")))
+    assert "limits.low: missing" in line_about(path=path)
+
+
+def test_a_value_is_toml_and_a_bare_word_a_text():
+    assert parse_set("hole.area=[0.06, 0.06]") == (("hole", "area"), [0.06, 0.06])
+    assert parse_set("sim.pace=max") == (("sim", "pace"), "max")
+
+
+def test_file_then_preset_then_recipe_then_keys(tmp_path):
+    (tmp_path / "presets").mkdir()
+    (tmp_path / "recipes").mkdir()
+    cell = tmp_path / "cell.toml"
+    cell.write_text('preset = "slow"\n' + DEFAULT.read_text())
+    (tmp_path / "presets" / "slow.toml").write_text("[search]\nspeed = 0.011\ntimeout = 11.0\n")
+    (tmp_path / "recipes" / "7.toml").write_text("[search]\ntimeout = 12.0\nheight = 0.012\n")
+    found = load(cell, sets=["search.height=0.013"])
+    search = found.recipes[7].search
+    assert (search.speed, search.timeout, search.height) == (0.011, 12.0, 0.013)
+    assert found.cell.search.timeout == 11.0
+
+
+def test_a_recipe_cannot_touch_the_hardware(tmp_path):
+    cell = tmp_path / "cell.toml"
+    cell.write_text(DEFAULT.read_text())
+    (tmp_path / "recipes").mkdir()
+    (tmp_path / "recipes" / "3.toml").write_text('[arm]\nkind = "sim"\n')
+    assert "arm: not for a recipe" in line_about(path=cell)
+
+
+def test_a_command_replaces_single_values(loaded):
+    assert with_parameters(loaded.cell, [("search.timeout", 5.0)]).search.timeout == 5.0
+
+
+def test_a_command_cannot_touch_the_limits(loaded):
+    with pytest.raises(ConfigError, match=r"limits\.force: not for a command"):
+        with_parameters(loaded.cell, [("limits.force", 500.0)])
