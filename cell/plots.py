@@ -19,6 +19,10 @@ COLOURS = ("#bbbbbb", "#4477aa", "#66ccee", "#228833", "#ccbb44", "#ee6677", "#a
 """Of stage 0 (none) and stages 1 to 6; told apart by colour-blind readers too."""
 
 
+ON_SURFACE = 0.005
+"""The plan shows the tip where it is no higher above where it mostly was than this, m."""
+
+
 @dataclass(frozen=True, slots=True)
 class Point:
     """One way of working, on the chart of speed against accuracy."""
@@ -32,12 +36,13 @@ class Point:
 
 def plot_run(row: RunRow, samples: dict[str, Vector], path: Path) -> None:
     """Draw one run: tip over the plate, angles, taxels with the hole event, forces, all by stage."""
-    figure = Figure(figsize=(12, 8), layout="constrained")
-    plan = figure.add_subplot(1, 2, 1)
+    figure = Figure(figsize=(13, 8), layout="constrained")
+    grid = figure.add_gridspec(3, 2, width_ratios=(2, 3))
+    plan = figure.add_subplot(grid[:, 0])
     time = samples["stamp"] - samples["stamp"][0] if samples["stamp"].size else samples["stamp"]
     stage = samples["stage"].astype(int)
     _draw_plan(plan, samples, stage)
-    angles, taxels, forces = (figure.add_subplot(3, 2, place) for place in (2, 4, 6))
+    angles, taxels, forces = (figure.add_subplot(grid[place, 1]) for place in range(3))
     upright = np.hypot(samples["axis_x"], samples["axis_y"])
     angles.plot(time, np.degrees(samples["theta"]), label="theta, in the hand", color="#aa3377", lw=1)
     angles.plot(
@@ -46,8 +51,8 @@ def plot_run(row: RunRow, samples: dict[str, Vector], path: Path) -> None:
     angles.set_ylabel("angle (degrees)")
     columns = [samples[name] for name in samples if name.startswith("taxel_")]
     taxels.plot(time, np.mean(columns, axis=0), color="#222222", lw=1, label="average of 40 taxels")
-    found = _end_of(stage, "spray_search")
-    if found is not None and found + 1 < time.size:
+    found = _hole_event(stage)
+    if found is not None:
         taxels.axvline(time[found], color="#ee6677", lw=1.5, ls="--", label="hole event: the search ends")
     taxels.set_ylabel("pressure (counts)")
     size = np.sqrt(samples["force_x"] ** 2 + samples["force_y"] ** 2 + samples["force_z"] ** 2)
@@ -71,7 +76,8 @@ def plot_speed_accuracy(points: Sequence[Point], path: Path) -> None:
     published = Point("[gibbons], Table I", PUBLISHED_SUCCESSES, PUBLISHED_ATTEMPTS, PUBLISHED_TOTAL)
     longest = PUBLISHED_TOTAL
     for point, colour, marker in zip((published, *points), ("#222222", *COLOURS[1:]), "sovD^<>", strict=False):
-        if point.attempts == 0 or not math.isfinite(point.time):
+        if not math.isfinite(point.time):
+            axes.plot([], [], marker, color=colour, label=f"{point.label}: {point.successes}/{point.attempts}, no time")
             continue
         low, high = wilson(point.successes, point.attempts)
         rate = point.successes / point.attempts
@@ -95,10 +101,12 @@ def _draw_plan(axes: Axes, samples: dict[str, Vector], stage: Vector) -> None:
             continue
         here = stage == number
         if here.any():
+            # The way to the surface would dwarf what happens on it.
+            here &= samples["tip_z"] < np.median(samples["tip_z"][here]) + ON_SURFACE
             axes.plot(
                 1e3 * samples["tip_x"][here], 1e3 * samples["tip_y"][here], lw=0.8, color=COLOURS[number], label=name
             )
-    found = _end_of(stage, "spray_search")
+    found = _hole_event(stage)
     if found is not None:
         axes.plot(
             1e3 * samples["tip_x"][found],
@@ -106,14 +114,14 @@ def _draw_plan(axes: Axes, samples: dict[str, Vector], stage: Vector) -> None:
             "x",
             color="#ee6677",
             ms=9,
-            label="end of search",
+            label="hole event",
         )
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel("x, base frame (mm)")
     axes.set_ylabel("y, base frame (mm)")
     axes.set_title("End point of the peg over the plate, as estimated")
     if axes.has_data():
-        axes.legend(loc="upper right", fontsize=8)
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=4, fontsize=8)
 
 
 def _shade_stages(axes: Axes, time: Vector, stage: Vector) -> None:
@@ -124,6 +132,8 @@ def _shade_stages(axes: Axes, time: Vector, stage: Vector) -> None:
         axes.axvspan(time[first], time[last - 1], color=COLOURS[int(stage[first]) % len(COLOURS)], alpha=0.15, lw=0)
 
 
-def _end_of(stage: Vector, name: str) -> int | None:
-    here = np.flatnonzero(stage == STAGES.index(name) + 1)
-    return int(here[-1]) if here.size else None
+def _hole_event(stage: Vector) -> int | None:
+    """Return the last scan of a search that another stage followed, other than the clearing up."""
+    search, insert = STAGES.index("spray_search") + 1, STAGES.index("tactile_insert") + 1
+    found = np.flatnonzero((stage[:-1] == search) & (stage[1:] == insert))
+    return int(found[-1]) if found.size else None
