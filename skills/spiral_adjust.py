@@ -31,6 +31,10 @@ class SpiralAdjustParams(SkillParams):
     """Along z, N/m."""
     push_offset: NonNegativeFloat
     """The tip's setpoint lies so far below its own height, m."""
+    guided_depth: PositiveFloat
+    """Once the tip is so deep below the surface, m, the hole guides the peg better than a biased vertical."""
+    guided_radius: NonNegativeFloat
+    """From there on the finger centre circles with this radius about where it is, m; a straight push would jam."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +59,7 @@ def run(params: SpiralAdjustParams, ctx: SkillContext) -> SpiralAdjustResult:
     offset, tip = np.zeros(2), first.tip
     for seen in ctx.scan(params.timeout, holding=True):
         # The angle is frozen: an estimate fed back while the peg is wedged would chase its own bias.
-        tip, _ = end_point(seen.arm.tcp, in_hand.theta, in_hand.length)
+        tip, axis = end_point(seen.arm.tcp, in_hand.theta, in_hand.length)
         if seating.is_seated(seen.switch, tip, seen.stamp):
             return SpiralAdjustResult(
                 Outcome.SUCCESS,
@@ -64,16 +68,21 @@ def run(params: SpiralAdjustParams, ctx: SkillContext) -> SpiralAdjustResult:
                 float(np.linalg.norm(offset)),
                 seating.depth(tip),
             )
-        time = (seen.stamp - first.stamp) % (params.radius / params.growth)
-        offset = spiral(time, params.growth, params.turn_rate)
-        ctx.progress(min((seen.stamp - first.stamp) / params.timeout, 1.0))
-        target = first.tip.copy()
+        elapsed = seen.stamp - first.stamp
+        is_guided = seating.depth(tip) > params.guided_depth
+        if is_guided:
+            angle = params.turn_rate * elapsed
+            offset = params.guided_radius * np.array([math.cos(angle), math.sin(angle)])
+        else:
+            offset = spiral(elapsed % (params.radius / params.growth), params.growth, params.turn_rate)
+        ctx.progress(elapsed / params.timeout)
+        target = (tip if is_guided else first.tip).copy()
         target[2] = tip[2] - params.push_offset
         ctx.follow(
             ImpedanceSetpoint(
                 id=identity,
                 tip=target,
-                axis=tilted_by(offset, in_hand.length),
+                axis=tilted_by(offset + (in_hand.length * axis[:2] if is_guided else 0.0), in_hand.length),
                 roll=roll,
                 stiffness=stiffness,
                 damping=damping,

@@ -1,17 +1,21 @@
 """Cover the area that contains the hole the way a spray gun does until the peg's edge falls in: [gibbons], Sec. IV."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
 from drivers.quantities import ImpedanceSetpoint, Twist, Vector
-from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillResult
+from skills.contract import Observation, Outcome, Reason, SkillContext, SkillParams, SkillResult
 from skills.motion import VALIDITY, Gains, Goal, Transfer, move, tilted
 from skills.paths import SprayPaint, spray_paint
 from skills.tactile.hole_event import HoleEvent, HoleEventParams
+
+
+REST_DAMPING = 2.5
+"""Damping of the resting hand over that of the search: it shall stop within a millimetre or two."""
 
 
 class SpraySearchParams(SkillParams):
@@ -48,6 +52,8 @@ class SpraySearchParams(SkillParams):
     """The skin's event and the drop may lie so far apart, s."""
     dwell: PositiveFloat
     """A drop that lasts so long, the path at rest, is a fall also when no frame of the skin caught it, s."""
+    settle: NonNegativeFloat
+    """x_h is taken from a frame so long after the fall, s; 0 takes the one that showed it."""
     timeout: PositiveFloat
     """Longest search, s; 100 in [gibbons]."""
 
@@ -84,28 +90,29 @@ def run(params: SpraySearchParams, ctx: SkillContext) -> SpraySearchResult:
     stiffness[2] = params.push_stiffness
     identity = ctx.new_id()
     event, fall = HoleEvent(params.event), Fall(params.drop, params.window, params.dwell)
-    tip, at_rest, along = first, first, 0.0
+    tip, along, found = first, 0.0, math.inf
+    resting: ImpedanceSetpoint | None = None
     for seen in ctx.scan(params.timeout, holding=True):
-        elapsed = seen.stamp - started
+        tip, elapsed = seen.tip, seen.stamp - started
         is_event = seen.is_new_frame and event.update(seen.frame)
-        was_down = fall.is_down
-        if elapsed >= params.touch_down and fall.update(seen.stamp, seen.tip[2], is_event):
-            return SpraySearchResult(
-                Outcome.SUCCESS, Reason.NONE, elapsed, _point(seen.tip), (first[0], first[1]), event.count
-            )
-        if not fall.is_down:
-            target, velocity = _setpoint(path, along, middle, surface - params.push_offset)
-            if elapsed < params.touch_down:
-                share = min(2.0 * elapsed / params.touch_down, 1.0)
-                target[2] = first[2] + (surface - params.push_offset - first[2]) * share
-                velocity = np.zeros(3)
-            else:
-                along += ctx.scan_period
+        if elapsed >= params.touch_down and fall.update(seen.stamp, tip[2], is_event):
+            found = min(found, seen.stamp)
+        if seen.peg.stamp >= found + params.settle:
+            return SpraySearchResult(Outcome.SUCCESS, Reason.NONE, elapsed, _point(tip), (first[0], first[1]), event.count)
+        if fall.is_down or found < math.inf:
+            # The hand rests while the peg is down: dragged on, the peg would come out again. The hand and not the
+            # tip is held, for the fall turns the peg in the hand and theta is as old as the last frame.
+            resting = resting or _rest(seen, identity, stiffness, damping, params)
+            ctx.follow(replace(resting, valid_until=seen.stamp + VALIDITY))
+            continue
+        resting = None
+        target, velocity = _setpoint(path, along, middle, surface - params.push_offset)
+        if elapsed < params.touch_down:
+            share = min(2.0 * elapsed / params.touch_down, 1.0)
+            target[2] = first[2] + (surface - params.push_offset - first[2]) * share
+            velocity = np.zeros(3)
         else:
-            # The path rests while the peg is down: dragged on, it would come out again.
-            at_rest = at_rest if was_down else seen.tip
-            target, velocity = np.array([at_rest[0], at_rest[1], surface - params.push_offset]), np.zeros(3)
-        tip = seen.tip
+            along += ctx.scan_period
         ctx.progress(elapsed / params.timeout)
         ctx.follow(
             ImpedanceSetpoint(
@@ -122,6 +129,23 @@ def run(params: SpraySearchParams, ctx: SkillContext) -> SpraySearchResult:
         )
     return SpraySearchResult(
         Outcome.FAILURE, Reason.NO_HOLE, params.timeout, _point(tip), (first[0], first[1]), event.count
+    )
+
+
+def _rest(
+    seen: Observation, identity: int, stiffness: Vector, damping: Vector, params: SpraySearchParams
+) -> ImpedanceSetpoint:
+    """Return the setpoint that holds the hand where it is, still pushing down."""
+    tcp = seen.arm.tcp
+    push = np.array([0.0, 0.0, params.push_offset])
+    return ImpedanceSetpoint(
+        id=identity,
+        tip=tcp.position - push,
+        axis=-tcp.rotation[:, 0],
+        roll=tcp.rotation[:, 2],
+        stiffness=stiffness,
+        damping=REST_DAMPING * damping,
+        valid_until=seen.stamp + VALIDITY,
     )
 
 
