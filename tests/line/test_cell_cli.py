@@ -3,7 +3,6 @@
 import csv
 import json
 import logging
-import threading
 
 import pytest
 
@@ -11,8 +10,8 @@ from cell import cli, demo
 from cell.cli import FAULT, GOOD, NOT_GOOD, WRONG_USE, main
 from cell.config import DEFAULT
 from drivers.errors import FAULTS
-from plc_bridge.bridge import Bridge
 from tests.fakes import Rig
+from tests.serving import serving
 
 WRONG = {
     "unknown key": ["check", "--set", "peg.diametre=0.008"],
@@ -109,28 +108,9 @@ def test_the_map_comes_in_other_forms(capsys, form):
 
 @pytest.fixture
 def served(rig: Rig):
-    """Yield HOST:PORT of a cell of fakes, served by a thread until the test ends."""
-    config = rig.loaded.cell.plc.model_copy(
-        update={"modbus": rig.loaded.cell.plc.modbus.model_copy(update={"port": 0})}
-    )
-    rig.bridge = Bridge(config, cli.PROGRAMS, cli.PARAMETERS)
-    rig.journal.close()
-    is_up, stop = threading.Event(), threading.Event()
-
-    def serve():
-        with rig.journal:
-            supervisor = cli.Supervisor(rig.cell, rig.loaded, rig.bridge, rig.journal, stop)
-            is_up.set()
-            supervisor.serve()
-
-    rig.bridge.start()
-    thread = threading.Thread(target=serve)
-    thread.start()
-    is_up.wait()
-    yield "{}:{}".format(*rig.bridge.address)
-    stop.set()
-    thread.join()
-    rig.bridge.close()
+    """Yield HOST:PORT of a cell of fakes that is served until the test ends."""
+    with serving(rig.cell, rig.loaded, rig.folder) as (host, port):
+        yield f"{host}:{port}"
 
 
 def test_a_skill_runs_on_a_served_cell(served, capsys):

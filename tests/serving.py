@@ -1,0 +1,45 @@
+"""A cell served by a thread of this process, for tests that talk to it over its Modbus port."""
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from cell.assembly import Cell
+from cell.config import LoadedConfig
+from cell.journal import Journal
+from cell.line import PARAMETERS, PROGRAMS
+from cell.supervisor import Supervisor
+from plc_bridge.bridge import Bridge
+
+
+@contextmanager
+def serving(
+    cell: Cell, loaded: LoadedConfig, folder: Path, begin: threading.Event | None = None
+) -> Iterator[tuple[str, int]]:
+    """Yield host and port, a free one, of an opened cell that is served until the end.
+
+    The first scan waits for `begin`: with the command already in the mailbox, what follows does not depend on how
+    long a client took to send it.
+    """
+    plc = loaded.cell.plc
+    bridge = Bridge(plc.model_copy(update={"modbus": plc.modbus.model_copy(update={"port": 0})}), PROGRAMS, PARAMETERS)
+    stop = threading.Event()
+
+    def serve() -> None:
+        if begin is not None:
+            begin.wait()
+        with Journal(folder) as journal:
+            Supervisor(cell, loaded, bridge, journal, stop).serve()
+
+    bridge.start()
+    thread = threading.Thread(target=serve)
+    thread.start()
+    try:
+        yield bridge.address
+    finally:
+        stop.set()
+        if begin is not None:
+            begin.set()
+        thread.join()
+        bridge.close()
