@@ -49,8 +49,7 @@ def plot_run(row: RunRow, samples: dict[str, Vector], path: Path) -> None:
         time, np.degrees(np.arctan2(upright, samples["axis_z"])), label="phi, to the vertical", color="#4477aa", lw=1
     )
     angles.set_ylabel("angle (degrees)")
-    columns = [samples[name] for name in samples if name.startswith("taxel_")]
-    taxels.plot(time, np.mean(columns, axis=0), color="#222222", lw=1, label="average of 40 taxels")
+    taxels.plot(time, samples["taxels"].mean(axis=1), color="#222222", lw=1, label="average of 40 taxels")
     found = _hole_event(stage)
     if found is not None:
         taxels.axvline(time[found], color="#ee6677", lw=1.5, ls="--", label="hole event: the search ends")

@@ -33,14 +33,14 @@ COLUMNS: tuple[str, ...] = (
     "width",
     "switch",
     "frame",
-    *(f"taxel_{finger}_{taxel}" for finger in ("left", "right") for taxel in range(TAXELS)),
 )
 """SI units, base frame; `switch` is 1 closed, 0 open, -1 unknown; `frame` is the taxel frame's sequence number."""
+TAXEL_COLUMNS = tuple(f"taxel_{finger}_{taxel}" for finger in ("left", "right") for taxel in range(TAXELS))
+"""The values of `taxels`, counts, one column each in CSV."""
 BATCH = 100
 """Rows that are written at once: a second at the usual scan rate."""
 _SWITCH = {SwitchState.CLOSED: 1.0, SwitchState.OPEN: 0.0, SwitchState.UNKNOWN: -1.0}
-_TAXELS_FROM = len(COLUMNS) - FINGERS * TAXELS
-_SCHEMA = pa.schema([(name, pa.float64()) for name in COLUMNS])
+_SCHEMA = pa.schema([*((name, pa.float64()) for name in COLUMNS), ("taxels", pa.list_(pa.float64(), FINGERS * TAXELS))])
 _NO_SETPOINT = np.full(3, np.nan)
 
 
@@ -55,6 +55,7 @@ class SampleStream:
         """
         self._path = path
         self._block = np.empty((len(COLUMNS), BATCH))
+        self._taxels = np.empty((BATCH, FINGERS * TAXELS))
         self._used = 0
         try:
             self._file = pa.OSFile(str(path), "wb")
@@ -75,7 +76,7 @@ class SampleStream:
         row[10:13], row[13:16] = seen.arm.tcp.position, seen.arm.wrench.force
         row[16:19] = _NO_SETPOINT if setpoint is None else setpoint.tip
         row[19], row[20], row[21] = seen.gripper.width, _SWITCH[seen.switch], seen.frame.sequence
-        row[_TAXELS_FROM:] = seen.frame.values.reshape(-1)
+        self._taxels[self._used] = seen.frame.values.reshape(-1)
         self._used += 1
         if self._used == BATCH:
             self._write()
@@ -96,7 +97,10 @@ class SampleStream:
     def _write(self) -> None:
         if self._used == 0:
             return
-        batch = pa.record_batch([pa.array(column[: self._used]) for column in self._block], schema=_SCHEMA)
+        taxels = pa.array(self._taxels[: self._used].reshape(-1))
+        columns = [pa.array(column[: self._used]) for column in self._block]
+        columns.append(pa.FixedSizeListArray.from_arrays(taxels, FINGERS * TAXELS))
+        batch = pa.record_batch(columns, schema=_SCHEMA)
         self._used = 0
         try:
             self._writer.write_batch(batch)
@@ -106,7 +110,7 @@ class SampleStream:
 
 
 def read_samples(path: Path) -> dict[str, Vector]:
-    """Return the columns of a run, as far as they reached the disk.
+    """Return the columns of a run, as far as they reached the disk, and `taxels`, shape (n, 40), counts.
 
     Raises:
         JournalError: There is no such file.
@@ -122,12 +126,16 @@ def read_samples(path: Path) -> dict[str, Vector]:
     except (StopIteration, pa.ArrowInvalid, OSError):
         pass  # the end, or the place where a killed run was cut off
     table = pa.Table.from_batches(batches, schema=_SCHEMA)
-    return {name: table.column(name).to_numpy() for name in COLUMNS}
+    samples: dict[str, Vector] = {name: table.column(name).to_numpy() for name in COLUMNS}
+    taxels = table.column("taxels").combine_chunks()
+    samples["taxels"] = taxels.flatten().to_numpy(zero_copy_only=False).reshape(-1, FINGERS * TAXELS)
+    return samples
 
 
 def export_csv(samples: dict[str, Vector], path: Path) -> None:
     """Write samples as CSV, one row a scan."""
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        writer.writerow(COLUMNS)
-        writer.writerows(zip(*(samples[name].tolist() for name in COLUMNS), strict=True))
+        writer.writerow(COLUMNS + TAXEL_COLUMNS)
+        scalars = zip(*(samples[name].tolist() for name in COLUMNS), strict=True)
+        writer.writerows((*row, *taxels) for row, taxels in zip(scalars, samples["taxels"].tolist(), strict=True))

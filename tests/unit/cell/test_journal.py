@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from cell.journal import Journal, RunRow, config_hash
-from cell.samples import BATCH, COLUMNS, SampleStream, export_csv, read_samples
+from cell.samples import BATCH, COLUMNS, TAXEL_COLUMNS, SampleStream, export_csv, read_samples
 from drivers.errors import JournalError
 from tests.fakes import Rig
 
@@ -80,6 +80,7 @@ def test_samples_come_back_as_they_were(tmp_path, seen):
     assert samples["stage"].tolist() == [2.0] * (BATCH + 7)
     assert samples["tcp_z"][-1] == seen.arm.tcp.position[2]
     assert np.isnan(samples["setpoint_x"]).all()
+    assert samples["taxels"].shape == (BATCH + 7, 40)
 
 
 def test_samples_are_readable_when_the_program_was_killed(tmp_path, seen):
@@ -98,7 +99,7 @@ def test_csv_has_a_row_a_scan(tmp_path, seen):
     stream.close()
     export_csv(read_samples(tmp_path / "a.arrows"), tmp_path / "a.csv")
     lines = (tmp_path / "a.csv").read_text().splitlines()
-    assert (lines[0].split(","), len(lines)) == (list(COLUMNS), 2)
+    assert (lines[0].split(","), len(lines)) == ([*COLUMNS, *TAXEL_COLUMNS], 2)
 
 
 def test_no_samples_are_told_by_their_file(tmp_path):
