@@ -72,3 +72,22 @@ def spiral(time: float, growth: float, turn_rate: float) -> Vector:
     """
     radius, angle = growth * time, turn_rate * time
     return np.array([radius * math.cos(angle), radius * math.sin(angle)])
+
+
+def fading_circles(time: float, radius: float, turn_rate: float, period: float) -> Vector:
+    """Return the point at `time` on circles that shrink to nothing within each period, then start wide again.
+
+    A decaying oscillation leaves a system with dry friction free of stored torque, as a decaying field leaves
+    iron free of magnetisation; a peg jams less the smaller the torque it carries.
+
+    Args:
+        time: Time since the start, s, >= 0.
+        radius: At the start of each period, m.
+        turn_rate: Angular rate, rad/s.
+        period: Of the fading, s.
+
+    Returns:
+        Point in the plane of the circles, shape (2,), m, from their centre.
+    """
+    r, angle = radius * (1.0 - (time % period) / period), turn_rate * time
+    return np.array([r * math.cos(angle), r * math.sin(angle)])

@@ -8,8 +8,8 @@ from drivers.quantities import SwitchState, Vector
 
 DEPTH_TOLERANCE = 0.004
 """Between the tip's depth by the arm and the hole's depth, m: in-hand length and theta are known no better."""
-CLOSING_TIME = 0.5
-"""The tip may stay this far down without the switch closing, s."""
+CLOSING_TIME = 3.0
+"""The tip may stay at the hole's depth for so long without the switch closing, s."""
 
 
 @dataclass(slots=True)
@@ -32,20 +32,20 @@ class Seating:
             stamp: When, s.
 
         Raises:
-            SwitchDisagreesError: Closed with the tip high, or open with the tip at the bottom for too long.
+            SwitchDisagreesError: Closed with the tip elsewhere, or open with the tip at the bottom for too long.
             SwitchUnknownError: The switch gives no valid answer.
         """
         depth = self.depth(tip)
         if switch is SwitchState.UNKNOWN:
             raise SwitchUnknownError("switch: state unknown; closed or open needed")
         if switch is SwitchState.CLOSED:
-            if depth < self.hole.depth - DEPTH_TOLERANCE:
+            if abs(depth - self.hole.depth) > DEPTH_TOLERANCE:
                 raise SwitchDisagreesError(
                     f"switch closed with the tip {depth * 1e3:.1f} mm deep; {self.hole.depth * 1e3:.1f} mm "
                     f"+- {DEPTH_TOLERANCE * 1e3:.0f} mm expected"
                 )
             return True
-        if depth < self.hole.depth + DEPTH_TOLERANCE:
+        if abs(depth - self.hole.depth) > DEPTH_TOLERANCE:
             self._deep_since = None
         elif self._deep_since is None:
             self._deep_since = stamp

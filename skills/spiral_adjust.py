@@ -10,7 +10,7 @@ from drivers.frames import UP, end_point
 from drivers.quantities import ImpedanceSetpoint, Vector
 from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillResult
 from skills.motion import VALIDITY, Gains
-from skills.paths import spiral
+from skills.paths import fading_circles, spiral
 from skills.seating import Seating
 
 
@@ -32,9 +32,13 @@ class SpiralAdjustParams(SkillParams):
     push_offset: NonNegativeFloat
     """The tip's setpoint lies so far below its own height, m."""
     guided_depth: PositiveFloat
-    """Once the tip is so deep below the surface, m, the hole guides the peg better than a biased vertical."""
+    """Once the tip has come down by this, m, the hole guides the peg better than a biased vertical does."""
     guided_radius: NonNegativeFloat
-    """From there on the finger centre circles with this radius about where it is, m; a straight push would jam."""
+    """From there on the finger centre circles about where it is, m at first, fading: torque that friction holds jams."""
+    guided_rate: PositiveFloat
+    """Of those circles, rad/s."""
+    guided_period: PositiveFloat
+    """In which they fade, s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,10 +73,9 @@ def run(params: SpiralAdjustParams, ctx: SkillContext) -> SpiralAdjustResult:
                 seating.depth(tip),
             )
         elapsed = seen.stamp - first.stamp
-        is_guided = seating.depth(tip) > params.guided_depth
+        is_guided = first.tip[2] - tip[2] > params.guided_depth
         if is_guided:
-            angle = params.turn_rate * elapsed
-            offset = params.guided_radius * np.array([math.cos(angle), math.sin(angle)])
+            offset = fading_circles(elapsed, params.guided_radius, params.guided_rate, params.guided_period)
         else:
             offset = spiral(elapsed % (params.radius / params.growth), params.growth, params.turn_rate)
         ctx.progress(elapsed / params.timeout)
