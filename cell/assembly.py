@@ -58,6 +58,7 @@ class Cell:
             limits=config.limits,
             scan_period=1.0 / config.scan_rate,
             rng=choices(seed),
+            smoothing=config.smoothing,
         )
 
 

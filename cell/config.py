@@ -24,7 +24,7 @@ from sim.world_config import (
     SimSwitchConfig,
 )
 from skills.catalogue import SkillSet
-from skills.contract import Limits
+from skills.contract import Limits, Smoothing
 from skills.grasp_from_rack import GraspFromRackParams
 from skills.recover import RecoverParams
 from skills.release_and_retract import ReleaseAndRetractParams
@@ -77,6 +77,7 @@ class CellConfig(ConfigModel):
     gripper: SimGripperConfig
     skin: SimSkinConfig
     image: ImageParams = ImageParams()
+    smoothing: Smoothing = Smoothing()
     switch: SimSwitchConfig
     plc: PlcConfig
     journal: JournalConfig = JournalConfig()

@@ -8,6 +8,8 @@ Three places differ from the printed equations:
 - the orientation error is (v* x v)·phi / |v* x v|: with the printed order, -K e would turn the peg away from v*;
 - phi is atan2(|v x v*|, v·v*), exact near alignment;
 - damping acts on the tip's twist less the setpoint's, or the tip would lag by D·v/K along a path.
+
+Part of the joints' friction is fed forward, as the maker's controller promises to do.
 """
 
 import math
@@ -35,11 +37,17 @@ NULL_DAMPING = 3.0
 """Of the null space, N·m·s/rad."""
 
 _A, _D = panda.DH_A, panda.DH_D
+FRICTION_SHARE = 0.7
+"""Part of the joints' published friction that is fed forward: less than all, for it is known only so well."""
+FRICTION_SPEED = 0.02
+"""Joint speed at which three quarters of that is applied, rad/s."""
+
 _COS_ALPHA, _SIN_ALPHA = np.cos(panda.DH_ALPHA), np.sin(panda.DH_ALPHA)
 _TURN_COS, _TURN_SIN = math.cos(panda.HAND_TURN), math.sin(panda.HAND_TURN)
 _REACH = panda.FLANGE_D + panda.FINGER_CENTRE
 _TORQUE_MAX = panda.TORQUE_MAX
 _RATE_MAX = panda.TORQUE_RATE_MAX
+_FRICTION = FRICTION_SHARE * panda.FRICTION
 
 
 def pack(setpoint: ImpedanceSetpoint, stamp: float) -> Vector:
@@ -229,7 +237,7 @@ def torque(words: Vector, state: Vector, q: Vector, dq: Vector, now: float, peri
     tau = np.empty(7)
     step = _RATE_MAX * period
     for i in range(7):
-        t = null[i]
+        t = null[i] + _FRICTION[i] * math.tanh(dq[i] / FRICTION_SPEED)
         for k in range(6):
             t += J[k, i] * (wrench[k] - b[k])
         last = state[TORQUE + i]

@@ -24,6 +24,9 @@ TORQUE_MAX: Vector = np.array([87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0])
 TORQUE_RATE_MAX = 1000.0
 """N·m/s; exceeding it aborts the motion on the real arm."""
 
+FRICTION: Vector = np.array([0.546, 0.872, 0.641, 1.279, 0.839, 0.303, 0.565])
+"""Coulomb-like amplitudes of the joints, N·m; Gaz et al. 2019."""
+
 HAND_TURN = -np.pi / 4
 """Rotation of the hand about the flange's z, rad."""
 FINGER_CENTRE = 0.1034

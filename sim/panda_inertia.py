@@ -1,7 +1,7 @@
-"""Masses and joint friction of the Panda, for the stand-in only.
+"""Masses of the Panda, for the stand-in only.
 
 Link inertials: the maker's inertial description as carried by google-deepmind/mujoco_menagerie,
-franka_emika_panda/panda.xml, commit 1b428b0. Joint friction: Coulomb-like amplitudes of Gaz et al. 2019.
+franka_emika_panda/panda.xml, commit 1b428b0.
 That model's armature and damping are placeholders, not measurements; none are used here.
 """
 
@@ -15,8 +15,6 @@ LINKS: tuple[tuple[float, tuple[float, float, float], tuple[float, float, float,
     (0.735522, (0.010517, -0.004252, 0.061597), (0.012516, 0.010027, 0.004815, -0.000428, -0.001196, -0.000741)),
 )
 """Mass, kg; centre of mass, m; inertia about it (xx, yy, zz, xy, xz, yz), kg·m²; all in the link's frame."""
-JOINT_FRICTION = (0.546, 0.872, 0.641, 1.279, 0.839, 0.303, 0.565)
-"""N·m."""
 HAND_MASS = 0.73
 HAND_COM = (-0.01, 0.0, 0.03)
 HAND_INERTIA = (0.001, 0.0025, 0.0017)

@@ -49,7 +49,7 @@ def held_model(job: Job, plate: Plate, friction: float, timestep: float) -> mujo
     axis = -job.peg.length / 2 + job.peg.overhang / 2
     # The peg's frame is that of `drivers.frames.peg_in_finger(0)`: x the closing axis, z from the tip to the finger.
     peg = f"""<body name="peg" pos="0 0 {panda.FINGER_CENTRE}" quat="0 {math.sqrt(0.5)} {math.sqrt(0.5)} 0">
-      <joint name="pivot" type="hinge" axis="1 0 0" frictionloss="0.2" limited="true" range="{-HINGE_RANGE} {HINGE_RANGE}"
+      <joint name="pivot" type="hinge" axis="1 0 0" frictionloss="0.2" 
         solreffriction="{2 * timestep} 1" solimpfriction="0.9999 0.9999 0.001 0.5 2"/>
       {_peg_geom(job, axis)}</body>"""
     hand_mass = panda_inertia.HAND_MASS + 2 * panda_inertia.FINGER_MASS
@@ -112,7 +112,7 @@ def _arm(timestep: float, hand_mass: float, in_hand: str) -> str:
         inner = f"""<body name="link{i + 1}" pos="{a} {-d * math.sin(alpha)} {d * math.cos(alpha)}" euler="{alpha} 0 0">
           <inertial mass="{mass}" pos="{_words(com)}" fullinertia="{_words(inertia)}"/>
           <joint name="joint{i + 1}" type="hinge" axis="0 0 1" limited="true" range="{panda.Q_MIN[i]} {panda.Q_MAX[i]}"
-            frictionloss="{panda_inertia.JOINT_FRICTION[i]}" solreffriction="{2 * timestep} 1" solimpfriction="0.9999 0.9999 0.001 0.5 2"/>
+            frictionloss="{panda.FRICTION[i]}" solreffriction="{2 * timestep} 1" solimpfriction="0.9999 0.9999 0.001 0.5 2"/>
           {inner}</body>"""
     return inner
 

@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum, IntEnum, StrEnum
-from typing import NoReturn, Protocol
+from typing import Annotated, NoReturn, Protocol
 
 import numpy as np
+from pydantic import Field
 
 from drivers.frames import end_point
 from drivers.parts import ConfigModel, Job
@@ -125,6 +126,22 @@ class Interrupted(Exception):  # noqa: N818  a way to end, not an error
         self.reason = reason
 
 
+class Smoothing(ConfigModel):
+    """How theta is taken over from frame to frame; noise of theta would kick the tip at the skin's rate."""
+
+    blend: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
+    """Weight of a new frame in the running estimate; 1 takes each frame as it is, as [gibbons] does."""
+    jump: Annotated[float, Field(gt=0.0)] = 0.15
+    """A frame further off than this, rad, is a slip of the peg and taken at once."""
+
+    def take(self, held: PegPose, new: PegPose) -> PegPose:
+        """Return the running estimate after a new healthy frame."""
+        step = new.theta - held.theta
+        if not held.healthy or abs(step) > self.jump:
+            return new
+        return replace(new, theta=held.theta + self.blend * step)
+
+
 class Limits(ConfigModel):
     """What ends a skill at once; no defaults."""
 
@@ -154,6 +171,7 @@ class SkillContext:
     scan_period: float
     rng: np.random.Generator
     """For choices that a skill makes at random, as the start of a search."""
+    smoothing: Smoothing = Smoothing()
     poll: Callable[[], Request] = lambda: Request.RUN
     """Asked once a scan."""
     progress: Callable[[float], None] = lambda fraction: None
@@ -194,7 +212,7 @@ class SkillContext:
             self._sequence = frame.sequence
             pose = self.estimator.estimate(frame)
             if pose.healthy:
-                self._peg = pose
+                self._peg = self.smoothing.take(self._peg, pose)
         tip, axis = end_point(arm.tcp, self._peg.theta, self.job.peg.length)
         return Observation(
             stamp=arm.stamp,
