@@ -81,12 +81,16 @@ class _Link:
     heard: float
     is_local: bool = False
     is_open: bool = True
+    is_lost: bool = False
+    """Its run was lost: the next number is adopted, like the first one."""
+    has_spoken: bool = False
+    """It wrote something other than a stop; until then it is a spectator."""
     image: CommandImage | None = None
     sequence: int | None = None
     answered: int = 0
     refusal: Refusal = Refusal.NONE
     own: tuple[int, int, Result] | None = None
-    """Sequence, code and result of its last command; None while that is the current one or there was none."""
+    """Sequence, code and result of its last command; None while that is the current one, and for a spectator."""
     uses_life: bool = False
     life_stamp: float = -math.inf
     uses_tail: bool = False
@@ -155,7 +159,7 @@ class Handshake:
         """Take the command block as it stands after a write of `source`."""
         self._expire(now)
         link = self._links[source]
-        self._come_back(link)
+        self._speak(link)
         link.heard = now
         before, link.image = link.image, image
         if image.life != (before.life if before else 0):
@@ -181,14 +185,14 @@ class Handshake:
             self._stop(Command(link.sequence or 0, Control.STOP, source=source))
         image = link.image or CommandImage()
         if "execute" in coils:
-            self._come_back(link)
+            self._speak(link)
             is_rising, link.execute = coils["execute"] and link.execute is False, coils["execute"]
             if is_rising:
                 self._command(link, self._count_up(link), image, now)
             elif not coils["execute"]:
                 self._acknowledge(link, self.answer(source).sequence)
         if "reset" in coils:
-            self._come_back(link)
+            self._speak(link)
             is_rising, link.reset = coils["reset"] and link.reset is False, coils["reset"]
             if is_rising:
                 self._command(link, self._count_up(link), replace(image, code=Control.RESET), now)
@@ -211,6 +215,7 @@ class Handshake:
         """Run what a local user asks for as the next number of `source`; return why it was refused."""
         self._expire(now)
         link = self._links[source]
+        self._speak(link)
         link.image = image
         self._command(link, self._count_up(link), image, now)
         return link.refusal
@@ -253,7 +258,7 @@ class Handshake:
     def answer(self, source: str) -> Answer:
         """Return what `source` shall read."""
         link, current = self._links[source], self._current
-        answered, refusal = (link.answered, link.refusal) if link.sequence is not None else self._last
+        answered, refusal = (link.answered, link.refusal) if link.has_spoken else self._last
         lease = LeaseState.FREE if self._holder is None else LeaseState.TAKEN
         if self._holder is link:
             lease = LeaseState.YOURS
@@ -270,15 +275,16 @@ class Handshake:
         return Answer(command.sequence, result, answered, refusal, command.code, current.is_busy, lease, report)
 
     def _take_sequence(self, link: _Link, image: CommandImage, now: float) -> None:
-        last, link.sequence = link.sequence, image.sequence
-        if last is None:
+        last = link.sequence
+        if last is not None and image.sequence != last and (last - image.sequence) % 0x10000 <= LATE_WINDOW:
+            self._refuse(link, image.sequence, Refusal.LATE)
+            return
+        link.sequence = image.sequence
+        if last is None or link.is_lost:
             self._adopt(link, image)
+            link.is_lost = False
         elif image.sequence != last:
-            if (last - image.sequence) % 0x10000 <= LATE_WINDOW:
-                link.sequence = last
-                self._refuse(link, image.sequence, Refusal.LATE)
-            else:
-                self._command(link, image.sequence, image, now)
+            self._command(link, image.sequence, image, now)
 
     def _adopt(self, link: _Link, image: CommandImage) -> None:
         if image.code in _STOPS:
@@ -287,7 +293,7 @@ class Handshake:
             self._accept(link, image.sequence)
         elif image.code == Control.NONE:
             self._accept(link, image.sequence)
-            if self._current is None or self._current.link is not link:
+            if link.own is not None:
                 link.own = (image.sequence, image.code, Result.NONE)
         else:
             self._refuse(link, image.sequence, Refusal.ADOPTED)
@@ -308,7 +314,7 @@ class Handshake:
             return
         if image.code == Control.NONE:
             self._accept(link, sequence)
-            if not self.is_busy:
+            if not self._keeps_following(link, sequence):
                 link.own = (sequence, image.code, Result.NONE)
             return
         parameters = self._parameters(image)
@@ -317,7 +323,7 @@ class Handshake:
             refusal = Refusal.PARAMETER
         if refusal is not Refusal.NONE or parameters is None:
             self._refuse(link, sequence, refusal)
-            if not self._runs_for(link):
+            if not self._keeps_following(link, sequence):
                 link.own = (sequence, image.code, Result.REFUSED)
             return
         self.take(link.source)
@@ -325,6 +331,8 @@ class Handshake:
         command = Command(sequence, image.code, image.recipe, image.serial, parameters, link.source)
         if self.is_busy:
             self._controls.append(command)
+            if not self._keeps_following(link, sequence):
+                link.own = (sequence, image.code, Result.SUCCESS)
             return
         self._make_current(_Current(command, link))
         link.life_stamp = link.heard = now
@@ -363,20 +371,31 @@ class Handshake:
         if old is not None and not old.is_delivered and old.result is Result.NONE:
             self._controls.append(old.command)
         for link in self._links.values():
-            if old is not None and link.own is None and link.sequence is not None and link is not current.link:
+            if old is not None and link.own is None and link.has_spoken and link is not current.link:
                 result = Result.NONE if old.is_acknowledged else old.result
                 link.own = (old.command.sequence, old.command.code, result)
         current.link.own = None
         self._current = current
 
-    def _runs_for(self, link: _Link) -> bool:
-        return self._current is not None and self._current.is_busy and self._current.link is link
+    def _keeps_following(self, link: _Link, sequence: int) -> bool:
+        """Tell whether `link` waits for its run, and `sequence` is another number than that run's.
+
+        A PLC whose counter restarted may send a run's number again for something else.
+        """
+        current = self._current
+        return (
+            current is not None
+            and current.is_busy
+            and current.link is link
+            and link.own is None
+            and current.command.sequence != sequence
+        )
 
     def _command_stop(self, link: _Link, sequence: int, code: int) -> None:
         self._accept(link, sequence)
-        was_running = self._runs_for(link)
+        is_following = self._keeps_following(link, sequence)
         self._stop(Command(sequence, code, source=link.source))
-        if not was_running:
+        if not is_following:
             link.own = (sequence, code, Result.SUCCESS)
 
     def _stop(self, command: Command) -> None:
@@ -406,14 +425,17 @@ class Handshake:
         elif wish == Lease.RELEASE:
             self.release(link.source)
 
-    def _come_back(self, link: _Link) -> None:
-        """Hand over what a closed link of the same host held."""
+    def _speak(self, link: _Link) -> None:
+        """Hand over what a closed link of the same host held, and make a spectator a client of its own."""
         if self._holder is not None and not self._holder.is_open and self._holder.host == link.host:
             self._holder = link
         current = self._current
         if current is not None and not current.link.is_open and current.link.host == link.host:
             link.uses_life, link.life_stamp = current.link.uses_life, current.link.life_stamp
-            current.link = link
+            current.link, link.own = link, None
+        elif not link.has_spoken:
+            link.own = (0, Control.NONE, Result.NONE)
+        link.has_spoken = True
 
     def _count_up(self, link: _Link) -> int:
         link.sequence = ((link.sequence or 0) + 1) % 0x10000
@@ -445,14 +467,14 @@ class Handshake:
                 if link.image is not None and link.image.sequence != link.sequence:
                     link.sequence = link.image.sequence
                     self._refuse(link, link.sequence, Refusal.TORN)
-                    if not self._runs_for(link):
+                    if not self._keeps_following(link, link.sequence):
                         link.own = (link.sequence, link.image.code, Result.REFUSED)
 
     def _lose(self, current: _Current) -> None:
         logger.warning("%s is lost: no sign of life for %g s", current.link.source, self.life_timeout)
         self.counts.lost += 1
         current.is_lost = True
-        current.link.sequence = None
+        current.link.is_lost = True
         current.link.execute = current.link.reset = None
         self.release(current.link.source)
         self._stop(Command(current.command.sequence, Control.LOST, source=current.link.source))

@@ -1,0 +1,462 @@
+from dataclasses import replace
+
+import pytest
+
+from plc_bridge.handshake import LATE_WINDOW, MOST_PENDING, Handshake
+from plc_bridge.messages import Command, Control, LeaseState, Refusal, Report, Result
+from plc_bridge.registers import CommandImage, Lease, Parameter
+
+INSERT, GRASP = 100, 101
+SPEED = Parameter("search.speed", "m/s", 1e-4, 0.001, 0.1, "how fast the search moves")
+
+
+class Line:
+    """A handshake, the time, and the last command block of each client."""
+
+    def __init__(self, *sources: str) -> None:
+        self.handshake = Handshake(
+            {INSERT: "insert_peg", GRASP: "grasp"}, (SPEED,), life_timeout=1.0, lease_timeout=5.0
+        )
+        self.now = 0.0
+        self.images: dict[str, CommandImage] = {}
+        for source in sources or ("plc",):
+            self.connect(source)
+
+    def connect(self, source, host=None):
+        self.handshake.opened(source, host or source, self.now)
+        self.images[source] = CommandImage()
+
+    def write(self, source="plc", **changes):
+        self.images[source] = replace(self.images[source], **changes)
+        self.handshake.wrote(source, self.images[source], self.now)
+        return self.handshake.answer(source)
+
+    def coils(self, source="plc", **coils):
+        self.handshake.switched(source, coils, self.now)
+        return self.handshake.answer(source)
+
+    def poll(self):
+        return self.handshake.poll(self.now)
+
+    def run(self, sequence=2, source="plc", code=INSERT, **changes):
+        """Bring a command to the scan thread."""
+        self.write(source, sequence=sequence - 1, code=0)
+        self.write(source, sequence=sequence, code=code, **changes)
+        command = self.poll()
+        assert command is not None
+        self.handshake.publish(Report(sequence=sequence, state=6))
+        return command
+
+    def end(self, sequence=2, result=Result.SUCCESS, **facts):
+        self.handshake.publish(Report(sequence=sequence, state=17, result=result, **facts))
+
+
+def test_first_sequence_number_is_adopted_and_never_run():
+    line = Line()
+    answer = line.write(sequence=7, code=INSERT)
+    assert line.poll() is None
+    assert (answer.answered, answer.refusal, answer.result) == (7, Refusal.ADOPTED, Result.REFUSED)
+
+
+def test_next_sequence_number_runs_once():
+    line = Line()
+    assert line.run(recipe=3, serial="A-17") == Command(2, INSERT, 3, "A-17", (), "plc")
+    assert line.write().refusal is Refusal.NONE
+    assert line.poll() is None
+
+
+def test_busy_from_acceptance_to_result():
+    line = Line()
+    line.write(sequence=1)
+    assert line.write(sequence=2, code=INSERT).is_busy
+    line.poll()
+    line.end()
+    assert not line.handshake.answer("plc").is_busy
+
+
+def test_result_is_held_until_acknowledged():
+    line = Line()
+    line.run()
+    line.end()
+    assert line.write(life=5).result is Result.SUCCESS
+    assert line.write(acknowledge=2).result is Result.NONE
+    assert line.poll() == Command(2, Control.ACKNOWLEDGE, source="plc")
+
+
+def test_acknowledging_another_number_leaves_the_result():
+    line = Line()
+    line.run()
+    line.end()
+    assert line.write(acknowledge=1).result is Result.SUCCESS
+
+
+def test_result_gives_way_to_the_next_command():
+    line = Line()
+    line.run()
+    line.end()
+    answer = line.write(sequence=3)
+    assert (answer.sequence, answer.result, answer.is_busy) == (3, Result.NONE, True)
+
+
+def test_details_of_the_run_before_are_not_shown_beside_the_next_number():
+    line = Line()
+    line.run()
+    line.end(run=41, stage=5, stage_times=(1.0,))
+    report = line.write(sequence=3).report
+    assert (report.run, report.stage, report.stage_times, report.state) == (0, 0, (), 17)
+
+
+def test_report_of_the_run_before_does_not_end_the_next_of_the_same_number():
+    line = Line("a", "b")
+    line.run(2, "a")
+    line.end(2)
+    line.handshake.release("a")
+    line.write("b", sequence=1)
+    line.write("b", sequence=2, code=INSERT)
+    line.end(2)
+    assert line.handshake.answer("b").is_busy
+
+
+def test_another_command_while_busy_is_refused_and_the_run_keeps_its_number():
+    line = Line()
+    line.run(2)
+    answer = line.write(sequence=3, code=GRASP)
+    assert (answer.answered, answer.refusal, answer.sequence, answer.result) == (3, Refusal.BUSY, 2, Result.NONE)
+    line.end(2)
+    assert line.handshake.answer("plc").result is Result.SUCCESS
+
+
+def test_unknown_code_is_refused():
+    line = Line()
+    line.write(sequence=1)
+    answer = line.write(sequence=2, code=150)
+    assert (answer.sequence, answer.result, answer.refusal) == (2, Result.REFUSED, Refusal.UNKNOWN_CODE)
+
+
+@pytest.mark.parametrize("code", [5, 6, 7, 10, 99])
+def test_codes_between_the_controls_and_the_programs_are_unknown(code):
+    line = Line()
+    line.write(sequence=1)
+    assert line.write(sequence=2, code=code).refusal is Refusal.UNKNOWN_CODE
+
+
+@pytest.mark.parametrize(
+    ("version", "refusal"),
+    [(0, Refusal.NONE), (0x0100, Refusal.NONE), (0x01FF, Refusal.NONE), (0x0200, Refusal.VERSION)],
+)
+def test_only_another_major_version_is_refused(version, refusal):
+    line = Line()
+    line.write(sequence=1)
+    assert line.write(sequence=2, code=INSERT, version=version).refusal is refusal
+
+
+@pytest.mark.parametrize(
+    ("count", "refusal"), [(9, Refusal.PARAMETER), (10, Refusal.NONE), (1000, Refusal.NONE), (1001, Refusal.PARAMETER)]
+)
+def test_parameters_are_limited(count, refusal):
+    line = Line()
+    line.write(sequence=1)
+    assert line.write(sequence=2, code=INSERT, parameters=((0, count),)).refusal is refusal
+
+
+def test_parameters_reach_the_command_in_their_unit():
+    assert Line().run(parameters=((0, 250),)).parameters == (("search.speed", pytest.approx(0.025)),)
+
+
+def test_parameter_that_nobody_defined_is_refused():
+    line = Line()
+    line.write(sequence=1)
+    assert line.write(sequence=2, code=INSERT, parameters=((1, 0),)).refusal is Refusal.PARAMETER
+
+
+def test_serial_number_that_cannot_be_printed_is_refused():
+    line = Line()
+    line.write(sequence=1)
+    assert line.write(sequence=2, code=INSERT, serial="\x07").refusal is Refusal.PARAMETER
+
+
+def test_torn_block_does_not_count_until_it_is_whole():
+    line = Line()
+    line.write(sequence=1, life=1, life_tail=1)
+    line.write(sequence=2, code=INSERT, life=2)
+    assert line.poll() is None
+    assert line.write(life_tail=2).is_busy
+
+
+def test_block_that_stays_torn_is_refused():
+    line = Line()
+    line.write(sequence=1, life=1, life_tail=1)
+    line.write(sequence=2, code=INSERT, life=2)
+    line.now = 1.1
+    line.poll()
+    assert line.handshake.answer("plc").refusal is Refusal.TORN
+    line.write(life_tail=2)
+    assert line.poll() is None
+
+
+@pytest.mark.parametrize(
+    ("behind", "refusal"), [(1, Refusal.LATE), (LATE_WINDOW, Refusal.LATE), (LATE_WINDOW + 1, Refusal.NONE)]
+)
+def test_number_just_behind_is_late(behind, refusal):
+    line = Line()
+    line.write(sequence=100)
+    assert line.write(sequence=(100 - behind) % 0x10000, code=INSERT).refusal is refusal
+
+
+def test_numbers_wrap():
+    line = Line()
+    line.write(sequence=0xFFFF)
+    assert line.write(sequence=0, code=INSERT).is_busy
+
+
+def test_reconnected_plc_finds_its_result():
+    line = Line()
+    line.run()
+    line.handshake.closed("plc")
+    line.end()
+    line.connect("plc again", host="plc")
+    answer = line.write("plc again", sequence=2, code=INSERT)
+    assert (answer.sequence, answer.result, answer.refusal) == (2, Result.SUCCESS, Refusal.NONE)
+    assert line.poll() is None
+
+
+def test_reconnected_plc_does_not_find_the_result_of_another_command_under_its_number():
+    line = Line()
+    line.run(recipe=1)
+    line.end()
+    line.handshake.closed("plc")
+    line.connect("plc again", host="plc")
+    answer = line.write("plc again", sequence=2, code=INSERT, recipe=2)
+    assert (answer.result, answer.refusal) == (Result.REFUSED, Refusal.ADOPTED)
+
+
+def test_simple_plc_gets_the_free_lease_by_starting():
+    line = Line()
+    line.run()
+    assert line.handshake.holder == "plc"
+
+
+def test_only_the_holder_may_start():
+    line = Line("a", "b")
+    line.write("a", lease=Lease.TAKE)
+    line.write("b", sequence=1)
+    answer = line.write("b", sequence=2, code=INSERT)
+    assert (answer.refusal, answer.lease, line.poll()) == (Refusal.NOT_HOLDER, LeaseState.TAKEN, None)
+
+
+def test_refused_client_does_not_disturb_what_the_holder_reads():
+    line = Line("a", "b")
+    line.run(2, "a")
+    line.end(2)
+    line.write("b", sequence=1)
+    line.write("b", sequence=2, code=INSERT)
+    assert line.handshake.answer("a").result is Result.SUCCESS
+    assert line.handshake.answer("b").result is Result.REFUSED
+
+
+def test_client_that_never_writes_sees_the_run():
+    line = Line("a", "screen")
+    line.run(2, "a")
+    assert line.handshake.answer("screen").is_busy
+
+
+def test_own_result_stays_when_another_runs():
+    line = Line("a", "b")
+    line.run(2, "a")
+    line.end(2)
+    line.write("a", lease=Lease.RELEASE)
+    line.run(9, "b")
+    line.end(9, Result.FAILURE)
+    assert (line.handshake.answer("a").sequence, line.handshake.answer("a").result) == (2, Result.SUCCESS)
+
+
+@pytest.mark.parametrize(("silence", "holder"), [(5.0, "plc"), (5.1, "")])
+def test_silence_frees_the_lease(silence, holder):
+    line = Line()
+    line.write(lease=Lease.TAKE)
+    line.now = silence
+    line.poll()
+    assert line.handshake.holder == holder
+
+
+def test_reading_keeps_the_lease():
+    line = Line()
+    line.write(lease=Lease.TAKE)
+    line.now = 4.0
+    line.handshake.heard("plc", line.now)
+    line.now = 8.0
+    line.poll()
+    assert line.handshake.holder == "plc"
+
+
+def test_local_user_is_never_silent():
+    line = Line()
+    line.handshake.opened("terminal", "terminal", 0.0, is_local=True)
+    line.handshake.take("terminal")
+    assert line.handshake.submit("terminal", CommandImage(code=INSERT), 0.0) is Refusal.NONE
+    line.now = 1000.0
+    assert line.poll() == Command(1, INSERT, source="terminal")
+    assert line.handshake.holder == "terminal"
+
+
+@pytest.mark.parametrize("code", [Control.STOP, Control.ABORT])
+def test_anybody_may_stop_even_with_a_first_number(code):
+    line = Line("a", "b")
+    line.run(2, "a")
+    line.write("b", sequence=77, code=code)
+    assert line.poll() == Command(77, code, source="b")
+
+
+def test_stop_coil_stops_for_anybody():
+    line = Line("a", "b")
+    line.run(2, "a")
+    line.coils("b", stop=True)
+    assert line.poll() == Command(0, Control.STOP, source="b")
+
+
+def test_command_that_was_stopped_before_the_scan_never_runs():
+    line = Line()
+    line.write(sequence=1)
+    line.write(sequence=2, code=INSERT)
+    line.coils(stop=True)
+    assert [line.poll().code, line.poll()] == [Control.STOP, None]
+    assert line.handshake.answer("plc").result is Result.ABORTED
+
+
+def test_abort_comes_before_stop():
+    line = Line("a", "b")
+    line.coils("a", stop=True)
+    line.write("b", sequence=1, code=Control.ABORT)
+    assert [line.poll().code, line.poll().code] == [Control.ABORT, Control.STOP]
+
+
+def test_hold_of_the_holder_reaches_a_run_and_leaves_its_number():
+    line = Line()
+    line.run(2)
+    answer = line.write(sequence=3, code=Control.HOLD)
+    assert (answer.answered, answer.refusal, answer.sequence) == (3, Refusal.NONE, 2)
+    assert line.poll().code == Control.HOLD
+
+
+def test_controls_that_wait_are_limited():
+    line = Line()
+    line.run(2)
+    for number in range(MOST_PENDING):
+        assert line.write(sequence=3 + number, code=Control.HOLD).refusal is Refusal.NONE
+    assert line.write(sequence=99, code=Control.HOLD).refusal is Refusal.BUSY
+
+
+def test_reset_just_before_a_start_is_not_lost():
+    line = Line()
+    line.write(sequence=1)
+    line.write(sequence=2, code=Control.RESET)
+    line.write(sequence=3, code=INSERT)
+    assert [line.poll().code, line.poll().code] == [Control.RESET, INSERT]
+
+
+def test_refusal_of_the_supervisor_reaches_the_plc():
+    line = Line()
+    line.run()
+    line.handshake.publish(Report(sequence=2, result=Result.REFUSED, refusal=Refusal.UNKNOWN_RECIPE))
+    answer = line.handshake.answer("plc")
+    assert (answer.result, answer.refusal, answer.is_busy) == (Result.REFUSED, Refusal.UNKNOWN_RECIPE, False)
+
+
+@pytest.mark.parametrize(("silence", "is_lost"), [(1.0, False), (1.01, True)])
+def test_run_is_lost_when_the_life_counter_stands_still(silence, is_lost):
+    line = Line()
+    line.run(life=1)
+    line.now = silence
+    line.write()
+    command = line.poll()
+    assert (command == Command(2, Control.LOST, source="plc")) is is_lost
+
+
+def test_lost_is_said_once_and_takes_the_lease():
+    line = Line()
+    line.run(life=1)
+    line.now = 2.0
+    assert [line.poll().code, line.poll()] == [Control.LOST, None]
+    assert line.handshake.holder == ""
+
+
+def test_lost_plc_has_to_begin_with_a_number_that_is_adopted():
+    line = Line()
+    line.run(life=1)
+    line.now = 2.0
+    line.poll()
+    line.end(result=Result.FAULT, fault=1006)
+    assert line.write(life=9, sequence=3).refusal is Refusal.ADOPTED
+
+
+def test_client_without_a_life_counter_lives_by_its_requests():
+    line = Line()
+    line.run()
+    line.now = 0.9
+    line.handshake.heard("plc", line.now)
+    line.now = 1.8
+    assert line.poll() is None
+    line.now = 2.0
+    assert line.poll().code == Control.LOST
+
+
+def test_idle_cell_does_not_mind_a_silent_plc():
+    line = Line()
+    line.run(life=1)
+    line.end()
+    line.now = 100.0
+    assert line.poll() is None
+
+
+def test_reconnected_plc_keeps_its_run_alive():
+    line = Line()
+    line.run(life=1)
+    line.handshake.closed("plc")
+    line.now = 0.8
+    line.connect("plc again", host="plc")
+    line.write("plc again", sequence=2, code=INSERT, life=2)
+    line.now = 1.6
+    assert line.poll() is None
+    assert line.handshake.holder == "plc again"
+
+
+def test_execute_coil_runs_on_its_rising_edge():
+    line = Line()
+    line.write(code=INSERT)
+    line.coils(execute=False)
+    assert line.coils(execute=True).is_busy
+    line.coils(execute=True)
+    assert [line.poll().code, line.poll()] == [INSERT, None]
+
+
+def test_execute_coil_that_is_on_from_the_first_write_does_not_run():
+    line = Line()
+    line.write(code=INSERT)
+    line.coils(execute=True)
+    assert line.poll() is None
+
+
+def test_execute_coil_acknowledges_when_it_falls_but_not_before_the_end():
+    line = Line()
+    line.write(code=INSERT)
+    line.coils(execute=False)
+    line.coils(execute=True)
+    line.poll()
+    line.coils(execute=False)
+    line.end(1)
+    assert line.handshake.answer("plc").result is Result.SUCCESS
+    assert line.coils(execute=False).result is Result.NONE
+
+
+def test_reset_coil_resets_on_its_rising_edge():
+    line = Line()
+    line.coils(reset=False)
+    line.coils(reset=True)
+    assert line.poll() == Command(1, Control.RESET, source="plc")
+
+
+def test_every_refusal_is_counted():
+    line = Line()
+    line.write(sequence=5, code=INSERT)
+    line.write(sequence=6, code=999)
+    assert line.handshake.counts.refusals == 2

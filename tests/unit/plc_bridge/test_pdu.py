@@ -1,0 +1,107 @@
+import pytest
+
+from plc_bridge.pdu import is_exception, respond
+
+
+class FakeStation:
+    """Ten words and ten bits."""
+
+    def __init__(self):
+        self.words = list(range(10))
+        self.bits = [True, False] * 5
+
+    def slice(self, values, address, count):
+        if address + count > len(values):
+            raise LookupError
+        return values[address : address + count]
+
+    def read_words(self, function, address, count):
+        return self.slice(self.words, address, count)
+
+    def read_bits(self, function, address, count):
+        return self.slice(self.bits, address, count)
+
+    def write_words(self, address, words):
+        self.slice(self.words, address, len(words))
+        self.words[address : address + len(words)] = words
+
+    def write_bits(self, address, bits):
+        self.slice(self.bits, address, len(bits))
+        self.bits[address : address + len(bits)] = bits
+
+
+@pytest.fixture
+def station():
+    return FakeStation()
+
+
+@pytest.mark.parametrize(
+    ("request_", "response"),
+    [
+        ("01 0000 000A", "01 02 55 01"),
+        ("02 0000 0003", "02 01 05"),
+        ("03 0001 0002", "03 04 0001 0002"),
+        ("04 0009 0001", "04 02 0009"),
+        ("05 0001 FF00", "05 0001 FF00"),
+        ("05 0001 0000", "05 0001 0000"),
+        ("06 0003 1234", "06 0003 1234"),
+        ("0F 0000 0003 01 02", "0F 0000 0003"),
+        ("10 0000 0002 04 AAAA BBBB", "10 0000 0002"),
+        ("17 0000 0002 0001 0001 02 7777", "17 04 0000 7777"),
+    ],
+)
+def test_requests_are_answered_as_the_specification_says(station, request_, response):
+    assert respond(bytes.fromhex(request_), station) == bytes.fromhex(response)
+
+
+@pytest.mark.parametrize(
+    ("request_", "exception"),
+    [
+        ("03 0000 0000", "83 03"),
+        ("03 0000 007E", "83 03"),
+        ("04 0000 0000", "84 03"),
+        ("01 0000 0000", "81 03"),
+        ("01 0000 07D1", "81 03"),
+        ("02 0000 07D1", "82 03"),
+        ("05 0000 1234", "85 03"),
+        ("05 0000 0001", "85 03"),
+        ("0F 0000 0000 00", "8F 03"),
+        ("0F 0000 0003 02 0000", "8F 03"),
+        ("10 0000 0000 00", "90 03"),
+        ("10 0000 0002 02 AAAA", "90 03"),
+        ("10 0000 0002 04 AAAA", "90 03"),
+        ("10 0000 0001 02 AAAA BBBB", "90 03"),
+        ("17 0000 0000 0000 0001 02 0000", "97 03"),
+        ("17 0000 0001 0000 0000 00", "97 03"),
+        ("03 0000", "83 03"),
+        ("03 0000 0001 00", "83 03"),
+        ("03", "83 03"),
+        ("10", "90 03"),
+        ("03 000A 0001", "83 02"),
+        ("03 FFFF 007D", "83 02"),
+        ("06 000A 0000", "86 02"),
+        ("05 000A FF00", "85 02"),
+        ("10 0009 0002 04 AAAA BBBB", "90 02"),
+        ("17 000A 0001 0000 0001 02 7777", "97 02"),
+        ("00", "80 01"),
+        ("07", "87 01"),
+        ("16 0000 FFFF 0000", "96 01"),
+        ("2B 0E 01 00", "AB 01"),
+        ("83 00", "83 01"),
+        ("FF", "FF 01"),
+    ],
+)
+def test_what_cannot_be_served_gets_its_exception_and_changes_nothing(station, request_, exception):
+    assert respond(bytes.fromhex(request_), station) == bytes.fromhex(exception)
+    assert (station.words, station.bits) == (list(range(10)), [True, False] * 5)
+
+
+def test_largest_read_is_served():
+    station = FakeStation()
+    station.words = [0] * 125
+    assert len(respond(bytes.fromhex("03 0000 007D"), station)) == 252
+
+
+def test_exceptions_are_told_from_answers():
+    assert is_exception(b"\x83\x02")
+    assert not is_exception(b"\x03\x00")

@@ -1,0 +1,153 @@
+import csv
+import io
+import json
+from dataclasses import fields
+
+import pytest
+
+from plc_bridge.messages import Refusal, Result
+from plc_bridge.registers import (
+    COILS,
+    COMMAND,
+    COMMAND_WORDS,
+    DIAGNOSTICS,
+    DISCRETE_INPUTS,
+    MIRROR,
+    REPORT,
+    REPORT_WORDS,
+    CommandImage,
+    Diagnostics,
+    Parameter,
+    ReportImage,
+    as_csv,
+    as_json,
+    as_markdown,
+    command_image,
+    command_words,
+    diagnostics_image,
+    diagnostics_words,
+    pack,
+    report_image,
+    report_words,
+    table,
+    unpack,
+)
+
+PLACES = {register.name: register for register in table()}
+
+
+def test_names_are_unique():
+    names = [register.name for register in table()]
+    assert len(names) == len(set(names))
+
+
+def test_registers_of_one_table_do_not_overlap():
+    taken = [(r.table, a) for r in table() for a in range(r.address, r.address + r.words)]
+    assert len(taken) == len(set(taken))
+
+
+def test_input_registers_end_below_their_mirror():
+    assert max(r.address + r.words for r in table() if r.table == "input") <= MIRROR
+    assert COMMAND_WORDS <= MIRROR
+
+
+def test_each_block_fits_one_request():
+    assert COMMAND_WORDS <= 123
+    assert REPORT_WORDS <= 125
+    assert sum(r.words for r in DIAGNOSTICS) <= 125
+
+
+@pytest.mark.parametrize(
+    ("name", "table", "address"),
+    [
+        ("command_life", "holding", 0),
+        ("command_sequence", "holding", 1),
+        ("command_code", "holding", 2),
+        ("command_recipe", "holding", 3),
+        ("command_life_tail", "holding", 40),
+        ("report_life", "input", 0),
+        ("report_sequence", "input", 2),
+        ("report_answered", "input", 3),
+        ("report_result", "input", 5),
+        ("report_run", "input", 12),
+        ("report_life_tail", "input", 45),
+        ("diagnostics_refusals", "input", 106),
+        ("execute", "coil", 0),
+        ("stop", "coil", 1),
+        ("busy", "discrete", 0),
+    ],
+)
+def test_registers_stay_where_plc_programs_expect_them(name, table, address):
+    assert (PLACES[name].table, PLACES[name].address) == (table, address)
+
+
+def test_command_survives_its_words():
+    image = CommandImage(5, 65535, 101, 7, 65534, 1, 256, "PEG-0042", ((0, -70000), (7, 12)), 5)
+    assert command_image(command_words(image)) == image
+
+
+def test_report_survives_its_words():
+    image = ReportImage(1, 256, 2, 3, 4, 5, 6, 1006, 3, 9, 50, 100, 70_000, 1, "10.0.0.5:4711", (0.5,) * 6, 12.25, 1)
+    assert report_image(report_words(image)) == image
+
+
+def test_diagnostics_survive_their_words():
+    counts = Diagnostics(*range(65_530, 65_540))
+    assert diagnostics_image(diagnostics_words(counts)) == counts
+
+
+def test_wide_values_are_big_endian():
+    words = report_words(ReportImage(run=0x00012345, holder="AB"))
+    assert words[PLACES["report_run"].address : PLACES["report_run"].address + 2] == [0x0001, 0x2345]
+    assert words[PLACES["report_holder"].address] == 0x4142
+
+
+def test_values_beyond_a_register_are_cut():
+    words = report_words(ReportImage(progress=70_000, total_time=1e9, holder="x" * 40))
+    image = report_image(words)
+    assert (image.progress, image.holder) == (65535, "x" * 32)
+    assert image.total_time == pytest.approx(0xFFFFFFFF * 0.001)
+
+
+def test_negative_values_keep_their_sign():
+    assert unpack(COMMAND, pack(COMMAND, {"command_parameter_1": -1}))["command_parameter_1"] == -1
+
+
+def test_mask_beyond_the_parameters_is_kept_for_refusal():
+    words = command_words(CommandImage())
+    words[PLACES["command_parameter_mask"].address] = 0x8000
+    assert command_image(words).parameters == ((8, 0),)
+
+
+def test_images_have_exactly_the_registers_of_their_block():
+    names = {f"report_{column.name}" for column in fields(ReportImage)} - {"report_stage_times"}
+    names |= {f"report_stage_time_{n}" for n in range(1, 7)}
+    assert names == {register.name for register in REPORT}
+    assert {f"diagnostics_{column.name}" for column in fields(Diagnostics)} == {r.name for r in DIAGNOSTICS}
+
+
+def test_json_has_exactly_the_promised_keys():
+    keys = {"name", "table", "address", "words", "type", "scale", "unit", "access", "meaning"}
+    assert all(set(entry) == keys for entry in json.loads(as_json(table())))
+
+
+def test_csv_has_one_row_for_each_register():
+    rows = list(csv.DictReader(io.StringIO(as_csv(table()))))
+    assert [row["name"] for row in rows] == [register.name for register in table()]
+
+
+def test_markdown_names_programs_and_words():
+    text = as_markdown(table({100: "insert_peg"}))
+    assert "100 insert_peg" in text
+    assert all(word.name in text for word in (*Result, *Refusal))
+
+
+def test_parameters_bring_their_unit_scale_and_limits():
+    speed = Parameter("search.speed", "m/s", 1e-4, 0.001, 0.1, "how fast")
+    entry = next(r for r in table({}, [speed]) if r.name == "command_parameter_1")
+    assert (entry.unit, entry.scale, entry.meaning) == ("m/s", 1e-4, "search.speed: how fast; 0.001 to 0.1 m/s")
+
+
+def test_bits_are_numbered_from_zero():
+    assert list(COILS.values()) == [0, 1, 2]
+    assert list(DISCRETE_INPUTS.values()) == [0, 1, 2, 3]
