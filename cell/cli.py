@@ -6,7 +6,8 @@ import logging
 import os
 import signal
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from threading import Event as ThreadEvent
@@ -34,6 +35,8 @@ from skills.catalogue import CATALOGUE
 logger = logging.getLogger(__name__)
 
 GOOD, NOT_GOOD, WRONG_USE, FAULT = 0, 1, 2, 3
+STOPPABLE = ("demo", "serve", "run", "watch")
+"""Commands that end in good order when a signal asks for it; the others are just interrupted."""
 _STATUS = {Result.SUCCESS: GOOD, Result.FAULT: FAULT}
 _FORMATS = {"md": as_markdown, "csv": as_csv, "json": as_json}
 
@@ -48,7 +51,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         force=True,
     )
     try:
-        return int(args.run(args))
+        with _signals(args.signals) as args.stop:
+            return int(args.run(args))
     except ConfigError as error:
         return _complain(str(error), WRONG_USE)
     except CellError as error:
@@ -79,11 +83,17 @@ def _show(args: argparse.Namespace, picture: Any, data: object) -> None:
         Console(width=console.width if console.is_terminal else 200).print(picture)
 
 
-def _stop_on_signals() -> ThreadEvent:
+@contextmanager
+def _signals(wanted: str) -> Iterator[ThreadEvent]:
+    """Yield an event that SIGINT and SIGTERM set ("stop"), or let both interrupt ("interrupt"), until the end."""
     stop = ThreadEvent()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
-    return stop
+    handler = signal.default_int_handler if wanted == "interrupt" else lambda *_: stop.set()
+    before = {number: signal.signal(number, handler) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield stop
+    finally:
+        for number, old in before.items():
+            signal.signal(number, old)
 
 
 def _progress() -> Progress:
@@ -130,7 +140,6 @@ def _check(args: argparse.Namespace) -> int:
 
 
 def _demo(args: argparse.Namespace) -> int:
-    stop = _stop_on_signals()
     loaded = _load(args, default_pace="max")
     folder = _out(args.out)
     with _journal(args, loaded.cell.journal.folder) as journal, _progress() as progress:
@@ -141,7 +150,7 @@ def _demo(args: argparse.Namespace) -> int:
                 bar, completed=done, description=f"insertions: {tables.report(report)['stage'] or 'waiting'}"
             )
 
-        result = demo.run_demo(loaded, journal, args.trials, watch, stop)
+        result = demo.run_demo(loaded, journal, args.trials, watch, args.stop)
         pictures = demo.draw_demo(result, journal, folder)
     lines = stage_table(result.tried())
     results = [tables.report(report) for report in result.reports]
@@ -155,14 +164,13 @@ def _demo(args: argparse.Namespace) -> int:
 
 
 def _serve(args: argparse.Namespace) -> int:
-    stop = _stop_on_signals()
     loaded = _load(args)
     bridge = Bridge(loaded.cell.plc, PROGRAMS, PARAMETERS)
     with _journal(args, loaded.cell.journal.folder) as journal, opened(assemble(loaded.cell)) as cell:
         try:
             bridge.start()
             print(f"serving on {bridge.address[0]}:{bridge.address[1]}", flush=True)
-            Supervisor(cell, loaded, bridge, journal, stop).serve()
+            Supervisor(cell, loaded, bridge, journal, args.stop).serve()
         finally:
             bridge.close()
     return GOOD
@@ -178,7 +186,6 @@ def _run(args: argparse.Namespace) -> int:
 def _run_there(args: argparse.Namespace) -> int:
     if args.config is not None:
         raise ConfigError("--config: not together with --connect, the cell there has its own; one of the two allowed")
-    stop = _stop_on_signals()
     parameters = client.raw_parameters(args.set)
     with _progress() as progress:
         bar = progress.add_task(args.name, total=100)
@@ -189,7 +196,7 @@ def _run_there(args: argparse.Namespace) -> int:
             args.serial,
             parameters,
             lambda r: progress.update(bar, completed=r.progress),
-            stop,
+            args.stop,
         )
     data = tables.report(report)
     refused = report.refusal != Refusal.NONE
@@ -200,7 +207,6 @@ def _run_there(args: argparse.Namespace) -> int:
 
 
 def _run_here(args: argparse.Namespace) -> int:
-    stop = _stop_on_signals()
     loaded = _load(args)
     if args.recipe not in loaded.recipes:
         raise ConfigError(f"--recipe {args.recipe}: no such recipe; {', '.join(map(str, loaded.recipes))} allowed")
@@ -215,9 +221,9 @@ def _run_here(args: argparse.Namespace) -> int:
         def watch(report: Report) -> None:
             progress.update(bar, completed=report.progress)
             if report.sequence == command.sequence and report.result is not Result.NONE:
-                stop.set()
+                args.stop.set()
 
-        supervisor = Supervisor(cell, loaded, TerminalLine(command, watch), journal, stop)
+        supervisor = Supervisor(cell, loaded, TerminalLine(command, watch), journal, args.stop)
         supervisor.serve()
     row = supervisor.last
     if row is None:
@@ -230,7 +236,6 @@ def _run_here(args: argparse.Namespace) -> int:
 
 
 def _watch(args: argparse.Namespace) -> int:
-    stop = _stop_on_signals()
     last: dict[str, object] = {}
     with Console().status("") as status:
 
@@ -243,12 +248,11 @@ def _watch(args: argparse.Namespace) -> int:
                 print(json.dumps(data) if args.json else line, flush=True)
             last.update(data)
 
-        client.watch_remote(args.connect, show, stop, args.once)
+        client.watch_remote(args.connect, show, args.stop, args.once)
     return GOOD
 
 
 def _trials(args: argparse.Namespace) -> int:
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
     config = _load(args, default_pace="max").cell
     seeds = range(args.seed, args.seed + args.trials)
     with _progress() as progress:
@@ -346,7 +350,11 @@ def _parser() -> argparse.ArgumentParser:
 
     def add(name: str, run: Callable[[argparse.Namespace], int], text: str, *shared: str) -> argparse.ArgumentParser:
         command = commands.add_parser(name, help=text, description=text)
-        command.set_defaults(run=run, log_level=logging.INFO if name == "serve" else logging.ERROR)
+        command.set_defaults(
+            run=run,
+            log_level=logging.INFO if name == "serve" else logging.ERROR,
+            signals="stop" if name in STOPPABLE else "interrupt",
+        )
         command.add_argument("-v", "--verbose", action="store_true", help="log everything")
         command.add_argument("--json", action="store_true", help="print the result as JSON")
         if "config" in shared:

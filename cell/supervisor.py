@@ -1,24 +1,23 @@
 """The scan loop: poll the line, run what it asks for, publish the report. Owns every device, on one thread."""
 
-import json
 import logging
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from threading import Event as ThreadEvent
 from typing import Protocol
 
 from cell.assembly import Cell, choices
 from cell.config import CellConfig, LoadedConfig, with_parameters
-from cell.journal import Journal, RunRow, config_hash, now_text, versions
-from cell.samples import SampleStream
+from cell.journal import Journal, RunRow
+from cell.record import STAGE_NUMBER, RunRecord, StageClock, ending_of
 from cell.states import Event, State, after, is_permitted
 from cell.statistics import PUBLISHED
 from drivers.errors import CellError, ConfigError, FaultCode, PlcLostError
 from drivers.quantities import ImpedanceSetpoint
 from plc_bridge.messages import Command, Control, Refusal, Report, Result
 from skills.catalogue import CATALOGUE, STAGES, Entry
-from skills.contract import Observation, Outcome, Reason, Request
+from skills.contract import Observation, Outcome, Request
 from skills.flow import StageRecord
 
 logger = logging.getLogger(__name__)
@@ -26,8 +25,7 @@ logger = logging.getLogger(__name__)
 BY_CODE = {entry.code: entry for entry in CATALOGUE.values()}
 COUNTED = tuple(stage.name for stage in PUBLISHED)
 """Stages whose times make up the total, as in [gibbons], Table I."""
-STAGE_NUMBER = {"": 0, **{name: number for number, name in enumerate(STAGES, start=1)}}
-_RESULT = {Outcome.SUCCESS: Result.SUCCESS, Outcome.FAILURE: Result.FAILURE, Outcome.ABORTED: Result.ABORTED}
+_RESULT = {"success": Result.SUCCESS, "failure": Result.FAILURE, "aborted": Result.ABORTED}
 _EVENT = {
     Control.STOP: Event.STOP,
     Control.HOLD: Event.HOLD,
@@ -52,19 +50,6 @@ class Line(Protocol):
         """Make the report readable; never waits."""
 
 
-@dataclass(slots=True)
-class Run:
-    """The run under way."""
-
-    row: RunRow
-    stream: SampleStream
-    times: dict[str, float] = field(default_factory=dict)
-    """Time in each stage so far, s."""
-    stage: str = ""
-    since: float = 0.0
-    """When that stage began, s."""
-
-
 class Supervisor:
     """One cell at work."""
 
@@ -79,7 +64,7 @@ class Supervisor:
         self._context.poll, self._context.progress, self._context.record = self._poll, self._progress, self._record
         self._quit = stop or ThreadEvent()
         self._request = Request.RUN
-        self._run: Run | None = None
+        self._run: RunRecord | None = None
         self.state = State.IDLE
         self.report = Report(state=State.IDLE)
         self.last: RunRow | None = None
@@ -213,33 +198,21 @@ class Supervisor:
     def _execute(self, command: Command, entry: Entry, config: CellConfig) -> None:
         """Run a program to its end, whatever that is; afterwards the cell is in a state that waits."""
         self._request = Request.RUN
-        row = RunRow(
-            run=0,
-            started=now_text(),
-            program=entry.name,
-            recipe=command.recipe,
-            serial=command.serial,
-            source=command.source,
-            sequence=command.sequence,
-            versions=json.dumps(versions()),
-            config_hash=config_hash(config),
-        )
         records: list[StageRecord] = []
         fault: CellError | None = None
         try:
-            row = self._journal.begin(row)
-            self._run = Run(row, self._journal.stream(row.run))
-            self.report = replace(self.report, run=row.run)
+            self._run = RunRecord(self._journal, command, entry.name, config)
+            self.report = replace(self.report, run=self._run.row.run)
             self._prepare(entry, config)
             self._enter(Event.FINISHED)
             records = entry.run(config.skill_set(), self._context)
         except CellError as error:
             fault = error
         except Exception as error:
-            logger.exception("run %d: error inside this program", row.run)
+            logger.exception("run %d: error inside this program", self.report.run)
             fault = _as_fault(error)
-        self._cell.arm.halt()
-        self._conclude(row, records, fault)
+        self._halt()
+        self._conclude(records, fault)
 
     def _prepare(self, entry: Entry, config: CellConfig) -> None:
         ctx = self._context
@@ -253,50 +226,27 @@ class Supervisor:
             ctx.job = config.job(slot=ctx.job.slot)
         ctx.limits, ctx.stage, ctx.held = config.limits, "", None
 
-    def _conclude(self, row: RunRow, records: Sequence[StageRecord], fault: CellError | None) -> None:
+    def _conclude(self, records: Sequence[StageRecord], fault: CellError | None) -> None:
         """Put the ending on record and enter the state that follows."""
         run, self._run = self._run, None
         if run is not None:
-            self._account(run, "")
-            run.times.update({record.name: record.result.elapsed for record in records})
-            row = replace(run.row, stage_times=json.dumps(list(run.times.items())))
+            run.clock.leave(self._cell.clock.now())
+            run.clock.settle(records)
+            ending = ending_of(records, fault, run.clock.stage)
+            self.report = replace(
+                _with_times(self.report, run.clock), stage=STAGE_NUMBER[ending.stage], reason=ending.reason
+            )
             try:
-                run.stream.close()
+                run.finish(ending, fault)
             except CellError as error:
                 fault = fault or error
-        ending = next((r for r in records if r.result.outcome is not Outcome.SUCCESS), records[-1] if records else None)
-        stage = run.stage if run is not None and ending is None else (ending.name if ending else "")
-        reason = ending.result.reason if ending is not None else Reason.NONE
-        outcome = "fault" if fault is not None or ending is None else ending.result.outcome.value
-        row = replace(
-            row,
-            outcome=outcome,
-            stage=stage,
-            reason=reason.name.lower() if reason is not Reason.NONE else "",
-            fault=fault.code if fault is not None else FaultCode.NONE,
-            message=str(fault or ""),
-        )
-        try:
-            if row.run > 0:
-                self._journal.finish(row)
-        except CellError as error:
-            fault = fault or error
-        self.last = row
-        logger.info("run %d: %s %s %s %s", row.run, row.program, row.outcome, row.stage, row.reason)
-        times = run.times if run is not None else {}
-        self.report = replace(
-            self.report,
-            stage=STAGE_NUMBER[stage],
-            reason=reason,
-            stage_times=tuple(times.get(name, 0.0) for name in STAGES),
-            total_time=sum(times.get(name, 0.0) for name in COUNTED),
-        )
+            self.last = run.row
+            logger.info("run %d: %s %s %s", run.row.run, run.row.program, ending.outcome, ending.stage)
         if fault is not None:
             self._fault(fault)
             return
-        assert ending is not None
-        self.report = replace(self.report, result=_RESULT[ending.result.outcome])
-        if ending.result.outcome is Outcome.ABORTED:
+        self.report = replace(self.report, result=_RESULT[ending.outcome])
+        if ending.outcome == Outcome.ABORTED:
             if self.state not in (State.STOPPING, State.ABORTING):
                 self._enter(Event.STOP)
         else:
@@ -310,7 +260,7 @@ class Supervisor:
     def _fault(self, error: CellError) -> None:
         """Stop and report; moving again takes a reset."""
         logger.error("fault %d: %s", error.code, error)
-        self._cell.arm.halt()
+        self._halt()
         self._enter(Event.ABORT)
         if self.state is State.ABORTING:
             self._enter(Event.FINISHED)
@@ -318,6 +268,13 @@ class Supervisor:
         if result is Result.NONE and self.report.sequence != 0:
             result = Result.FAULT
         self.report = replace(self.report, result=result, fault=error.code)
+
+    def _halt(self) -> None:
+        """Halt the arm, whatever state it is in."""
+        try:
+            self._cell.arm.halt()
+        except CellError as error:
+            logger.error("the arm does not take the halt: %s", error)
 
     # What a program calls at every scan.
 
@@ -330,21 +287,10 @@ class Supervisor:
         if self._quit.is_set() and self._request is not Request.STOP:
             self._enter(Event.STOP)
             self._request = Request.STOP
-        if self._context.stage != run.stage:
-            self._account(run, self._context.stage)
+        if run.clock.enter(self._context.stage, self._cell.clock.now()):
+            self.report = replace(_with_times(self.report, run.clock), stage=STAGE_NUMBER[run.clock.stage])
         self._publish()
         return self._request
-
-    def _account(self, run: Run, stage: str) -> None:
-        """Close the account of the stage that ends, and open that of the next."""
-        now = self._cell.clock.now()
-        if run.stage:
-            run.times[run.stage] = run.times.get(run.stage, 0.0) + now - run.since
-        if stage:
-            run.stage, run.since = stage, now
-            self.report = replace(
-                self.report, stage=STAGE_NUMBER[stage], stage_times=tuple(run.times.get(name, 0.0) for name in STAGES)
-            )
 
     def _progress(self, fraction: float) -> None:
         percent = round(100.0 * min(max(fraction, 0.0), 1.0))
@@ -354,7 +300,7 @@ class Supervisor:
     def _record(self, seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
         run = self._run
         assert run is not None
-        run.stream.add(seen, setpoint, STAGE_NUMBER[run.stage])
+        run.add(seen, setpoint)
 
     # States.
 
@@ -365,6 +311,14 @@ class Supervisor:
         if self.report.state != self.state:
             self.report = replace(self.report, state=self.state)
         self._line.publish(self.report)
+
+
+def _with_times(report: Report, clock: StageClock) -> Report:
+    return replace(
+        report,
+        stage_times=tuple(clock.times.get(name, 0.0) for name in STAGES),
+        total_time=sum(clock.times.get(name, 0.0) for name in COUNTED),
+    )
 
 
 def _as_fault(error: Exception) -> CellError:

@@ -12,18 +12,19 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from cell.assembly import Cell, assemble, opened
 from cell.config import CellConfig
 from cell.journal import config_hash, versions
+from cell.record import StageClock, ending_of
 from cell.statistics import PUBLISHED, Tried, spread, stage_table, wilson
 from drivers.errors import CellError, ConfigError, FaultCode
 from drivers.quantities import ImpedanceSetpoint
 from skills.catalogue import CATALOGUE
-from skills.contract import Observation, Outcome, SkillContext
+from skills.contract import Observation, Reason, SkillContext
 from skills.flow import StageRecord
 from skills.spray_search import SpraySearchResult
 
@@ -87,6 +88,7 @@ class Watcher:
 
     cell: Cell
     ctx: SkillContext
+    clock: StageClock = field(default_factory=StageClock)
     ending: "Truth | None" = None
     """The truth when the insertion had ended and before anything was cleared away."""
     count: int = 0
@@ -97,6 +99,7 @@ class Watcher:
 
     def record(self, seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
         """Take one scan."""
+        self.clock.enter(self.ctx.stage, seen.stamp)
         if self.cell.truth is None or (self.ctx.stage not in WATCHED and self.ctx.stage != "recover"):
             return
         truth = self.cell.truth()
@@ -117,7 +120,8 @@ class Watcher:
 def run_trial(config: CellConfig, seed: int) -> TrialRow:
     """Run `insert_peg` once on a fresh cell of this seed, without sockets and without waiting for the wall clock.
 
-    A fault ends the trial as a failure whose reason is the fault's name.
+    A fault ends the trial as a failure whose reason is the fault's name; the times are then those between the stages'
+    beginnings.
     """
     assert config.sim is not None
     wall = time.perf_counter()
@@ -125,8 +129,7 @@ def run_trial(config: CellConfig, seed: int) -> TrialRow:
     cell = assemble(config)
     assert cell.truth is not None
     records: list[StageRecord] = []
-    reason = stage = ""
-    outcome = Outcome.FAILURE
+    fault: CellError | None = None
     with opened(cell):
         ctx = cell.context(seed)
         watcher = Watcher(cell, ctx)
@@ -134,21 +137,23 @@ def run_trial(config: CellConfig, seed: int) -> TrialRow:
         try:
             records = CATALOGUE["insert_peg"].run(config.skill_set(), ctx)
         except CellError as error:
-            reason, stage = FaultCode(error.code).name.lower(), ctx.stage
+            fault = error
         truth = watcher.ending or cell.truth()
         sim_time = cell.clock.now()
-    if records:
-        ending = next((r for r in records if r.result.outcome is not Outcome.SUCCESS), records[-1])
-        outcome, stage = ending.result.outcome, ending.name
-        reason = "" if outcome is Outcome.SUCCESS else ending.result.reason.name.lower()
-    times = {record.name: record.result.elapsed for record in records}
+    watcher.clock.leave(sim_time)
+    watcher.clock.settle(records)
+    times = watcher.clock.times
+    ending = ending_of(records, fault, ctx.stage)
+    outcome, reason = ending.outcome, "" if ending.reason is Reason.NONE else ending.reason.name.lower()
+    if fault is not None:
+        outcome, reason = "failure", FaultCode(fault.code).name.lower()
     start = next((r.result.start for r in records if isinstance(r.result, SpraySearchResult)), None)
     stages = [times[s.name] for s in PUBLISHED if s.name in times]
     return TrialRow(
         seed=seed,
-        outcome="void" if truth.is_void else outcome.value,
+        outcome="void" if truth.is_void else outcome,
         reason=reason,
-        stage=stage,
+        stage=ending.stage,
         grasp_time=times.get("grasp_from_rack"),
         search_time=times.get("spray_search"),
         insert_time=times.get("tactile_insert"),
