@@ -11,12 +11,13 @@ from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from threading import Event as ThreadEvent
-from typing import Any, NoReturn
+from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from cell import client, demo, tables
+from cell.arguments import parser
 from cell.assembly import assemble, check, opened
 from cell.config import LoadedConfig, load
 from cell.journal import Journal, default_folder
@@ -35,24 +36,18 @@ from skills.catalogue import CATALOGUE
 logger = logging.getLogger(__name__)
 
 GOOD, NOT_GOOD, WRONG_USE, FAULT = 0, 1, 2, 3
-STOPPABLE = ("demo", "serve", "run", "watch")
-"""Commands that end in good order when a signal asks for it; the others are just interrupted."""
+_STOPPABLE = ("demo", "serve", "run", "watch")
 _STATUS = {Result.SUCCESS: GOOD, Result.FAULT: FAULT}
 _FORMATS = {"md": as_markdown, "csv": as_csv, "json": as_json}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status."""
-    args = _parser().parse_args(arguments)
-    logging.basicConfig(
-        stream=sys.stderr,
-        level=logging.DEBUG if args.verbose else args.log_level,
-        format="%(asctime)s %(levelname)s %(name)s: %(message)s",
-        force=True,
-    )
     try:
-        with _signals(args.signals) as args.stop:
-            return int(args.run(args))
+        args = parser(list(_FORMATS)).parse_args(arguments)
+        _log_to_stderr(logging.DEBUG if args.verbose else logging.INFO if args.command == "serve" else logging.ERROR)
+        with _signals(args.command) as args.stop:
+            return _COMMANDS[args.command](args)
     except ConfigError as error:
         return _complain(str(error), WRONG_USE)
     except CellError as error:
@@ -66,6 +61,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except Exception as error:
         logger.debug("error inside this program", exc_info=True)
         return _complain(f"fault {CellError.code.value}: {type(error).__name__}: {error}; -v shows more", FAULT)
+
+
+def _log_to_stderr(level: int) -> None:
+    logging.basicConfig(
+        stream=sys.stderr, level=level, format="%(asctime)s %(levelname)s %(name)s: %(message)s", force=True
+    )
 
 
 def _complain(message: str, status: int) -> int:
@@ -84,10 +85,10 @@ def _show(args: argparse.Namespace, picture: Any, data: object) -> None:
 
 
 @contextmanager
-def _signals(wanted: str) -> Iterator[ThreadEvent]:
-    """Yield an event that SIGINT and SIGTERM set ("stop"), or let both interrupt ("interrupt"), until the end."""
+def _signals(command: str) -> Iterator[ThreadEvent]:
+    """Yield an event that SIGINT and SIGTERM set while a command moves or watches a cell; others they interrupt."""
     stop = ThreadEvent()
-    handler = signal.default_int_handler if wanted == "interrupt" else lambda *_: stop.set()
+    handler = (lambda *_: stop.set()) if command in _STOPPABLE else signal.default_int_handler
     before = {number: signal.signal(number, handler) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield stop
@@ -282,7 +283,7 @@ def _runs(args: argparse.Namespace) -> int:
     return GOOD
 
 
-def _run_shown(args: argparse.Namespace) -> int:
+def _show_run(args: argparse.Namespace) -> int:
     with _journal(args) as journal:
         row = journal.find(args.number)
     samples = read_samples(journal.samples_path(row.run))
@@ -313,81 +314,15 @@ def _map(args: argparse.Namespace) -> int:
     return GOOD
 
 
-# The command line.
-
-
-class _Parser(argparse.ArgumentParser):
-    """Says in one line what is wrong."""
-
-    def error(self, message: str) -> NoReturn:
-        raise SystemExit(_complain(message, WRONG_USE))
-
-
-def _positive(text: str) -> int:
-    if not text.isdigit() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text!r}: a whole number >= 1 allowed")
-    return int(text)
-
-
-def _natural(text: str) -> int:
-    if not text.isdigit():
-        raise argparse.ArgumentTypeError(f"{text!r}: a whole number >= 0 allowed")
-    return int(text)
-
-
-def _address(text: str) -> tuple[str, int]:
-    host, colon, port = text.rpartition(":")
-    if not colon or not host or not port.isdigit() or not 0 < int(port) < 65536:
-        raise argparse.ArgumentTypeError(f"{text!r}: HOST:PORT allowed, as in 127.0.0.1:5020")
-    return host.strip("[]"), int(port)
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(
-        prog="cell", description="Inserts a loosely held peg by touch. Without --config: the simulated cell."
-    )
-    commands = parser.add_subparsers(required=True, metavar="COMMAND")
-
-    def add(name: str, run: Callable[[argparse.Namespace], int], text: str, *shared: str) -> argparse.ArgumentParser:
-        command = commands.add_parser(name, help=text, description=text)
-        command.set_defaults(
-            run=run,
-            log_level=logging.INFO if name == "serve" else logging.ERROR,
-            signals="stop" if name in STOPPABLE else "interrupt",
-        )
-        command.add_argument("-v", "--verbose", action="store_true", help="log everything")
-        command.add_argument("--json", action="store_true", help="print the result as JSON")
-        if "config" in shared:
-            command.add_argument("--config", type=Path, metavar="F", help="TOML file of the cell")
-            command.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="replace one key")
-        if "journal" in shared:
-            command.add_argument("--journal", type=Path, metavar="DIR", help="folder of the records of runs")
-        return command
-
-    add("check", _check, "open every device of a config, read each once, say what is wrong", "config")
-    command = add("demo", _demo, "the main job: a PLC peer triggers insertions over Modbus TCP", "config", "journal")
-    command.add_argument("--trials", type=_positive, default=5, metavar="N")
-    command.add_argument("--out", type=Path, default=Path("out/demo"), metavar="DIR", help="where the pictures go")
-    add("serve", _serve, "obey the PLC until SIGINT or SIGTERM", "config", "journal")
-    command = add("run", _run, "one skill or program, by hand", "config", "journal")
-    command.add_argument("name", metavar="NAME")
-    command.add_argument("--connect", type=_address, metavar="HOST:PORT", help="on a cell that is served there")
-    command.add_argument("--recipe", type=_natural, default=0, metavar="N")
-    command.add_argument("--serial", default="", metavar="TEXT", help="of the part, for the record")
-    command = add("watch", _watch, "live state of a cell that is served")
-    command.add_argument("--connect", type=_address, required=True, metavar="HOST:PORT")
-    command.add_argument("--once", action="store_true", help="the state now, and no more")
-    command = add("trials", _trials, "many insertions on fresh simulated cells", "config")
-    command.add_argument("--trials", type=_positive, default=40, metavar="N")
-    command.add_argument("--seed", type=_natural, default=1, metavar="S", help="of the first trial")
-    command.add_argument("--workers", type=_positive, metavar="N", help="processes; one for each core")
-    command.add_argument("--out", type=Path, required=True, metavar="DIR")
-    command = add("runs", _runs, "the newest runs on record", "journal")
-    command.add_argument("--last", type=_positive, default=20, metavar="N")
-    command = add("show", _run_shown, "one run on record, with its plots", "journal")
-    command.add_argument("number", type=_positive, metavar="RUN")
-    command.add_argument("--export", type=Path, metavar="DIR", help="raw samples as CSV")
-    add("faults", _faults, "every fault code: meaning, cause, what to do")
-    command = add("map", _map, "the register map")
-    command.add_argument("--format", choices=sorted(_FORMATS), default="md")
-    return parser
+_COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
+    "check": _check,
+    "demo": _demo,
+    "serve": _serve,
+    "run": _run,
+    "watch": _watch,
+    "trials": _trials,
+    "runs": _runs,
+    "show": _show_run,
+    "faults": _faults,
+    "map": _map,
+}

@@ -40,14 +40,6 @@ WRONG = {
 }
 
 
-def status(arguments):
-    """Return the exit status of a command, wherever it is decided."""
-    try:
-        return main(arguments)
-    except SystemExit as exit_:
-        return exit_.code
-
-
 @pytest.fixture(autouse=True)
 def _quiet():
     yield
@@ -57,7 +49,7 @@ def _quiet():
 @pytest.mark.parametrize("wrong", WRONG, ids=lambda name: name.replace(" ", "_"))
 def test_wrong_use_is_told_in_one_line(wrong, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert status(WRONG[wrong]) == WRONG_USE
+    assert main(WRONG[wrong]) == WRONG_USE
     told = capsys.readouterr()
     assert (told.out, told.err.count("\n")) == ("", 1)
     assert list(tmp_path.iterdir()) == []
@@ -74,7 +66,7 @@ def test_a_run_that_is_not_on_record_is_a_fault(capsys, tmp_path):
 
 
 def test_a_defect_is_one_line_too(capsys, monkeypatch):
-    monkeypatch.setattr(cli, "_map", lambda args: 1 / 0)
+    monkeypatch.setitem(cli._COMMANDS, "map", lambda args: 1 / 0)
     assert main(["map"]) == FAULT
     assert capsys.readouterr().err.count("\n") == 1
 
