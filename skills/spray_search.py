@@ -41,6 +41,8 @@ class SpraySearchParams(SkillParams):
     """Largest distance between neighbouring passes, in diameters of the hole."""
     margin: Annotated[float, Field(ge=0.0, le=0.01)]
     """The path reaches so far beyond the area, m."""
+    edge_leads: bool
+    """The path is drawn by the lowest point of the peg's edge, which falls in, and not by the middle of its end."""
     height: Annotated[float, Field(gt=0.0, le=0.1)]
     """Above the surface at the end of the free-space approach, m."""
     touch_down: PositiveFloat
@@ -81,6 +83,9 @@ def run(params: SpraySearchParams, ctx: SkillContext) -> SpraySearchResult:
         half, params.pitch * hole.diameter, params.speed, 0 if params.fast_axis == "x" else 1, (start[0], start[1])
     )
     axis, closing = tilted(params.lean, params.tilt)
+    if params.edge_leads:
+        ahead = ctx.job.peg.diameter / 2 * math.cos(params.tilt)
+        middle = middle - ahead * np.array([math.cos(params.lean), math.sin(params.lean)])
     first = np.array([*(middle + start), surface + params.height])
     for _ in move(Goal(first, axis, closing), params.transfer, ctx, ctx.in_hand()):
         pass
