@@ -100,7 +100,12 @@ class _Connection(asyncio.Protocol):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         assert isinstance(transport, asyncio.Transport)
         self.transport = transport
-        peer = transport.get_extra_info("peername") or ("unknown", 0)
+        # asyncio does this only where the socket names its protocol; without it a second answer waits for an ACK
+        transport.get_extra_info("socket").setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        peer = transport.get_extra_info("peername")
+        if peer is None:  # gone before it was accepted
+            transport.abort()
+            return
         self.host, self.source = peer[0], f"{peer[0]}:{peer[1]}"
         self._server.admit(self)
 
@@ -279,8 +284,9 @@ class ModbusServer:
 
     def leave(self, connection: _Connection) -> None:
         """Forget a connection that has ended."""
-        if self._connections.pop(connection.source, None) is None:
+        if self._connections.get(connection.source) is not connection:
             return
+        del self._connections[connection.source]
         self.counts.connections = len(self._connections)
         connection.link.users -= 1
         if connection.link.source == connection.source:

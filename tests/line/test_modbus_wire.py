@@ -1,0 +1,423 @@
+"""The Modbus TCP server on real sockets: framing, order, limits, hostile clients."""
+
+import asyncio
+import random
+import socket
+import struct
+
+import pytest
+
+from drivers.errors import DeviceNotOpenedError
+from plc_bridge.bridge import Bridge
+from plc_bridge.config import ModbusConfig, PlcConfig
+from plc_bridge.messages import FIRST_PROGRAM, Control, LeaseState, Refusal, Report, Result
+from plc_bridge.peer import CellSilentError, Peer
+from plc_bridge.registers import MIRROR, REPORT_WORDS
+
+HEADER = struct.Struct(">HHHB")
+READ_REPORT = bytes.fromhex("04 0000 000A")
+PATIENCE = 10.0
+
+
+def start(**settings):
+    bridge = Bridge(PlcConfig(modbus=ModbusConfig(port=0, **settings)), {FIRST_PROGRAM: "insert_peg"})
+    bridge.start()
+    return bridge
+
+
+@pytest.fixture
+def bridge():
+    bridge = start()
+    yield bridge
+    bridge.close()
+
+
+def connect(bridge):
+    return socket.create_connection(bridge.address, timeout=PATIENCE)
+
+
+def frame(pdu, transaction=1, protocol=0, length=None, unit=1):
+    return HEADER.pack(transaction, protocol, len(pdu) + 1 if length is None else length, unit) + pdu
+
+
+def receive(client, size):
+    data = b""
+    while len(data) < size:
+        more = client.recv(size - len(data))
+        if not more:
+            raise ConnectionResetError(f"closed after {len(data)} of {size} bytes")
+        data += more
+    return data
+
+
+def answer(client):
+    transaction, protocol, length, unit = HEADER.unpack(receive(client, HEADER.size))
+    assert protocol == 0
+    return transaction, unit, receive(client, length - 1)
+
+
+def ask(client, pdu, transaction=1):
+    client.sendall(frame(pdu, transaction))
+    return answer(client)[2]
+
+
+def is_closed(client):
+    try:
+        return client.recv(1) == b""
+    except ConnectionResetError:
+        return True
+
+
+class FakeSupervisor:
+    """Ends every program in the scan after it began, with the result that is set."""
+
+    def __init__(self, bridge):
+        self.bridge, self.result, self.report, self.commands = bridge, Result.SUCCESS, Report(state=4), []
+
+    def scan(self, period=0.0):
+        if self.report.state == 6 and self.result is not Result.NONE:
+            self.report = Report(sequence=self.report.sequence, state=17, result=self.result, run=1)
+        command = self.bridge.poll()
+        if command is not None:
+            self.commands.append(command)
+            if command.code >= FIRST_PROGRAM and command.code < Control.LOST:
+                self.report = Report(sequence=command.sequence, state=6)
+            elif self.report.state == 6 and command.code in (Control.STOP, Control.ABORT):
+                self.report = Report(sequence=self.report.sequence, state=2, result=Result.ABORTED)
+            elif command.code == Control.RESET:
+                self.report = Report(sequence=command.sequence, state=4, result=Result.SUCCESS)
+        self.bridge.publish(self.report)
+
+
+@pytest.fixture
+def supervisor(bridge):
+    return FakeSupervisor(bridge)
+
+
+@pytest.fixture
+def peer(bridge, supervisor):
+    peer = Peer(*bridge.address, wait=supervisor.scan)
+    peer.connect()
+    yield peer
+    peer.close()
+
+
+def test_pipelined_requests_are_all_answered_in_order_with_their_own_numbers(bridge):
+    with connect(bridge) as client:
+        client.sendall(b"".join(frame(READ_REPORT, n) for n in range(300)))
+        assert [answer(client)[0] for _ in range(300)] == list(range(300))
+
+
+def test_client_that_sends_much_before_it_reads_gets_every_answer(bridge):
+    count = 5000
+    with connect(bridge) as client:
+        client.sendall(b"".join(frame(bytes.fromhex("03 0000 0029"), n) for n in range(count)))
+        assert [answer(client)[0] for _ in range(count)] == list(range(count))
+
+
+def test_frame_may_come_byte_by_byte(bridge):
+    with connect(bridge) as client:
+        client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        for byte in frame(READ_REPORT, 7):
+            client.sendall(bytes([byte]))
+        assert answer(client)[0] == 7
+
+
+def test_unit_is_echoed(bridge):
+    with connect(bridge) as client:
+        client.sendall(frame(READ_REPORT, unit=255))
+        assert answer(client)[1] == 255
+
+
+@pytest.mark.parametrize(
+    ("request_", "response"),
+    [
+        ("03 0000 0000", "83 03"),
+        ("04 0000 007E", "84 03"),
+        ("2B 0E 01 00", "AB 01"),
+        ("05 0000 1234", "85 03"),
+        ("03 0029 0001", "83 02"),
+        ("04 002E 0001", "84 02"),
+        ("04 0078 0001", "84 02"),
+        ("01 0003 0001", "81 02"),
+        ("02 0004 0001", "82 02"),
+    ],
+)
+def test_illegal_request_gets_its_exception_and_the_connection_stays(bridge, request_, response):
+    with connect(bridge) as client:
+        assert ask(client, bytes.fromhex(request_)) == bytes.fromhex(response)
+        assert ask(client, READ_REPORT)[0] == 4
+
+
+@pytest.mark.parametrize("address", [41, 100, MIRROR, MIRROR + 5, 0xFFFF])
+def test_writes_outside_the_command_block_are_refused(bridge, address):
+    with connect(bridge) as client:
+        assert ask(client, struct.pack(">BHH", 6, address, 1)) == b"\x86\x02"
+
+
+def test_write_that_begins_in_the_command_block_and_ends_outside_changes_nothing(bridge):
+    with connect(bridge) as client:
+        assert ask(client, bytes.fromhex("10 0027 0003 06 0001 0002 0003")) == b"\x90\x02"
+        assert ask(client, bytes.fromhex("03 0027 0002")) == bytes.fromhex("03 04 0000 0000")
+
+
+@pytest.mark.parametrize(("protocol", "length"), [(1, None), (0xFFFF, None), (0, 0), (0, 1), (0, 255), (0, 60000)])
+def test_malformed_header_closes_the_connection_and_is_counted(bridge, protocol, length):
+    with connect(bridge) as client:
+        client.sendall(frame(READ_REPORT, protocol=protocol, length=length))
+        assert is_closed(client)
+    assert bridge.diagnostics.malformed == 1
+
+
+def test_requests_before_a_malformed_one_are_answered(bridge):
+    with connect(bridge) as client:
+        client.sendall(frame(READ_REPORT, 1) + frame(READ_REPORT, 2))
+        assert [answer(client)[0], answer(client)[0]] == [1, 2]
+        client.sendall(frame(READ_REPORT, 3, protocol=9))
+        assert is_closed(client)
+
+
+def test_report_can_be_read_as_holding_registers(bridge, supervisor):
+    supervisor.scan()
+    with connect(bridge) as client:
+        as_input = ask(client, struct.pack(">BHH", 4, 0, REPORT_WORDS))
+        as_holding = ask(client, struct.pack(">BHH", 3, MIRROR, REPORT_WORDS))
+    assert as_input[1:] == as_holding[1:]
+
+
+def test_every_connection_has_its_own_command_block(bridge):
+    with connect(bridge) as one, connect(bridge) as other:
+        ask(one, bytes.fromhex("06 0003 0007"))
+        assert ask(other, bytes.fromhex("03 0003 0001")) == bytes.fromhex("03 02 0000")
+
+
+def test_connections_of_a_host_that_asks_for_it_share_one_command_block(bridge):
+    with connect(bridge) as one:
+        ask(one, bytes.fromhex("10 0001 0005 0A 0001 0000 0000 0000 0002"))
+    with connect(bridge) as other:
+        ask(other, struct.pack(">BHHBHH", 16, 1, 2, 4, 2, FIRST_PROGRAM))
+    command = bridge.poll()
+    assert (command.code, command.source, bridge.holder) == (FIRST_PROGRAM, "127.0.0.1", "127.0.0.1")
+
+
+def test_host_that_released_its_lease_shares_no_more(bridge):
+    with connect(bridge) as one:
+        ask(one, bytes.fromhex("10 0001 0005 0A 0001 0000 0007 0000 0002"))
+        ask(one, bytes.fromhex("06 0005 0003"))
+    with connect(bridge) as other:
+        assert ask(other, bytes.fromhex("03 0003 0001")) == bytes.fromhex("03 02 0000")
+
+
+def test_newcomer_gets_the_place_of_the_one_that_was_idle_longest():
+    bridge = start(connections=2)
+    with connect(bridge) as idle, connect(bridge) as busy:
+        ask(idle, READ_REPORT)
+        ask(busy, READ_REPORT)
+        with connect(bridge) as newcomer:
+            assert ask(newcomer, READ_REPORT)[0] == 4
+            assert is_closed(idle)
+            assert ask(busy, READ_REPORT)[0] == 4
+    bridge.close()
+    assert bridge.diagnostics.dropped == 1
+
+
+def test_idle_connection_is_closed():
+    bridge = start(idle_timeout=0.05)
+    with connect(bridge) as client:
+        client.sendall(frame(READ_REPORT)[:5])
+        assert is_closed(client)
+    bridge.close()
+
+
+def test_address_that_is_not_allowed_is_turned_away():
+    bridge = start(allow=["10.0.0.0/8", "192.168.1.5"])
+    with connect(bridge) as client:
+        assert is_closed(client)
+    bridge.close()
+    assert (bridge.diagnostics.forbidden, bridge.diagnostics.accepted) == (1, 0)
+
+
+def test_allowed_address_is_served():
+    bridge = start(allow=["127.0.0.0/8"])
+    with connect(bridge) as client:
+        assert ask(client, READ_REPORT)[0] == 4
+    bridge.close()
+
+
+def test_port_in_use_is_said_in_one_line(bridge):
+    second = Bridge(PlcConfig(modbus=ModbusConfig(port=bridge.address[1])), {})
+    with pytest.raises(DeviceNotOpenedError, match=rf"^[^\n]*127.0.0.1 port {bridge.address[1]} is in use[^\n]*$"):
+        second.start()
+    second.close()
+
+
+def test_address_of_another_computer_is_said_in_one_line():
+    with pytest.raises(DeviceNotOpenedError, match=r"192\.0\.2\.1 port 0 is .*plc\.modbus\.host"):
+        Bridge(PlcConfig(modbus=ModbusConfig(host="192.0.2.1", port=0)), {}).start()
+
+
+def test_bridge_opens_again_after_it_was_closed(bridge):
+    bridge.close()
+    bridge.close()
+    bridge.start()
+    with connect(bridge) as client:
+        assert ask(client, READ_REPORT)[0] == 4
+
+
+def test_twenty_clients_at_once_lose_nothing(bridge):
+    async def one(number):
+        reader, writer = await asyncio.open_connection(*bridge.address)
+        for n in range(100):
+            writer.write(frame(struct.pack(">BHHBHH", 16, 8, 2, 4, number, n), n))
+            writer.write(frame(struct.pack(">BHH", 3, 8, 2), 1000 + n))
+            written = await reader.readexactly(12)
+            read = await reader.readexactly(13)
+            assert HEADER.unpack_from(written)[0] == n
+            assert HEADER.unpack_from(read)[0] == 1000 + n
+            assert struct.unpack(">HH", read[9:]) == (number, n)
+        writer.close()
+        await writer.wait_closed()
+
+    async def everybody():
+        await asyncio.wait_for(asyncio.gather(*(one(number) for number in range(20))), PATIENCE)
+
+    asyncio.run(everybody())
+    assert bridge.diagnostics.requests == 20 * 100 * 2
+
+
+def hostile_frames(seed, count):
+    """Yield frames with whether they are well framed: random bodies, broken lengths, counts and headers."""
+    rng = random.Random(seed)
+    functions = [1, 2, 3, 4, 5, 6, 15, 16, 23]
+    for _ in range(count):
+        kind = rng.randrange(6)
+        function = rng.choice(functions) if rng.random() < 0.8 else rng.randrange(256)
+        if kind == 0:
+            pdu = bytes([function]) + rng.randbytes(rng.randrange(0, 252))
+        elif kind == 1:
+            pdu = struct.pack(
+                ">BHH", function, rng.choice([0, 1, 40, 41, 45, 46, 999, 1000, 65535]), rng.randrange(65536)
+            )
+        elif kind == 2:
+            count_ = rng.choice([0, 1, 2, 120, 121, 122, 123, 124, 125, 126, 2000, 2001, 65535])
+            body = rng.randbytes(rng.randrange(0, 100))
+            pdu = struct.pack(">BHHB", function, rng.randrange(50), count_, rng.randrange(256)) + body
+        elif kind == 3:
+            pdu = struct.pack(
+                ">BHHHHB", 23, rng.randrange(60), rng.randrange(130), rng.randrange(60), 2, 4
+            ) + rng.randbytes(4)
+        else:
+            pdu = READ_REPORT
+        transaction = rng.randrange(65536)
+        if kind == 4:
+            yield transaction, pdu, frame(pdu, transaction, protocol=rng.randrange(1, 65536)), False
+        elif kind == 5:
+            length = rng.choice([0, 1, *range(255, 65536, 997)])
+            yield transaction, pdu, frame(pdu, transaction, length=length), False
+        else:
+            yield transaction, pdu, frame(pdu, transaction), True
+
+
+def test_hostile_frames_leave_no_deaf_connection_and_no_foreign_register_changed(bridge):
+    with connect(bridge) as bystander:
+        ask(bystander, bytes.fromhex("10 0000 0004 08 0001 0002 0000 0003"))
+        before = ask(bystander, bytes.fromhex("03 0000 0029"))
+        client, is_served = connect(bridge), False
+        for transaction, pdu, data, is_whole in hostile_frames(seed=20, count=2000):
+            client.sendall(data)
+            if is_whole:
+                got, _, response = answer(client)
+                assert got == transaction
+                assert response[0] & 0x7F == pdu[0] & 0x7F
+                assert response[0] == pdu[0] or response[1] in (1, 2, 3)
+                is_served = True
+            else:
+                assert is_closed(client)
+                client.close()
+                client = connect(bridge)
+        client.close()
+        assert is_served
+        assert ask(bystander, bytes.fromhex("03 0000 0029")) == before
+
+
+def test_peer_drives_a_command_to_its_result(peer, supervisor):
+    report = peer.run(FIRST_PROGRAM, 3, "PEG-1", timeout=PATIENCE)
+    assert (report.result, report.run, report.refusal) == (Result.SUCCESS, 1, Refusal.NONE)
+    command = supervisor.commands[0]
+    assert (command.code, command.recipe, command.serial) == (FIRST_PROGRAM, 3, "PEG-1")
+    assert peer.read_report().result == Result.NONE
+
+
+def test_fifty_triggers_are_fifty_runs(peer, supervisor):
+    results = [peer.run(FIRST_PROGRAM, timeout=PATIENCE).result for _ in range(50)]
+    assert results == [Result.SUCCESS] * 50
+    assert sum(command.code == FIRST_PROGRAM for command in supervisor.commands) == 50
+
+
+def test_peer_reads_why_it_is_refused(peer, bridge, supervisor):
+    bridge.take("terminal")
+    report = peer.run(FIRST_PROGRAM, timeout=PATIENCE)
+    assert (report.result, report.refusal, report.holder) == (Result.REFUSED, Refusal.NOT_HOLDER, "terminal")
+
+
+def test_peer_takes_and_releases_the_lease(peer, bridge):
+    assert peer.take()
+    assert peer.read_report().lease == LeaseState.YOURS
+    peer.release()
+    assert bridge.holder == ""
+
+
+def test_another_client_stops_the_run_of_the_holder(peer, bridge, supervisor):
+    supervisor.result = Result.NONE
+    peer.trigger(FIRST_PROGRAM)
+    supervisor.scan()
+    other = Peer(*bridge.address)
+    other.connect()
+    other.stop()
+    other.close()
+    assert peer.wait_for_result(PATIENCE).result == Result.ABORTED
+
+
+def test_reset_is_answered(peer):
+    assert peer.reset(PATIENCE).result == Result.SUCCESS
+
+
+def test_plain_ladder_runs_a_command_by_coils(bridge, supervisor):
+    def bits():
+        return ask(client, bytes.fromhex("02 0000 0004"))[2]
+
+    with connect(bridge) as client:
+        ask(client, struct.pack(">BHH", 6, 2, FIRST_PROGRAM))
+        ask(client, bytes.fromhex("05 0000 0000"))
+        ask(client, bytes.fromhex("05 0000 FF00"))
+        assert bits() == 0b0001
+        supervisor.scan()
+        supervisor.scan()
+        assert bits() == 0b0010
+        ask(client, bytes.fromhex("05 0000 0000"))
+        assert bits() == 0
+
+
+def test_peer_says_where_nothing_answers():
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    with pytest.raises(CellSilentError, match=f"127.0.0.1:{port}"):
+        Peer("127.0.0.1", port).connect()
+
+
+def test_peer_notices_a_closed_cell(peer, bridge):
+    bridge.close()
+    with pytest.raises(CellSilentError):
+        peer.cycle()
+    with pytest.raises(CellSilentError, match="connection is lost"):
+        peer.cycle()
+
+
+def test_peer_gives_up_after_its_time(bridge):
+    times = iter(range(100))
+    peer = Peer(*bridge.address, wait=lambda period: None, now=lambda: float(next(times)))
+    peer.connect()
+    peer.trigger(FIRST_PROGRAM)
+    with pytest.raises(CellSilentError, match="no result of command"):
+        peer.wait_for_result(timeout=5.0)
+    peer.close()
