@@ -20,7 +20,7 @@ from plc_bridge.config import ModbusConfig
 from plc_bridge.pdu import is_exception, respond
 from plc_bridge.registers import (
     COILS,
-    COMMAND_WORDS,
+    COMMAND,
     DIAGNOSTICS,
     MIRROR,
     CommandImage,
@@ -77,7 +77,7 @@ class _Link:
     """The words of one link, and how many connections use them."""
 
     source: str
-    words: list[int] = field(default_factory=lambda: [0] * COMMAND_WORDS)
+    words: list[int] = field(default_factory=lambda: [0] * COMMAND.words)
     coils: list[bool] = field(default_factory=lambda: [False] * len(COILS))
     users: int = 1
 
@@ -166,9 +166,9 @@ class _Connection(asyncio.Protocol):
         if function == 3 and address < MIRROR:
             return _slice(self.link.words, address, count)
         start = address - (MIRROR if function == 3 else 0)
-        if start < DIAGNOSTICS[0].address:
+        if start < DIAGNOSTICS.start:
             return _slice(self._mailbox.report_words(self.link.source), start, count)
-        return _slice(self._mailbox.diagnostics_words(), start - DIAGNOSTICS[0].address, count)
+        return _slice(self._mailbox.diagnostics_words(), start - DIAGNOSTICS.start, count)
 
     def read_bits(self, function: int, address: int, count: int) -> list[bool]:
         """Return coils (1) or discrete inputs (2)."""

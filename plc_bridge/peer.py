@@ -89,16 +89,16 @@ class Peer:
         life = self._image.life % 0xFFFF + 1
         self._image = replace(self._image, life=life, life_tail=life)
         words = command_words(self._image)
-        self._ask(lambda: self._client.write_registers(COMMAND[0].address, words))
+        self._ask(lambda: self._client.write_registers(COMMAND.start, words))
         return self.read_report()
 
     def read_report(self) -> ReportImage:
         """Return the report; writes nothing."""
-        return report_image(self._read(REPORT[0].address, sum(register.words for register in REPORT)))
+        return report_image(self._read(REPORT.start, REPORT.words))
 
     def read_diagnostics(self) -> Diagnostics:
         """Return the cell's counts; writes nothing."""
-        return diagnostics_image(self._read(DIAGNOSTICS[0].address, sum(register.words for register in DIAGNOSTICS)))
+        return diagnostics_image(self._read(DIAGNOSTICS.start, DIAGNOSTICS.words))
 
     def take(self) -> bool:
         """Ask for the lease and return whether it was given; it is kept until `release` or silence."""

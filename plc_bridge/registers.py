@@ -11,6 +11,7 @@ can disturb another's. The report and the diagnostics are input registers and ca
 import csv
 import io
 import json
+import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import Literal
@@ -135,7 +136,7 @@ def _codes(programs: Mapping[int, str]) -> str:
     return ", ".join(f"{code} {name}" for code, name in sorted({**controls, **programs}.items()))
 
 
-class _Block:
+class _Layout:
     """Lays registers one after the other."""
 
     def __init__(self, table: Table, start: int, access: Literal["r", "rw"], prefix: str) -> None:
@@ -154,7 +155,7 @@ class _Block:
 
 
 def _command_block(programs: Mapping[int, str], parameters: Sequence[Parameter]) -> list[Register]:
-    block = _Block("holding", 0, "rw", "command_")
+    block = _Layout("holding", 0, "rw", "command_")
     block.add("life", "u16", "head life counter: change it in every cycle; a run stops when it stands still")
     block.add("sequence", "u16", "count up by one to send a command; the first number after connecting is not run")
     block.add("code", "u16", f"what to do: {_codes(programs)}")
@@ -181,7 +182,7 @@ def _command_block(programs: Mapping[int, str], parameters: Sequence[Parameter])
 
 
 def _report_block() -> list[Register]:
-    block = _Block("input", 0, "r", "report_")
+    block = _Layout("input", 0, "r", "report_")
     block.add("life", "u16", "head life counter: changes with every scan of the cell")
     block.add("version", "u16", "256 * major + minor of this map")
     block.add("sequence", "u16", "number of the command that report_result belongs to")
@@ -205,7 +206,7 @@ def _report_block() -> list[Register]:
 
 
 def _diagnostics_block() -> list[Register]:
-    block = _Block("input", 100, "r", "diagnostics_")
+    block = _Layout("input", 100, "r", "diagnostics_")
     block.add("requests", "u32", "Modbus requests answered")
     block.add("exceptions", "u32", "Modbus requests answered with an exception")
     block.add("malformed", "u32", "connections closed because of a malformed frame")
@@ -220,11 +221,11 @@ def _diagnostics_block() -> list[Register]:
 
 
 def _bits() -> list[Register]:
-    coils = _Block("coil", 0, "rw", "")
+    coils = _Layout("coil", 0, "rw", "")
     coils.add("execute", "bool", "0 to 1 runs command_code as the next sequence number; 1 to 0 acknowledges its result")
     coils.add("stop", "bool", "1 stops the cell, whoever holds the lease")
     coils.add("reset", "bool", "0 to 1 resets the cell after a stop or a fault")
-    inputs = _Block("discrete", 0, "r", "")
+    inputs = _Layout("discrete", 0, "r", "")
     inputs.add("busy", "bool", "the command is accepted and has not ended")
     inputs.add("done", "bool", "the command ended in success; held until acknowledged")
     inputs.add("error", "bool", "the command failed, met a fault or was refused; held until acknowledged")
@@ -271,54 +272,63 @@ def as_markdown(registers: Sequence[Register]) -> str:
     return "\n".join(lines) + "\n"
 
 
-COMMAND = tuple(_command_block({}, ()))
-REPORT = tuple(_report_block())
-DIAGNOSTICS = tuple(_diagnostics_block())
-COMMAND_WORDS = sum(register.words for register in COMMAND)
-REPORT_WORDS = sum(register.words for register in REPORT)
+class Block:
+    """Registers without gaps that are read or written together: values to words and back."""
+
+    def __init__(self, registers: Sequence[Register]) -> None:
+        self.registers = tuple(registers)
+        self.start = registers[0].address
+        self.words = sum(register.words for register in registers)
+        self._bytes = struct.Struct(">" + "".join(_code(register) for register in registers))
+        self._words = struct.Struct(f">{self.words}H")
+        self._fields = [(r.name, r.type, r.scale, 2 * r.words, *_range(r)) for r in registers]
+
+    def pack(self, values: Mapping[str, Value]) -> list[int]:
+        """Return the words; values that do not fit are cut to what the register holds, those left out are 0."""
+        raw: list[int | bytes] = []
+        for name, kind, scale, size, low, high in self._fields:
+            value = values.get(name, 0)
+            if kind == "string":
+                raw.append(str(value or "").encode("ascii", "replace")[:size])
+            else:
+                assert not isinstance(value, str)
+                count = value if scale == 1.0 else value / scale
+                raw.append(min(max(round(count), low), high))
+        return list(self._words.unpack(self._bytes.pack(*raw)))
+
+    def unpack(self, words: Sequence[int]) -> dict[str, Value]:
+        """Return the value of each register, raw integers where the scale is 1."""
+        raw = self._bytes.unpack(self._words.pack(*words))
+        values: dict[str, Value] = {}
+        for (name, kind, scale, *_), value in zip(self._fields, raw, strict=True):
+            if kind == "string":
+                values[name] = value.rstrip(b"\0").decode("latin-1")
+            else:
+                values[name] = value if scale == 1.0 else value * scale
+        return values
+
+
+def _code(register: Register) -> str:
+    if register.type == "string":
+        return f"{2 * register.words}s"
+    return {"u16": "H", "i16": "h", "u32": "I", "i32": "i"}[register.type]
+
+
+def _range(register: Register) -> tuple[int, int]:
+    bits = 16 * register.words
+    return (-(1 << bits - 1), (1 << bits - 1) - 1) if register.type.startswith("i") else (0, (1 << bits) - 1)
+
+
+COMMAND = Block(_command_block({}, ()))
+REPORT = Block(_report_block())
+DIAGNOSTICS = Block(_diagnostics_block())
 COILS = {register.name: register.address for register in _bits() if register.table == "coil"}
 DISCRETE_INPUTS = {register.name: register.address for register in _bits() if register.table == "discrete"}
 
 
-def pack(block: Sequence[Register], values: Mapping[str, Value]) -> list[int]:
-    """Return the words of `block`; values that do not fit are cut to what the register holds.
-
-    Args:
-        block: Registers without gaps, in the order of their addresses.
-        values: Value of each register in its unit; those left out are 0.
-    """
-    words: list[int] = []
-    for register in block:
-        value = values.get(register.name, "" if register.type == "string" else 0)
-        if isinstance(value, str):
-            data = value.encode("ascii", "replace")[: 2 * register.words].ljust(2 * register.words, b"\0")
-        else:
-            bits, is_signed = 16 * register.words, register.type.startswith("i")
-            low, high = (-(1 << bits - 1), (1 << bits - 1) - 1) if is_signed else (0, (1 << bits) - 1)
-            raw = min(max(round(value / register.scale), low), high)
-            data = raw.to_bytes(2 * register.words, "big", signed=is_signed)
-        words += [data[i] << 8 | data[i + 1] for i in range(0, len(data), 2)]
-    return words
-
-
-def unpack(block: Sequence[Register], words: Sequence[int]) -> dict[str, Value]:
-    """Return the value of each register of `block`, raw integers where the scale is 1."""
-    values: dict[str, Value] = {}
-    start = block[0].address
-    for register in block:
-        first = register.address - start
-        data = b"".join(word.to_bytes(2, "big") for word in words[first : first + register.words])
-        if register.type == "string":
-            values[register.name] = data.rstrip(b"\0").decode("latin-1")
-        else:
-            raw = int.from_bytes(data, "big", signed=register.type.startswith("i"))
-            values[register.name] = raw if register.scale == 1.0 else raw * register.scale
-    return values
-
-
 def command_image(words: Sequence[int]) -> CommandImage:
     """Return the command block in `words` as values."""
-    values = unpack(COMMAND, words)
+    values = COMMAND.unpack(words)
     mask = int(values["command_parameter_mask"])
     given = tuple((n, int(values[f"command_parameter_{n + 1}"])) for n in range(16) if mask >> n & 1 and n < PARAMETERS)
     if mask >> PARAMETERS:
@@ -335,31 +345,34 @@ def command_words(image: CommandImage) -> list[int]:
     }
     values["command_parameter_mask"] = sum(1 << number for number, _ in image.parameters)
     values.update({f"command_parameter_{number + 1}": count for number, count in image.parameters})
-    return pack(COMMAND, values)
+    return COMMAND.pack(values)
+
+
+_REPORT_FIELDS = [
+    (f"report_{column.name}", column.name) for column in fields(ReportImage) if column.name != "stage_times"
+]
 
 
 def report_words(image: ReportImage) -> list[int]:
     """Return the words of the report block."""
-    values: dict[str, Value] = {
-        f"report_{column.name}": getattr(image, column.name) for column in fields(image) if column.name != "stage_times"
-    }
+    values: dict[str, Value] = {register: getattr(image, name) for register, name in _REPORT_FIELDS}
     values.update({f"report_stage_time_{n}": time for n, time in enumerate(image.stage_times, 1)})
-    return pack(REPORT, values)
+    return REPORT.pack(values)
 
 
 def report_image(words: Sequence[int]) -> ReportImage:
     """Return the report block in `words` as values."""
-    values = unpack(REPORT, words)
+    values = REPORT.unpack(words)
     times = tuple(float(values.pop(f"report_stage_time_{n}")) for n in range(1, STAGES + 1))
     return ReportImage(stage_times=times, **{name.removeprefix("report_"): value for name, value in values.items()})  # type: ignore[arg-type]
 
 
 def diagnostics_words(counts: Diagnostics) -> list[int]:
     """Return the words of the diagnostics block."""
-    return pack(DIAGNOSTICS, {f"diagnostics_{name}": value for name, value in asdict(counts).items()})
+    return DIAGNOSTICS.pack({f"diagnostics_{name}": value for name, value in asdict(counts).items()})
 
 
 def diagnostics_image(words: Sequence[int]) -> Diagnostics:
     """Return the diagnostics block in `words` as values."""
-    values = unpack(DIAGNOSTICS, words)
+    values = DIAGNOSTICS.unpack(words)
     return Diagnostics(**{name.removeprefix("diagnostics_"): int(value) for name, value in values.items()})

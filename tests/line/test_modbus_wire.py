@@ -12,7 +12,7 @@ from plc_bridge.bridge import Bridge
 from plc_bridge.config import ModbusConfig, PlcConfig
 from plc_bridge.messages import FIRST_PROGRAM, Control, LeaseState, Refusal, Report, Result
 from plc_bridge.peer import CellSilentError, Peer
-from plc_bridge.registers import MIRROR, REPORT_WORDS
+from plc_bridge.registers import MIRROR, REPORT
 
 HEADER = struct.Struct(">HHHB")
 READ_REPORT = bytes.fromhex("04 0000 000A")
@@ -180,8 +180,8 @@ def test_requests_before_a_malformed_one_are_answered(bridge):
 def test_report_can_be_read_as_holding_registers(bridge, supervisor):
     supervisor.scan()
     with connect(bridge) as client:
-        as_input = ask(client, struct.pack(">BHH", 4, 0, REPORT_WORDS))
-        as_holding = ask(client, struct.pack(">BHH", 3, MIRROR, REPORT_WORDS))
+        as_input = ask(client, struct.pack(">BHH", 4, 0, REPORT.words))
+        as_holding = ask(client, struct.pack(">BHH", 3, MIRROR, REPORT.words))
     assert as_input[1:] == as_holding[1:]
 
 

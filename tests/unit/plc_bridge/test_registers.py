@@ -9,12 +9,10 @@ from plc_bridge.messages import Refusal, Result
 from plc_bridge.registers import (
     COILS,
     COMMAND,
-    COMMAND_WORDS,
     DIAGNOSTICS,
     DISCRETE_INPUTS,
     MIRROR,
     REPORT,
-    REPORT_WORDS,
     CommandImage,
     Diagnostics,
     Parameter,
@@ -26,11 +24,9 @@ from plc_bridge.registers import (
     command_words,
     diagnostics_image,
     diagnostics_words,
-    pack,
     report_image,
     report_words,
     table,
-    unpack,
 )
 
 PLACES = {register.name: register for register in table()}
@@ -48,13 +44,13 @@ def test_registers_of_one_table_do_not_overlap():
 
 def test_input_registers_end_below_their_mirror():
     assert max(r.address + r.words for r in table() if r.table == "input") <= MIRROR
-    assert COMMAND_WORDS <= MIRROR
+    assert COMMAND.words <= MIRROR
 
 
 def test_each_block_fits_one_request():
-    assert COMMAND_WORDS <= 123
-    assert REPORT_WORDS <= 125
-    assert sum(r.words for r in DIAGNOSTICS) <= 125
+    assert COMMAND.words <= 123
+    assert REPORT.words <= 125
+    assert DIAGNOSTICS.words <= 125
 
 
 @pytest.mark.parametrize(
@@ -110,7 +106,7 @@ def test_values_beyond_a_register_are_cut():
 
 
 def test_negative_values_keep_their_sign():
-    assert unpack(COMMAND, pack(COMMAND, {"command_parameter_1": -1}))["command_parameter_1"] == -1
+    assert COMMAND.unpack(COMMAND.pack({"command_parameter_1": -1}))["command_parameter_1"] == -1
 
 
 def test_mask_beyond_the_parameters_is_kept_for_refusal():
@@ -122,8 +118,8 @@ def test_mask_beyond_the_parameters_is_kept_for_refusal():
 def test_images_have_exactly_the_registers_of_their_block():
     names = {f"report_{column.name}" for column in fields(ReportImage)} - {"report_stage_times"}
     names |= {f"report_stage_time_{n}" for n in range(1, 7)}
-    assert names == {register.name for register in REPORT}
-    assert {f"diagnostics_{column.name}" for column in fields(Diagnostics)} == {r.name for r in DIAGNOSTICS}
+    assert names == {register.name for register in REPORT.registers}
+    assert {f"diagnostics_{column.name}" for column in fields(Diagnostics)} == {r.name for r in DIAGNOSTICS.registers}
 
 
 def test_json_has_exactly_the_promised_keys():
