@@ -121,10 +121,10 @@ class Bridge:
         with self._lock:
             self._handshake.closed(source)
 
-    def wrote(self, source: str, image: CommandImage) -> None:
-        """Take the command block after a write, for a server."""
+    def wrote(self, source: str, image: CommandImage, is_numbered: bool = True) -> None:
+        """Take the command block after a write, for a server; numbered once its sequence register was written."""
         with self._lock:
-            self._handshake.wrote(source, image, self._now())
+            self._handshake.wrote(source, image, self._now(), is_numbered)
 
     def switched(self, source: str, coils: Mapping[str, bool]) -> None:
         """Take the coils just written, for a server."""

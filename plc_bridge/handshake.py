@@ -81,8 +81,8 @@ class _Link:
     heard: float
     is_local: bool = False
     is_open: bool = True
-    is_lost: bool = False
-    """Its run was lost: the next number is adopted, like the first one."""
+    must_adopt: bool = True
+    """No number was seen since it opened or since its run was lost."""
     has_spoken: bool = False
     """It wrote something other than a stop; until then it is a spectator."""
     image: CommandImage | None = None
@@ -155,8 +155,8 @@ class Handshake:
         """Note that any request came from `source`."""
         self._links[source].heard = now
 
-    def wrote(self, source: str, image: CommandImage, now: float) -> None:
-        """Take the command block as it stands after a write of `source`."""
+    def wrote(self, source: str, image: CommandImage, now: float, is_numbered: bool = True) -> None:
+        """Take the command block as it stands after a write of `source`; it counts once its number was written."""
         self._expire(now)
         link = self._links[source]
         self._speak(link)
@@ -174,7 +174,8 @@ class Handshake:
         self._update_lease(link, image.lease)
         if image.acknowledge != (before.acknowledge if before else 0):
             self._acknowledge(link, image.acknowledge)
-        self._take_sequence(link, image, now)
+        if is_numbered:
+            self._take_sequence(link, image, now)
 
     def switched(self, source: str, coils: Mapping[str, bool], now: float) -> None:
         """Take the coils that `source` has just written: execute, stop, reset."""
@@ -280,9 +281,9 @@ class Handshake:
             self._refuse(link, image.sequence, Refusal.LATE)
             return
         link.sequence = image.sequence
-        if last is None or link.is_lost:
+        if link.must_adopt:
+            link.must_adopt = False
             self._adopt(link, image)
-            link.is_lost = False
         elif image.sequence != last:
             self._command(link, image.sequence, image, now)
 
@@ -464,7 +465,7 @@ class Handshake:
         for link in self._links.values():
             if link.torn_since is not None and now - link.torn_since > self.life_timeout:
                 link.torn_since = None
-                if link.image is not None and link.image.sequence != link.sequence:
+                if link.image is not None and link.image.sequence != link.sequence and not link.must_adopt:
                     link.sequence = link.image.sequence
                     self._refuse(link, link.sequence, Refusal.TORN)
                     if not self._keeps_following(link, link.sequence):
@@ -474,7 +475,7 @@ class Handshake:
         logger.warning("%s is lost: no sign of life for %g s", current.link.source, self.life_timeout)
         self.counts.lost += 1
         current.is_lost = True
-        current.link.is_lost = True
+        current.link.must_adopt = True
         current.link.execute = current.link.reset = None
         self.release(current.link.source)
         self._stop(Command(current.command.sequence, Control.LOST, source=current.link.source))

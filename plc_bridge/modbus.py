@@ -36,6 +36,7 @@ T = TypeVar("T")
 HEADER = struct.Struct(">HHHB")
 """Transaction, protocol, length of what follows the length field, unit."""
 SHORTEST, LONGEST = 2, 254  # MBAP length: unit + function .. unit + the longest PDU
+_SEQUENCE = next(register.address for register in COMMAND.registers if register.name == "command_sequence")
 FRAMES_PER_TURN = 32
 """Requests of one connection that are answered before the others get their turn."""
 
@@ -52,7 +53,7 @@ class Mailbox(Protocol):
     def heard(self, source: str) -> None:
         """Note that a request came."""
 
-    def wrote(self, source: str, image: CommandImage) -> None:
+    def wrote(self, source: str, image: CommandImage, is_numbered: bool) -> None:
         """Take the command block."""
 
     def switched(self, source: str, coils: Mapping[str, bool]) -> None:
@@ -80,6 +81,8 @@ class _Link:
     words: list[int] = field(default_factory=lambda: [0] * COMMAND.words)
     coils: list[bool] = field(default_factory=lambda: [False] * len(COILS))
     users: int = 1
+    is_numbered: bool = False
+    """Its sequence register has been written."""
 
 
 class _Connection(asyncio.Protocol):
@@ -179,10 +182,11 @@ class _Connection(asyncio.Protocol):
         """Write into the command block."""
         _slice(self.link.words, address, len(words))
         self.link.words[address : address + len(words)] = words
+        self.link.is_numbered |= address <= _SEQUENCE < address + len(words)
         image = command_image(self.link.words)
         if image.lease == Lease.TAKE_FOR_HOST:
             self._server.share(self)
-        self._mailbox.wrote(self.link.source, image)
+        self._mailbox.wrote(self.link.source, image, self.link.is_numbered)
 
     def write_bits(self, address: int, bits: Sequence[bool]) -> None:
         """Write coils."""
@@ -304,6 +308,7 @@ class ModbusServer:
             shared = self._shared[host] = _Link(host, users=0)
             self.mailbox.opened(host, host)
         shared.words[:], shared.users = link.words, shared.users + 1
+        shared.is_numbered |= link.is_numbered
         connection.link = shared
         self.mailbox.closed(link.source)
 

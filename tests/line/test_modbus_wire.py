@@ -382,6 +382,15 @@ def test_reset_is_answered(peer):
     assert peer.reset(PATIENCE).result == Result.SUCCESS
 
 
+def test_first_number_is_adopted_also_when_the_block_is_written_word_by_word(bridge, supervisor):
+    with connect(bridge) as client:
+        for address, value in ((0, 1), (2, FIRST_PROGRAM), (1, 5)):
+            ask(client, struct.pack(">BHH", 6, address, value))
+        assert bridge.poll() is None
+        ask(client, struct.pack(">BHH", 6, 1, 6))
+    assert bridge.poll().sequence == 6
+
+
 def test_plain_ladder_runs_a_command_by_coils(bridge, supervisor):
     def bits():
         return ask(client, bytes.fromhex("02 0000 0004"))[2]
