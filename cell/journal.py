@@ -6,6 +6,7 @@ import os
 import sqlite3
 from dataclasses import dataclass, fields, replace
 from datetime import UTC, datetime
+from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Self
@@ -17,6 +18,8 @@ from drivers.errors import JournalError
 INDEX = "runs.sqlite"
 PACKAGES = ("tactile-insertion-cell", "mujoco", "numpy", "numba", "opencv-contrib-python-headless", "pymodbus")
 """Their versions stand in each record."""
+OWN = ("cell", "drivers", "plc_bridge", "sim", "skills")
+"""Packages of this program."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,15 +176,25 @@ def now_text() -> str:
     return datetime.now(UTC).isoformat(timespec="milliseconds")
 
 
+@lru_cache
 def versions() -> dict[str, str]:
-    """Return the versions that a record names."""
-    return {name: _version(name) for name in PACKAGES}
+    """Return the versions that a record names, and a fingerprint of this program's own code."""
+    return {**{name: _version(name) for name in PACKAGES}, "code": _code_hash()}
 
 
 def config_hash(config: CellConfig) -> str:
     """Return a short fingerprint of a whole config."""
     text = json.dumps(config.model_dump(mode="json"), sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _code_hash() -> str:
+    root = Path(__file__).parent.parent
+    digest = hashlib.sha256()
+    for package in OWN:
+        for file in sorted((root / package).rglob("*.py")):
+            digest.update(file.read_bytes())
+    return digest.hexdigest()[:16]
 
 
 def _version(name: str) -> str:

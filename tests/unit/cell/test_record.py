@@ -1,0 +1,43 @@
+import pytest
+
+from cell.record import StageClock, ending_of
+from drivers.errors import SkinSilentError
+from skills.contract import Outcome, Reason, SkillResult
+from skills.flow import StageRecord
+
+
+def stage(name, outcome=Outcome.SUCCESS, reason=Reason.NONE, elapsed=1.0):
+    """Return a stage as it ended."""
+    return StageRecord(name, SkillResult(outcome, reason, elapsed), 0.0, 1.0)
+
+
+def test_each_stage_gets_its_time():
+    clock = StageClock()
+    clock.enter("grasp_from_rack", 1.0)
+    clock.enter("spray_search", 4.0)
+    clock.leave(9.0)
+    assert clock.times == {"grasp_from_rack": 3.0, "spray_search": 5.0}
+
+
+def test_a_stage_that_goes_on_is_not_entered_again():
+    clock = StageClock()
+    assert clock.enter("recover", 0.0)
+    assert not clock.enter("recover", 1.0)
+
+
+def test_what_a_stage_counts_itself_is_better():
+    clock = StageClock({"spray_search": 12.0})
+    clock.settle([stage("spray_search", elapsed=10.0)])
+    assert clock.times["spray_search"] == 10.0
+
+
+def test_a_run_ends_as_the_first_stage_that_did_not_succeed():
+    records = [stage("grasp_from_rack"), stage("spray_search", Outcome.FAILURE, Reason.NO_HOLE), stage("recover")]
+    ending = ending_of(records, None, "recover")
+    assert (ending.outcome, ending.stage, ending.reason) == ("failure", "spray_search", Reason.NO_HOLE)
+
+
+@pytest.mark.parametrize("records", [[], [stage("grasp_from_rack")]])
+def test_a_fault_outweighs_what_went_well_before(records):
+    ending = ending_of(records, SkinSilentError("skin: silent"), "spray_search")
+    assert (ending.outcome, ending.stage) == ("fault", "spray_search")
