@@ -243,7 +243,7 @@ class Handshake:
         current.is_taken_up = True
         if current.result is Result.NONE and report.result is not Result.NONE:
             current.result = report.result
-            if report.refusal is not Refusal.NONE and current.link.answered == report.sequence:
+            if report.result is Result.REFUSED and current.link.answered == report.sequence:
                 self._refuse(current.link, current.command.sequence, report.refusal)
 
     @property
