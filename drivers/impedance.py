@@ -20,12 +20,12 @@ from numba import njit
 from drivers import panda
 from drivers.quantities import ImpedanceSetpoint, Vector
 
-WORDS = 51
+WORDS = 45
 ID, TIP, AXIS, STIFFNESS, DAMPING, VALID_UNTIL = 0, 1, 4, 7, 13, 19
 HAS_HAND, THETA, LENGTH = 20, 21, 22
 HAS_ROLL, ROLL, TWIST, INTEGRAL_GAIN, INTEGRAL_LIMIT = 23, 24, 27, 33, 34
 HAS_POSTURE, POSTURE = 35, 36
-STAMP = 43
+STAMP, FRICTION_SHARE = 43, 44
 
 STATE_WORDS = 16
 INTEGRAL, SEEN_ID, TORQUE, IS_HOLDING = 0, 3, 4, 11
@@ -37,8 +37,6 @@ NULL_DAMPING = 3.0
 """Of the null space, N·m·s/rad."""
 
 _A, _D = panda.DH_A, panda.DH_D
-FRICTION_SHARE = 0.7
-"""Part of the joints' published friction that is fed forward: less than all, for it is known only so well."""
 FRICTION_SPEED = 0.02
 """Joint speed at which three quarters of that is applied, rad/s."""
 
@@ -47,11 +45,17 @@ _TURN_COS, _TURN_SIN = math.cos(panda.HAND_TURN), math.sin(panda.HAND_TURN)
 _REACH = panda.FLANGE_D + panda.FINGER_CENTRE
 _TORQUE_MAX = panda.TORQUE_MAX
 _RATE_MAX = panda.TORQUE_RATE_MAX
-_FRICTION = FRICTION_SHARE * panda.FRICTION
+_FRICTION = panda.FRICTION
 
 
-def pack(setpoint: ImpedanceSetpoint, stamp: float) -> Vector:
-    """Return a setpoint as the words that the torque loop reads, shape (WORDS,); `stamp` is when it was handed over, s."""
+def pack(setpoint: ImpedanceSetpoint, stamp: float, friction_share: float) -> Vector:
+    """Return a setpoint as the words that the torque loop reads, shape (WORDS,).
+
+    Args:
+        setpoint: What the arm shall realise.
+        stamp: When it was handed over, s.
+        friction_share: Part of the joints' published friction that is fed forward.
+    """
     words = np.zeros(WORDS)
     words[ID] = setpoint.id
     words[TIP : TIP + 3] = setpoint.tip
@@ -75,6 +79,7 @@ def pack(setpoint: ImpedanceSetpoint, stamp: float) -> Vector:
         words[HAS_POSTURE] = 1.0
         words[POSTURE : POSTURE + 7] = setpoint.posture
     words[STAMP] = stamp
+    words[FRICTION_SHARE] = friction_share
     return words
 
 
@@ -237,7 +242,7 @@ def torque(words: Vector, state: Vector, q: Vector, dq: Vector, now: float, peri
     tau = np.empty(7)
     step = _RATE_MAX * period
     for i in range(7):
-        t = null[i] + _FRICTION[i] * math.tanh(dq[i] / FRICTION_SPEED)
+        t = null[i] + words[FRICTION_SHARE] * _FRICTION[i] * math.tanh(dq[i] / FRICTION_SPEED)
         for k in range(6):
             t += J[k, i] * (wrench[k] - b[k])
         last = state[TORQUE + i]

@@ -39,7 +39,7 @@ class SprayPaint:
 
 
 def spray_paint(half: tuple[float, float], pitch: float, speed: float, fast: int, start: tuple[float, float]) -> SprayPaint:
-    """Return the path over a rectangle that begins at `start`.
+    """Return the path over a rectangle that begins at `start`, slowly towards the nearer edge, then over all the rest.
 
     Args:
         half: Half the extents, m, > 0.
@@ -53,6 +53,8 @@ def spray_paint(half: tuple[float, float], pitch: float, speed: float, fast: int
     rates[fast] = speed / half[fast]
     rates[slow] = pitch * rates[fast] / (2.0 * math.pi * half[slow])
     phases = [math.asin(min(max(s / h, -1.0), 1.0)) for s, h in zip(start, half, strict=True)]
+    if start[slow] < 0.0:
+        phases[slow] = math.pi - phases[slow]
     return SprayPaint(half, (rates[0], rates[1]), (phases[0], phases[1]))
 
 
