@@ -1,0 +1,146 @@
+"""Gates of the stand-in as a whole: grip, pivot, rest, and what a finer time step changes."""
+
+import math
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+
+import mujoco
+import numpy as np
+import pytest
+
+from cell.assembly import Cell, assemble
+from cell.config import load
+from drivers.frames import rotation_about
+from drivers.quantities import Pose
+from sim import engine, world
+from sim.world import Peg, World
+from skills import grasp_from_rack, spray_search, tactile_insert, spiral_adjust
+from skills.contract import Outcome, Reason
+from skills.flow import in_order
+
+FAST = ('sim.pace="max"',)
+
+
+def cell_of(seed: int, *sets: str) -> tuple[Cell, World]:
+    """Return an opened simulated cell and its world."""
+    cell = assemble(load(sets=(*FAST, f"sim.seed={seed}", *sets)).cell)
+    for _, device in cell.devices():
+        device.open()
+    assert isinstance(cell.clock, World)
+    return cell, cell.clock
+
+
+def holding(seed: int, *sets: str) -> tuple[Cell, World]:
+    """Return a cell whose hand has taken the peg from the rack."""
+    cell, physics = cell_of(seed, *sets)
+    result = grasp_from_rack.run(cell.config.grasp, cell.context(seed))
+    assert result.outcome is Outcome.SUCCESS
+    assert physics.peg is Peg.HELD
+    cell.arm.halt()
+    physics.wait_until(physics.now() + 1.0)
+    return cell, physics
+
+
+def pad_torque(grip: float, friction: float, length_tip: float, length_back: float, width: float) -> float:
+    """Return the break-away torque of two pads by summing friction over a patch of even pressure, N·m."""
+    s = np.linspace(-length_back, length_tip, 2001)
+    w = np.linspace(-width / 2, width / 2, 201)
+    S, W = np.meshgrid(s, w)
+    return 2.0 * friction * grip * float(np.hypot(S, W).mean())
+
+
+def turn_the_peg(physics: World, torque: float, seconds: float) -> float:
+    """Twist the held peg about the closing axis with `torque`, N·m; return by how much it turned in the hand, rad."""
+    before = physics.truth().theta
+    physics._data.qfrc_applied[7] = torque
+    physics.wait_until(physics.now() + seconds)
+    physics._data.qfrc_applied[7] = 0.0
+    return abs(physics.truth().theta - before)
+
+
+def test_the_pivot_breaks_away_where_a_model_of_the_pads_says() -> None:
+    _, physics = holding(1)
+    length, width = physics._pad
+    back = min(length / 2, physics.job.peg.overhang)
+    # An 8 mm peg pressed 0.3 mm into the rubber touches it over 2 sqrt(2 R d).
+    expected = pad_torque(30.0, physics.draw.pad_friction, length / 2, back, 2.0 * math.sqrt(0.008 * 0.0003))
+    torque = 0.5 * expected
+    while turn_the_peg(physics, torque, 0.02) < math.radians(0.2):
+        torque += 0.01 * expected
+    assert torque == pytest.approx(expected, rel=0.10)
+
+
+def test_a_peg_loaded_to_sixty_percent_does_not_creep_in_the_hand() -> None:
+    _, physics = holding(2)
+    assert turn_the_peg(physics, 0.6 * physics.breakaway(), 60.0) < math.radians(0.2)
+
+
+def test_a_peg_at_rest_in_the_grip_stays_at_rest_for_a_minute() -> None:
+    _, physics = holding(3)
+    before, tip = physics.truth().theta, np.array(physics.truth().tip)
+    physics.wait_until(physics.now() + 60.0)
+    assert abs(physics.truth().theta - before) < math.radians(0.01)
+    assert np.linalg.norm(np.array(physics.truth().tip) - tip) < 1e-4
+
+
+def test_a_peg_at_rest_in_the_hole_stays_at_rest_for_a_minute() -> None:
+    _, physics = cell_of(4)
+    up = physics.plate.rotation[:, 2]
+    leaning = rotation_about(np.array([1.0, 0.0, 0.0]), math.radians(0.1)) @ physics.plate.rotation
+    physics._enter_free(width=0.08, peg=Pose(physics.plate.position + up * (physics._half - 0.019), leaning))
+    physics.wait_until(physics.now() + 2.0)
+    tip = np.array(physics.truth().tip)
+    assert physics.truth().switch_closed
+    physics.wait_until(physics.now() + 60.0)
+    assert np.linalg.norm(np.array(physics.truth().tip) - tip) < 2e-6
+    assert float(np.abs(physics._data.qvel[9:]).max()) < 1e-4
+    assert physics.meters[engine.SUSTAINED] < world.VOID_PENETRATION
+
+
+def test_an_empty_slot_is_a_missed_grasp() -> None:
+    cell, physics = cell_of(5)
+    physics._drop()
+    result = grasp_from_rack.run(cell.config.grasp, cell.context(5))
+    assert (result.outcome, result.reason) == (Outcome.FAILURE, Reason.MISSED_GRASP)
+
+
+def test_a_peg_that_is_stuck_in_its_slot_slips_through_the_pads() -> None:
+    cell, physics = cell_of(6)
+    peg = physics._model.body("peg").id
+    # Somebody holds it down with more than the pads' friction can bear.
+    physics._data.xfrc_applied[peg, 2] = -2.5 * 2.0 * 0.6 * 30.0
+    result = grasp_from_rack.run(cell.config.grasp, cell.context(6))
+    assert result.outcome is Outcome.FAILURE
+    assert result.reason in (Reason.LOST_GRASP, Reason.MISSED_GRASP, Reason.FORCE_LIMIT)
+
+
+def outcome_of(seed: int, timestep: float) -> str:
+    """Return how a whole insertion ends with the hole within 10 x 10 mm, as outcome and void."""
+    cell, physics = cell_of(seed, f"sim.timestep={timestep}", "hole.area=[0.01, 0.01]")
+    config = cell.config
+    stages = in_order(
+        [
+            ("grasp_from_rack", lambda c: grasp_from_rack.run(config.grasp, c)),
+            ("spray_search", lambda c: spray_search.run(config.search, c)),
+            ("tactile_insert", lambda c: tactile_insert.run(config.insert, c)),
+            ("spiral_adjust", lambda c: spiral_adjust.run(config.adjust, c)),
+        ],
+        cell.context(seed),
+    )
+    return f"{stages[-1].name} {stages[-1].result.outcome} void={physics.truth().is_void}"
+
+
+def test_half_the_time_step_changes_no_outcome() -> None:
+    seeds = range(1, 21)
+    with ProcessPoolExecutor(2, mp_context=get_context("forkserver")) as pool:
+        coarse = list(pool.map(outcome_of, seeds, [0.0005] * 20))
+        fine = list(pool.map(outcome_of, seeds, [0.00025] * 20))
+    assert coarse == fine
+
+
+def test_the_law_knows_the_arm_that_the_physics_moves() -> None:
+    """The finger centre of the law's kinematics is where MuJoCo has it."""
+    _, physics = holding(7)
+    body = physics._model.body("peg").id
+    mujoco.mj_forward(physics._model, physics._data)
+    assert np.linalg.norm(physics.tcp().position - physics._data.xpos[body]) < 1e-12
