@@ -1,7 +1,7 @@
-"""The sequence-number handshake, the lease and the watchdog: pure, no sockets, no threads, time passed in.
+"""The sequence-number handshake: pure, no sockets, no threads, time passed in.
 
 A *link* is one conversation with one sequence number: a TCP connection, or all connections of a host that asked for
-that, or a CAN node, or a local user. Links come and go; what may run is decided here, once for all buses.
+that, or a serial line, or a local user. Links come and go; what may run is decided here, once for all buses.
 
 Sequence numbers
     | seen on a link                                | what happens                                                  |
@@ -11,19 +11,6 @@ Sequence numbers
     | one of the last `LATE_WINDOW` before it       | refused LATE                                                  |
     | any other                                     | a command, which counts once and is answered at once          |
 
-Lease
-    | event                                  | holder afterwards                                                 |
-    | -------------------------------------- | ----------------------------------------------------------------- |
-    | `command_lease` is TAKE, lease is free | that link                                                         |
-    | a start is accepted, lease is free     | that link: a simple PLC never has to ask                          |
-    | any request of the holder              | the same: activity keeps the lease                                |
-    | holder closed, its host writes again   | the new link of that host, which also watches over the run        |
-    | release, silence for `lease_timeout`   | nobody                                                            |
-    | the holder's run was lost              | nobody                                                            |
-    | restart of the cell                    | nobody                                                            |
-
-    Only the holder may start, reset, clear, hold or unhold. Anybody may stop and abort, even with a first number.
-
 Answers
     Every number gets one: `answered` with `refusal`. `sequence` and `result` tell how the link's own last command
     ended and are held until it is acknowledged or the next command comes; another's run never shows in them. A link
@@ -31,13 +18,15 @@ Answers
 """
 
 import logging
-import math
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+from plc_bridge.lease import CellLease
+from plc_bridge.links import Link
 from plc_bridge.messages import FIRST_PROGRAM, Command, Control, LeaseState, Refusal, Report, Result
 from plc_bridge.registers import VERSION_MAJOR, CommandImage, Lease, Parameter
+from plc_bridge.watchdog import Watchdog
 
 logger = logging.getLogger(__name__)
 
@@ -75,36 +64,11 @@ class Counts:
 
 
 @dataclass(slots=True)
-class _Link:
-    source: str
-    host: str
-    heard: float
-    is_local: bool = False
-    is_open: bool = True
-    must_adopt: bool = True
-    """No number was seen since it opened or since its run was lost."""
-    has_spoken: bool = False
-    """It wrote something other than a stop; until then it is a spectator."""
-    image: CommandImage | None = None
-    sequence: int | None = None
-    answered: int = 0
-    refusal: Refusal = Refusal.NONE
-    own: tuple[int, int, Result] | None = None
-    """Sequence, code and result of its last command; None while that is the current one, and for a spectator."""
-    uses_life: bool = False
-    life_stamp: float = -math.inf
-    uses_tail: bool = False
-    torn_since: float | None = None
-    execute: bool | None = None
-    reset: bool | None = None
-
-
-@dataclass(slots=True)
 class _Current:
     """The command that the scan thread works on or has finished last."""
 
     command: Command
-    link: _Link
+    link: Link
     is_delivered: bool = False
     is_taken_up: bool = False
     is_lost: bool = False
@@ -114,6 +78,10 @@ class _Current:
     @property
     def is_busy(self) -> bool:
         return self.command.code >= FIRST_PROGRAM and self.result is Result.NONE
+
+    @property
+    def is_watched(self) -> bool:
+        return self.is_busy and not self.is_lost and not self.link.is_local
 
 
 @dataclass(slots=True)
@@ -133,17 +101,20 @@ class Handshake:
     life_timeout: float = 1.0
     lease_timeout: float = 5.0
     counts: Counts = field(default_factory=Counts)
-    _links: dict[str, _Link] = field(default_factory=dict)
-    _holder: _Link | None = None
+    _links: dict[str, Link] = field(default_factory=dict)
     _current: _Current | None = None
     _stops: dict[int, Command] = field(default_factory=dict)
     _controls: deque[Command] = field(default_factory=deque)
     _report: Report = field(default_factory=Report)
     _last: tuple[int, Refusal] = (0, Refusal.NONE)
+    _lease: CellLease = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._lease = CellLease(self.lease_timeout)
 
     def opened(self, source: str, host: str, now: float, is_local: bool = False) -> None:
         """Begin a link; a local one is never silent."""
-        self._links[source] = _Link(source, host, now, is_local)
+        self._links[source] = Link(source, host, Watchdog(now), is_local)
 
     def closed(self, source: str) -> None:
         """End a link; what it holds and runs stays until its host comes back or the time-outs pass."""
@@ -153,24 +124,17 @@ class Handshake:
 
     def heard(self, source: str, now: float) -> None:
         """Note that any request came from `source`."""
-        self._links[source].heard = now
+        self._links[source].watchdog.heard = now
 
     def wrote(self, source: str, image: CommandImage, now: float, is_numbered: bool = True) -> None:
         """Take the command block as it stands after a write of `source`; it counts once its number was written."""
         self._expire(now)
         link = self._links[source]
         self._speak(link)
-        link.heard = now
         before, link.image = link.image, image
-        if image.life != (before.life if before else 0):
-            link.uses_life, link.life_stamp = True, now
-        link.uses_tail |= image.life_tail != 0
-        if link.uses_tail and image.life != image.life_tail:
+        if not link.watchdog.see(image.life, image.life_tail, now):
             self.counts.torn += 1
-            if link.torn_since is None:
-                link.torn_since = now
             return
-        link.torn_since = None
         self._update_lease(link, image.lease)
         if image.acknowledge != (before.acknowledge if before else 0):
             self._acknowledge(link, image.acknowledge)
@@ -181,7 +145,7 @@ class Handshake:
         """Take the coils that `source` has just written: execute, stop, reset."""
         self._expire(now)
         link = self._links[source]
-        link.heard = now
+        link.watchdog.heard = now
         if coils.get("stop"):
             self._stop(Command(link.sequence or 0, Control.STOP, source=source))
         image = link.image or CommandImage()
@@ -200,17 +164,11 @@ class Handshake:
 
     def take(self, source: str) -> bool:
         """Give `source` the lease if it is free; return whether it holds it now."""
-        link = self._links[source]
-        if self._holder is None:
-            self._holder = link
-            logger.info("%s takes the lease", source)
-        return self._holder is link
+        return self._lease.take(self._links[source])
 
     def release(self, source: str) -> None:
         """Free the lease if `source` holds it."""
-        if self._holder is not None and self._holder.source == source:
-            self._holder = None
-            logger.info("%s releases the lease", source)
+        self._lease.release(source)
 
     def submit(self, source: str, image: CommandImage, now: float) -> Refusal:
         """Run what a local user asks for as the next number of `source`; return why it was refused."""
@@ -249,7 +207,7 @@ class Handshake:
     @property
     def holder(self) -> str:
         """Who holds the lease; empty when it is free."""
-        return self._holder.source if self._holder is not None else ""
+        return self._lease.holder.source if self._lease.holder is not None else ""
 
     @property
     def is_busy(self) -> bool:
@@ -260,9 +218,7 @@ class Handshake:
         """Return what `source` shall read."""
         link, current = self._links[source], self._current
         answered, refusal = (link.answered, link.refusal) if link.has_spoken else self._last
-        lease = LeaseState.FREE if self._holder is None else LeaseState.TAKEN
-        if self._holder is link:
-            lease = LeaseState.YOURS
+        lease = self._lease.state_for(link)
         report = replace(self._report, holder=self.holder)
         if current is not None and not current.is_taken_up:
             report = Report(state=report.state, fault=report.fault, holder=report.holder)
@@ -275,7 +231,7 @@ class Handshake:
         command = current.command
         return Answer(command.sequence, result, answered, refusal, command.code, current.is_busy, lease, report)
 
-    def _take_sequence(self, link: _Link, image: CommandImage, now: float) -> None:
+    def _take_sequence(self, link: Link, image: CommandImage, now: float) -> None:
         last = link.sequence
         if last is not None and image.sequence != last and (last - image.sequence) % 0x10000 <= LATE_WINDOW:
             self._refuse(link, image.sequence, Refusal.LATE)
@@ -287,7 +243,7 @@ class Handshake:
         elif image.sequence != last:
             self._command(link, image.sequence, image, now)
 
-    def _adopt(self, link: _Link, image: CommandImage) -> None:
+    def _adopt(self, link: Link, image: CommandImage) -> None:
         if image.code in _STOPS:
             self._command_stop(link, image.sequence, image.code)
         elif self._is_current(link, image):
@@ -300,7 +256,7 @@ class Handshake:
             self._refuse(link, image.sequence, Refusal.ADOPTED)
             link.own = (image.sequence, image.code, Result.REFUSED)
 
-    def _is_current(self, link: _Link, image: CommandImage) -> bool:
+    def _is_current(self, link: Link, image: CommandImage) -> bool:
         current = self._current
         if current is None or current.link is not link:
             return False
@@ -308,7 +264,7 @@ class Handshake:
         asked = (command.sequence, command.code, command.recipe, command.serial)
         return asked == (image.sequence, image.code, image.recipe, image.serial)
 
-    def _command(self, link: _Link, sequence: int, image: CommandImage, now: float) -> None:
+    def _command(self, link: Link, sequence: int, image: CommandImage, now: float) -> None:
         """Answer a number that counts."""
         if image.code in _STOPS:
             self._command_stop(link, sequence, image.code)
@@ -327,7 +283,7 @@ class Handshake:
             if not self._keeps_following(link, sequence):
                 link.own = (sequence, image.code, Result.REFUSED)
             return
-        self.take(link.source)
+        self._lease.take(link)
         self._accept(link, sequence)
         command = Command(sequence, image.code, image.recipe, image.serial, parameters, link.source)
         if self.is_busy:
@@ -336,15 +292,15 @@ class Handshake:
                 link.own = (sequence, image.code, Result.SUCCESS)
             return
         self._make_current(_Current(command, link))
-        link.life_stamp = link.heard = now
+        link.watchdog.revive(now)
 
-    def _why_not(self, link: _Link, image: CommandImage) -> Refusal:
+    def _why_not(self, link: Link, image: CommandImage) -> Refusal:
         is_control = image.code in _CONTROLS
         if image.version and image.version >> 8 != VERSION_MAJOR:
             return Refusal.VERSION
         if not is_control and image.code not in self.programs:
             return Refusal.UNKNOWN_CODE
-        if self._holder not in (None, link):
+        if not self._lease.is_open_to(link):
             return Refusal.NOT_HOLDER
         if self.is_busy and (not is_control or len(self._controls) >= MOST_PENDING):
             return Refusal.BUSY
@@ -378,7 +334,7 @@ class Handshake:
         current.link.own = None
         self._current = current
 
-    def _keeps_following(self, link: _Link, sequence: int) -> bool:
+    def _keeps_following(self, link: Link, sequence: int) -> bool:
         """Tell whether `link` waits for its run, and `sequence` is another number than that run's.
 
         A PLC whose counter restarted may send a run's number again for something else.
@@ -392,7 +348,7 @@ class Handshake:
             and current.command.sequence != sequence
         )
 
-    def _command_stop(self, link: _Link, sequence: int, code: int) -> None:
+    def _command_stop(self, link: Link, sequence: int, code: int) -> None:
         self._accept(link, sequence)
         is_following = self._keeps_following(link, sequence)
         self._stop(Command(sequence, code, source=link.source))
@@ -407,7 +363,7 @@ class Handshake:
         if current is not None and not current.is_delivered and current.result is Result.NONE:
             current.result = Result.ABORTED
 
-    def _acknowledge(self, link: _Link, sequence: int) -> None:
+    def _acknowledge(self, link: Link, sequence: int) -> None:
         current = self._current
         if link.own is not None:
             if link.own[0] == sequence:
@@ -420,32 +376,31 @@ class Handshake:
             if len(self._controls) < MOST_PENDING:
                 self._controls.append(Command(sequence, Control.ACKNOWLEDGE, source=link.source))
 
-    def _update_lease(self, link: _Link, wish: int) -> None:
+    def _update_lease(self, link: Link, wish: int) -> None:
         if wish in (Lease.TAKE, Lease.TAKE_FOR_HOST):
-            self.take(link.source)
+            self._lease.take(link)
         elif wish == Lease.RELEASE:
-            self.release(link.source)
+            self._lease.release(link.source)
 
-    def _speak(self, link: _Link) -> None:
+    def _speak(self, link: Link) -> None:
         """Hand over what a closed link of the same host held, and make a spectator a client of its own."""
-        if self._holder is not None and not self._holder.is_open and self._holder.host == link.host:
-            self._holder = link
+        self._lease.hand_over(link)
         current = self._current
         if current is not None and not current.link.is_open and current.link.host == link.host:
-            link.uses_life, link.life_stamp = current.link.uses_life, current.link.life_stamp
+            link.watchdog.follow(current.link.watchdog)
             current.link, link.own = link, None
         elif not link.has_spoken:
             link.own = (0, Control.NONE, Result.NONE)
         link.has_spoken = True
 
-    def _count_up(self, link: _Link) -> int:
+    def _count_up(self, link: Link) -> int:
         link.sequence = ((link.sequence or 0) + 1) % 0x10000
         return link.sequence
 
-    def _accept(self, link: _Link, sequence: int) -> None:
+    def _accept(self, link: Link, sequence: int) -> None:
         link.answered, link.refusal = self._last = sequence, Refusal.NONE
 
-    def _refuse(self, link: _Link, sequence: int, refusal: Refusal) -> None:
+    def _refuse(self, link: Link, sequence: int, refusal: Refusal) -> None:
         if link.refusal is not refusal:
             logger.warning("%s: command %d refused: %s", link.source, sequence, refusal.name)
         self.counts.refusals += 1
@@ -454,17 +409,12 @@ class Handshake:
     def _expire(self, now: float) -> None:
         """Let time-outs act: lost runs, silent holders, blocks that stay torn."""
         current = self._current
-        if current is not None and current.is_busy and not current.is_lost and not current.link.is_local:
-            link = current.link
-            if now - (link.life_stamp if link.uses_life else link.heard) > self.life_timeout:
-                self._lose(current)
-        holder = self._holder
-        if holder is not None and not holder.is_local and now - holder.heard > self.lease_timeout:
-            logger.info("%s loses the lease: silent for %g s", holder.source, self.lease_timeout)
-            self._holder = None
+        if current is not None and current.is_watched and current.link.watchdog.is_silent(now, self.life_timeout):
+            self._lose(current)
+        self._lease.expire(now)
         for link in self._links.values():
-            if link.torn_since is not None and now - link.torn_since > self.life_timeout:
-                link.torn_since = None
+            if link.watchdog.is_torn(now, self.life_timeout):
+                link.watchdog.torn_since = None
                 if link.image is not None and link.image.sequence != link.sequence and not link.must_adopt:
                     link.sequence = link.image.sequence
                     self._refuse(link, link.sequence, Refusal.TORN)
@@ -477,5 +427,5 @@ class Handshake:
         current.is_lost = True
         current.link.must_adopt = True
         current.link.execute = current.link.reset = None
-        self.release(current.link.source)
+        self._lease.release(current.link.source)
         self._stop(Command(current.command.sequence, Control.LOST, source=current.link.source))
