@@ -95,6 +95,8 @@ class Observation:
 
     stamp: float
     """Start of the scan, s."""
+    elapsed: float
+    """Time that the skill's scan has been running, s; time on hold does not count."""
     arm: ArmState
     gripper: GripperState
     frame: TaxelFrame
@@ -199,8 +201,8 @@ class SkillContext:
         """Return where the end point is in the hand by the newest healthy estimate."""
         return InHandTip(self._peg.theta, self.job.peg.length, self._peg.stamp)
 
-    def observe(self) -> Observation:
-        """Read every sensor once.
+    def observe(self, elapsed: float = 0.0) -> Observation:
+        """Read every sensor once; `elapsed` is what the observation shall say of the scan's running time, s.
 
         Raises:
             CellError: A device is silent, stopped or not to be believed.
@@ -216,6 +218,7 @@ class SkillContext:
         tip, axis = end_point(arm.tcp, self._peg.theta, self.job.peg.length)
         return Observation(
             stamp=arm.stamp,
+            elapsed=elapsed,
             arm=arm,
             gripper=self.gripper.read(),
             frame=frame,
@@ -239,21 +242,21 @@ class SkillContext:
             Interrupted: Stop request, force limit, workspace limit or a lost grasp; the arm is halted.
             CellError: A device is silent, stopped or not to be believed.
         """
-        left = timeout
-        while left > 0.0:
+        elapsed = 0.0
+        while elapsed < timeout:
             request = self.poll()
             if request is Request.STOP:
                 self._interrupt(Reason.STOPPED)
             if request is Request.HOLD:
                 self.arm.halt()
-            seen = self.observe()
+            seen = self.observe(elapsed)
             self._check(seen)
             self.record(seen, self.held)
             if holding and not seen.gripper.is_gripping:
                 self._interrupt(Reason.LOST_GRASP)
             if request is Request.RUN:
                 yield seen
-                left -= self.scan_period
+                elapsed += self.scan_period
             self.clock.wait_until(seen.stamp + self.scan_period)
 
     def _check(self, seen: Observation) -> None:

@@ -12,6 +12,10 @@ from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillRes
 from skills.motion import Goal, Transfer, move, stay
 
 
+ACROSS_RACK: Vector = np.array([0.0, -1.0, 0.0])
+"""Where the closing axis points at the rack: always the same way, or the wrist would wind up from run to run."""
+
+
 class GraspFromRackParams(SkillParams):
     """How to take a peg."""
 
@@ -43,7 +47,7 @@ def run(params: GraspFromRackParams, ctx: SkillContext) -> GraspFromRackResult:
     """Take the peg of the job's slot."""
     started = ctx.clock.now()
     job = ctx.job
-    roll = _across_rack(ctx.observe().arm.tcp.rotation[:, 2])
+    roll = ACROSS_RACK
     slot = np.array(job.rack.first) + np.array([0.0, job.rack.pitch * (job.slot % job.rack.slots), 0.0])
     # The peg stands on the slot's floor, so the finger centre goes `length` above that floor.
     grip_at = slot + UP * (job.peg.length - job.rack.depth)
@@ -67,11 +71,6 @@ def run(params: GraspFromRackParams, ctx: SkillContext) -> GraspFromRackResult:
     return GraspFromRackResult(
         Outcome.SUCCESS, Reason.NONE, ctx.clock.now() - started, seen.gripper.width, seen.peg.theta
     )
-
-
-def _across_rack(closing: Vector) -> Vector:
-    """Return the base frame's y axis, in the sense that needs the smaller turn of the hand."""
-    return np.array([0.0, 1.0 if closing[1] >= 0.0 else -1.0, 0.0])
 
 
 def _holds_peg(params: GraspFromRackParams, ctx: SkillContext) -> bool:

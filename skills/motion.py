@@ -3,9 +3,10 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
-from pydantic import PositiveFloat
+from pydantic import Field, PositiveFloat
 
 from drivers.frames import UP, angle_between, rotation_about
 from drivers.parts import ConfigModel
@@ -45,6 +46,8 @@ class Transfer(ConfigModel):
     """Largest speed of the tip, m/s."""
     turn_speed: PositiveFloat
     """Largest turning rate, rad/s."""
+    elbow: Annotated[float, Field(ge=-math.pi, le=math.pi)]
+    """Position of joint 3 that the null space is drawn to, rad: without, it would wander from run to run."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,13 +93,14 @@ def move(goal: Goal, transfer: Transfer, ctx: SkillContext, in_hand: InHandTip |
         peak * float(np.linalg.norm(way)) / transfer.speed, peak * (swing + abs(twist)) / transfer.turn_speed, 0.2
     )
     identity = ctx.new_id()
-    started = first.stamp
     stiffness, damping = transfer.gains.stiffness(), transfer.gains.damping()
     for seen in ctx.scan(duration + settle):
-        share, rate = minimum_jerk((seen.stamp - started) / duration)
+        share, rate = minimum_jerk(seen.elapsed / duration)
         turned = rotation_about(swing_axis, swing * share)
         axis_now = turned @ axis
         roll_now = rotation_about(axis_now, twist * share) @ turned @ roll
+        posture = seen.arm.q.copy()
+        posture[2] = transfer.elbow
         omega = swing_axis * (swing * rate / duration) + axis_now * (twist * rate / duration)
         ctx.follow(
             ImpedanceSetpoint(
@@ -108,6 +112,7 @@ def move(goal: Goal, transfer: Transfer, ctx: SkillContext, in_hand: InHandTip |
                 damping=damping,
                 valid_until=seen.stamp + VALIDITY,
                 in_hand=in_hand,
+                posture=posture,
                 twist=Twist(way * (rate / duration), omega),
             )
         )

@@ -77,19 +77,21 @@ def spiral(time: float, growth: float, turn_rate: float) -> Vector:
 
 
 def fading_circles(time: float, radius: float, turn_rate: float, period: float) -> Vector:
-    """Return the point at `time` on circles that shrink to nothing within each period, then start wide again.
+    """Return the point at `time` on circles that swell from nothing and fade to nothing within each period.
 
     A decaying oscillation leaves a system with dry friction free of stored torque, as a decaying field leaves
-    iron free of magnetisation; a peg jams less the smaller the torque it carries.
+    iron free of magnetisation; a peg jams less the smaller the torque it carries. It swells for a fifth of the
+    period, for a sudden start would be a blow.
 
     Args:
         time: Time since the start, s, >= 0.
-        radius: At the start of each period, m.
+        radius: Largest, m.
         turn_rate: Angular rate, rad/s.
-        period: Of the fading, s.
+        period: From nothing to nothing, s.
 
     Returns:
         Point in the plane of the circles, shape (2,), m, from their centre.
     """
-    r, angle = radius * (1.0 - (time % period) / period), turn_rate * time
+    share, angle = (time % period) / period, turn_rate * time
+    r = radius * min(share / 0.2, (1.0 - share) / 0.8)
     return np.array([r * math.cos(angle), r * math.sin(angle)])

@@ -9,6 +9,7 @@ from pydantic import Field
 from drivers.frames import UP
 from drivers.parts import Point
 from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillResult
+from skills.grasp_from_rack import ACROSS_RACK
 from skills.motion import Goal, Transfer, move, stay
 
 
@@ -38,10 +39,9 @@ def run(params: RecoverParams, ctx: SkillContext) -> RecoverResult:
     first = ctx.observe()
     held = first.gripper.is_gripping
     tcp = first.arm.tcp
-    upright = np.array([0.0, 1.0 if tcp.rotation[1, 2] >= 0.0 else -1.0, 0.0])
     for goal in (
         Goal(tcp.position + UP * params.height, -tcp.rotation[:, 0], tcp.rotation[:, 2]),
-        Goal(np.array(params.bin), UP, upright),
+        Goal(np.array(params.bin), UP, ACROSS_RACK),
     ):
         for _ in move(goal, params.transfer, ctx, None):
             pass

@@ -8,7 +8,7 @@ from drivers.quantities import SwitchState, Vector
 
 DEPTH_TOLERANCE = 0.004
 """Between the tip's depth by the arm and the hole's depth, m: in-hand length and theta are known no better."""
-CLOSING_TIME = 3.0
+CLOSING_TIME = 5.0
 """The tip may stay at the hole's depth for so long without the switch closing, s."""
 
 

@@ -60,7 +60,7 @@ def run(params: SpiralAdjustParams, ctx: SkillContext) -> SpiralAdjustResult:
     seating = Seating(ctx.job.hole)
     stiffness, damping = params.gains.stiffness(), params.gains.damping()
     stiffness[2] = params.push_stiffness
-    offset, tip = np.zeros(2), first.tip
+    offset, tip, guided_since = np.zeros(2), first.tip, math.inf
     for seen in ctx.scan(params.timeout, holding=True):
         # The angle is frozen: an estimate fed back while the peg is wedged would chase its own bias.
         tip, axis = end_point(seen.arm.tcp, in_hand.theta, in_hand.length)
@@ -68,14 +68,15 @@ def run(params: SpiralAdjustParams, ctx: SkillContext) -> SpiralAdjustResult:
             return SpiralAdjustResult(
                 Outcome.SUCCESS,
                 Reason.NONE,
-                seen.stamp - first.stamp,
+                elapsed,
                 float(np.linalg.norm(offset)),
                 seating.depth(tip),
             )
-        elapsed = seen.stamp - first.stamp
+        elapsed = seen.elapsed
         is_guided = first.tip[2] - tip[2] > params.guided_depth
         if is_guided:
-            offset = fading_circles(elapsed, params.guided_radius, params.guided_rate, params.guided_period)
+            guided_since = min(guided_since, elapsed)
+            offset = fading_circles(elapsed - guided_since, params.guided_radius, params.guided_rate, params.guided_period)
         else:
             offset = spiral(elapsed % (params.radius / params.growth), params.growth, params.turn_rate)
         ctx.progress(elapsed / params.timeout)

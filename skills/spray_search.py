@@ -90,7 +90,6 @@ def run(params: SpraySearchParams, ctx: SkillContext) -> SpraySearchResult:
     for _ in move(Goal(first, axis, closing), params.transfer, ctx, ctx.in_hand()):
         pass
 
-    started = ctx.clock.now()
     stiffness, damping = params.gains.stiffness(), params.gains.damping()
     stiffness[2] = params.push_stiffness
     identity = ctx.new_id()
@@ -98,10 +97,13 @@ def run(params: SpraySearchParams, ctx: SkillContext) -> SpraySearchResult:
     tip, along, found = first, 0.0, math.inf
     resting: ImpedanceSetpoint | None = None
     for seen in ctx.scan(params.timeout, holding=True):
-        tip, elapsed = seen.tip, seen.stamp - started
+        tip, elapsed = seen.tip, seen.elapsed
         is_event = seen.is_new_frame and event.update(seen.frame)
         if elapsed >= params.touch_down and fall.update(seen.stamp, tip[2], is_event):
             found = min(found, seen.stamp)
+        if seen.peg.stamp >= found + params.settle and not fall.is_down:
+            # It came up again: an edge, not the hole.
+            found = math.inf
         if seen.peg.stamp >= found + params.settle:
             return SpraySearchResult(Outcome.SUCCESS, Reason.NONE, elapsed, _point(tip), (first[0], first[1]), event.count)
         if fall.is_down or found < math.inf:

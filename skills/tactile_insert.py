@@ -66,7 +66,7 @@ def run(params: TactileInsertParams, ctx: SkillContext) -> TactileInsertResult:
     stiffness, damping = params.gains.stiffness(), params.gains.damping()
     phi = first_phi
     for seen in ctx.scan(params.timeout, holding=True):
-        elapsed = seen.stamp - first.stamp
+        elapsed = seen.elapsed
         phi = angle_between(seen.axis, UP)
         if seating.is_seated(seen.switch, seen.tip, seen.stamp) or phi < params.aligned:
             return TactileInsertResult(Outcome.SUCCESS, Reason.NONE, elapsed, first_phi, phi)
