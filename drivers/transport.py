@@ -1,0 +1,100 @@
+"""The wires: bytes of a serial line. Whoever reads them decodes them elsewhere."""
+
+import errno
+from typing import Literal
+
+import serial
+
+from drivers.errors import CellError, DeviceNotOpenedError, FaultCode
+
+Parity = Literal["none", "even", "odd"]
+_PARITY = {"none": serial.PARITY_NONE, "even": serial.PARITY_EVEN, "odd": serial.PARITY_ODD}
+_WRITE_TIMEOUT = 1.0  # s
+
+
+class LineLostError(CellError):
+    """A line that was open can be read or written no more."""
+
+    code = FaultCode.DEVICE_NOT_OPENED
+
+
+class SerialLine:
+    """One serial port, 8 data bits, used by nobody else; not for use by several threads.
+
+    Args:
+        port: Name of the port, as the operating system has it.
+        baud_rate: Bits a second.
+        parity: Check bit of every character.
+        stop_bits: 1 or 2.
+    """
+
+    def __init__(self, port: str, baud_rate: int, parity: Parity = "none", stop_bits: Literal[1, 2] = 1) -> None:
+        self.port = port
+        self.character_time = (1 + 8 + (parity != "none") + stop_bits) / baud_rate
+        """Time that one character takes, s."""
+        self._settings = {"baudrate": baud_rate, "parity": _PARITY[parity], "stopbits": stop_bits}
+        self._serial: serial.Serial | None = None
+
+    def open(self) -> None:
+        """Open the port; does nothing when it is open.
+
+        Raises:
+            DeviceNotOpenedError: There is no such port, no permission, or it is in use.
+        """
+        if self._serial is not None:
+            return
+        try:
+            self._serial = serial.Serial(self.port, exclusive=True, write_timeout=_WRITE_TIMEOUT, **self._settings)
+        except Exception as error:  # pyserial lets termios.error through, which has no base but this
+            raise DeviceNotOpenedError(f"serial port {self.port}: {_why(error)}") from error
+
+    def close(self) -> None:
+        """Close the port; may be called again."""
+        if self._serial is not None:
+            self._serial.close()
+            self._serial = None
+
+    def read(self, timeout: float) -> bytes:
+        """Return what has arrived; wait up to `timeout` s for the first byte, and return none if none came.
+
+        Raises:
+            LineLostError: The port is gone or was never opened.
+        """
+        port = self._opened()
+        try:
+            if port.timeout != timeout:
+                port.timeout = timeout
+            data: bytes = port.read(1)
+            return data + port.read(port.in_waiting) if data else data
+        except (OSError, TypeError) as error:  # pyserial stumbles over its own closed handle with a TypeError
+            raise LineLostError(f"serial port {self.port}: {error}") from error
+
+    def write(self, data: bytes) -> None:
+        """Send `data`.
+
+        Raises:
+            LineLostError: The port is gone, was never opened, or takes nothing.
+        """
+        port = self._opened()
+        try:
+            port.write(data)
+        except (OSError, TypeError) as error:
+            raise LineLostError(f"serial port {self.port}: {error}") from error
+
+    def _opened(self) -> serial.Serial:
+        if self._serial is None:
+            raise LineLostError(f"serial port {self.port}: not open")
+        return self._serial
+
+
+def _why(error: Exception) -> str:
+    code = getattr(error, "errno", None) or (error.args[0] if error.args else None)
+    if code == errno.ENOENT:
+        return "no such port: plug it in, or name another one"
+    if code == errno.EACCES:
+        return "not permitted: add this user to the group that owns it"
+    if code in (errno.EAGAIN, errno.EBUSY) or "exclusively lock" in str(error):
+        return "in use by another program: stop it"
+    if code == errno.EINVAL:
+        return "does not know this baud rate, parity or number of stop bits"
+    return str(error).replace("\n", " ")
