@@ -6,8 +6,9 @@ One lock guards the handshake; every method takes it for a few microseconds and 
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 
+from drivers.errors import CellError
+from drivers.transport import SerialLine
 from plc_bridge.config import PlcConfig
 from plc_bridge.handshake import Handshake
 from plc_bridge.messages import Command, Refusal, Report, Result
@@ -21,6 +22,7 @@ from plc_bridge.registers import (
     diagnostics_words,
     report_words,
 )
+from plc_bridge.rtu import RtuServer
 
 _ERRORS = (Result.FAILURE, Result.FAULT, Result.REFUSED)
 
@@ -50,18 +52,28 @@ class Bridge:
         self._handshake = Handshake(dict(programs), tuple(parameters), config.life_timeout, config.lease_timeout)
         self._life = 0
         self._server = ModbusServer(config.modbus, self)
+        self._servers: list[ModbusServer | RtuServer] = [self._server]
+        if config.rtu is not None:
+            line = SerialLine(config.rtu.port, config.rtu.baud_rate, config.rtu.parity, config.rtu.stop_bits)
+            self._servers.append(RtuServer(config.rtu, line, self))
 
     def start(self) -> None:
         """Listen for the PLC.
 
         Raises:
-            DeviceNotOpenedError: The port is in use, or the address is not this computer's.
+            DeviceNotOpenedError: A port is in use or missing, or the address is not this computer's.
         """
-        self._server.start()
+        try:
+            for server in self._servers:
+                server.start()
+        except CellError:
+            self.close()
+            raise
 
     def close(self) -> None:
         """Stop listening and drop every connection; may be called again."""
-        self._server.close()
+        for server in self._servers:
+            server.close()
 
     @property
     def address(self) -> tuple[str, int]:
@@ -89,7 +101,10 @@ class Bridge:
     def diagnostics(self) -> Diagnostics:
         """Counts since the start."""
         counts = self._handshake.counts
-        return replace(self._server.counts, refusals=counts.refusals, torn=counts.torn, lost=counts.lost)
+        total = Diagnostics(refusals=counts.refusals, torn=counts.torn, lost=counts.lost)
+        for server in self._servers:
+            total = total + server.counts
+        return total
 
     def take(self, source: str) -> bool:
         """Give the lease to a user of this process, as "terminal"; return whether it was free."""

@@ -1,12 +1,15 @@
 """How the cell meets its PLC."""
 
 from ipaddress import IPv4Network, IPv6Network
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from drivers.parts import ConfigModel
+from drivers.transport import Parity
 
+Right = Literal["read", "command", "stop"]
+ALL_RIGHTS: frozenset[Right] = frozenset({"read", "command", "stop"})
 Seconds = Annotated[float, Field(ge=0.05, le=3600.0)]
 
 
@@ -25,6 +28,21 @@ class ModbusConfig(ConfigModel):
     """Networks or addresses that may connect; none given means every one that can reach the port."""
 
 
+class RtuConfig(ConfigModel):
+    """The Modbus RTU server on a serial line; defaults of Modbus over Serial Line V1.02, 2.5.1, 3.2."""
+
+    port: Annotated[str, Field(min_length=1)]
+    """Name of the serial port, as /dev/ttyUSB0."""
+    unit: Annotated[int, Field(ge=1, le=247)] = 1
+    """Unit identifier of the cell; other units are left unanswered."""
+    baud_rate: Annotated[int, Field(ge=1200, le=4_000_000)] = 19200
+    parity: Parity = "even"
+    stop_bits: Literal[1, 2] = 1
+    """The standard asks for 2 where there is no parity; many devices use 1."""
+    idle_timeout: Seconds = 60.0
+    """After a silence this long the next request begins a new conversation: its first number is adopted, s."""
+
+
 class PlcConfig(ConfigModel):
     """The PLC's side of the cell."""
 
@@ -33,3 +51,5 @@ class PlcConfig(ConfigModel):
     lease_timeout: Seconds = 5.0
     """The lease is free again when its holder has sent no request for this long, s."""
     modbus: ModbusConfig = ModbusConfig()
+    rtu: RtuConfig | None = None
+    """None is off."""

@@ -10,83 +10,25 @@ import logging
 import socket
 import struct
 import threading
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from ipaddress import ip_address
-from typing import Protocol, TypeVar
 
 from drivers.errors import DeviceNotOpenedError
 from plc_bridge.config import ModbusConfig
 from plc_bridge.pdu import is_exception, respond
-from plc_bridge.registers import (
-    COILS,
-    COMMAND,
-    DIAGNOSTICS,
-    MIRROR,
-    CommandImage,
-    Diagnostics,
-    Lease,
-    command_image,
-)
+from plc_bridge.registers import Diagnostics
+from plc_bridge.station import LinkStation, LinkWords, Mailbox
 
 logger = logging.getLogger(__name__)
-
-T = TypeVar("T")
 
 HEADER = struct.Struct(">HHHB")
 """Transaction, protocol, length of what follows the length field, unit."""
 SHORTEST, LONGEST = 2, 254  # MBAP length: unit + function .. unit + the longest PDU
-_SEQUENCE = next(register.address for register in COMMAND.registers if register.name == "command_sequence")
 FRAMES_PER_TURN = 32
 """Requests of one connection that are answered before the others get their turn."""
 
 
-class Mailbox(Protocol):
-    """What the server needs of the bridge."""
-
-    def opened(self, source: str, host: str) -> None:
-        """Begin a link."""
-
-    def closed(self, source: str) -> None:
-        """End a link."""
-
-    def heard(self, source: str) -> None:
-        """Note that a request came."""
-
-    def wrote(self, source: str, image: CommandImage, is_numbered: bool) -> None:
-        """Take the command block."""
-
-    def switched(self, source: str, coils: Mapping[str, bool]) -> None:
-        """Take the coils just written."""
-
-    def report_words(self, source: str) -> list[int]:
-        """Return the report block."""
-
-    def diagnostics_words(self) -> list[int]:
-        """Return the diagnostics block."""
-
-    def discrete_inputs(self, source: str) -> list[bool]:
-        """Return the discrete inputs."""
-
-    @property
-    def holder(self) -> str:
-        """Who holds the lease."""
-
-
-@dataclass(slots=True)
-class _Link:
-    """The words of one link, and how many connections use them."""
-
-    source: str
-    words: list[int] = field(default_factory=lambda: [0] * COMMAND.words)
-    coils: list[bool] = field(default_factory=lambda: [False] * len(COILS))
-    users: int = 1
-    is_numbered: bool = False
-    """Its sequence register has been written."""
-
-
 class _Connection(asyncio.Protocol):
-    """One client: frames its bytes, is the `Station` behind its requests."""
+    """One client: frames its bytes."""
 
     def __init__(self, server: "ModbusServer") -> None:
         self._server = server
@@ -97,7 +39,7 @@ class _Connection(asyncio.Protocol):
         self.transport: asyncio.Transport
         self.host = ""
         self.source = ""
-        self.link: _Link
+        self.station: LinkStation
         self.heard = 0.0
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
@@ -157,51 +99,12 @@ class _Connection(asyncio.Protocol):
         request = bytes(self._buffer[HEADER.size : end])
         del self._buffer[:end]
         self.heard = self._server.loop.time()
-        self._mailbox.heard(self.link.source)
-        response = respond(request, self)
+        self._mailbox.heard(self.station.link.source)
+        response = respond(request, self.station)
         self._server.counts.requests += 1
         self._server.counts.exceptions += is_exception(response)
         self.transport.write(HEADER.pack(transaction, 0, len(response) + 1, unit) + response)
         return True
-
-    def read_words(self, function: int, address: int, count: int) -> list[int]:
-        """Return holding registers (3) or input registers (4)."""
-        if function == 3 and address < MIRROR:
-            return _slice(self.link.words, address, count)
-        start = address - (MIRROR if function == 3 else 0)
-        if start < DIAGNOSTICS.start:
-            return _slice(self._mailbox.report_words(self.link.source), start, count)
-        return _slice(self._mailbox.diagnostics_words(), start - DIAGNOSTICS.start, count)
-
-    def read_bits(self, function: int, address: int, count: int) -> list[bool]:
-        """Return coils (1) or discrete inputs (2)."""
-        bits = self.link.coils if function == 1 else self._mailbox.discrete_inputs(self.link.source)
-        return _slice(bits, address, count)
-
-    def write_words(self, address: int, words: Sequence[int]) -> None:
-        """Write into the command block."""
-        _slice(self.link.words, address, len(words))
-        self.link.words[address : address + len(words)] = words
-        self.link.is_numbered |= address <= _SEQUENCE < address + len(words)
-        image = command_image(self.link.words)
-        if image.lease == Lease.TAKE_FOR_HOST:
-            self._server.share(self)
-        self._mailbox.wrote(self.link.source, image, self.link.is_numbered)
-
-    def write_bits(self, address: int, bits: Sequence[bool]) -> None:
-        """Write coils."""
-        _slice(self.link.coils, address, len(bits))
-        self.link.coils[address : address + len(bits)] = bits
-        written = range(address, address + len(bits))
-        self._mailbox.switched(
-            self.link.source, {name: self.link.coils[place] for name, place in COILS.items() if place in written}
-        )
-
-
-def _slice(values: list[T], start: int, count: int) -> list[T]:
-    if start < 0 or start + count > len(values):
-        raise LookupError(f"{start}..{start + count - 1} is not within 0..{len(values) - 1}")
-    return values[start : start + count]
 
 
 class ModbusServer:
@@ -216,7 +119,7 @@ class ModbusServer:
         self._socket: socket.socket | None = None
         self._thread: threading.Thread | None = None
         self._connections: dict[str, _Connection] = {}
-        self._shared: dict[str, _Link] = {}
+        self._shared: dict[str, LinkWords] = {}
 
     @property
     def address(self) -> tuple[str, int]:
@@ -277,11 +180,12 @@ class ModbusServer:
         connection.heard = self.loop.time()
         shared = self._shared_of(connection.host)
         if shared is None:
-            connection.link = _Link(connection.source)
+            link = LinkWords(connection.source)
             self.mailbox.opened(connection.source, connection.host)
         else:
-            connection.link = shared
+            link = shared
             shared.users += 1
+        connection.station = LinkStation(self.mailbox, link, self.counts, share=lambda: self.share(connection))
         self._connections[connection.source] = connection
         self.counts.accepted += 1
         self.counts.connections = len(self._connections)
@@ -292,27 +196,27 @@ class ModbusServer:
             return
         del self._connections[connection.source]
         self.counts.connections = len(self._connections)
-        connection.link.users -= 1
-        if connection.link.source == connection.source:
+        connection.station.link.users -= 1
+        if connection.station.link.source == connection.source:
             self.mailbox.closed(connection.source)
         else:
             self._shared_of(connection.host)
 
     def share(self, connection: _Connection) -> None:
         """Move `connection` to the link that all connections of its host have together."""
-        link, host = connection.link, connection.host
+        link, host = connection.station.link, connection.host
         if link.source == host:
             return
         shared = self._shared_of(host)
         if shared is None:
-            shared = self._shared[host] = _Link(host, users=0)
+            shared = self._shared[host] = LinkWords(host, users=0)
             self.mailbox.opened(host, host)
         shared.words[:], shared.users = link.words, shared.users + 1
         shared.is_numbered |= link.is_numbered
-        connection.link = shared
+        connection.station.link = shared
         self.mailbox.closed(link.source)
 
-    def _shared_of(self, host: str) -> _Link | None:
+    def _shared_of(self, host: str) -> LinkWords | None:
         """Return the shared link of `host`; it ends with its lease, once no connection is left."""
         shared = self._shared.get(host)
         if shared is not None and shared.users == 0 and self.mailbox.holder != host:

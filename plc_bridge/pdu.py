@@ -37,7 +37,10 @@ _HEAD_LENGTH = {15: 6, 16: 6, 23: 10}
 
 
 class Station(Protocol):
-    """The registers and bits behind the requests, as one client sees them; unmapped addresses raise LookupError."""
+    """The registers and bits behind the requests, as one client sees them.
+
+    Unmapped addresses raise LookupError, what the client may not do PermissionError.
+    """
 
     def read_words(self, function: int, address: int, count: int) -> list[int]:
         """Return holding registers (3) or input registers (4)."""
@@ -68,6 +71,8 @@ def respond(request: bytes, station: Station) -> bytes:
         response = _serve(function, request[1:], station)
     except _IllegalError as illegal:
         response = ExceptionResponse(function & 0x7F, illegal.code)
+    except PermissionError:  # Modbus/TCP Security, R-31
+        response = ExceptionResponse(function & 0x7F, ExcCodes.ILLEGAL_FUNCTION)
     except LookupError:
         response = ExceptionResponse(function & 0x7F, ExcCodes.ILLEGAL_ADDRESS)
     return bytes([response.function_code]) + response.encode()

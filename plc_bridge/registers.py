@@ -19,7 +19,7 @@ from typing import Literal
 from plc_bridge.messages import FIRST_PROGRAM, Control, LeaseState, Refusal, Result
 
 VERSION_MAJOR = 1
-VERSION_MINOR = 0
+VERSION_MINOR = 1
 VERSION = VERSION_MAJOR * 256 + VERSION_MINOR
 
 MIRROR = 1000
@@ -125,6 +125,11 @@ class Diagnostics:
     accepted: int = 0
     dropped: int = 0
     forbidden: int = 0
+    unauthorised: int = 0
+    bad_frames: int = 0
+
+    def __add__(self, other: "Diagnostics") -> "Diagnostics":
+        return Diagnostics(*(getattr(self, n.name) + getattr(other, n.name) for n in fields(Diagnostics)))
 
 
 def _numbers(words: type[Result] | type[Refusal] | type[LeaseState]) -> str:
@@ -216,7 +221,9 @@ def _diagnostics_block() -> list[Register]:
     block.add("connections", "u32", "connections open now")
     block.add("accepted", "u32", "connections accepted")
     block.add("dropped", "u32", "connections closed for being idle or to make room")
-    block.add("forbidden", "u32", "connections refused by the list of allowed addresses")
+    block.add("forbidden", "u32", "connections refused for their address or their certificate")
+    block.add("unauthorised", "u32", "requests refused because the role of the client does not permit them")
+    block.add("bad_frames", "u32", "serial frames dropped because their check sum was wrong")
     return block.registers
 
 

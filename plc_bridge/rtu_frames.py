@@ -1,0 +1,100 @@
+"""Modbus RTU frames in a stream of bytes; pure, no I/O, no time: whoever reads the line says when it was silent.
+
+Silence alone does not tell where frames end: a USB adapter hands over bytes in bursts, and a reader that comes late
+finds several frames in one. So a frame is what its function, its length and its check sum agree on, and silence says
+only when to look. A frame in pieces is put together, frames in one piece are taken apart, noise before and after a
+frame is skipped and counted.
+"""
+
+from pymodbus.framer.rtu import FramerRTU
+
+SHORTEST, LONGEST = 4, 256  # Modbus over Serial Line V1.02, 2.5.1: unit, function, data, check sum
+BROADCAST = 0
+_SIMPLE = range(1, 7)
+_READS = range(1, 5)
+
+
+def with_check_sum(frame: bytes) -> bytes:
+    """Return `frame`, unit and PDU, with its CRC-16 appended, low byte first."""
+    return frame + FramerRTU.compute_CRC(frame).to_bytes(2, "big")
+
+
+def is_intact(frame: bytes) -> bool:
+    """Tell whether the check sum at the end of `frame` is right."""
+    return len(frame) >= SHORTEST and with_check_sum(frame[:-2]) == frame
+
+
+class Receiver:
+    """Finds frames in what arrives.
+
+    Args:
+        unit: The own unit identifier; to it come requests only, while others' responses are heard too.
+    """
+
+    def __init__(self, unit: int) -> None:
+        self._unit = unit
+        self._buffer = bytearray()
+        self.bad = 0
+        """Pieces of noise and broken frames dropped so far."""
+
+    @property
+    def is_waiting(self) -> bool:
+        """Bytes are left that the rest of a frame may yet complete."""
+        return bool(self._buffer)
+
+    @property
+    def is_full(self) -> bool:
+        """More has arrived than the longest request and response together."""
+        return len(self._buffer) > 2 * LONGEST
+
+    def feed(self, data: bytes) -> None:
+        """Take what has arrived."""
+        self._buffer += data
+
+    def take(self) -> list[bytes]:
+        """Return the intact frames in order, each with unit and PDU but no check sum; call when the line is silent."""
+        frames = []
+        while (place := self._find()) is not None:
+            start, end = place
+            self.bad += start > 0
+            frames.append(bytes(self._buffer[start : end - 2]))
+            del self._buffer[:end]
+        if self.is_full:
+            self.bad += 1
+            del self._buffer[:-LONGEST]
+        return frames
+
+    def give_up(self) -> None:
+        """Drop what has waited for its rest in vain."""
+        self.bad += bool(self._buffer)
+        self._buffer.clear()
+
+    def _find(self) -> tuple[int, int] | None:
+        for start in range(len(self._buffer) - SHORTEST + 1):
+            rest = bytes(self._buffer[start : start + LONGEST])
+            for length in self._lengths(rest):
+                if length <= len(rest) and is_intact(rest[:length]):
+                    return start, start + length
+            # a request of a function or a length that no standard knows is answered with an exception
+            if start == 0 and len(self._buffer) <= LONGEST and is_intact(rest):
+                return 0, len(rest)
+        return None
+
+    def _lengths(self, frame: bytes) -> list[int]:
+        """Return how long a frame that begins like this may be: as a request, and as another's response."""
+        unit, function = frame[:2]
+        lengths = []
+        if function in _SIMPLE:
+            lengths.append(8)
+        elif function in (15, 16) and len(frame) > 6:
+            lengths.append(9 + frame[6])
+        elif function == 23 and len(frame) > 10:
+            lengths.append(13 + frame[10])
+        if unit not in (self._unit, BROADCAST):
+            if function in _READS or function == 23:
+                lengths.append(5 + frame[2])
+            elif function in (15, 16):
+                lengths.append(8)
+            elif function > 0x80:
+                lengths.append(5)
+        return lengths

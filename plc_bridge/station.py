@@ -1,0 +1,145 @@
+"""The registers and bits of one link, behind the requests of whatever bus: who may touch which."""
+
+import logging
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol, TypeVar
+
+from plc_bridge.config import ALL_RIGHTS, Right
+from plc_bridge.registers import (
+    COILS,
+    COMMAND,
+    DIAGNOSTICS,
+    MIRROR,
+    CommandImage,
+    Diagnostics,
+    Lease,
+    command_image,
+)
+
+logger = logging.getLogger(__name__)
+
+T = TypeVar("T")
+
+_SEQUENCE = next(register.address for register in COMMAND.registers if register.name == "command_sequence")
+
+
+class Mailbox(Protocol):
+    """What a server needs of the bridge."""
+
+    def opened(self, source: str, host: str) -> None:
+        """Begin a link."""
+
+    def closed(self, source: str) -> None:
+        """End a link."""
+
+    def heard(self, source: str) -> None:
+        """Note that a request came."""
+
+    def wrote(self, source: str, image: CommandImage, is_numbered: bool) -> None:
+        """Take the command block."""
+
+    def switched(self, source: str, coils: Mapping[str, bool]) -> None:
+        """Take the coils just written."""
+
+    def report_words(self, source: str) -> list[int]:
+        """Return the report block."""
+
+    def diagnostics_words(self) -> list[int]:
+        """Return the diagnostics block."""
+
+    def discrete_inputs(self, source: str) -> list[bool]:
+        """Return the discrete inputs."""
+
+    @property
+    def holder(self) -> str:
+        """Who holds the lease."""
+
+
+@dataclass(slots=True)
+class LinkWords:
+    """The words of one link, and how many connections use them."""
+
+    source: str
+    words: list[int] = field(default_factory=lambda: [0] * COMMAND.words)
+    coils: list[bool] = field(default_factory=lambda: [False] * len(COILS))
+    users: int = 1
+    is_numbered: bool = False
+    """Its sequence register has been written."""
+
+
+class LinkStation:
+    """One client's view of the map, a `pdu.Station`.
+
+    Args:
+        mailbox: The bridge.
+        link: The words of the client's link; may be replaced when connections come to share one.
+        counts: Where refusals are counted.
+        rights: What the client's role may do; "command" includes the stop coil.
+        share: Called when the client asks for one link for all connections of its host.
+    """
+
+    def __init__(
+        self,
+        mailbox: Mailbox,
+        link: LinkWords,
+        counts: Diagnostics,
+        rights: frozenset[Right] = ALL_RIGHTS,
+        share: Callable[[], None] | None = None,
+    ) -> None:
+        self.link = link
+        self._mailbox, self._counts, self._rights, self._share = mailbox, counts, rights, share
+        self._told: set[Right] = set()
+
+    def read_words(self, function: int, address: int, count: int) -> list[int]:
+        """Return holding registers (3) or input registers (4)."""
+        self._demand("read")
+        if function == 3 and address < MIRROR:
+            return _slice(self.link.words, address, count)
+        start = address - (MIRROR if function == 3 else 0)
+        if start < DIAGNOSTICS.start:
+            return _slice(self._mailbox.report_words(self.link.source), start, count)
+        return _slice(self._mailbox.diagnostics_words(), start - DIAGNOSTICS.start, count)
+
+    def read_bits(self, function: int, address: int, count: int) -> list[bool]:
+        """Return coils (1) or discrete inputs (2)."""
+        self._demand("read")
+        bits = self.link.coils if function == 1 else self._mailbox.discrete_inputs(self.link.source)
+        return _slice(bits, address, count)
+
+    def write_words(self, address: int, words: Sequence[int]) -> None:
+        """Write into the command block."""
+        self._demand("command")
+        _slice(self.link.words, address, len(words))
+        self.link.words[address : address + len(words)] = words
+        self.link.is_numbered |= address <= _SEQUENCE < address + len(words)
+        image = command_image(self.link.words)
+        if image.lease == Lease.TAKE_FOR_HOST and self._share is not None:
+            self._share()
+        self._mailbox.wrote(self.link.source, image, self.link.is_numbered)
+
+    def write_bits(self, address: int, bits: Sequence[bool]) -> None:
+        """Write coils."""
+        is_stop_alone = address == COILS["stop"] and len(bits) == 1
+        self._demand("stop" if is_stop_alone and "command" not in self._rights else "command")
+        _slice(self.link.coils, address, len(bits))
+        self.link.coils[address : address + len(bits)] = bits
+        written = range(address, address + len(bits))
+        self._mailbox.switched(
+            self.link.source, {name: self.link.coils[place] for name, place in COILS.items() if place in written}
+        )
+
+    def _demand(self, right: Right) -> None:
+        if right in self._rights:
+            return
+        self._counts.unauthorised += 1
+        if right not in self._told:
+            self._told.add(right)
+            logger.warning("%s: refused: its role may not %s", self.link.source, right)
+        raise PermissionError(right)
+
+
+def _slice(values: list[T], start: int, count: int) -> list[T]:
+    if start < 0 or start + count > len(values):
+        raise LookupError(f"{start}..{start + count - 1} is not within 0..{len(values) - 1}")
+    return values[start : start + count]
