@@ -88,7 +88,7 @@ def assemble(config: CellConfig) -> Cell:
     return Cell(
         config=config,
         clock=world,
-        arm=SimArm(config.arm, world),
+        arm=SimArm(world),
         gripper=SimGripper(world),
         skin=SimSkin(config.skin, world, world.draw.skin),
         switch=SimSwitch(world),

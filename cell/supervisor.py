@@ -224,7 +224,7 @@ class Supervisor:
             self._stocked += 1
         else:
             ctx.job = config.job(slot=ctx.job.slot)
-        ctx.limits, ctx.stage, ctx.held = config.limits, "", None
+        ctx.limits, ctx.smoothing, ctx.stage, ctx.held = config.limits, config.smoothing, "", None
 
     def _conclude(self, records: Sequence[StageRecord], fault: CellError | None) -> None:
         """Put the ending on record and enter the state that follows."""
@@ -244,6 +244,7 @@ class Supervisor:
             logger.info("run %d: %s %s %s", run.row.run, run.row.program, ending.outcome, ending.stage)
         if fault is not None:
             self._fault(fault)
+            self.report = replace(self.report, result=Result.FAULT)
             return
         self.report = replace(self.report, result=_RESULT[ending.outcome])
         if ending.outcome == Outcome.ABORTED:
@@ -264,10 +265,7 @@ class Supervisor:
         self._enter(Event.ABORT)
         if self.state is State.ABORTING:
             self._enter(Event.FINISHED)
-        result = self.report.result
-        if result is Result.NONE and self.report.sequence != 0:
-            result = Result.FAULT
-        self.report = replace(self.report, result=result, fault=error.code)
+        self.report = replace(self.report, fault=error.code)
 
     def _halt(self) -> None:
         """Halt the arm, whatever state it is in."""

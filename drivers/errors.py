@@ -37,22 +37,82 @@ class FaultText:
 
 FAULTS: dict[FaultCode, FaultText] = {
     FaultCode.NONE: FaultText("no fault", "-", "-"),
-    FaultCode.SKIN_SILENT: FaultText("no taxel frame arrived in time", "skin board unplugged, unpowered or its bus is down", "check the board's supply and cable, then reset"),
-    FaultCode.SKIN_UNTRUSTED: FaultText("too few taxels can be trusted", "dead module, saturated or frozen skin", "run `cell check`, change the finger it names, then reset"),
-    FaultCode.SWITCH_UNKNOWN: FaultText("the success switch gives no valid answer", "cable, supply or firmware of the switch board", "run `cell check`, mend the switch, then reset"),
-    FaultCode.ARM_SILENT: FaultText("the arm's state is too old", "network to the robot controller", "check the cable and the controller, then reset"),
-    FaultCode.GRIPPER_SILENT: FaultText("the gripper does not answer", "gripper cable or its controller", "check the gripper, then reset"),
-    FaultCode.PLC_LOST: FaultText("the PLC's life counter stands still", "PLC stopped or network down", "bring the PLC back, then reset and send the command again"),
-    FaultCode.DEVICE_NOT_OPENED: FaultText("a device could not be opened", "wrong port, no permission, or used by another program", "run `cell check` and follow what it says"),
-    FaultCode.ARM_STOPPED: FaultText("the arm is in emergency or protective stop", "somebody pressed a stop, or the arm's own supervision did", "find out why, release the stop, then reset"),
-    FaultCode.ARM_REFLEX: FaultText("the arm stopped itself by reflex", "collision, or a torque, speed or joint limit", "look at the run's record, clear the way, then reset"),
-    FaultCode.TRACKING: FaultText("the arm is too far from its setpoint", "it is blocked, or the setpoint cannot be reached", "clear the way, check the poses in the config, then reset"),
-    FaultCode.SWITCH_DISAGREES: FaultText("the switch and the depth of the tip disagree", "stuck switch, wrong hole depth in the recipe, or a wrong part", "look at the part and the switch, then reset"),
-    FaultCode.SIMULATION_UNSTABLE: FaultText("the simulated physics diverged", "time step or gains outside the stable range", "reduce sim.timestep or the gains"),
-    FaultCode.SCAN_OVERRUN: FaultText("the scan missed its period too often", "the computer is too slow or too busy", "stop other programs or lower scan_rate"),
-    FaultCode.SOFTWARE: FaultText("an error inside this program", "a defect", "keep the log and the run's record, report it, then reset"),
-    FaultCode.CONFIG: FaultText("the configuration cannot be used", "a key, value or file named in the message", "correct what the message names"),
-    FaultCode.JOURNAL: FaultText("the run's record cannot be written", "disk full or no permission", "free space or correct the folder, then reset"),
+    FaultCode.SKIN_SILENT: FaultText(
+        "no taxel frame arrived in time",
+        "skin board unplugged, unpowered or its bus is down",
+        "check the board's supply and cable, then reset",
+    ),
+    FaultCode.SKIN_UNTRUSTED: FaultText(
+        "too few taxels can be trusted",
+        "dead module, saturated or frozen skin",
+        "run `cell check`, change the finger it names, then reset",
+    ),
+    FaultCode.SWITCH_UNKNOWN: FaultText(
+        "the success switch gives no valid answer",
+        "cable, supply or firmware of the switch board",
+        "run `cell check`, mend the switch, then reset",
+    ),
+    FaultCode.ARM_SILENT: FaultText(
+        "the arm's state is too old",
+        "network to the robot controller",
+        "check the cable and the controller, then reset",
+    ),
+    FaultCode.GRIPPER_SILENT: FaultText(
+        "the gripper does not answer", "gripper cable or its controller", "check the gripper, then reset"
+    ),
+    FaultCode.PLC_LOST: FaultText(
+        "the PLC's life counter stands still",
+        "PLC stopped or network down",
+        "bring the PLC back, then reset and send the command again",
+    ),
+    FaultCode.DEVICE_NOT_OPENED: FaultText(
+        "a device could not be opened",
+        "wrong port, no permission, or used by another program",
+        "run `cell check` and follow what it says",
+    ),
+    FaultCode.ARM_STOPPED: FaultText(
+        "the arm is in emergency or protective stop",
+        "somebody pressed a stop, or the arm's own supervision did",
+        "find out why, release the stop, then reset",
+    ),
+    FaultCode.ARM_REFLEX: FaultText(
+        "the arm stopped itself by reflex",
+        "collision, or a torque, speed or joint limit",
+        "look at the run's record, clear the way, then reset",
+    ),
+    FaultCode.TRACKING: FaultText(
+        "the arm is too far from its setpoint",
+        "it is blocked, or the setpoint cannot be reached",
+        "clear the way, check the poses in the config, then reset",
+    ),
+    FaultCode.SWITCH_DISAGREES: FaultText(
+        "the switch and the depth of the tip disagree",
+        "stuck switch, wrong hole depth in the recipe, or a wrong part",
+        "look at the part and the switch, then reset",
+    ),
+    FaultCode.SIMULATION_UNSTABLE: FaultText(
+        "the simulated physics diverged",
+        "time step or gains outside the stable range",
+        "reduce sim.timestep or the gains",
+    ),
+    FaultCode.SCAN_OVERRUN: FaultText(
+        "the scan missed its period too often",
+        "the computer is too slow or too busy",
+        "stop other programs or lower scan_rate",
+    ),
+    FaultCode.SOFTWARE: FaultText(
+        "an error inside this program", "a defect", "keep the log and the run's record, report it, then reset"
+    ),
+    FaultCode.CONFIG: FaultText(
+        "the configuration cannot be used",
+        "a key, value or file named in the message",
+        "correct what the message names",
+    ),
+    FaultCode.JOURNAL: FaultText(
+        "the run's record cannot be written",
+        "disk full or no permission",
+        "free space or correct the folder, then reset",
+    ),
 }
 
 

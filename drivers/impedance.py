@@ -8,24 +8,22 @@ Three places differ from the printed equations:
 - the orientation error is (v* x v)·phi / |v* x v|: with the printed order, -K e would turn the peg away from v*;
 - phi is atan2(|v x v*|, v·v*), exact near alignment;
 - damping acts on the tip's twist less the setpoint's, or the tip would lag by D·v/K along a path.
-
-Part of the joints' friction is fed forward, as the maker's controller promises to do.
 """
 
 import math
 
 import numpy as np
-from numba import njit
 
 from drivers import panda
+from drivers.compiled import njit
 from drivers.quantities import ImpedanceSetpoint, Vector
 
-WORDS = 45
+WORDS = 44
 ID, TIP, AXIS, STIFFNESS, DAMPING, VALID_UNTIL = 0, 1, 4, 7, 13, 19
 HAS_HAND, THETA, LENGTH = 20, 21, 22
 HAS_ROLL, ROLL, TWIST, INTEGRAL_GAIN, INTEGRAL_LIMIT = 23, 24, 27, 33, 34
 HAS_POSTURE, POSTURE = 35, 36
-STAMP, FRICTION_SHARE = 43, 44
+STAMP = 43
 
 STATE_WORDS = 16
 INTEGRAL, SEEN_ID, TORQUE, IS_HOLDING = 0, 3, 4, 11
@@ -37,24 +35,19 @@ NULL_DAMPING = 3.0
 """Of the null space, N·m·s/rad."""
 
 _A, _D = panda.DH_A, panda.DH_D
-FRICTION_SPEED = 0.02
-"""Joint speed at which three quarters of that is applied, rad/s."""
-
 _COS_ALPHA, _SIN_ALPHA = np.cos(panda.DH_ALPHA), np.sin(panda.DH_ALPHA)
 _TURN_COS, _TURN_SIN = math.cos(panda.HAND_TURN), math.sin(panda.HAND_TURN)
 _REACH = panda.FLANGE_D + panda.FINGER_CENTRE
 _TORQUE_MAX = panda.TORQUE_MAX
 _RATE_MAX = panda.TORQUE_RATE_MAX
-_FRICTION = panda.FRICTION
 
 
-def pack(setpoint: ImpedanceSetpoint, stamp: float, friction_share: float) -> Vector:
+def pack(setpoint: ImpedanceSetpoint, stamp: float) -> Vector:
     """Return a setpoint as the words that the torque loop reads, shape (WORDS,).
 
     Args:
         setpoint: What the arm shall realise.
         stamp: When it was handed over, s.
-        friction_share: Part of the joints' published friction that is fed forward.
     """
     words = np.zeros(WORDS)
     words[ID] = setpoint.id
@@ -79,7 +72,6 @@ def pack(setpoint: ImpedanceSetpoint, stamp: float, friction_share: float) -> Ve
         words[HAS_POSTURE] = 1.0
         words[POSTURE : POSTURE + 7] = setpoint.posture
     words[STAMP] = stamp
-    words[FRICTION_SHARE] = friction_share
     return words
 
 
@@ -146,7 +138,9 @@ def _solve(A: Vector, b: Vector) -> Vector:  # pragma: no cover
 
 
 @njit(cache=True)
-def torque(words: Vector, state: Vector, q: Vector, dq: Vector, now: float, period: float) -> Vector:  # pragma: no cover
+def torque(
+    words: Vector, state: Vector, q: Vector, dq: Vector, now: float, period: float
+) -> Vector:  # pragma: no cover
     """Return the joint torques of one control step, within the arm's limits of torque and torque rate.
 
     Gravity and Coriolis torques are the robot controller's affair, as on the real arm.
@@ -242,7 +236,7 @@ def torque(words: Vector, state: Vector, q: Vector, dq: Vector, now: float, peri
     tau = np.empty(7)
     step = _RATE_MAX * period
     for i in range(7):
-        t = null[i] + words[FRICTION_SHARE] * _FRICTION[i] * math.tanh(dq[i] / FRICTION_SPEED)
+        t = null[i]
         for k in range(6):
             t += J[k, i] * (wrench[k] - b[k])
         last = state[TORQUE + i]

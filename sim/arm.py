@@ -7,7 +7,6 @@ import numpy as np
 from drivers import impedance
 from drivers.quantities import ArmState, ImpedanceSetpoint, Wrench
 from sim.world import World
-from sim.world_config import SimArmConfig
 
 HALT_DAMPING = np.array([60.0, 60.0, 60.0, 4.0, 4.0, 4.0])
 HALT_STIFFNESS = np.array([400.0, 400.0, 400.0, 20.0, 20.0, 20.0])
@@ -17,9 +16,9 @@ HALT_STIFFNESS = np.array([400.0, 400.0, 400.0, 20.0, 20.0, 20.0])
 class SimArm:
     """Runs the impedance law inside the world's own loop, at the arm's control rate."""
 
-    def __init__(self, config: SimArmConfig, world: World) -> None:
+    def __init__(self, world: World) -> None:
         """Attach to the world that carries the arm."""
-        self._config, self._world = config, world
+        self._world = world
 
     def open(self) -> None:
         """Hold still where the arm stands."""
@@ -32,7 +31,7 @@ class SimArm:
     def follow(self, setpoint: ImpedanceSetpoint) -> None:
         """Hold `setpoint` until the next one or until its validity ends."""
         words = self._world.words
-        words[:] = impedance.pack(setpoint, self._world.now(), self._config.friction_share)
+        words[:] = impedance.pack(setpoint, self._world.now())
         self._world.law_state[impedance.IS_HOLDING] = 0.0
 
     def halt(self) -> None:
@@ -56,8 +55,8 @@ class SimArm:
         words = world.words
         return ArmState(
             stamp=now,
-            q=world.q.copy(),
-            dq=world.dq.copy(),
+            q=world.q,
+            dq=world.dq,
             tcp=world.tcp(),
             wrench=Wrench(world.contact_force(), world.contact_torque()),
             setpoint_age=now - words[impedance.STAMP] if words[impedance.VALID_UNTIL] >= now else math.inf,

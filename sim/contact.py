@@ -19,8 +19,9 @@ import math
 
 import mujoco
 import numpy as np
-from numba import carray, cfunc, njit, types
+from numba import carray, types
 
+from drivers.compiled import cfunc, njit
 from drivers.quantities import Vector
 from sim import native
 
@@ -147,10 +148,14 @@ def collide(model, data, geom_plate, geom_peg):  # type: ignore[no-untyped-def]
     """Find every place where the end of the peg may touch the plate, and add it as a contact."""
     users = carray(native.pointer(native.load(model + native.MODEL_GEOM_USER)), (geom_plate + 1, USER), np.float64)
     user = users[geom_plate]
-    xpos = carray(native.pointer(native.load(data + native.DATA_GEOM_XPOS)), (max(geom_plate, geom_peg) + 1, 3), np.float64)
-    xmat = carray(native.pointer(native.load(data + native.DATA_GEOM_XMAT)), (max(geom_plate, geom_peg) + 1, 3, 3), np.float64)
+    xpos = carray(
+        native.pointer(native.load(data + native.DATA_GEOM_XPOS)), (max(geom_plate, geom_peg) + 1, 3), np.float64
+    )
+    xmat = carray(
+        native.pointer(native.load(data + native.DATA_GEOM_XMAT)), (max(geom_plate, geom_peg) + 1, 3, 3), np.float64
+    )
     size = carray(native.pointer(native.load(model + native.MODEL_GEOM_SIZE)), (geom_peg + 1, 3), np.float64)
-    origin, R, A, O = xpos[geom_plate], xmat[geom_plate], xmat[geom_peg], xpos[geom_peg]
+    origin, R, A, middle = xpos[geom_plate], xmat[geom_plate], xmat[geom_peg], xpos[geom_peg]
     r, half = size[geom_peg, 0], size[geom_peg, 1]
     hole, depth = user[0], user[1]
     # The peg's end frame in the plate's frame: c the middle of the end face, v the axis away from it.
@@ -159,7 +164,11 @@ def collide(model, data, geom_plate, geom_peg):  # type: ignore[no-untyped-def]
         for j in range(3):
             E[i, j] = R[0, i] * A[0, j] + R[1, i] * A[1, j] + R[2, i] * A[2, j]
     e1, e2, v = (E[0, 0], E[1, 0], E[2, 0]), (E[0, 1], E[1, 1], E[2, 1]), (E[0, 2], E[1, 2], E[2, 2])
-    g = (O[0] - half * A[0, 2] - origin[0], O[1] - half * A[1, 2] - origin[1], O[2] - half * A[2, 2] - origin[2])
+    g = (
+        middle[0] - half * A[0, 2] - origin[0],
+        middle[1] - half * A[1, 2] - origin[1],
+        middle[2] - half * A[2, 2] - origin[2],
+    )
     c = (
         R[0, 0] * g[0] + R[1, 0] * g[1] + R[2, 0] * g[2],
         R[0, 1] * g[0] + R[1, 1] * g[1] + R[2, 1] * g[2],
@@ -246,7 +255,20 @@ def collide(model, data, geom_plate, geom_peg):  # type: ignore[no-untyped-def]
                     norm = math.sqrt(share * share + (1.0 - share) * (1.0 - share))
                     wall = _inward(p, rho)
                     n = ((1.0 - share) / norm * wall[0], (1.0 - share) / norm * wall[1], share / norm)
-                    _put(model, data, scratch, ids, frame, twist, user, max(p[2], hole - rho) / norm, p, n, True, FEATURE_BAND)
+                    _put(
+                        model,
+                        data,
+                        scratch,
+                        ids,
+                        frame,
+                        twist,
+                        user,
+                        max(p[2], hole - rho) / norm,
+                        p,
+                        n,
+                        True,
+                        FEATURE_BAND,
+                    )
 
     # The hole's edge against the peg's side: distance from the peg's axis less its radius, above the end face.
     for i in range(SCAN):
@@ -278,7 +300,22 @@ def collide(model, data, geom_plate, geom_peg):  # type: ignore[no-untyped-def]
                 if bend <= 0.0:
                     break
                 angle -= min(max(slope / bend, -_ANGLE), _ANGLE)
-            _put_edge(model, data, scratch, ids, frame, twist, user, c, v, r, hole, math.cos(angle), math.sin(angle), FEATURE_BAND)
+            _put_edge(
+                model,
+                data,
+                scratch,
+                ids,
+                frame,
+                twist,
+                user,
+                c,
+                v,
+                r,
+                hole,
+                math.cos(angle),
+                math.sin(angle),
+                FEATURE_BAND,
+            )
 
 
 @njit(cache=True)

@@ -3,9 +3,10 @@
 import math
 
 import numpy as np
-from numba import carray, njit
+from numba import carray
 
 from drivers import impedance
+from drivers.compiled import njit
 from drivers.quantities import Vector
 from sim import contact, native
 
@@ -83,7 +84,7 @@ def advance(
         1 when the state is no longer finite, else 0.
     """
     blend = timestep / (FORCE_FILTER + timestep)
-    window = int(math.floor(SUSTAINED_TIME / timestep + 0.5)) + 1
+    window = math.floor(SUSTAINED_TIME / timestep + 0.5) + 1
     force, torque = np.zeros(3), np.zeros(3)
     for step in range(steps):
         if (phase + step) % law_every == 0:

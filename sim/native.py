@@ -10,9 +10,11 @@ from pathlib import Path
 import llvmlite.binding
 import mujoco
 import numpy as np
-from numba import carray, njit, types
+from numba import carray, types
 from numba.core import cgutils
 from numba.extending import intrinsic
+
+from drivers.compiled import njit
 
 MUJOCO_VERSION = "3.17.0"
 
@@ -51,7 +53,9 @@ def verify_layout() -> None:
     """
     found = mujoco.mj_versionString()
     if found != MUJOCO_VERSION:
-        raise ImportError(f"mujoco {found} found, {MUJOCO_VERSION} needed: the exact contacts rely on its memory layout")
+        raise ImportError(
+            f"mujoco {found} found, {MUJOCO_VERSION} needed: the exact contacts rely on its memory layout"
+        )
     model = mujoco.MjModel.from_xml_string(_PROBE)
     data = mujoco.MjData(model)
     expected = {
@@ -69,7 +73,9 @@ def verify_layout() -> None:
         if ctypes.c_uint64.from_address(address).value != array.ctypes.data:
             raise ImportError(f"mujoco {found}: its structs are not laid out as in sim/native.py")
     if data.contact.dist.strides != (CONTACT_BYTES,):
-        raise ImportError(f"mujoco {found}: a contact has {data.contact.dist.strides[0]} bytes, {CONTACT_BYTES} expected")
+        raise ImportError(
+            f"mujoco {found}: a contact has {data.contact.dist.strides[0]} bytes, {CONTACT_BYTES} expected"
+        )
 
 
 @intrinsic

@@ -49,11 +49,13 @@ def held_model(job: Job, plate: Plate, friction: float, timestep: float) -> mujo
     axis = -job.peg.length / 2 + job.peg.overhang / 2
     # The peg's frame is that of `drivers.frames.peg_in_finger(0)`: x the closing axis, z from the tip to the finger.
     peg = f"""<body name="peg" pos="0 0 {panda.FINGER_CENTRE}" quat="0 {math.sqrt(0.5)} {math.sqrt(0.5)} 0">
-      <joint name="pivot" type="hinge" axis="1 0 0" frictionloss="0.2" 
+      <joint name="pivot" type="hinge" axis="1 0 0" frictionloss="0.2"
         solreffriction="{2 * timestep} 1" solimpfriction="0.9999 0.9999 0.001 0.5 2"/>
       {_peg_geom(job, axis)}</body>"""
     hand_mass = panda_inertia.HAND_MASS + 2 * panda_inertia.FINGER_MASS
-    model = _compile(_plate("plate", plate, friction, timestep), _arm(timestep, hand_mass, peg), "", "disable", timestep)
+    model = _compile(
+        _plate("plate", plate, friction, timestep), _arm(timestep, hand_mass, peg), "", "disable", timestep
+    )
     model.dof_invweight0[model.joint("pivot").dofadr] *= STIFFER
     return model
 
@@ -118,7 +120,7 @@ def _arm(timestep: float, hand_mass: float, in_hand: str) -> str:
 
 
 def _compile(plates: str, bodies: str, extra: str, islands: str, timestep: float) -> mujoco.MjModel:
-    model = mujoco.MjModel.from_xml_string(
+    return mujoco.MjModel.from_xml_string(
         f"""<mujoco model="cell">
         <compiler angle="radian" autolimits="false"/>
         <option timestep="{timestep}" gravity="0 0 0" cone="elliptic" impratio="10" solver="Newton" iterations="60" tolerance="1e-14" jacobian="dense">
@@ -126,7 +128,6 @@ def _compile(plates: str, bodies: str, extra: str, islands: str, timestep: float
         <size nuser_geom="{contact.USER}" nuserdata="{native.NUSERDATA}" memory="4M"/>
         <worldbody>{plates}{bodies}</worldbody>{extra}</mujoco>"""
     )
-    return model
 
 
 def _words(values: object) -> str:

@@ -114,7 +114,9 @@ class World:
         dt = self._sim.timestep
         self._models = {
             Peg.HELD: scene.held_model(self.job, self.plate, drawn.friction, dt),
-            Peg.FREE: scene.free_model(self.job, self.plate, self.rack, drawn.friction, drawn.pad_friction, self._pad, dt),
+            Peg.FREE: scene.free_model(
+                self.job, self.plate, self.rack, drawn.friction, drawn.pad_friction, self._pad, dt
+            ),
         }
         self._datas = {which: mujoco.MjData(model) for which, model in self._models.items()}
         body = self._models[Peg.HELD].body("peg")
@@ -261,12 +263,12 @@ class World:
     @property
     def q(self) -> Vector:
         """Joint positions, shape (7,), rad."""
-        return self._data.qpos[:7]
+        return np.array(self._data.qpos[:7])
 
     @property
     def dq(self) -> Vector:
         """Joint velocities, shape (7,), rad/s."""
-        return self._data.qvel[:7]
+        return np.array(self._data.qvel[:7])
 
     def tcp(self) -> Pose:
         """Return T_base_tcp from the arm's own kinematics."""

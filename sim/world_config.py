@@ -51,8 +51,6 @@ class SimArmConfig(ConfigModel):
     """The simulated Panda."""
 
     kind: Literal["sim"]
-    friction_share: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.0
-    """Part of the joints' published friction that the law feeds forward; the joints themselves always have all of it."""
 
 
 class SimGripperConfig(ConfigModel):

@@ -3,8 +3,9 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from drivers.parts import ConfigModel
 from skills import grasp_from_rack, recover, release_and_retract, spiral_adjust, spray_search, tactile_insert
-from skills.contract import ConfigModel, Outcome, Reason, SkillContext
+from skills.contract import Outcome, Reason, SkillContext
 from skills.flow import StageRecord, in_order, run_stage
 
 

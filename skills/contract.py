@@ -137,11 +137,17 @@ class Smoothing(ConfigModel):
     """A frame further off than this, rad, is a slip of the peg and taken at once."""
 
     def take(self, held: PegPose, new: PegPose) -> PegPose:
-        """Return the running estimate after a new healthy frame."""
-        step = new.theta - held.theta
-        if not held.healthy or abs(step) > self.jump:
+        """Return the running estimate after a new healthy frame.
+
+        A peg looks the same turned by 180 degrees, so the angle next to the held one is meant.
+        """
+        if not held.healthy:
             return new
-        return replace(new, theta=held.theta + self.blend * step)
+        step = math.remainder(new.theta - held.theta, math.pi)
+        return replace(new, theta=held.theta + (step if abs(step) > self.jump else self.blend * step))
+
+
+AS_IT_COMES = Smoothing()
 
 
 class Limits(ConfigModel):
@@ -173,7 +179,7 @@ class SkillContext:
     scan_period: float
     rng: np.random.Generator
     """For choices that a skill makes at random, as the start of a search."""
-    smoothing: Smoothing = Smoothing()
+    smoothing: Smoothing = AS_IT_COMES
     poll: Callable[[], Request] = lambda: Request.RUN
     """Asked once a scan."""
     progress: Callable[[float], None] = lambda fraction: None
@@ -229,7 +235,7 @@ class SkillContext:
             switch=self.switch.read(),
         )
 
-    def scan(self, timeout: float, holding: bool = False) -> Iterator[Observation]:
+    def scan(self, timeout: float, holding: bool = False, limited: bool = True) -> Iterator[Observation]:
         """Yield one observation a scan until `timeout` seconds of running have passed; the only loop of a skill.
 
         A hold request halts the arm and stops the count of the timeout until it is taken back.
@@ -237,6 +243,7 @@ class SkillContext:
         Args:
             timeout: Longest time to go on, s; time on hold does not count.
             holding: The hand must hold something all the while.
+            limited: Keep to the limits of force and workspace; only a way out of a violation may not.
 
         Raises:
             Interrupted: Stop request, force limit, workspace limit or a lost grasp; the arm is halted.
@@ -250,7 +257,8 @@ class SkillContext:
             if request is Request.HOLD:
                 self.arm.halt()
             seen = self.observe(elapsed)
-            self._check(seen)
+            if limited:
+                self._check(seen)
             self.record(seen, self.held)
             if holding and not seen.gripper.is_gripping:
                 self._interrupt(Reason.LOST_GRASP)

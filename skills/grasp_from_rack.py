@@ -11,7 +11,6 @@ from drivers.quantities import Vector
 from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillResult
 from skills.motion import Goal, Transfer, move, stay
 
-
 ACROSS_RACK: Vector = np.array([0.0, -1.0, 0.0])
 """Where the closing axis points at the rack: always the same way, or the wrist would wind up from run to run."""
 
@@ -81,6 +80,4 @@ def _holds_peg(params: GraspFromRackParams, ctx: SkillContext) -> bool:
 def _missed(params: GraspFromRackParams, ctx: SkillContext, started: float, reason: Reason) -> GraspFromRackResult:
     seen = ctx.observe()
     ctx.gripper.release(params.opening)
-    return GraspFromRackResult(
-        Outcome.FAILURE, reason, ctx.clock.now() - started, seen.gripper.width, seen.peg.theta
-    )
+    return GraspFromRackResult(Outcome.FAILURE, reason, ctx.clock.now() - started, seen.gripper.width, seen.peg.theta)

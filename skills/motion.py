@@ -65,7 +65,14 @@ def minimum_jerk(share: float) -> tuple[float, float]:
     return s**3 * (10.0 - 15.0 * s + 6.0 * s * s), 30.0 * s * s * (1.0 - s) ** 2
 
 
-def move(goal: Goal, transfer: Transfer, ctx: SkillContext, in_hand: InHandTip | None, settle: float = 0.3) -> Iterator[Observation]:
+def move(
+    goal: Goal,
+    transfer: Transfer,
+    ctx: SkillContext,
+    in_hand: InHandTip | None,
+    settle: float = 0.3,
+    limited: bool = True,
+) -> Iterator[Observation]:
     """Move the tip straight to `goal`, turning on the way, and yield every scan until it has settled there.
 
     The setpoint follows a minimum-jerk profile whose peak keeps to the transfer's speeds, with its twist fed
@@ -77,6 +84,7 @@ def move(goal: Goal, transfer: Transfer, ctx: SkillContext, in_hand: InHandTip |
         ctx: The skill's context.
         in_hand: The peg as it is held, or None for the empty hand.
         settle: Time allowed to settle at the end, s.
+        limited: Keep to the limits of force and workspace.
     """
     first = ctx.observe()
     if in_hand is None:
@@ -94,7 +102,7 @@ def move(goal: Goal, transfer: Transfer, ctx: SkillContext, in_hand: InHandTip |
     )
     identity = ctx.new_id()
     stiffness, damping = transfer.gains.stiffness(), transfer.gains.damping()
-    for seen in ctx.scan(duration + settle):
+    for seen in ctx.scan(duration + settle, limited=limited):
         share, rate = minimum_jerk(seen.elapsed / duration)
         turned = rotation_about(swing_axis, swing * share)
         axis_now = turned @ axis

@@ -38,7 +38,9 @@ class SprayPaint:
         return 2.0 * math.pi / min(self.rate)
 
 
-def spray_paint(half: tuple[float, float], pitch: float, speed: float, fast: int, start: tuple[float, float]) -> SprayPaint:
+def spray_paint(
+    half: tuple[float, float], pitch: float, speed: float, fast: int, start: tuple[float, float]
+) -> SprayPaint:
     """Return the path over a rectangle that begins at `start`, slowly towards the nearer edge, then over all the rest.
 
     Args:

@@ -12,6 +12,9 @@ from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillRes
 from skills.grasp_from_rack import ACROSS_RACK
 from skills.motion import Goal, Transfer, move, stay
 
+MARGIN = 0.01
+"""From the edge of the workspace, m."""
+
 
 class RecoverParams(SkillParams):
     """How to come back."""
@@ -39,12 +42,14 @@ def run(params: RecoverParams, ctx: SkillContext) -> RecoverResult:
     first = ctx.observe()
     held = first.gripper.is_gripping
     tcp = first.arm.tcp
-    for goal in (
-        Goal(tcp.position + UP * params.height, -tcp.rotation[:, 0], tcp.rotation[:, 2]),
-        Goal(np.array(params.bin), UP, ACROSS_RACK),
-    ):
-        for _ in move(goal, params.transfer, ctx, None):
-            pass
+    low, high = np.array(ctx.limits.low), np.array(ctx.limits.high)
+    inside = np.clip(tcp.position + UP * params.height, low + MARGIN, high - MARGIN)
+    out = Goal(inside, -tcp.rotation[:, 0], tcp.rotation[:, 2])
+    # What the failure left pressed or outside must first be free to move away.
+    for _ in move(out, params.transfer, ctx, None, limited=False):
+        pass
+    for _ in move(Goal(np.array(params.bin), UP, ACROSS_RACK), params.transfer, ctx, None):
+        pass
     ctx.gripper.release(params.opening)
     for seen in ctx.scan(params.opening_time):
         if not seen.gripper.is_moving:

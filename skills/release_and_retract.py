@@ -41,10 +41,10 @@ def run(params: ReleaseAndRetractParams, ctx: SkillContext) -> ReleaseAndRetract
         stay(ctx, seen.stamp)
     start = ctx.observe().arm.tcp
     back = Goal(start.position + UP * params.height, -start.rotation[:, 0], start.rotation[:, 2])
-    seen = first
-    for seen in move(back, params.transfer, ctx, None):
+    for _ in move(back, params.transfer, ctx, None):
         pass
-    elapsed = ctx.clock.now() - first.stamp
+    seen = ctx.observe()
+    elapsed = seen.stamp - first.stamp
     stayed = seen.switch is SwitchState.CLOSED
     if seen.gripper.is_gripping or seen.gripper.is_moving:
         return ReleaseAndRetractResult(Outcome.FAILURE, Reason.STILL_HELD, elapsed, stayed)

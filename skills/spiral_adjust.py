@@ -11,7 +11,7 @@ from drivers.quantities import ImpedanceSetpoint, Vector
 from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillResult
 from skills.motion import VALIDITY, Gains
 from skills.paths import fading_circles, spiral
-from skills.seating import Seating
+from skills.seating import depth_of, is_seated, require_short_of_bottom
 
 
 class SpiralAdjustParams(SkillParams):
@@ -57,26 +57,28 @@ def run(params: SpiralAdjustParams, ctx: SkillContext) -> SpiralAdjustResult:
     in_hand = ctx.in_hand()
     identity = ctx.new_id()
     roll = first.arm.tcp.rotation[:, 2]
-    seating = Seating(ctx.job.hole)
+    hole = ctx.job.hole
     stiffness, damping = params.gains.stiffness(), params.gains.damping()
     stiffness[2] = params.push_stiffness
     offset, tip, guided_since = np.zeros(2), first.tip, math.inf
     for seen in ctx.scan(params.timeout, holding=True):
         # The angle is frozen: an estimate fed back while the peg is wedged would chase its own bias.
         tip, axis = end_point(seen.arm.tcp, in_hand.theta, in_hand.length)
-        if seating.is_seated(seen.switch, tip, seen.stamp):
+        if is_seated(seen.switch, tip, hole):
             return SpiralAdjustResult(
                 Outcome.SUCCESS,
                 Reason.NONE,
-                elapsed,
+                seen.elapsed,
                 float(np.linalg.norm(offset)),
-                seating.depth(tip),
+                depth_of(tip, hole),
             )
         elapsed = seen.elapsed
         is_guided = first.tip[2] - tip[2] > params.guided_depth
         if is_guided:
             guided_since = min(guided_since, elapsed)
-            offset = fading_circles(elapsed - guided_since, params.guided_radius, params.guided_rate, params.guided_period)
+            offset = fading_circles(
+                elapsed - guided_since, params.guided_radius, params.guided_rate, params.guided_period
+            )
         else:
             offset = spiral(elapsed % (params.radius / params.growth), params.growth, params.turn_rate)
         ctx.progress(elapsed / params.timeout)
@@ -94,8 +96,9 @@ def run(params: SpiralAdjustParams, ctx: SkillContext) -> SpiralAdjustResult:
                 in_hand=in_hand,
             )
         )
+    require_short_of_bottom(tip, hole)
     return SpiralAdjustResult(
-        Outcome.FAILURE, Reason.NOT_SEATED, params.timeout, float(np.linalg.norm(offset)), seating.depth(tip)
+        Outcome.FAILURE, Reason.NOT_SEATED, params.timeout, float(np.linalg.norm(offset)), depth_of(tip, hole)
     )
 
 

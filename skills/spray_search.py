@@ -13,7 +13,6 @@ from skills.motion import VALIDITY, Gains, Goal, Transfer, move, tilted
 from skills.paths import SprayPaint, spray_paint
 from skills.tactile.hole_event import HoleEvent, HoleEventParams
 
-
 REST_DAMPING = 2.5
 """Damping of the resting hand over that of the search: it shall stop within a millimetre or two."""
 
@@ -105,7 +104,9 @@ def run(params: SpraySearchParams, ctx: SkillContext) -> SpraySearchResult:
             # It came up again: an edge, not the hole.
             found = math.inf
         if seen.peg.stamp >= found + params.settle:
-            return SpraySearchResult(Outcome.SUCCESS, Reason.NONE, elapsed, _point(tip), (first[0], first[1]), event.count)
+            return SpraySearchResult(
+                Outcome.SUCCESS, Reason.NONE, elapsed, _point(tip), (first[0], first[1]), event.count
+            )
         if fall.is_down or found < math.inf:
             # The hand rests while the peg is down: dragged on, the peg would come out again. The hand and not the
             # tip is held, for the fall turns the peg in the hand and theta is as old as the last frame.

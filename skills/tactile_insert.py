@@ -12,7 +12,7 @@ from drivers.parts import Job
 from drivers.quantities import ImpedanceSetpoint, Vector
 from skills.contract import Observation, Outcome, Reason, SkillContext, SkillParams, SkillResult
 from skills.motion import VALIDITY, Gains
-from skills.seating import Seating
+from skills.seating import depth_of, is_seated
 
 
 class TactileInsertParams(SkillParams):
@@ -55,7 +55,6 @@ class TactileInsertResult(SkillResult):
 def run(params: TactileInsertParams, ctx: SkillContext) -> TactileInsertResult:
     """Align the peg, whose tip is in the hole, with the vertical."""
     first = ctx.observe()
-    seating = Seating(ctx.job.hole)
     first_phi = angle_between(first.axis, UP)
     hole = first.tip.copy()
     if params.centre_offset:
@@ -68,9 +67,9 @@ def run(params: TactileInsertParams, ctx: SkillContext) -> TactileInsertResult:
     for seen in ctx.scan(params.timeout, holding=True):
         elapsed = seen.elapsed
         phi = angle_between(seen.axis, UP)
-        if seating.is_seated(seen.switch, seen.tip, seen.stamp) or phi < params.aligned:
+        if is_seated(seen.switch, seen.tip, ctx.job.hole) or phi < params.aligned:
             return TactileInsertResult(Outcome.SUCCESS, Reason.NONE, elapsed, first_phi, phi)
-        if seating.depth(seen.tip) < -params.lost_height - ctx.job.peg.diameter / 2 * math.sin(phi):
+        if depth_of(seen.tip, ctx.job.hole) < -params.lost_height - ctx.job.peg.diameter / 2 * math.sin(phi):
             return TactileInsertResult(Outcome.FAILURE, Reason.NOT_ALIGNED, elapsed, first_phi, phi)
         ctx.progress(1.0 - min(phi / max(first_phi, 1e-6), 1.0))
         tip = hole.copy()
@@ -118,14 +117,14 @@ def centre_ahead(tip: Vector, axis: Vector, job: Job) -> Vector:
     radius = job.peg.diameter / 2
     deepest = job.hole.centre[2] - tip[2] + radius * math.sin(tilt)
     distance = radius * math.cos(tilt) + max(deepest, 0.0) * math.tan(min(tilt, 1.2)) - job.hole.diameter / 2
-    return max(distance, 0.0) * _ahead(axis)
+    offset: Vector = max(distance, 0.0) * _ahead(axis)
+    return offset
 
 
 def _ahead(axis: Vector) -> Vector:
     """Return the horizontal direction that the peg leans to, shape (3,); zero for an upright peg."""
-    level = np.array([axis[0], axis[1], 0.0])
-    size = float(np.linalg.norm(level))
-    return level / size if size > 1e-6 else np.zeros(3)
+    size = math.hypot(axis[0], axis[1])
+    return np.array([axis[0], axis[1], 0.0]) / size if size > 1e-6 else np.zeros(3)
 
 
 def _on_the_way(first: Observation, first_phi: float, turned: float) -> Vector:

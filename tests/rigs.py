@@ -11,7 +11,9 @@ from sim import contact, native
 HOLE_DEPTH = 0.03
 
 
-def tilted_peg(diameter: float, hole: float, tilt: float, azimuth: float, friction: float, timestep: float) -> mujoco.MjModel:
+def tilted_peg(
+    diameter: float, hole: float, tilt: float, azimuth: float, friction: float, timestep: float
+) -> mujoco.MjModel:
     """Return a peg of 0.5 kg whose end's middle is at the slides' origin, leaning by `tilt` towards `azimuth`."""
     contact.install()
     length = 0.05
@@ -34,7 +36,9 @@ def lean(tilt: float, azimuth: float) -> Vector:
     return np.array([math.sin(tilt) * math.cos(azimuth), math.sin(tilt) * math.sin(azimuth), math.cos(tilt)])
 
 
-def pushed_depth(model: mujoco.MjModel, radius: float, tilt: float, azimuth: float, push: float, steps: int) -> tuple[float, float]:
+def pushed_depth(
+    model: mujoco.MjModel, radius: float, tilt: float, azimuth: float, push: float, steps: int
+) -> tuple[float, float]:
     """Push the peg down, free to move sideways, from above the hole until it rests.
 
     Returns:

@@ -21,6 +21,7 @@ from drivers.errors import (
 )
 from drivers.quantities import SwitchState
 from plc_bridge.messages import Command, Control, Result
+from sim.world import World
 
 GRASP, ADJUST = 101, 104
 
@@ -136,6 +137,7 @@ def test_physics_that_diverge_are_a_fault(tmp_path, monkeypatch):
     with Journal(tmp_path) as journal, opened(assemble(loaded.cell)) as cell:
         line = TerminalLine(Command(1, GRASP), reports.append)
         supervisor = Supervisor(cell, loaded, line, journal)
-        cell.clock.dq[:] = math.inf
+        assert isinstance(cell.clock, World)
+        cell.clock._data.qvel[:7] = math.inf
         supervisor.scan()
     assert (reports[-1].state, reports[-1].fault) == (State.ABORTED, FaultCode.SIMULATION_UNSTABLE)

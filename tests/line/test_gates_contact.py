@@ -20,7 +20,9 @@ def test_a_tilted_peg_goes_as_deep_as_its_section_fits(diameter: float, hole: fl
     tilt = math.radians(degrees)
     exact = section_depth(diameter, hole, tilt)
     for azimuth in AZIMUTHS:
-        depth, penetration = pushed_depth(tilted_peg(diameter, hole, tilt, azimuth, 0.0, DT), diameter / 2, tilt, azimuth, 10.0, 6000)
+        depth, penetration = pushed_depth(
+            tilted_peg(diameter, hole, tilt, azimuth, 0.0, DT), diameter / 2, tilt, azimuth, 10.0, 6000
+        )
         assert depth == pytest.approx(exact, rel=0.01)
         assert penetration < 2e-6
 

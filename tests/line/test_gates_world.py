@@ -14,7 +14,7 @@ from drivers.frames import rotation_about
 from drivers.quantities import Pose
 from sim import engine, world
 from sim.world import Peg, World
-from skills import grasp_from_rack, spray_search, tactile_insert, spiral_adjust
+from skills import grasp_from_rack, spiral_adjust, spray_search, tactile_insert
 from skills.contract import Outcome, Reason
 from skills.flow import in_order
 
@@ -60,7 +60,7 @@ def turn_the_peg(physics: World, torque: float, seconds: float) -> float:
 
 def test_the_pivot_breaks_away_where_a_model_of_the_pads_says() -> None:
     _, physics = holding(1)
-    length, width = physics._pad
+    length, _ = physics._pad
     back = min(length / 2, physics.job.peg.overhang)
     # An 8 mm peg pressed 0.3 mm into the rubber touches it over 2 sqrt(2 R d).
     expected = pad_torque(30.0, physics.draw.pad_friction, length / 2, back, 2.0 * math.sqrt(0.008 * 0.0003))
