@@ -13,6 +13,7 @@ from plc_bridge.config import PlcConfig
 from plc_bridge.handshake import Handshake
 from plc_bridge.messages import Command, Refusal, Report, Result
 from plc_bridge.modbus import ModbusServer
+from plc_bridge.modbus_tls import SecureModbusServer
 from plc_bridge.registers import (
     DISCRETE_INPUTS,
     CommandImage,
@@ -53,6 +54,10 @@ class Bridge:
         self._life = 0
         self._server = ModbusServer(config.modbus, self)
         self._servers: list[ModbusServer | RtuServer] = [self._server]
+        self._secure: SecureModbusServer | None = None
+        if config.tls is not None:
+            self._secure = SecureModbusServer(config.tls, self)
+            self._servers.append(self._secure)
         if config.rtu is not None:
             line = SerialLine(config.rtu.port, config.rtu.baud_rate, config.rtu.parity, config.rtu.stop_bits)
             self._servers.append(RtuServer(config.rtu, line, self))
@@ -79,6 +84,11 @@ class Bridge:
     def address(self) -> tuple[str, int]:
         """Host and port that the server listens on."""
         return self._server.address
+
+    @property
+    def secure_address(self) -> tuple[str, int] | None:
+        """Host and port of the TLS server; None where it is off."""
+        return self._secure.address if self._secure is not None else None
 
     def poll(self) -> Command | None:
         """Return what the scan thread shall do next, each thing once: stops and a lost PLC come first."""

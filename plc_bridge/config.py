@@ -1,6 +1,7 @@
 """How the cell meets its PLC."""
 
 from ipaddress import IPv4Network, IPv6Network
+from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -28,6 +29,23 @@ class ModbusConfig(ConfigModel):
     """Networks or addresses that may connect; none given means every one that can reach the port."""
 
 
+class TlsConfig(ModbusConfig):
+    """The Modbus/TCP Security server: mutual TLS, and rights by the role in the client's certificate."""
+
+    port: Annotated[int, Field(ge=0, le=65535)] = 802
+    """TCP port; 802 is the registered one, below 1024 a user needs permission; 0 takes a free one."""
+    certificate: Path
+    """The cell's own certificate, PEM, with the chain above it."""
+    key: Path
+    """Its private key, PEM, without a password."""
+    authority: Path
+    """Certificates of those who sign the clients' certificates, PEM."""
+    roles: dict[Annotated[str, Field(min_length=1, max_length=64)], tuple[Right, ...]] = Field(default_factory=dict)
+    """What each role may do: "read", "command" and, without commanding, "stop"; a role not named may do nothing."""
+    without_role: tuple[Right, ...] = ()
+    """What a client may do whose certificate names no role."""
+
+
 class RtuConfig(ConfigModel):
     """The Modbus RTU server on a serial line; defaults of Modbus over Serial Line V1.02, 2.5.1, 3.2."""
 
@@ -51,5 +69,7 @@ class PlcConfig(ConfigModel):
     lease_timeout: Seconds = 5.0
     """The lease is free again when its holder has sent no request for this long, s."""
     modbus: ModbusConfig = ModbusConfig()
+    tls: TlsConfig | None = None
+    """None is off."""
     rtu: RtuConfig | None = None
     """None is off."""

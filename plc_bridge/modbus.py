@@ -13,7 +13,7 @@ import threading
 from ipaddress import ip_address
 
 from drivers.errors import DeviceNotOpenedError
-from plc_bridge.config import ModbusConfig
+from plc_bridge.config import ALL_RIGHTS, ModbusConfig, Right
 from plc_bridge.pdu import is_exception, respond
 from plc_bridge.registers import Diagnostics
 from plc_bridge.station import LinkStation, LinkWords, Mailbox
@@ -27,46 +27,63 @@ FRAMES_PER_TURN = 32
 """Requests of one connection that are answered before the others get their turn."""
 
 
-class _Connection(asyncio.Protocol):
+class Connection(asyncio.Protocol):
     """One client: frames its bytes."""
 
     def __init__(self, server: "ModbusServer") -> None:
         self._server = server
+        self._identity = ""
+        self._is_lost = False
+        self.rights = ALL_RIGHTS
         self._mailbox = server.mailbox
         self._buffer = bytearray()
         self._is_writable = True
-        self._is_scheduled = False
+        self._is_scheduled = True  # nothing is answered before it is admitted
         self.transport: asyncio.Transport
+        self.address = ""
         self.host = ""
         self.source = ""
         self.station: LinkStation
         self.heard = 0.0
 
+    def identify(self, identity: str, rights: frozenset[Right]) -> None:
+        """Say who it is, before it is made; clients of other identity are others even at the same address."""
+        self._identity, self.rights = identity, rights
+
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Ask to be admitted."""
         assert isinstance(transport, asyncio.Transport)
         self.transport = transport
         # asyncio does this only where the socket names its protocol; without it a second answer waits for an ACK
-        transport.get_extra_info("socket").setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        if not self._is_lost:
+            transport.get_extra_info("socket").setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         peer = transport.get_extra_info("peername")
-        if peer is None:  # gone before it was accepted
+        if peer is None or self._is_lost:  # gone before it was accepted
             transport.abort()
             return
-        self.host, self.source = peer[0], f"{peer[0]}:{peer[1]}"
-        self._server.admit(self)
+        self.address = peer[0]
+        self.host, self.source = f"{self._identity}{peer[0]}", f"{self._identity}{peer[0]}:{peer[1]}"
+        if self._server.admit(self):
+            self._turn()
 
     def connection_lost(self, exc: Exception | None) -> None:
+        """Leave."""
+        self._is_lost = True
         self._server.leave(self)
 
     def data_received(self, data: bytes) -> None:
+        """Take what has arrived."""
         self._buffer += data
         if not self._is_scheduled:
             self._turn()
 
     def pause_writing(self) -> None:
+        """Let a client that does not read wait."""
         self._is_writable = False
         self.transport.pause_reading()
 
     def resume_writing(self) -> None:
+        """Go on."""
         self._is_writable = True
         self._turn()
 
@@ -110,6 +127,9 @@ class _Connection(asyncio.Protocol):
 class ModbusServer:
     """Listens, admits clients, drops the idle; `start` and `close` may be called from any thread."""
 
+    section = "plc.modbus"
+    """Where its settings are, for messages."""
+
     def __init__(self, config: ModbusConfig, mailbox: Mailbox) -> None:
         self._config = config
         self.mailbox = mailbox
@@ -118,7 +138,7 @@ class ModbusServer:
         self._stop: asyncio.Event
         self._socket: socket.socket | None = None
         self._thread: threading.Thread | None = None
-        self._connections: dict[str, _Connection] = {}
+        self._connections: dict[str, Connection] = {}
         self._shared: dict[str, LinkWords] = {}
 
     @property
@@ -135,14 +155,14 @@ class ModbusServer:
         Raises:
             DeviceNotOpenedError: The port is in use, not permitted, or the address is not this computer's.
         """
-        self._socket = _bind(self._config.host, self._config.port)
+        self._socket = _bind(self._config.host, self._config.port, self.section)
         is_ready = threading.Event()
         self._thread = threading.Thread(
             target=asyncio.run, args=(self._serve(self._socket, is_ready),), name="modbus", daemon=True
         )
         self._thread.start()
         is_ready.wait()
-        logger.info("Modbus TCP: listening on %s port %d", *self.address)
+        logger.info("%s: listening on %s port %d", self.section, *self.address)
 
     def close(self) -> None:
         """Close every connection and wait for the thread to end; may be called again."""
@@ -155,7 +175,7 @@ class ModbusServer:
 
     async def _serve(self, listening: socket.socket, is_ready: threading.Event) -> None:
         self.loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
-        server = await self.loop.create_server(lambda: _Connection(self), sock=listening)
+        server = await self.loop.create_server(self.receive, sock=listening)
         is_ready.set()
         while not self._stop.is_set():
             try:
@@ -168,13 +188,22 @@ class ModbusServer:
         await asyncio.sleep(0)  # lets the transports call connection_lost
         await server.wait_closed()
 
-    def admit(self, connection: _Connection) -> None:
+    def receive(self) -> asyncio.Protocol:
+        """Return what shall talk to a client that has just connected."""
+        return Connection(self)
+
+    def turn_away(self, transport: asyncio.BaseTransport, source: str, why: str) -> None:
+        """Close a connection that is not let in."""
+        self.counts.forbidden += 1
+        logger.warning("%s: refused: %s", source, why)
+        assert isinstance(transport, asyncio.Transport)
+        transport.abort()
+
+    def admit(self, connection: Connection) -> bool:
         """Let a new connection in, or turn it away; make room by dropping the one that was idle longest."""
-        if not self._is_allowed(connection.host):
-            self.counts.forbidden += 1
-            logger.warning("%s: refused: not in plc.modbus.allow", connection.source)
-            connection.transport.abort()
-            return
+        if not self.is_allowed(connection.address):
+            self.turn_away(connection.transport, connection.source, f"not in {self.section}.allow")
+            return False
         if len(self._connections) >= self._config.connections:
             self._drop(min(self._connections.values(), key=lambda other: other.heard), "to make room")
         connection.heard = self.loop.time()
@@ -185,12 +214,15 @@ class ModbusServer:
         else:
             link = shared
             shared.users += 1
-        connection.station = LinkStation(self.mailbox, link, self.counts, share=lambda: self.share(connection))
+        connection.station = LinkStation(
+            self.mailbox, link, self.counts, connection.rights, lambda: self.share(connection)
+        )
         self._connections[connection.source] = connection
         self.counts.accepted += 1
         self.counts.connections = len(self._connections)
+        return True
 
-    def leave(self, connection: _Connection) -> None:
+    def leave(self, connection: Connection) -> None:
         """Forget a connection that has ended."""
         if self._connections.get(connection.source) is not connection:
             return
@@ -202,7 +234,7 @@ class ModbusServer:
         else:
             self._shared_of(connection.host)
 
-    def share(self, connection: _Connection) -> None:
+    def share(self, connection: Connection) -> None:
         """Move `connection` to the link that all connections of its host have together."""
         link, host = connection.station.link, connection.host
         if link.source == host:
@@ -225,7 +257,8 @@ class ModbusServer:
             return None
         return shared
 
-    def _is_allowed(self, host: str) -> bool:
+    def is_allowed(self, host: str) -> bool:
+        """Tell whether the address may connect."""
         if not self._config.allow:
             return True
         address = ip_address(host.partition("%")[0])
@@ -238,23 +271,23 @@ class ModbusServer:
             if connection.heard < oldest:
                 self._drop(connection, "idle")
 
-    def _drop(self, connection: _Connection, why: str) -> None:
+    def _drop(self, connection: Connection, why: str) -> None:
         self.counts.dropped += 1
         logger.info("%s: dropped: %s", connection.source, why)
         connection.transport.abort()
         self.leave(connection)
 
 
-def _bind(host: str, port: int) -> socket.socket:
+def _bind(host: str, port: int, section: str) -> socket.socket:
     """Return a listening socket."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     try:
         return socket.create_server((host, port), family=family)
     except OSError as error:
         if error.errno == errno.EADDRINUSE:
-            remedy = "in use by another program: stop it, or set plc.modbus.port (0 takes a free one)"
+            remedy = f"in use by another program: stop it, or set {section}.port (0 takes a free one)"
         elif error.errno == errno.EACCES:
-            remedy = "not permitted: set plc.modbus.port to 1024 or above"
+            remedy = f"not permitted: set {section}.port to 1024 or above"
         else:
-            remedy = f"{error.strerror or error}: set plc.modbus.host to an address of this computer"
+            remedy = f"{error.strerror or error}: set {section}.host to an address of this computer"
         raise DeviceNotOpenedError(f"Modbus TCP server: {host} port {port} is {remedy}") from error

@@ -1,0 +1,82 @@
+"""Modbus/TCP Security: the context of mutual TLS, and the role that a client's certificate names.
+
+The standard's rules (MB-TCP-Security-v21): at least TLS 1.2, both sides with a certificate [R-02, R-34, R-44]; the
+role is a UTF8String in one extension of the certificate, one role and no more [R-21, R-22, R-65]; a certificate
+without it has the NULL role [R-23].
+"""
+
+import ssl
+
+from cryptography import x509
+from cryptography.hazmat import asn1
+
+from drivers.errors import DeviceNotOpenedError
+from plc_bridge.config import Right, TlsConfig
+
+ROLE_EXTENSION = x509.ObjectIdentifier("1.3.6.1.4.1.50316.802.1")
+NULL_ROLE = ""
+LONGEST_ROLE = 64
+
+
+class BadRoleError(Exception):
+    """The certificate's role cannot be read, or nobody could read it in a log."""
+
+
+def role_of(certificate: bytes) -> str:
+    """Return the role in a DER-encoded certificate, or `NULL_ROLE` where it names none.
+
+    Raises:
+        BadRoleError: There are several, or it is not one printable UTF8String.
+    """
+    try:
+        extensions = x509.load_der_x509_certificate(certificate).extensions
+        value = extensions.get_extension_for_oid(ROLE_EXTENSION).value
+        assert isinstance(value, x509.UnrecognizedExtension)
+        role = asn1.decode_der(str, value.value)
+    except x509.ExtensionNotFound:
+        return NULL_ROLE
+    except (ValueError, x509.DuplicateExtension) as error:
+        raise BadRoleError(f"its role cannot be read: {error}") from error
+    if not role.isprintable() or not 0 < len(role) <= LONGEST_ROLE:
+        raise BadRoleError(f"its role is not 1 to {LONGEST_ROLE} printable characters: {role!r}")
+    return role
+
+
+def rights_of(role: str, config: TlsConfig) -> frozenset[Right]:
+    """Return what `role` may do; nothing where the table does not name it."""
+    return frozenset(config.without_role if role == NULL_ROLE else config.roles.get(role, ()))
+
+
+def server_context(config: TlsConfig) -> ssl.SSLContext:
+    """Return a context that asks every client for a certificate of `config.authority`.
+
+    Raises:
+        DeviceNotOpenedError: A file is missing or is not what it should be; the message names it.
+    """
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.minimum_version = ssl.TLSVersion.TLSv1_2
+    context.verify_mode = ssl.CERT_REQUIRED
+    context.options |= ssl.OP_NO_RENEGOTIATION
+    for key, path in (("certificate", config.certificate), ("key", config.key), ("authority", config.authority)):
+        try:
+            path.open("rb").close()
+        except OSError as error:
+            raise DeviceNotOpenedError(f"plc.tls.{key} = {path}: {error.strerror}") from error
+    try:
+        context.load_cert_chain(config.certificate, config.key, password=_no_password)
+    except (ssl.SSLError, ValueError) as error:
+        pair = f"plc.tls.certificate = {config.certificate}, plc.tls.key = {config.key}"
+        raise DeviceNotOpenedError(
+            f"{pair}: not a PEM certificate and its own PEM key without a password ({error})"
+        ) from error
+    try:
+        context.load_verify_locations(config.authority)
+    except ssl.SSLError as error:
+        raise DeviceNotOpenedError(
+            f"plc.tls.authority = {config.authority}: not a PEM certificate ({error})"
+        ) from error
+    return context
+
+
+def _no_password() -> str:
+    raise ValueError("it asks for a password")
