@@ -244,6 +244,7 @@ class Supervisor:
             logger.info("run %d: %s %s %s", run.row.run, run.row.program, ending.outcome, ending.stage)
         if fault is not None:
             self._fault(fault)
+            # Also under sequence 0, which a counter comes to again.
             self.report = replace(self.report, result=Result.FAULT)
             return
         self.report = replace(self.report, result=_RESULT[ending.outcome])
@@ -265,7 +266,10 @@ class Supervisor:
         self._enter(Event.ABORT)
         if self.state is State.ABORTING:
             self._enter(Event.FINISHED)
-        self.report = replace(self.report, fault=error.code)
+        result = self.report.result
+        if result is Result.NONE and self.report.sequence != 0:
+            result = Result.FAULT
+        self.report = replace(self.report, result=result, fault=error.code)
 
     def _halt(self) -> None:
         """Halt the arm, whatever state it is in."""

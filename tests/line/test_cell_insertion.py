@@ -55,7 +55,7 @@ def mbpoll(address: tuple[str, int], *arguments: str) -> list[str]:
 
 def polled(address: tuple[str, int], name: str) -> Iterator[int]:
     """Yield what mbpoll reads in one input register, ten times a second, until nobody listens."""
-    place = next(register.address for register in REPORT if register.name == name)
+    place = next(register.address for register in REPORT.registers if register.name == name)
     command = mbpoll(address, "-t", "3", "-r", str(place), "-c", "1", "-l", "100", "")
     with subprocess.Popen(["stdbuf", "-oL", *command], stdout=subprocess.PIPE, text=True) as process:
         try:
@@ -69,7 +69,7 @@ def polled(address: tuple[str, int], name: str) -> Iterator[int]:
 
 def send(address: tuple[str, int], **values: int) -> None:
     """Write the head of the command block in one request."""
-    head = [register.name.removeprefix("command_") for register in COMMAND[:7]]
+    head = [register.name.removeprefix("command_") for register in COMMAND.registers[:7]]
     words = " ".join(str(values.get(name, 0)) for name in head)
     subprocess.run(mbpoll(address, "-t", "4", "-r", "0", words), check=True, capture_output=True, timeout=LONGEST)
 
