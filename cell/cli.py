@@ -276,6 +276,14 @@ def _trials(args: argparse.Namespace) -> int:
     return GOOD
 
 
+def _study(args: argparse.Namespace) -> int:
+    from cell.studies.speed import measure  # compiles; only when asked for
+
+    lines = measure(_load(args, default_pace="max").cell, args.seed)
+    _show(args, tables.speed(lines), [asdict(line) for line in lines])
+    return GOOD
+
+
 def _runs(args: argparse.Namespace) -> int:
     with _journal(args) as journal:
         rows = journal.runs(args.last)
@@ -321,6 +329,7 @@ _COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "run": _run,
     "watch": _watch,
     "trials": _trials,
+    "study": _study,
     "runs": _runs,
     "show": _show_run,
     "faults": _faults,

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
 
 from rich.table import Table
 from rich.text import Text
@@ -15,6 +16,9 @@ from plc_bridge.messages import LeaseState, Refusal, Result
 from plc_bridge.registers import ReportImage
 from skills.catalogue import STAGES
 from skills.contract import Reason
+
+if TYPE_CHECKING:
+    from cell.studies.speed import SpeedLine
 
 
 def stages(lines: Sequence[StageLine]) -> Table:
@@ -44,6 +48,20 @@ def outcomes(rows: Sequence[TrialRow]) -> Table:
     for kind in kinds:
         count = sum((row.outcome, row.stage, row.reason) == kind for row in rows)
         table.add_row(*kind, str(count))
+    return table
+
+
+def speed(lines: "Sequence[SpeedLine]") -> Table:
+    """Return how fast the stand-in runs."""
+    table = Table("regime", "simulated (s)", "x real time", "bare mj_step (1/s)", "outside mj_step (us/ms)")
+    for line in lines:
+        table.add_row(
+            line.regime,
+            f"{line.simulated:.1f}",
+            f"{line.real_time:.1f}",
+            f"{line.bare_rate:.0f}",
+            f"{line.outside * 1e6:.1f}",
+        )
     return table
 
 

@@ -147,3 +147,10 @@ def advance(
     for i in range(7):
         total += qpos[i] + qvel[i]
     return 0 if math.isfinite(total) and abs(total) < 1e4 else 1
+
+
+@njit(cache=True)
+def bare(model: int, data: int, steps: int) -> None:  # pragma: no cover
+    """Take bare steps, with nothing around them: what a measurement of speed is held against."""
+    for _ in range(steps):
+        native.step(model, data)

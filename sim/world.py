@@ -260,6 +260,10 @@ class World:
 
     # What devices and records ask.
 
+    def physics(self) -> tuple[mujoco.MjModel, mujoco.MjData]:
+        """Return model and data as they now are, for measurements."""
+        return self._model, self._data
+
     @property
     def q(self) -> Vector:
         """Joint positions, shape (7,), rad."""
