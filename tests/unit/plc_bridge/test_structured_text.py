@@ -1,0 +1,299 @@
+"""The function block, run line by line against the handshake that it is written for."""
+
+import re
+
+import pytest
+
+from plc_bridge.bridge import Bridge
+from plc_bridge.config import PlcConfig
+from plc_bridge.messages import Control, Refusal, Report, Result
+from plc_bridge.registers import COMMAND, REPORT, VERSION_MAJOR, Parameter, command_image, table
+from plc_bridge.structured_text import FAILURE_BASE, NO_CELL, STOP_PENDING, WRONG_VERSION, as_structured_text
+
+INSERT = 100
+SPEED = Parameter("search.speed", "m/s", 1e-4, -1.0, 0.5, "peak speed *) of the tip")
+TEXT = as_structured_text(table({INSERT: "insert_peg"}, [SPEED]))
+SHOWN = ("Busy", "Done", "Error", "CommandAborted")
+
+FUNCTIONS = {
+    "SHL": lambda value, places: value << places,
+    "SHR": lambda value, places: value >> places,
+    "DINT_TO_DWORD": lambda value: value & 0xFFFFFFFF,
+    "DWORD_TO_WORD": lambda value: value & 0xFFFF,
+    **dict.fromkeys(("BYTE_TO_WORD", "UINT_TO_WORD", "WORD_TO_UINT", "WORD_TO_DWORD", "DWORD_TO_UDINT"), int),
+}
+LIMITS = {"BYTE": 0xFF, "UINT": 0xFFFF, "WORD": 0xFFFF, "INT": 0x7FFF, "UDINT": 0xFFFFFFFF}
+
+
+def expression(text):
+    text = re.sub(r"16#([0-9A-F]+)", r"0x\1", text)
+    is_bitwise = "DWORD" in text or "SHL" in text
+    words = {"AND": "&" if is_bitwise else "and", "OR": "|" if is_bitwise else "or", "NOT": "not", "MOD": "%"}
+    text = re.sub(r"\b(AND|OR|NOT|MOD)\b", lambda found: words[found[0]], text)
+    text = re.sub(r"(?<![<>:])=", "==", text).replace("<>", "!=").replace("/", "//")
+    names = {*words.values(), *FUNCTIONS, "TRUE", "FALSE"}
+    text = re.sub(r"\b[A-Za-z]\w*\b", lambda found: found[0] if found[0] in names else f"v['{found[0]}']", text)
+    return re.sub(r"0v\['(x\w+)'\]", r"0\1", text).replace("TRUE", "True").replace("FALSE", "False")
+
+
+def translated(text):
+    """Return the variables with their first values, their types, and the body as Python."""
+    text = re.sub(r"\(\*.*?\*\)", "", text, flags=re.DOTALL)
+    variables, types, lines, depth = {}, {}, [], 0
+    for line in filter(None, map(str.strip, text.splitlines())):
+        if declared := re.fullmatch(r"(\w+) : (?:ARRAY\[\d+\.\.(\d+)\] OF )?(\w+)(?: := (\d+))?;", line):
+            name, last, kind, first = declared.groups()
+            assert name not in variables, f"{name} is declared twice"
+            value = kind != "BOOL" and int(first or 0)
+            variables[name], types[name] = ([value] * (int(last) + 1) if last else value), kind
+        elif line.startswith(("FUNCTION_BLOCK", "VAR", "END_VAR", "END_FUNCTION_BLOCK")):
+            pass
+        elif line in ("END_IF;", "END_FOR;"):
+            depth -= 1
+        elif found := re.fullmatch(r"FOR (\w+) := (\d+) TO (\d+) DO", line):
+            index, low, high = found.groups()
+            lines.append("    " * depth + f"for v['{index}'] in range({low}, {high} + 1):")
+            depth += 1
+        elif found := re.fullmatch(r"(IF|ELSIF) (.*) THEN", line):
+            is_first = found[1] == "IF"
+            lines.append("    " * (depth - (not is_first)) + f"{'if' if is_first else 'elif'} {expression(found[2])}:")
+            depth += is_first
+        elif line == "ELSE":
+            lines.append("    " * (depth - 1) + "else:")
+        else:
+            assignment = re.fullmatch(r"(.+?) := (.+);", line)
+            assert assignment, f"not understood: {line}"
+            lines.append("    " * depth + f"{expression(assignment[1])} = {expression(assignment[2])}")
+    assert depth == 0
+    return variables, types, compile("\n".join(lines), "FB_InsertionCell", "exec")
+
+
+class Plc:
+    """The block in a PLC, whose Modbus client writes and reads between two cycles."""
+
+    def __init__(self):
+        self.now = 0.0
+        self.bridge = Bridge(PlcConfig(), {INSERT: "insert_peg"}, [SPEED], now=lambda: self.now)
+        self.connections, self.is_connected, self.report = 0, False, Report()
+        self.v, self._types, self._body = translated(TEXT)
+        self.connect()
+
+    def connect(self):
+        self.connections += 1
+        self.source, self.is_connected = f"plc:{self.connections}", True
+        self.bridge.opened(self.source, "plc")
+
+    def disconnect(self):
+        self.bridge.closed(self.source)
+        self.is_connected = False
+
+    def cycle(self, count=1, **inputs):
+        self.v.update(inputs)
+        for _ in range(count):
+            exec(self._body, {**FUNCTIONS, "v": self.v})
+            for name, value in self.v.items():
+                if self._types[name] in LIMITS:
+                    values = value if isinstance(value, list) else [value]
+                    assert all(0 <= one <= LIMITS[self._types[name]] for one in values), name
+            assert sum(self.v[name] for name in SHOWN) <= 1
+            if self.is_connected:
+                self.bridge.wrote(self.source, command_image(self.v["Command"]))
+                self.v["Report"] = self.bridge.report_words(self.source)
+                self.publish(self.report)
+        return self
+
+    def publish(self, report):
+        self.report = report
+        self.bridge.publish(report)
+
+    def end(self, result, **facts):
+        command = self.bridge.poll()
+        assert command is not None
+        self.publish(Report(sequence=command.sequence, state=17, result=result, **facts))
+        return command
+
+    @property
+    def shown(self):
+        return [name for name in SHOWN if self.v[name]]
+
+
+@pytest.fixture
+def plc():
+    return Plc().cycle(3, Code=INSERT)
+
+
+def test_rising_edge_of_execute_runs_once(plc):
+    assert plc.cycle(3, Execute=True).shown == ["Busy"]
+    assert plc.end(Result.SUCCESS).code == INSERT
+    assert plc.cycle(5).shown == ["Done"]
+    assert plc.bridge.poll().code == Control.ACKNOWLEDGE
+    assert plc.bridge.poll() is None
+
+
+def test_outputs_are_held_while_execute_is_true_and_fall_with_it(plc):
+    plc.cycle(3, Execute=True).end(Result.SUCCESS)
+    assert plc.cycle(20).shown == ["Done"]
+    assert plc.cycle(Execute=False).shown == []
+
+
+def test_output_is_shown_for_one_cycle_when_execute_fell_before(plc):
+    plc.cycle(3, Execute=True).cycle(Execute=False).end(Result.SUCCESS)
+    assert [tuple(plc.cycle().shown) for _ in range(4)] == [("Busy",), ("Done",), (), ()]
+
+
+def test_another_edge_while_busy_does_nothing(plc):
+    plc.cycle(2, Execute=True).cycle(Execute=False).cycle(Execute=True, Recipe=9)
+    command = plc.end(Result.SUCCESS)
+    assert (command.sequence, command.recipe, plc.cycle(2).shown) == (1, 0, ["Done"])
+
+
+def test_inputs_reach_the_command(plc):
+    serial = list(b"PEG-0042".ljust(32, b"\0"))
+    plc.cycle(Execute=True, Recipe=7, SerialNumber=serial, Parameters=[0, -70, *[0] * 7], ParameterMask=1)
+    command = plc.bridge.poll()
+    assert (command.recipe, command.serial, command.parameters) == (
+        7,
+        "PEG-0042",
+        (("search.speed", pytest.approx(-0.007)),),
+    )
+
+
+@pytest.mark.parametrize(
+    ("result", "facts", "shown", "error"),
+    [
+        (Result.SUCCESS, {}, "Done", 0),
+        (Result.ABORTED, {}, "CommandAborted", 0),
+        (Result.FAILURE, {"reason": 3}, "Error", FAILURE_BASE + 3),
+        (Result.FAULT, {"fault": 2001}, "Error", 2001),
+        (Result.REFUSED, {"refusal": Refusal.UNKNOWN_RECIPE}, "Error", Refusal.UNKNOWN_RECIPE),
+    ],
+)
+def test_every_ending_has_its_output_and_error(plc, result, facts, shown, error):
+    plc.cycle(2, Execute=True).end(result, **facts)
+    assert (plc.cycle(2).shown, plc.v["ErrorID"]) == ([shown], error)
+
+
+def test_refusal_is_an_error(plc):
+    plc.bridge.take("terminal")
+    assert (plc.cycle(2, Execute=True).shown, plc.v["ErrorID"]) == (["Error"], Refusal.NOT_HOLDER)
+
+
+def test_stop_aborts_what_runs(plc):
+    plc.cycle(2, Execute=True)
+    run = plc.bridge.poll()
+    plc.publish(Report(sequence=run.sequence, state=6))
+    plc.cycle(2, Stop=True)
+    assert plc.bridge.poll().code == Control.STOP
+    plc.publish(Report(sequence=run.sequence, state=2, result=Result.ABORTED))
+    assert plc.cycle(2).shown == ["CommandAborted"]
+
+
+def test_stop_that_overtakes_its_command_aborts_it(plc):
+    assert plc.cycle(3, Execute=True, Stop=True).shown == ["CommandAborted"]
+    assert [plc.bridge.poll().code, plc.bridge.poll()] == [Control.STOP, None]
+
+
+def test_stop_works_before_anything_else():
+    plc = Plc().cycle(Stop=True)
+    assert plc.bridge.poll().code == Control.STOP
+
+
+def test_stop_is_not_repeated_by_a_new_connection(plc):
+    plc.cycle(3, Stop=True)
+    assert plc.bridge.poll().code == Control.STOP
+    plc.disconnect()
+    plc.connect()
+    plc.cycle(3)
+    assert plc.bridge.poll() is None
+
+
+def test_command_does_not_overwrite_a_stop_on_its_way(plc):
+    plc.disconnect()
+    plc.cycle(Stop=True)
+    assert (plc.cycle(Execute=True).shown, plc.v["ErrorID"]) == (["Error"], STOP_PENDING)
+    plc.connect()
+    plc.cycle()
+    assert plc.bridge.poll().code == Control.STOP
+
+
+def test_no_cell_is_an_error_and_the_command_never_runs_later(plc):
+    plc.disconnect()
+    plc.cycle(3, Execute=True, SilentCycles=50)
+    assert (plc.cycle(50).shown, plc.v["ErrorID"]) == (["Error"], NO_CELL)
+    plc.connect()
+    plc.cycle(5)
+    assert plc.bridge.poll() is None
+
+
+def test_execute_before_the_first_report_is_an_error():
+    plc = Plc()
+    assert (plc.cycle(Execute=True).shown, plc.v["ErrorID"]) == (["Error"], NO_CELL)
+
+
+def test_cell_with_another_map_is_an_error(plc):
+    plc.disconnect()
+    version = next(r.address for r in REPORT.registers if r.name == "report_version")
+    plc.v["Report"][version] = (VERSION_MAJOR + 1) * 256
+    assert (plc.cycle(Execute=True).shown, plc.v["ErrorID"]) == (["Error"], WRONG_VERSION)
+
+
+def test_torn_report_is_not_believed(plc):
+    plc.cycle(2, Execute=True).end(Result.SUCCESS)
+    plc.cycle().disconnect()
+    plc.v["Report"][0] ^= 1
+    assert plc.cycle().shown == ["Busy"]
+
+
+def test_run_goes_on_over_a_new_connection(plc):
+    plc.cycle(2, Execute=True)
+    run = plc.bridge.poll()
+    plc.disconnect()
+    plc.cycle()
+    plc.connect()
+    assert plc.cycle(3).shown == ["Busy"]
+    plc.publish(Report(sequence=run.sequence, state=17, result=Result.SUCCESS))
+    assert plc.cycle(2).shown == ["Done"]
+
+
+def test_plc_that_restarts_behind_a_line_that_stayed_goes_on_counting(plc):
+    for _ in range(20):
+        plc.cycle(2, Execute=True).end(Result.SUCCESS)
+        plc.cycle(2).cycle(Execute=False)
+        plc.bridge.poll()
+    plc.v, _, _ = translated(TEXT)
+    assert plc.cycle(3, Code=INSERT).cycle(2, Execute=True).shown == ["Busy"]
+    assert plc.end(Result.SUCCESS).sequence == 21
+
+
+def test_sequence_wraps():
+    plc = Plc()
+    plc.v["Sequence"] = 65535
+    plc.cycle(2, Code=INSERT).cycle(2, Execute=True)
+    assert plc.end(Result.SUCCESS).sequence == 0
+    assert plc.cycle(2).shown == ["Done"]
+
+
+def test_fifty_commands_are_fifty_runs(plc):
+    done = 0
+    for _ in range(50):
+        plc.cycle(2, Execute=True).end(Result.SUCCESS)
+        done += plc.cycle(2).shown == ["Done"]
+        plc.cycle(Execute=False)
+        assert plc.bridge.poll().code == Control.ACKNOWLEDGE
+    assert (done, plc.bridge.poll()) == (50, None)
+
+
+def test_wide_values_are_put_together(plc):
+    plc.cycle(2, Execute=True).end(Result.SUCCESS, run=70_000, total_time=100.5)
+    plc.cycle(2)
+    assert (plc.v["Run"], plc.v["TotalTime"]) == (70_000, 100_500)
+
+
+def test_arrays_are_as_long_as_the_blocks():
+    variables, _, _ = translated(TEXT)
+    assert (len(variables["Command"]), len(variables["Report"])) == (COMMAND.words, REPORT.words)
+
+
+def test_comments_close_where_they_shall():
+    assert TEXT.isascii()
+    assert TEXT.count("(*") == TEXT.count("*)")
