@@ -6,12 +6,13 @@ import ssl
 import struct
 
 import pytest
+from pymodbus.client import ModbusTlsClient
 
 from drivers.errors import DeviceNotOpenedError
 from plc_bridge.bridge import Bridge
 from plc_bridge.config import ModbusConfig, PlcConfig, TlsConfig
 from plc_bridge.messages import FIRST_PROGRAM, Control
-from plc_bridge.registers import COILS
+from plc_bridge.registers import COILS, VERSION
 from tests.certificates import Authority, utf8
 
 HEADER = struct.Struct(">HHHB")
@@ -272,3 +273,14 @@ def test_newcomer_gets_the_place_of_the_one_that_was_idle_longest(authority, con
 def test_unusable_certificate_is_said_and_leaves_nothing_open(authority, tmp_path):
     with pytest.raises(DeviceNotOpenedError, match=r"plc\.tls\.key"):
         start(authority, key=tmp_path / "none.key")
+
+
+def test_client_that_is_not_ours_reads_writes_and_is_refused(bridge, authority):
+    for role, is_allowed in (("Operator", True), ("Watcher", False)):
+        context = authority.client(*authority.sign(f"foreign {role}", utf8(role)))
+        context.check_hostname = False  # this client cannot say whom it expects
+        client = ModbusTlsClient("127.0.0.1", port=bridge.secure_address[1], sslctx=context, retries=0)
+        assert client.connect()
+        assert client.read_input_registers(1, count=10).registers[0] == VERSION
+        assert client.write_register(3, 7).isError() is not is_allowed
+        client.close()
