@@ -1,12 +1,15 @@
 """Modbus/TCP Security server: the Modbus TCP server behind mutual TLS, with the rights of the client's role."""
 
 import asyncio
+import logging
 import ssl
 
 from plc_bridge.config import TlsConfig
 from plc_bridge.modbus import Connection, ModbusServer
 from plc_bridge.station import Mailbox
 from plc_bridge.tls import BadRoleError, rights_of, role_of, server_context
+
+logger = logging.getLogger(__name__)
 
 HANDSHAKE_TIMEOUT = 10.0
 """Longest TLS handshake, s."""
@@ -33,7 +36,7 @@ class SecureModbusServer(ModbusServer):
         super().__init__(config, mailbox)
         self._tls = config
         self._context: ssl.SSLContext
-        self._handshakes: set[asyncio.Task[None]] = set()
+        self._handshakes: dict[asyncio.Task[None], tuple[asyncio.Transport, str]] = {}  # in the order they began
 
     def start(self) -> None:
         """Read the certificates, bind, then serve in a thread of its own.
@@ -49,7 +52,7 @@ class SecureModbusServer(ModbusServer):
         return _Door(self)
 
     def knock(self, transport: asyncio.Transport) -> None:
-        """Begin the handshake with a client whose address is allowed, unless too many are under way."""
+        """Begin the handshake with a client whose address is allowed; where too many are under way, the oldest ends."""
         peer = transport.get_extra_info("peername")
         if peer is None:  # gone before it was accepted
             transport.abort()
@@ -57,12 +60,20 @@ class SecureModbusServer(ModbusServer):
         source = f"{peer[0]}:{peer[1]}"
         if not self.is_allowed(peer[0]):
             self.turn_away(transport, source, f"not in {self.section}.allow")
-        elif len(self._handshakes) >= self._tls.connections:
-            self.turn_away(transport, source, "too many clients in their TLS handshake")
-        else:
-            task = self.loop.create_task(self._shake_hands(transport, source))
-            self._handshakes.add(task)
-            task.add_done_callback(self._handshakes.discard)
+            return
+        if len(self._handshakes) >= self._tls.connections:
+            self._end_oldest()
+        task = self.loop.create_task(self._shake_hands(transport, source))
+        self._handshakes[task] = transport, source
+        task.add_done_callback(lambda done: self._handshakes.pop(done, None))
+
+    def _end_oldest(self) -> None:
+        task = next(iter(self._handshakes))
+        transport, source = self._handshakes.pop(task)
+        logger.info("%s: dropped in its TLS handshake: to make room", source)
+        self.counts.dropped += 1
+        task.cancel()
+        transport.abort()  # a task that has not begun does not close it
 
     async def _shake_hands(self, transport: asyncio.Transport, source: str) -> None:
         # the protocol needs the role, which the handshake brings; TLS needs a protocol before

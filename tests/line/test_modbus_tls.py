@@ -245,6 +245,17 @@ def test_handshake_that_never_ends_is_cut_off(authority):
     bridge.close()
 
 
+def test_handshakes_that_never_end_leave_room_for_others(authority, contexts):
+    bridge = start(authority, connections=1)
+    with socket.create_connection(bridge.secure_address, timeout=PATIENCE) as silent:
+        with connect(bridge, contexts["Operator"]) as client:
+            assert ask(client, READ)[0] == 4
+        with pytest.raises(OSError, match="closed"):
+            receive(silent, 1)
+    bridge.close()
+    assert bridge.diagnostics.dropped == 1
+
+
 def test_cell_closes_while_a_handshake_is_under_way(authority):
     bridge = start(authority)
     with socket.create_connection(bridge.secure_address, timeout=PATIENCE) as silent:
