@@ -1,0 +1,39 @@
+"""Frames of the peg in the hand."""
+
+import math
+
+import numpy as np
+import pytest
+
+from drivers.frames import UP, angle_between, compose, end_point, invert, peg_in_finger, rotation_about
+from drivers.quantities import Pose
+
+
+@pytest.mark.parametrize("theta", [-1.2, -0.3, 0.0, 0.7, 1.5])
+def test_the_peg_in_the_hand_is_a_rigid_transform(theta: float) -> None:
+    rotation = peg_in_finger(theta, 0.05).rotation
+    np.testing.assert_allclose(rotation.T @ rotation, np.eye(3), atol=1e-15)
+    assert np.linalg.det(rotation) == pytest.approx(1.0)
+
+
+def test_the_axis_points_from_the_tip_to_the_finger() -> None:
+    T = peg_in_finger(0.4, 0.05)
+    np.testing.assert_allclose(T.position + 0.05 * T.rotation[:, 2], 0.0, atol=1e-15)
+
+
+def test_the_end_point_is_the_composed_transform() -> None:
+    T_base_tcp = Pose(np.array([0.4, -0.1, 0.3]), rotation_about(np.array([0.0, 0.6, 0.8]), 1.1))
+    T = compose(T_base_tcp, peg_in_finger(-0.6, 0.05))
+    tip, axis = end_point(T_base_tcp, -0.6, 0.05)
+    np.testing.assert_allclose(tip, T.position, atol=1e-15)
+    np.testing.assert_allclose(axis, T.rotation[:, 2], atol=1e-15)
+
+
+def test_a_pose_and_its_inverse_are_nothing() -> None:
+    T = Pose(np.array([0.1, 0.2, 0.3]), rotation_about(np.array([1.0, 0.0, 0.0]), 0.5))
+    np.testing.assert_allclose(compose(T, invert(T)).position, 0.0, atol=1e-15)
+
+
+def test_a_nanoradian_between_two_vectors_is_seen() -> None:
+    assert angle_between(UP, np.array([1e-9, 0.0, 1.0])) == pytest.approx(1e-9, rel=1e-6)
+    assert angle_between(UP, -UP) == pytest.approx(math.pi)

@@ -1,0 +1,104 @@
+"""The law of the arm."""
+
+import math
+
+import numpy as np
+import pytest
+
+from drivers import impedance, panda
+from drivers.quantities import ImpedanceSetpoint, InHandTip, Vector
+
+Q: Vector = np.array([0.1, -0.5, 0.2, -2.2, 0.1, 1.8, 0.9])
+PERIOD = panda.CONTROL_PERIOD
+
+
+def setpoint(tip: Vector, axis: Vector, **more: object) -> ImpedanceSetpoint:
+    return ImpedanceSetpoint(
+        id=1,
+        tip=tip,
+        axis=axis,
+        stiffness=np.array([500.0] * 3 + [20.0] * 3),
+        damping=np.array([50.0] * 3 + [2.0] * 3),
+        valid_until=10.0,
+        **more,  # type: ignore[arg-type]
+    )
+
+
+def tip_of(q: Vector, theta: float, length: float) -> tuple[Vector, Vector]:
+    position, finger, _, _ = impedance.forward(q)
+    axis = -(math.cos(theta) * finger[:, 0] + math.sin(theta) * finger[:, 1])
+    return position - length * axis, axis
+
+
+def jacobian(q: Vector, theta: float, length: float) -> Vector:
+    """Return how tip and finger turn with the joints, by differences, shape (6, 7)."""
+    h, rows = 1e-6, []
+    for i in range(7):
+        step = np.zeros(7)
+        step[i] = h
+        moved = (tip_of(q + step, theta, length)[0] - tip_of(q - step, theta, length)[0]) / (2 * h)
+        R0, R1 = impedance.forward(q - step)[1], impedance.forward(q + step)[1]
+        W = (R1 - R0) / (2 * h) @ impedance.forward(q)[1].T
+        rows.append([*moved, W[2, 1], W[0, 2], W[1, 0]])
+    return np.array(rows).T
+
+
+def settled(words: Vector, q: Vector, dq: Vector, now: float = 0.0) -> Vector:
+    """Return the torque once the rate limit has let it through; the integral is off."""
+    state = np.zeros(impedance.STATE_WORDS)
+    for _ in range(200):
+        tau: Vector = impedance.torque(words, state, q, dq, now, PERIOD)
+    return tau
+
+
+def test_at_its_setpoint_and_at_rest_the_arm_is_left_alone() -> None:
+    tip, axis = tip_of(Q, 0.3, 0.05)
+    words = impedance.pack(setpoint(tip, axis, in_hand=InHandTip(0.3, 0.05, 0.0)), 0.0)
+    np.testing.assert_allclose(settled(words, Q, np.zeros(7)), 0.0, atol=1e-6)
+
+
+def test_a_displaced_tip_is_pulled_by_the_spring_at_the_tip() -> None:
+    tip, axis = tip_of(Q, 0.3, 0.05)
+    pull = np.array([0.004, -0.002, 0.003])
+    words = impedance.pack(setpoint(tip + pull, axis, in_hand=InHandTip(0.3, 0.05, 0.0)), 0.0)
+    expected = jacobian(Q, 0.3, 0.05).T @ np.array([*(500.0 * pull), 0.0, 0.0, 0.0])
+    np.testing.assert_allclose(settled(words, Q, np.zeros(7)), expected, atol=1e-3)
+
+
+def test_the_torque_turns_the_axis_towards_its_setpoint() -> None:
+    """As printed, v x v* with -K e would turn it away."""
+    tip, axis = tip_of(Q, 0.0, 0.05)
+    normal = np.cross(axis, [0.0, 1.0, 0.0])
+    normal /= np.linalg.norm(normal)
+    wanted = axis * math.cos(0.1) + np.cross(normal, axis) * math.sin(0.1)
+    words = impedance.pack(setpoint(tip, wanted, in_hand=InHandTip(0.0, 0.05, 0.0)), 0.0)
+    expected = jacobian(Q, 0.0, 0.05).T @ np.array([0.0, 0.0, 0.0, *(20.0 * 0.1 * normal)])
+    np.testing.assert_allclose(settled(words, Q, np.zeros(7)), expected, atol=1e-3)
+
+
+def test_no_step_changes_a_torque_by_more_than_the_arm_allows() -> None:
+    tip, axis = tip_of(Q, 0.0, 0.05)
+    words = impedance.pack(setpoint(tip + 0.5, axis), 0.0)
+    tau = impedance.torque(words, np.zeros(impedance.STATE_WORDS), Q, np.zeros(7), 0.0, PERIOD)
+    assert np.abs(tau).max() <= panda.TORQUE_RATE_MAX * PERIOD * (1.0 + 1e-12)
+    assert (np.abs(settled(words, Q, np.zeros(7))) <= panda.TORQUE_MAX).all()
+
+
+def test_a_setpoint_past_its_validity_is_replaced_by_holding_still() -> None:
+    tip, axis = tip_of(Q, 0.0, 0.05)
+    words = impedance.pack(setpoint(tip + 0.1, axis, in_hand=InHandTip(0.0, 0.05, 0.0)), 0.0)
+    np.testing.assert_allclose(settled(words, Q, np.zeros(7), now=11.0), 0.0, atol=1e-3)
+
+
+def test_the_integral_is_saturated_and_a_new_id_empties_it() -> None:
+    tip, axis = tip_of(Q, 0.0, 0.05)
+    leaning = axis + np.array([0.2, 0.0, 0.0])
+    given = setpoint(tip, leaning / np.linalg.norm(leaning), integral_gain=100.0, integral_limit=0.5)
+    words, state = impedance.pack(given, 0.0), np.zeros(impedance.STATE_WORDS)
+    for _ in range(2000):
+        impedance.torque(words, state, Q, np.zeros(7), 0.0, PERIOD)
+    assert np.abs(state[impedance.INTEGRAL : impedance.INTEGRAL + 3]).max() == pytest.approx(0.5)
+    words[impedance.ID] = 2
+    words[impedance.INTEGRAL_GAIN] = 0.0
+    impedance.torque(words, state, Q, np.zeros(7), 0.0, PERIOD)
+    np.testing.assert_array_equal(state[impedance.INTEGRAL : impedance.INTEGRAL + 3], 0.0)

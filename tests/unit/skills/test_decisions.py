@@ -1,0 +1,98 @@
+"""The skills' decisions, as formulas."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cell.config import load
+from drivers.errors import SwitchDisagreesError, SwitchUnknownError
+from drivers.quantities import SwitchState
+from skills.contract import NO_PEG, PegPose, Smoothing
+from skills.motion import minimum_jerk, tilted
+from skills.seating import is_seated, require_short_of_bottom
+from skills.spiral_adjust import tilted_by
+from skills.spray_search import Fall
+from skills.tactile_insert import centre_ahead, push_stiffness
+
+JOB = load().cell.job()
+HOLE = JOB.hole
+
+
+def pose(theta: float) -> PegPose:
+    return PegPose(theta, 0.0, 0.01, 0.0, True, 0.0)
+
+
+def tip_at(depth: float) -> np.ndarray:
+    return np.array([0.0, 0.0, HOLE.centre[2] - depth])
+
+
+def test_the_push_grows_from_its_least_to_its_largest_as_the_peg_aligns() -> None:
+    assert push_stiffness(0.8, 0.8, 300.0, 1200.0) == pytest.approx(300.0)
+    assert push_stiffness(0.0, 0.8, 300.0, 1200.0) == pytest.approx(1200.0)
+    assert push_stiffness(0.4, 0.8, 300.0, 1200.0) == pytest.approx(600.0)
+
+
+def test_a_peg_at_45_degrees_rests_with_the_holes_middle_ahead_of_its_own() -> None:
+    """r cos t + h tan t - R with the exact depth of 2.443 mm for 8 / 8.1 mm."""
+    tilt = math.pi / 4
+    axis, _ = tilted(0.0, tilt)
+    tip = tip_at(2.443e-3 - 0.004 * math.sin(tilt))
+    np.testing.assert_allclose(centre_ahead(tip, axis, JOB), [1.22e-3, 0.0, 0.0], atol=2e-5)
+
+
+def test_the_closing_axis_lies_in_the_plane_of_the_tilt_and_across_the_peg() -> None:
+    axis, closing = tilted(0.7, 0.6)
+    assert float(axis @ closing) == pytest.approx(0.0, abs=1e-15)
+    assert float(np.cross(axis, closing)[2]) == pytest.approx(0.0, abs=1e-15)
+
+
+def test_the_finger_centre_of_the_spiral_stands_where_it_was_drawn() -> None:
+    np.testing.assert_allclose(0.05 * tilted_by(np.array([0.006, -0.008]), 0.05)[:2], [0.006, -0.008], atol=1e-15)
+
+
+def test_a_minimum_jerk_move_starts_and_ends_at_rest() -> None:
+    assert minimum_jerk(0.0) == (0.0, 0.0)
+    assert minimum_jerk(1.0) == (1.0, 0.0)
+    assert minimum_jerk(0.5) == (0.5, 1.875)
+
+
+def test_theta_is_blended_but_a_slip_is_taken_at_once() -> None:
+    smooth = Smoothing(blend=0.3, jump=0.15)
+    assert smooth.take(pose(0.0), pose(0.1)).theta == pytest.approx(0.03)
+    assert smooth.take(pose(0.0), pose(0.4)).theta == pytest.approx(0.4)
+    assert smooth.take(NO_PEG, pose(0.4)).theta == 0.4
+
+
+def test_a_peg_that_turns_past_90_degrees_is_followed() -> None:
+    assert Smoothing().take(pose(1.55), pose(-1.55)).theta == pytest.approx(math.pi - 1.55)
+
+
+@pytest.mark.parametrize(("event_at", "found_at"), [(1.02, 1.02), (None, 1.5)])
+def test_a_drop_is_a_fall_with_the_skins_event_at_once_and_without_it_when_it_lasts(event_at, found_at) -> None:
+    fall = Fall(drop=0.0006, window=0.3, dwell=0.5)
+    for scan in range(300):
+        stamp = scan / 100
+        if fall.update(stamp, 0.0 if stamp < 1.0 else -0.001, event_at is not None and abs(stamp - event_at) < 1e-9):
+            break
+    assert stamp == pytest.approx(found_at, abs=0.011)
+
+
+def test_an_event_without_a_drop_is_noise_unless_the_skin_is_all_there_is() -> None:
+    assert not any(Fall(0.0006, 0.3, 0.5).update(t / 100, 0.0, True) for t in range(200))
+    assert Fall(0.0, 0.3, 0.5).update(0.0, 0.0, True)
+
+
+def test_the_switch_must_agree_with_the_tips_depth() -> None:
+    assert is_seated(SwitchState.CLOSED, tip_at(HOLE.depth + 0.003), HOLE)
+    assert not is_seated(SwitchState.OPEN, tip_at(HOLE.depth), HOLE)
+    with pytest.raises(SwitchDisagreesError, match=r"tip 1\.0 mm deep"):
+        is_seated(SwitchState.CLOSED, tip_at(0.001), HOLE)
+    with pytest.raises(SwitchUnknownError):
+        is_seated(SwitchState.UNKNOWN, tip_at(0.0), HOLE)
+
+
+def test_a_tip_at_the_bottom_with_the_switch_open_is_a_fault_once_time_is_up() -> None:
+    require_short_of_bottom(tip_at(HOLE.depth - 0.002), HOLE)
+    with pytest.raises(SwitchDisagreesError, match="switch open"):
+        require_short_of_bottom(tip_at(HOLE.depth - 0.001), HOLE)
