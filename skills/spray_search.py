@@ -100,7 +100,7 @@ def run(params: SpraySearchParams, ctx: SkillContext) -> SpraySearchResult:
         is_event = seen.is_new_frame and event.update(seen.frame)
         if elapsed >= params.touch_down and fall.update(seen.stamp, tip[2], is_event):
             found = min(found, seen.stamp)
-        if seen.peg.stamp >= found + params.settle and not fall.is_down:
+        if seen.peg.stamp >= found + params.settle and not fall.holds():
             # It came up again: an edge, not the hole.
             found = math.inf
         if seen.peg.stamp >= found + params.settle:
@@ -187,6 +187,10 @@ class Fall:
     _height: float | None = None
     _since: float = 0.0
     _event: float = -math.inf
+
+    def holds(self) -> bool:
+        """Return whether the tip is still down, as far as drops are asked for."""
+        return self.drop == 0.0 or self.is_down
 
     def update(self, stamp: float, height: float, is_event: bool) -> bool:
         """Take one scan; return whether the peg has fallen in.
