@@ -9,6 +9,7 @@ from typing import Annotated, NoReturn, Protocol
 import numpy as np
 from pydantic import Field
 
+from drivers.errors import SkinUntrustedError
 from drivers.frames import end_point
 from drivers.parts import ConfigModel, Job
 from drivers.protocols import Arm, Clock, Gripper, Skin, SuccessSwitch
@@ -148,6 +149,8 @@ class Smoothing(ConfigModel):
 
 
 AS_IT_COMES = Smoothing()
+LEAST_TRUSTED = 20
+"""Taxels of both fingers without which no skill goes on: half of them, one module of each finger."""
 
 
 class Limits(ConfigModel):
@@ -218,6 +221,11 @@ class SkillContext:
         is_new_frame = frame.sequence != self._sequence
         if is_new_frame:
             self._sequence = frame.sequence
+            trusted = int(np.count_nonzero(frame.trusted))
+            if trusted < LEAST_TRUSTED:
+                raise SkinUntrustedError(
+                    f"skin: {trusted} of {frame.trusted.size} taxels trusted; {LEAST_TRUSTED} needed"
+                )
             pose = self.estimator.estimate(frame)
             if pose.healthy:
                 self._peg = self.smoothing.take(self._peg, pose)

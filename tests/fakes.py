@@ -125,6 +125,7 @@ class FakeSkin:
     def __init__(self, clock: FakeClock) -> None:
         self.clock = clock
         self.fault: Exception | None = None
+        self.trusted = np.ones((FINGERS, TAXELS), dtype=bool)
 
     def open(self) -> None: ...
 
@@ -133,8 +134,8 @@ class FakeSkin:
     def read(self) -> TaxelFrame:
         if self.fault is not None:
             raise self.fault
-        shape = (FINGERS, TAXELS)
-        return TaxelFrame(np.zeros(shape), np.ones(shape, dtype=bool), self.clock.now(), int(self.clock.now() * 10.0))
+        now = self.clock.now()
+        return TaxelFrame(np.zeros((FINGERS, TAXELS)), self.trusted.copy(), now, int(now * 10.0))
 
 
 class FakeSwitch:

@@ -141,3 +141,9 @@ def test_physics_that_diverge_are_a_fault(tmp_path, monkeypatch):
         cell.clock._data.qvel[:7] = math.inf
         supervisor.scan()
     assert (reports[-1].state, reports[-1].fault) == (State.ABORTED, FaultCode.SIMULATION_UNSTABLE)
+
+
+def test_a_skin_that_is_mostly_dead_stops_the_cell(rig):
+    rig.skin.trusted[:] = False
+    report = rig.command(GRASP)
+    assert (report.state, report.fault) == (State.ABORTED, FaultCode.SKIN_UNTRUSTED)
