@@ -14,13 +14,13 @@ from cell.config_errors import explain
 from drivers.errors import ConfigError
 from drivers.parts import ConfigModel, Hole, Job, Peg, Rack
 from plc_bridge.config import PlcConfig
-from sim.config import SimSkinConfig
-from sim.world_config import (
+from sim.config import (
     ContactConfig,
     GripConfig,
     SimArmConfig,
     SimConfig,
     SimGripperConfig,
+    SimSkinConfig,
     SimSwitchConfig,
 )
 from skills.catalogue import SkillSet

@@ -6,7 +6,7 @@ import numpy as np
 
 from drivers.parts import Job
 from drivers.quantities import Vector
-from sim.world_config import ContactConfig, GripConfig, Spread
+from sim.config import ContactConfig, GripConfig, Spread
 
 
 @dataclass(frozen=True, slots=True, eq=False)

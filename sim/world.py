@@ -20,9 +20,9 @@ from drivers.parts import Job
 from drivers.quantities import Pose, Vector
 from drivers.skin_layout import Layout, pad_size
 from sim import contact, engine, scene
+from sim.config import ContactConfig, GripConfig, SimConfig
 from sim.disturb import Draw, draw
 from sim.pads import PadLoad, breakaway_torque
-from sim.world_config import ContactConfig, GripConfig, SimConfig
 
 GRAVITY = 9.81
 HOME: Vector = np.array([-0.45, -0.2, 0.05, -2.45, 0.0, 2.25, 0.785])
@@ -87,6 +87,7 @@ class World:
         self.drive = np.array([0.0, panda.HAND_STROKE])
         self._held_since = 0.0
         self._q, self._dq = HOME.copy(), np.zeros(7)
+        self._data: mujoco.MjData = None
         contact.install()
         self.restock(job, sim.seed)
 
@@ -214,7 +215,7 @@ class World:
         self._q, self._dq = self._data.qpos[:7].copy(), self._data.qvel[:7].copy()
 
     def _enter_free(self, width: float, peg: Pose) -> None:
-        if hasattr(self, "_data"):
+        if self._data is not None:
             self._leave()
         self._use(Peg.FREE)
         data = self._data
