@@ -29,6 +29,8 @@ class SpiralAdjustParams(SkillParams):
     """Along x and y, and in rotation."""
     push_stiffness: PositiveFloat
     """Along z, N/m."""
+    push_damping: PositiveFloat
+    """Along z, N·s/m: the push over this is the speed at which the peg arrives at the bottom."""
     push_offset: NonNegativeFloat
     """The tip's setpoint lies so far below its own height, m."""
     guided_depth: PositiveFloat
@@ -59,7 +61,7 @@ def run(params: SpiralAdjustParams, ctx: SkillContext) -> SpiralAdjustResult:
     roll = first.arm.tcp.rotation[:, 2]
     hole = ctx.job.hole
     stiffness, damping = params.gains.stiffness(), params.gains.damping()
-    stiffness[2] = params.push_stiffness
+    stiffness[2], damping[2] = params.push_stiffness, params.push_damping
     offset, tip, guided_since = np.zeros(2), first.tip, math.inf
     for seen in ctx.scan(params.timeout, holding=True):
         # The angle is frozen: an estimate fed back while the peg is wedged would chase its own bias.
