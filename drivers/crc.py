@@ -1,0 +1,60 @@
+"""Check sums of the wires; pure."""
+
+import binascii
+from functools import lru_cache
+from typing import Annotated
+
+from pydantic import Field, field_validator
+
+from drivers.parts import ConfigModel
+
+Byte = Annotated[int, Field(ge=0, le=0xFF)]
+
+
+class Crc8(ConfigModel):
+    """One CRC of 8 bits, by the parameters that every catalogue of them uses."""
+
+    polynomial: Byte = 0x07
+    """Without its highest term."""
+    initial: Byte = 0x00
+    reflected: bool = False
+    """Bits of each byte, and of the result, lowest first."""
+    final: Byte = 0x00
+    """Combined with the result by exclusive or."""
+
+    @field_validator("polynomial")
+    @classmethod
+    def _ends_with_one(cls, polynomial: int) -> int:
+        if not polynomial & 1:
+            raise ValueError(f"0x{polynomial:02X} lets single flipped bits through; an odd one allowed")
+        return polynomial
+
+    def of(self, data: bytes) -> int:
+        """Return the check sum of `data`, 0 to 255."""
+        table = _table(self.polynomial, self.reflected)
+        crc = _mirrored(self.initial) if self.reflected else self.initial
+        for byte in data:
+            crc = table[crc ^ byte]
+        return crc ^ self.final
+
+
+@lru_cache
+def _table(polynomial: int, reflected: bool) -> bytes:
+    plain = []
+    for byte in range(256):
+        crc = byte
+        for _ in range(8):
+            crc = ((crc << 1) ^ (polynomial if crc & 0x80 else 0)) & 0xFF
+        plain.append(crc)
+    if reflected:
+        return bytes(_mirrored(plain[_mirrored(byte)]) for byte in range(256))
+    return bytes(plain)
+
+
+def _mirrored(byte: int) -> int:
+    return int(f"{byte:08b}"[::-1], 2)
+
+
+def crc16(data: bytes) -> int:
+    """Return the CRC of 16 bits by x^16 + x^12 + x^5 + 1, started at 0xFFFF (CRC-16/IBM-3740)."""
+    return binascii.crc_hqx(data, 0xFFFF)
