@@ -56,5 +56,8 @@ def _mirrored(byte: int) -> int:
 
 
 def crc16(data: bytes) -> int:
-    """Return the CRC of 16 bits by x^16 + x^12 + x^5 + 1, started at 0xFFFF (CRC-16/IBM-3740)."""
-    return binascii.crc_hqx(data, 0xFFFF)
+    """Return the CRC of 16 bits by x^16 + x^12 + x^5 + 1, started at 0xFFFF and inverted (CRC-16/GENIBUS).
+
+    Without the inversion, data cut off before a last zero byte could still fit.
+    """
+    return binascii.crc_hqx(data, 0xFFFF) ^ 0xFFFF

@@ -6,7 +6,7 @@ from drivers.icub_wire import TAXELS, TriangleAssembler, TriangleReading, encode
 from drivers.skin_health import ERROR_COUNT
 from drivers.skin_wire import CanFrame
 
-same = settings(derandomize=True, deadline=None, max_examples=200)
+same = settings(derandomize=True, deadline=None, max_examples=80)
 readings = st.builds(
     TriangleReading,
     st.lists(st.integers(0, 255), min_size=TAXELS, max_size=TAXELS).map(tuple),

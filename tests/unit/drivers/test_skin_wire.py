@@ -27,7 +27,7 @@ from drivers.skin_wire import (
     to_can,
 )
 
-same = settings(derandomize=True, deadline=None, max_examples=200)
+same = settings(derandomize=True, deadline=None, max_examples=80)
 
 WIRE = SkinWireConfig()
 HUB = WIRE.hub
@@ -94,7 +94,7 @@ def test_every_truncation_of_a_message_is_refused(message, wire):
             decode(data[:length], wire)
 
 
-@settings(same, max_examples=100)
+@settings(same, max_examples=60)
 @given(messages, wires)
 def test_every_flipped_bit_of_a_message_is_refused(message, wire):
     for spoilt in flipped(encode(message, wire)):
@@ -141,7 +141,7 @@ def test_lost_frame_costs_its_own_message_only(message, following, data):
     assert taken == [following]
 
 
-@settings(same, max_examples=100)
+@settings(same, max_examples=60)
 @given(messages, messages)
 def test_flipped_bit_in_a_can_frame_is_never_another_message(message, following):
     frames, more = to_can(encode(message, WIRE), HUB), to_can(encode(following, WIRE), HUB)
@@ -228,7 +228,7 @@ def test_sensor_data_that_do_not_fit_the_modules_are_refused(payload):
     assert 0 <= start < start + len(readings) <= len(channels)
 
 
-@settings(same, max_examples=200)
+@settings(same, max_examples=80)
 @given(st.data(), st.booleans())
 def test_parts_of_two_scans_are_never_mixed(data, numbered):
     """Scan n reads n everywhere; parts get lost at random."""
