@@ -68,7 +68,11 @@ def choices(seed: int) -> np.random.Generator:
 
 
 def make_estimator(config: CellConfig) -> Estimator:
-    """Return the estimator that `insert.estimator` names; the image of [gibbons] is the only one so far."""
+    """Return the estimator that `insert.estimator` names."""
+    if config.insert.estimator == "ml":
+        from skills.tactile.likelihood import LikelihoodEstimator  # compiles; only when asked for
+
+        return LikelihoodEstimator(config.ml, config.skin.layout, config.peg)
     return ImageEstimator(config.image, config.skin.layout)
 
 

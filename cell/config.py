@@ -31,6 +31,7 @@ from skills.release_and_retract import ReleaseAndRetractParams
 from skills.spiral_adjust import SpiralAdjustParams
 from skills.spray_search import SpraySearchParams
 from skills.tactile.image import ImageParams
+from skills.tactile.likelihood import LikelihoodParams
 from skills.tactile_insert import TactileInsertParams
 
 SHIPPED = Path(shipped.__file__).parent
@@ -45,7 +46,7 @@ RECIPE_SECTIONS = frozenset(
 class InsertSection(TactileInsertParams):
     """[insert]: the skill's parameters and the estimator that steers it."""
 
-    estimator: Literal["image"] = "image"
+    estimator: Literal["image", "ml"] = "image"
     """What turns taxels into the pose of the peg."""
 
 
@@ -77,6 +78,7 @@ class CellConfig(ConfigModel):
     gripper: SimGripperConfig
     skin: SimSkinConfig
     image: ImageParams = ImageParams()
+    ml: LikelihoodParams = LikelihoodParams()
     smoothing: Smoothing = Smoothing()
     switch: SimSwitchConfig
     plc: PlcConfig

@@ -19,7 +19,8 @@ def _digest() -> str:
     """Return a digest of all that compiled functions are made of."""
     here = Path(__file__).parent
     parts = [numba.__version__.encode()]
-    parts += [path.read_bytes() for folder in (here, here.parent / "sim") for path in sorted(folder.glob("*.py"))]
+    folders = (here, here.parent / "sim", here.parent / "skills" / "tactile")
+    parts += [path.read_bytes() for folder in folders for path in sorted(folder.glob("*.py"))]
     return hashlib.sha256(b"".join(parts)).hexdigest()[:16]
 
 

@@ -1,5 +1,6 @@
 import pytest
 
+from cell.assembly import make_estimator
 from cell.config import DEFAULT, load, parse_set, with_parameters
 from drivers.errors import ConfigError
 
@@ -24,7 +25,7 @@ def test_the_shipped_cell_is_a_whole_config(loaded):
         ("peg.diameter=8", ["--set", "peg.diameter = 8", "0.002 to 0.03", "metres", "0.008"]),
         ("hole.area=[60, 60]", ["hole.area", "60", "0 to 0.2", "metres"]),
         ("peg.diameter=0.0081", ["--set", "peg.diameter = 0.0081", "thicker than the hole", "0.0081"]),
-        ("insert.estimator=pca", ["insert.estimator", "'pca'", '"image"']),
+        ("insert.estimator=eye", ["insert.estimator", "'eye'", '"image"']),
         ("preset=hasty", ["preset", "'hasty'", "presets/"]),
         ("peg.shape=square", ["peg.shape", '"round" allowed']),
         ("hole.depth=0.06", ["hole.depth = 0.06", "peg.length"]),
@@ -90,3 +91,8 @@ def test_a_command_replaces_single_values(loaded):
 def test_a_command_cannot_touch_the_limits(loaded):
     with pytest.raises(ConfigError, match=r"limits\.force: not for a command"):
         with_parameters(loaded.cell, [("limits.force", 500.0)])
+
+
+@pytest.mark.parametrize(("name", "kind"), [("image", "ImageEstimator"), ("ml", "LikelihoodEstimator")])
+def test_the_estimator_is_the_one_that_is_named(name, kind):
+    assert type(make_estimator(load(sets=[f"insert.estimator={name}"]).cell)).__name__ == kind

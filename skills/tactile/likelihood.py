@@ -1,0 +1,287 @@
+"""Maximum likelihood over templates: the angle and offset whose frame is most like the one measured.
+
+Each finger's load is a constant and a part that rises along the peg. The four amounts enter a frame linearly
+and have Gaussian priors (both fingers about alike, the rise opposite), so for every angle and offset they are
+integrated out exactly; what remains is a posterior over the two, whose mean and spread are the answer.
+"""
+
+import math
+from typing import Annotated, Literal, NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from drivers.compiled import njit
+from drivers.parts import ConfigModel, Fraction, Peg
+from drivers.quantities import FINGERS, TAXELS, Mask, TaxelFrame, Vector
+from drivers.skin_layout import Layout
+from skills.contract import PegPose
+from skills.tactile.templates import TemplateParams, make_templates
+
+COARSE_THETA = 5
+COARSE_OFFSET = 4
+"""Every so many templates are tried first, along angle and offset."""
+NEAR = 2
+"""So many of those offsets to either side of the finger centre; all of them only when none of these fits."""
+FINE = 10
+"""Templates to either side of a likely angle that are tried then."""
+MODES = 2
+"""Likely angles that are looked at; between the lattice's rows two may look alike."""
+RIVAL = 60.0
+"""A second one counts when its log likelihood, on the coarse grid, comes as near to the best."""
+AMOUNTS = 6
+"""What is fitted: four loads, angle and offset."""
+NEVER = -1e30
+"""Log likelihood of the impossible."""
+
+
+class LikelihoodParams(ConfigModel):
+    """What a frame is expected to look like, and when it shows no peg."""
+
+    kind: Literal["ml"] = "ml"
+    templates: TemplateParams = TemplateParams()
+    noise: Annotated[float, Field(ge=1.0, le=5000.0)] = 300.0
+    """Standard deviation of a taxel's reading, counts."""
+    gain_spread: Annotated[float, Field(ge=0.0, le=0.5)] = 0.06
+    """What taxels differ by and templates miss, fraction of the reading."""
+    offset_spread: Annotated[float, Field(ge=1e-5, le=1e-2)] = 7e-4
+    """Standard deviation of the peg's offset from the finger centre, m."""
+    off_centre: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.05
+    """Chance that the offset is anything within the templates' reach instead."""
+    imbalance: Annotated[float, Field(ge=0.01, le=2.0)] = 0.3
+    """Standard deviation of half the difference of the fingers' loads, fraction of their mean."""
+    rise: Annotated[float, Field(ge=0.01, le=5.0)] = 0.4
+    """Standard deviation of the loads' opposite rise over 20 mm, fraction of their mean."""
+    common_rise: Annotated[float, Field(ge=0.01, le=5.0)] = 0.1
+    """Standard deviation of the rise that both loads share, likewise."""
+    wide_misfit: Annotated[float, Field(ge=1.0, le=100.0)] = 3.0
+    """Beyond this misfit the peg is looked for at all offsets."""
+    least_load: Annotated[float, Field(ge=0.0, le=43e3)] = 2000.0
+    """A mean load that gives fewer counts right under the peg is no peg."""
+    most_sigma: Annotated[float, Field(gt=0.0, le=1.6)] = 0.15
+    """An angle less certain than this is not told, rad."""
+    most_misfit: Annotated[float, Field(ge=1.0, le=1000.0)] = 12.0
+    """A frame whose squared residuals are this many times what was expected shows something else."""
+    most_residual: Fraction = 0.3
+    """A frame that keeps more than this share of its squares unexplained shows something else."""
+    least_trusted: Annotated[int, Field(ge=3, le=FINGERS * TAXELS)] = 20
+    """Fewer trusted taxels than this tell nothing."""
+
+
+class LikelihoodEstimator:
+    """Posterior over templates: coarse everywhere, fine about the likely angles.
+
+    The theta told is the posterior's mean and sigma its spread, widened by the misfit where the frame is further from
+    the best template than noise and gains explain.
+    """
+
+    def __init__(self, params: LikelihoodParams, layout: Layout, peg: Peg) -> None:
+        """Make the templates of `peg` on `layout`."""
+        self._params = params
+        self._templates = make_templates(layout, peg, params.templates)
+        within = np.exp(-0.5 * (self._templates.offset / params.offset_spread) ** 2) / params.offset_spread
+        anywhere = math.sqrt(2.0 * math.pi) / (2.0 * params.templates.offset_reach)
+        chance = (1.0 - params.off_centre) * within + params.off_centre * anywhere
+        self._prior: Vector = -np.log(chance / chance.max())
+        self._spreads: Vector = np.array([params.imbalance, params.common_rise, params.rise])
+
+    def estimate(self, frame: TaxelFrame) -> PegPose:
+        """Return the pose of the peg in `frame`; see `skills.contract.Estimator`."""
+        params = self._params
+        values, trusted = frame.values.ravel(), frame.trusted.ravel()
+        found = self._compare(False, values, trusted)
+        if found.misfit > params.wide_misfit:
+            found = self._compare(True, values, trusted)
+        healthy = (
+            found.load >= params.least_load
+            and found.sigma <= params.most_sigma
+            and found.misfit <= params.most_misfit
+            and found.residual <= params.most_residual
+            and np.count_nonzero(trusted) >= params.least_trusted
+        )
+        sigma = min(found.sigma, math.pi / 2)
+        return PegPose(found.theta, found.offset, sigma, found.residual, bool(healthy), frame.stamp)
+
+    def _compare(self, is_wide: bool, values: Vector, trusted: Mask) -> "Found":
+        params, templates = self._params, self._templates
+        return Found(
+            *_posterior(
+                is_wide,
+                values,
+                trusted,
+                params.noise,
+                params.gain_spread,
+                self._prior,
+                self._spreads,
+                templates.theta,
+                templates.offset,
+                templates.even,
+                templates.rising,
+            )
+        )
+
+
+class Found(NamedTuple):
+    """What the templates say of one frame."""
+
+    theta: float
+    """rad."""
+    offset: float
+    """m."""
+    sigma: float
+    """Standard deviation of theta, rad."""
+    load: float
+    """Mean of both fingers', counts right under the peg."""
+    misfit: float
+    """Squared residuals over what was expected of them."""
+    residual: float
+    """Share of the frame's squares that is left."""
+
+
+@njit(cache=True, fastmath=True)
+def _sums(weights, weighed, even, rising, first):  # type: ignore[no-untyped-def]
+    """Return one finger's sums of even², even·rising, rising², values·even, values·rising, each times the weight."""
+    ee = er = rr = ye = yr = 0.0
+    for k in range(first, first + TAXELS):
+        we = weights[k] * even[k]
+        ee += we * even[k]
+        er += we * rising[k]
+        rr += weights[k] * rising[k] * rising[k]
+        ye += weighed[k] * even[k]
+        yr += weighed[k] * rising[k]
+    return ee, er, rr, ye, yr
+
+
+@njit(cache=True, fastmath=True)
+def _evidence(weights, weighed, even, rising, spreads, solution):  # type: ignore[no-untyped-def]
+    """Return the log likelihood of one template, the loads integrated out; `solution` gets their amounts.
+
+    Amounts: mean, half the difference (left less right), common rise, opposite rise.
+    """
+    lee, ler, lrr, lye, lyr = _sums(weights, weighed, even, rising, 0)
+    ree, rer, rrr, rye, ryr = _sums(weights, weighed, even, rising, TAXELS)
+    ee, er, rr, dee, der, drr = lee + ree, ler + rer, lrr + rrr, lee - ree, ler - rer, lrr - rrr
+    y0, y1, y2, y3 = lye + rye, lye - rye, lyr + ryr, lyr - ryr
+    if ee <= 0.0 or y0 <= 0.0:
+        return NEVER
+    size = y0 / ee
+    p1, p2, p3 = 1.0 / (spreads[0] * size) ** 2, 1.0 / (spreads[1] * size) ** 2, 1.0 / (spreads[2] * size) ** 2
+    # Cholesky's factors of [[ee, dee, er, der], [., ee+p1, der, er], [., ., rr+p2, drr], [., ., ., rr+p3]].
+    i0 = 1.0 / math.sqrt(ee)
+    l10, l20, l30 = dee * i0, er * i0, der * i0
+    i1 = 1.0 / math.sqrt(ee + p1 - l10 * l10)
+    l21, l31 = (der - l20 * l10) * i1, (er - l30 * l10) * i1
+    i2 = 1.0 / math.sqrt(rr + p2 - l20 * l20 - l21 * l21)
+    l32 = (drr - l30 * l20 - l31 * l21) * i2
+    i3 = 1.0 / math.sqrt(rr + p3 - l30 * l30 - l31 * l31 - l32 * l32)
+    z0 = y0 * i0
+    z1 = (y1 - l10 * z0) * i1
+    z2 = (y2 - l20 * z0 - l21 * z1) * i2
+    z3 = (y3 - l30 * z0 - l31 * z1 - l32 * z2) * i3
+    solution[3] = z3 * i3
+    solution[2] = (z2 - l32 * solution[3]) * i2
+    solution[1] = (z1 - l21 * solution[2] - l31 * solution[3]) * i1
+    solution[0] = (z0 - l10 * solution[1] - l20 * solution[2] - l30 * solution[3]) * i0
+    shrunk = i1 * i2 * i3
+    return 0.5 * (z0 * z0 + z1 * z1 + z2 * z2 + z3 * z3 + math.log(p1 * p2 * p3 * shrunk * shrunk))
+
+
+@njit(cache=True, fastmath=True)
+def _at(i, j, weights, weighed, prior, even, rising, spreads, solution):  # type: ignore[no-untyped-def]
+    """Return the log posterior at angle i, which may run over either end, and offset j."""
+    n, m = even.shape[0], even.shape[1]
+    if i < 0 or i >= n:
+        # Half a turn on, the same axis has the opposite offset.
+        i, j = i % n, m - 1 - j
+    return _evidence(weights, weighed, even[i, j], rising[i, j], spreads, solution) - prior[j]
+
+
+@njit(cache=True, fastmath=True)
+def _row(i, j, weights, weighed, prior, even, rising, spreads, solution):  # type: ignore[no-untyped-def]
+    """Climb along the offsets of angle i from j; return the log posterior with the offset integrated out, its mean and best place."""
+    m = even.shape[1]
+    j = min(max(j, 1), m - 2)
+    low = _at(i, j - 1, weights, weighed, prior, even, rising, spreads, solution)
+    here = _at(i, j, weights, weighed, prior, even, rising, spreads, solution)
+    high = _at(i, j + 1, weights, weighed, prior, even, rising, spreads, solution)
+    while low > here and j > 1:
+        j, high, here = j - 1, here, low
+        low = _at(i, j - 1, weights, weighed, prior, even, rising, spreads, solution)
+    while high > here and j < m - 2:
+        j, low, here = j + 1, here, high
+        high = _at(i, j + 1, weights, weighed, prior, even, rising, spreads, solution)
+    bend = 2.0 * here - low - high
+    if not 0.0 < bend < -NEVER or low > here or high > here:
+        return here, float(j), j
+    lean = 0.5 * (high - low)
+    # A parabola through the three: its area is that of a Gaussian.
+    return here + 0.5 * lean * lean / bend - 0.5 * math.log(bend), j + lean / bend, j
+
+
+@njit(cache=True, fastmath=True)
+def _posterior(is_wide, values, trusted, noise, gain_spread, prior, spreads, theta, offset, even, rising):  # type: ignore[no-untyped-def]
+    """Compare one frame with the templates; return the fields of `Found`."""
+    n, m = theta.size, offset.size
+    weights, weighed = np.empty(values.size), np.empty(values.size)
+    for k in range(values.size):
+        expected = gain_spread * max(values[k], 0.0)
+        weights[k] = trusted[k] / (noise * noise + expected * expected)
+        weighed[k] = weights[k] * values[k]
+    solution = np.zeros(4)
+    step, across = theta[1] - theta[0], offset[1] - offset[0]
+    middle = m // 2
+    coarse, place = np.full(n // COARSE_THETA, NEVER), np.zeros(n // COARSE_THETA, np.int64)
+    near = middle % COARSE_OFFSET if is_wide else max(middle - NEAR * COARSE_OFFSET, middle % COARSE_OFFSET)
+    for a in range(coarse.size):
+        for j in range(near, m - near, COARSE_OFFSET):
+            value = _at(a * COARSE_THETA, j, weights, weighed, prior, even, rising, spreads, solution)
+            if value > coarse[a]:
+                coarse[a], place[a] = value, j
+    rows, about = np.empty(MODES * (2 * FINE + 1)), np.empty(MODES * (2 * FINE + 1))
+    turns, places = np.empty(rows.size, np.int64), np.empty(rows.size, np.int64)
+    count = 0
+    for mode in range(MODES):
+        a = int(np.argmax(coarse))
+        if coarse[a] <= NEVER or (mode > 0 and coarse[a] < rows[:count].max() - RIVAL):
+            break
+        for side in (1, -1):
+            j = place[a]
+            for b in range(int(side < 0), FINE + 1):
+                i = a * COARSE_THETA + side * b
+                rows[count], about[count], j = _row(i, j, weights, weighed, prior, even, rising, spreads, solution)
+                turns[count], places[count] = i, j
+                count += 1
+        for b in range(-(FINE // COARSE_THETA), FINE // COARSE_THETA + 1):
+            coarse[(a + b) % coarse.size] = NEVER
+    if count == 0:
+        return 0.0, 0.0, math.pi / 2, 0.0, 1e9, 1.0
+    best = np.argmax(rows[:count])
+    mass = first = second = beside = 0.0
+    for k in range(count):
+        chance = math.exp(rows[k] - rows[best])
+        away = (turns[k] - turns[best]) * step
+        away -= math.pi * round(away / math.pi)
+        mass += chance
+        first += chance * away
+        second += chance * away * away
+        beside += chance * (about[k] - middle) * (1.0 if 0 <= turns[k] < n else -1.0)
+    first /= mass
+    i, j = turns[best], places[best]
+    if not 0 <= i < n:
+        i, j = i % n, m - 1 - j
+    _evidence(weights, weighed, even[i, j], rising[i, j], spreads, solution)
+    misfit = missed = power = seen = 0.0
+    for k in range(values.size):
+        if weights[k] > 0.0:
+            left = 1.0 if k < TAXELS else -1.0
+            fit = (solution[0] + left * solution[1]) * even[i, j, k] + (solution[2] + left * solution[3]) * rising[
+                i, j, k
+            ]
+            misfit += weights[k] * (values[k] - fit) ** 2
+            missed += (values[k] - fit) ** 2
+            power += values[k] ** 2
+            seen += 1.0
+    misfit /= max(seen - AMOUNTS, 1.0)
+    angle = (theta[i] + first + math.pi / 2) % math.pi - math.pi / 2
+    sigma = math.sqrt((second / mass - first * first + step * step / 12.0) * max(misfit, 1.0))
+    return angle, beside / mass * across, sigma, solution[0], misfit, min(missed / (power + 1e-9), 1.0)

@@ -1,0 +1,132 @@
+"""What the taxels read for a peg held anyhow, in closed form: the model that estimators compare a frame with.
+
+The peg presses a line into each pad. Its load a metre is a constant and a part that rises along the peg; its groove
+has the parabolic pressure of a bed of springs; the elastomer blurs with a Gaussian, and a taxel averages over
+its disc. Along the line the blurred load is a difference of error functions; disc and groove are small sums.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from drivers.compiled import njit
+from drivers.parts import ConfigModel, Peg
+from drivers.quantities import FINGERS, TAXELS, Vector
+from drivers.skin_layout import Layout, finger_positions, pad_size
+
+HALF_LINE = 0.02
+"""Distance from the finger centre at which a load that rises by 1 has risen by 1, m."""
+FAR = 36.0
+"""Squared distance beyond which a line is not felt, in squared standard deviations of the blur."""
+
+
+class TemplateParams(ConfigModel):
+    """The pad as its maker knows it; not what the stand-in happens to have."""
+
+    blur: Annotated[float, Field(ge=1e-4, le=1e-2)] = 1.2e-3
+    """Standard deviation of the point spread of 1 mm of elastomer, m; assumed, about the thickness."""
+    taxel_diameter: Annotated[float, Field(ge=1e-3, le=7e-3)] = 4e-3
+    """Of the round area that one taxel averages over, m; assumed, about half the pitch."""
+    indentation: Annotated[float, Field(ge=1e-5, le=3e-3)] = 8.5e-4
+    """Depth of the groove that a usual grip leaves, m; the groove then reaches 2.6 mm to either side under 8 mm."""
+    theta_step: Annotated[float, Field(ge=2e-3, le=0.1)] = math.pi / 360
+    """Between neighbouring templates, rad."""
+    offset_step: Annotated[float, Field(ge=5e-5, le=2e-3)] = 2.5e-4
+    """Between neighbouring templates, m."""
+    offset_reach: Annotated[float, Field(ge=1e-3, le=1e-2)] = 4e-3
+    """Furthest that the peg's axis may lie beside the finger centre, m."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Templates:
+    """A frame of every angle and offset of one grid."""
+
+    theta: Vector
+    """Angles, shape (n,), rad, from -pi/2 up, evenly spaced over half a turn."""
+    offset: Vector
+    """Offsets, shape (m,), m, evenly spaced about 0."""
+    even: Vector
+    """Readings for a load that is 1 along the peg, shape (n, m, 40); 1 is what a taxel under an endless peg reads."""
+    rising: Vector
+    """Readings for one that rises from 0 at the finger centre to 1 `HALF_LINE` towards the tip."""
+
+
+def make_templates(layout: Layout, peg: Peg, params: TemplateParams) -> Templates:
+    """Return the templates of a peg on one layout; takes a fraction of a second."""
+    half = math.pi / 2
+    count = max(4, 4 * round(math.pi / params.theta_step / 4))
+    theta = np.arange(count, dtype=np.float64) * (math.pi / count) - half
+    side = round(params.offset_reach / params.offset_step)
+    offset = np.arange(-side, side + 1, dtype=np.float64) * params.offset_step
+    length, width = pad_size(layout)
+    # Exact up to the fifth power: seven points of a disc; three of a parabola.
+    turn = np.arange(6) * math.pi / 3
+    reach = params.taxel_diameter / 2 * math.sqrt(2.0 / 3.0)
+    disc = np.concatenate([[[0.0, 0.0]], reach * np.column_stack([np.cos(turn), np.sin(turn)])])
+    disc_weights = np.array([0.25] + [0.125] * 6)
+    groove = math.sqrt(peg.diameter * params.indentation) * math.sqrt(3.0 / 7.0) * np.array([-1.0, 0.0, 1.0])
+    groove_weights = np.array([7.0, 16.0, 7.0]) / 30.0
+    taxels = np.ascontiguousarray(finger_positions(layout).reshape(-1, 2))
+    even = np.zeros((theta.size, offset.size, FINGERS * TAXELS))
+    rising = np.zeros_like(even)
+    arguments = (disc, disc_weights, groove, groove_weights, params.blur)
+    _fill(theta, offset, taxels, length / 2, width / 2, peg.length, peg.overhang, *arguments, even, rising)
+    on_axis = np.zeros((1, 1, 1))
+    endless = (np.zeros(1), np.zeros(1), np.zeros((1, 2)), 0.1, 0.1, 0.1, 0.1)
+    _fill(*endless, *arguments, on_axis, np.zeros_like(on_axis))
+    return Templates(theta, offset, even / on_axis.item(), rising / on_axis.item())
+
+
+@njit(cache=True, fastmath=True)
+def _fill(  # type: ignore[no-untyped-def]
+    theta,
+    offset,
+    taxels,
+    half_length,
+    half_width,
+    tip,
+    back,
+    disc,
+    disc_weights,
+    groove,
+    groove_weights,
+    blur,
+    even,
+    rising,
+):
+    """Fill the readings of all taxels for every angle and offset, in units of the load over 2·sqrt(2 pi)·blur."""
+    scale = 1.0 / (blur * math.sqrt(2.0))
+    for i in range(theta.size):
+        c, s = math.cos(theta[i]), math.sin(theta[i])
+        for j in range(offset.size):
+            low, high = -back, tip
+            for start, step, half in ((-offset[j] * s, c, half_length), (offset[j] * c, s, half_width)):
+                if abs(step) > 1e-9:
+                    low = max(low, -start / step - abs(half / step))
+                    high = min(high, -start / step + abs(half / step))
+                elif abs(start) > half:
+                    high = low
+            if high <= low:
+                continue
+            for k in range(taxels.shape[0]):
+                constant, slope = 0.0, 0.0
+                for m in range(disc.shape[0]):
+                    x, y = taxels[k, 0] + disc[m, 0], taxels[k, 1] + disc[m, 1]
+                    along, beside = c * x + s * y, c * y - s * x - offset[j]
+                    spread = 0.0
+                    for g in range(groove.size):
+                        square = ((beside - groove[g]) / blur) ** 2
+                        if square < FAR:
+                            spread += groove_weights[g] * math.exp(-0.5 * square)
+                    if spread == 0.0:
+                        continue
+                    to_high, to_low = (high - along) * scale, (low - along) * scale
+                    area = math.erf(to_high) - math.erf(to_low)
+                    bend = (math.exp(-to_high * to_high) - math.exp(-to_low * to_low)) / (scale * math.sqrt(math.pi))
+                    constant += disc_weights[m] * spread * area
+                    slope += disc_weights[m] * spread * (along * area - bend)
+                even[i, j, k] = constant
+                rising[i, j, k] = slope / HALF_LINE
