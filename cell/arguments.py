@@ -54,7 +54,9 @@ def parser(formats: Sequence[str]) -> Parser:
     command = add("trials", "many insertions on fresh simulated cells", "config")
     command.add_argument("--trials", type=_positive, default=40, metavar="N")
     command.add_argument("--seed", type=_natural, default=1, metavar="S", help="of the first trial")
-    command.add_argument("--workers", type=_positive, metavar="N", help="processes; one for each core")
+    where = command.add_mutually_exclusive_group()
+    where.add_argument("--workers", type=_positive, metavar="N", help="processes; one for each core")
+    where.add_argument("--scheduler", type=_scheduler, metavar="tcp://HOST:PORT", help="of a Dask cluster")
     command.add_argument("--out", type=Path, required=True, metavar="DIR")
     command = add("study", "one study of the stand-in", "config")
     command.add_argument("name", choices=["speed"], metavar="NAME", help="speed")
@@ -87,3 +89,16 @@ def _address(text: str) -> tuple[str, int]:
     if not colon or not host or not port.isdigit() or not 0 < int(port) < 65536:
         raise argparse.ArgumentTypeError(f"{text!r}: HOST:PORT allowed, as in 127.0.0.1:5020")
     return host.strip("[]"), int(port)
+
+
+def _scheduler(text: str) -> str:
+    protocol, colon, address = text.partition("://")
+    try:
+        _address(address)
+    except argparse.ArgumentTypeError:
+        colon = ""
+    if not colon or protocol not in ("tcp", "tls"):
+        raise argparse.ArgumentTypeError(
+            f"{text!r}: tcp://HOST:PORT or tls://HOST:PORT allowed, as in tcp://127.0.0.1:8786"
+        )
+    return text

@@ -263,7 +263,7 @@ def _trials(args: argparse.Namespace) -> int:
         def done(row: TrialRow) -> None:
             progress.advance(bar)
 
-        rows = run_trials(config, seeds, args.workers or os.cpu_count() or 1, args.out, done)
+        rows = run_trials(config, seeds, args.workers or os.cpu_count() or 1, args.out, done, args.scheduler)
     lines = stage_table([row.tried() for row in rows])
     total = lines[-1]
     point = Point(

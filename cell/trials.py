@@ -3,16 +3,12 @@
 import csv
 import json
 import math
-import multiprocessing
-import os
 import platform
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, fields
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -21,6 +17,7 @@ from cell.config import CellConfig
 from cell.journal import config_hash, versions
 from cell.record import StageClock, ending_of
 from cell.statistics import PUBLISHED, Tried, spread, stage_table, wilson
+from cell.workers import on_cluster, on_processes
 from drivers.errors import CellError, ConfigError, FaultCode
 from drivers.quantities import ImpedanceSetpoint
 from skills.catalogue import CATALOGUE
@@ -31,8 +28,6 @@ from skills.spray_search import SpraySearchResult
 if TYPE_CHECKING:
     from sim.world import Truth
 
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
-"""A worker is one thread: one trial per core, and the same sums in the same order everywhere."""
 WATCHED = frozenset({"spray_search", "tactile_insert"})
 """Stages over which the estimate in use is compared with the truth."""
 TABLE, PARTIAL, SUMMARY = "trials.csv", "trials.partial.jsonl", "summary.json"
@@ -177,9 +172,14 @@ def run_trial(config: CellConfig, seed: int) -> TrialRow:
 
 
 def run_trials(
-    config: CellConfig, seeds: Sequence[int], workers: int, folder: Path, done: Callable[[TrialRow], None]
+    config: CellConfig,
+    seeds: Sequence[int],
+    workers: int,
+    folder: Path,
+    done: Callable[[TrialRow], None],
+    scheduler: str | None = None,
 ) -> list[TrialRow]:
-    """Run a trial of every seed on `workers` processes and return the rows, sorted by seed.
+    """Run a trial of every seed on `workers` processes, or on a cluster, and return the rows, sorted by seed.
 
     Rows go to a partial file as they finish; the same call again takes them up and runs only what is missing.
 
@@ -189,25 +189,27 @@ def run_trials(
         workers: Processes; the rows do not depend on it.
         folder: Where trials.csv and summary.json go.
         done: Told of every row, those of an earlier call included.
+        scheduler: Address of a Dask scheduler whose workers shall run the trials instead.
 
     Raises:
-        ConfigError: The folder cannot be written.
-        CellError: A worker was killed.
+        ConfigError: The folder cannot be written, or the packages for a cluster are missing.
+        CellError: A worker was killed, or the cluster is not there.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        partial = (folder / PARTIAL).open("a+", encoding="utf-8")
+        kept = (folder / PARTIAL).open("a+", encoding="utf-8")
     except OSError as error:
         raise ConfigError(f"--out {folder}: cannot be written: {error.strerror}") from None
-    with partial:
-        rows = {row.seed: row for row in _resume(partial, config) if row.seed in set(seeds)}
+    with kept:
+        rows = {row.seed: row for row in _resume(kept, config) if row.seed in set(seeds)}
         for row in rows.values():
             done(row)
         missing = [seed for seed in seeds if seed not in rows]
-        for row in _run_missing(config, missing, workers):
+        task = partial(run_trial, config)
+        for row in on_cluster(task, missing, scheduler) if scheduler else on_processes(task, missing, workers):
             rows[row.seed] = row
-            partial.write(json.dumps(asdict(row)) + "\n")
-            partial.flush()
+            kept.write(json.dumps(asdict(row)) + "\n")
+            kept.flush()
             done(row)
     ordered = [rows[seed] for seed in sorted(seeds)]
     write_table(ordered, folder / TABLE)
@@ -216,52 +218,28 @@ def run_trials(
     return ordered
 
 
-def _run_missing(config: CellConfig, seeds: Sequence[int], workers: int) -> Iterator[TrialRow]:
-    if not seeds:
-        return
-    with _one_thread_each():
-        pool = ProcessPoolExecutor(min(workers, len(seeds)), mp_context=multiprocessing.get_context("spawn"))
-        try:
-            for future in as_completed([pool.submit(run_trial, config, seed) for seed in seeds]):
-                yield future.result()
-        except BrokenProcessPool:
-            raise CellError("trials: a worker process was killed; the same command takes up where it was") from None
-        finally:
-            pool.shutdown(cancel_futures=True)
+def _resume(kept: TextIO, config: CellConfig) -> list[TrialRow]:
+    """Return the rows of an interrupted call with the same config and versions, and make the file ready to append.
 
-
-@contextmanager
-def _one_thread_each() -> Iterator[None]:
-    """Make child processes use one thread each."""
-    before = {name: os.environ.get(name) for name in THREADS}
-    os.environ.update(dict.fromkeys(THREADS, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
-
-
-def _resume(partial: TextIO, config: CellConfig) -> list[TrialRow]:
-    """Return the rows of an interrupted call with the same config and versions, and make the file ready to append."""
-    head = {"config": config_hash(config), "versions": versions()}
-    partial.seek(0)
-    lines = partial.read().splitlines()
-    rows = []
-    for line in lines[1:]:
-        try:
-            rows.append(TrialRow(**json.loads(line)))
-        except (json.JSONDecodeError, TypeError):
-            break  # cut off in the middle of a line
-    if not lines or lines[0] != json.dumps(head):
-        rows = []
-    partial.seek(0)
-    partial.truncate()
-    for entry in (head, *map(asdict, rows)):
-        partial.write(json.dumps(entry) + "\n")
+    What is good stays where it is: a call that is killed while it takes up loses nothing either.
+    """
+    head = json.dumps({"config": config_hash(config), "versions": versions()}) + "\n"
+    kept.seek(0)
+    lines = kept.read().splitlines(keepends=True)
+    rows: list[TrialRow] = []
+    if lines and lines[0] == head:
+        for line in lines[1:]:
+            if not line.endswith("\n"):
+                break  # cut off in the middle
+            try:
+                rows.append(TrialRow(**json.loads(line)))
+            except (json.JSONDecodeError, TypeError):
+                break
+        kept.truncate(sum(len(line.encode()) for line in lines[: 1 + len(rows)]))
+    else:
+        kept.truncate(0)
+        kept.write(head)
+        kept.flush()
     return rows
 
 

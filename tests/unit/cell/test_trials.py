@@ -51,12 +51,12 @@ def ran(monkeypatch):
     """Replace the worker pool; return the seeds that were really run."""
     seeds = []
 
-    def run_missing(config, missing, workers):
+    def on_processes(task, missing, workers):
         for seed in missing:
             seeds.append(seed)
             yield replace(ROW, seed=seed)
 
-    monkeypatch.setattr(trials, "_run_missing", run_missing)
+    monkeypatch.setattr(trials, "on_processes", on_processes)
     return seeds
 
 
@@ -110,6 +110,21 @@ def test_a_killed_call_is_taken_up_where_it_was(loaded, ran, tmp_path):
     rows = run_trials(loaded.cell, [1, 2, 3], 2, tmp_path, done.append)
     assert (ran, len(rows), len(done)) == ([2], 3, 3)
     assert not (tmp_path / PARTIAL).exists()
+
+
+def test_a_call_killed_while_it_takes_up_loses_nothing(loaded, monkeypatch, tmp_path):
+    interrupted(tmp_path, loaded.cell, [replace(ROW, seed=1), replace(ROW, seed=3)], rest=json.dumps(asdict(LOST)))
+    left = []
+
+    def killed(task, missing, workers):
+        left.extend((tmp_path / PARTIAL).read_text().splitlines()[1:])
+        raise KeyboardInterrupt
+        yield
+
+    monkeypatch.setattr(trials, "on_processes", killed)
+    with pytest.raises(KeyboardInterrupt):
+        run_trials(loaded.cell, [1, 2, 3], 2, tmp_path, lambda row: None)
+    assert [json.loads(line)["seed"] for line in left] == [1, 3]
 
 
 def test_another_config_starts_anew(loaded, ran, tmp_path):

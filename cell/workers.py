@@ -1,0 +1,170 @@
+"""Where trials run: on processes of this machine, or on the workers of a Dask cluster; results come as they finish."""
+
+import multiprocessing
+import os
+import platform
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import CancelledError, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from functools import partial
+from queue import Empty, SimpleQueue
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from cell.journal import versions
+from drivers.errors import CellError, ConfigError
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+Row = TypeVar("Row")
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+"""A worker is one thread: one trial per core, and the same sums in the same order everywhere."""
+BLAS = "OPENBLAS_NUM_THREADS"
+"""The one of them that could change a sum; a Dask nanny sets it to 1."""
+CONNECT = 10.0
+"""Longest wait for a scheduler's answer, s."""
+PATIENCE = 30.0
+"""So long without a result and without a worker, s, and the cluster is given up."""
+_TAKE_UP = "the same command takes up where it was"
+
+
+def on_processes(task: Callable[[int], Row], seeds: Sequence[int], workers: int) -> Iterator[Row]:
+    """Yield what `task` makes of each seed, as it finishes, on `workers` processes of one thread each.
+
+    Raises:
+        CellError: A worker was killed.
+    """
+    if not seeds:
+        return
+    with _one_thread_each():
+        context = multiprocessing.get_context("spawn")
+        pool = ProcessPoolExecutor(min(workers, len(seeds)), mp_context=context, initializer=_leave_with_parent)
+        try:
+            for future in as_completed([pool.submit(task, seed) for seed in seeds]):
+                yield future.result()
+        except BrokenProcessPool:
+            raise CellError(f"trials: a worker process was killed; {_TAKE_UP}") from None
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def _leave_with_parent() -> None:
+    """End this process when the one that asked for it is killed; a pool's workers would wait for ever."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+
+    def wait() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=wait, daemon=True).start()
+
+
+def on_cluster(
+    task: Callable[[int], Row], seeds: Sequence[int], address: str, patience: float = PATIENCE
+) -> Iterator[Row]:
+    """Yield what `task` makes of each seed, as it finishes, on the workers of a Dask cluster.
+
+    A seed whose worker dies is run again by another one.
+
+    Args:
+        task: Pickled by its name: the workers need this program, with the same code and packages.
+        seeds: One call each.
+        address: Of the scheduler, as in tcp://192.0.2.1:8786.
+        patience: How long to go on without any worker, s.
+
+    Raises:
+        ConfigError: The packages of the extra `cluster` are missing.
+        CellError: No answer from the scheduler, no worker, or a worker that cannot give the same rows.
+    """
+    if not seeds:
+        return
+    client = _connected(address)
+    try:
+        finished: SimpleQueue[Future] = SimpleQueue()
+        for future in client.map(partial(_on_worker, task, versions()), seeds, pure=False):
+            future.add_done_callback(finished.put)
+        for _ in seeds:
+            yield _result(_next(client, finished, address, patience), address)
+    finally:
+        client.close(timeout=CONNECT)
+
+
+def _connected(address: str) -> "Client":
+    try:
+        import dask.config
+
+        # What goes wrong is told here, once; read when distributed is imported.
+        dask.config.set(
+            {"logging": dict.fromkeys(("distributed", "distributed.client", "tornado.application"), "critical")}
+        )
+        from distributed import Client
+    except ImportError:
+        raise ConfigError("--scheduler: Dask is not installed; pip install 'tactile-insertion-cell[cluster]'") from None
+    try:
+        return Client(address, timeout=CONNECT, set_as_default=False)
+    except (OSError, ValueError):
+        raise CellError(
+            f"scheduler {address}: no answer within {CONNECT:g} s; a running Dask scheduler needed"
+        ) from None
+
+
+def _next(client: "Client", finished: "SimpleQueue[Future]", address: str, patience: float) -> "Future":
+    """Return the next future that is done, as long as somebody is there to do it."""
+    while True:
+        try:
+            return finished.get(timeout=patience)
+        except Empty:
+            if client.status != "running":
+                raise CellError(f"scheduler {address}: lost; {_TAKE_UP}") from None
+            if not client.nthreads():
+                raise CellError(
+                    f"scheduler {address}: no worker for {patience:g} s; one or more needed: dask worker {address} --nthreads 1"
+                ) from None
+
+
+def _result(future: "Future", address: str) -> Any:
+    try:
+        return future.result()
+    except CellError:
+        raise
+    except CancelledError:
+        raise CellError(f"scheduler {address}: lost; {_TAKE_UP}") from None
+    except Exception as error:
+        raise CellError(f"scheduler {address}: {type(error).__name__}: {_first_line(error)}; {_TAKE_UP}") from error
+
+
+def _on_worker(task: Callable[[int], Row], wanted: dict[str, str], seed: int) -> Row:
+    """Run one seed on a cluster's worker.
+
+    Raises:
+        CellError: This worker would not give the same row as another.
+    """
+    here, found = f"worker on {platform.node()}", versions()
+    for name, value in wanted.items():
+        if found.get(name) != value:
+            raise CellError(f"{here}: {name} {found.get(name)}; {value}, as where the trials were asked for, allowed")
+    if os.environ.get(BLAS) != "1":
+        raise CellError(f"{here}: {BLAS} = {os.environ.get(BLAS, 'not set')}; 1 allowed, as a nanny of Dask sets it")
+    return task(seed)
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error) or type(error).__name__).splitlines()[0]
+
+
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Make child processes use one thread each."""
+    before = {name: os.environ.get(name) for name in THREADS}
+    os.environ.update(dict.fromkeys(THREADS, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value

@@ -1,0 +1,138 @@
+"""Trials on a real Dask scheduler with real workers on loopback, and on processes that are killed."""
+
+import json
+import os
+import select
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
+
+import pytest
+
+from cell import workers
+from cell.cli import FAULT, main
+from cell.config import load
+from cell.trials import PARTIAL, run_trial, run_trials
+from cell.workers import on_cluster
+from drivers.errors import CellError
+
+SHORT = ["search.timeout=2.0"]
+SEEDS = range(5, 9)
+LOCAL = ("--host", "127.0.0.1", "--dashboard-address", "127.0.0.1:0")
+KILLED = """
+from cell.config import load
+from cell.trials import run_trials
+run_trials(load(sets={sets}).cell, range(5, 100), 2, __import__("pathlib").Path({folder!r}), lambda row: print(row.seed, flush=True), {scheduler!r})
+"""
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+@contextmanager
+def running(*arguments: str, **environment: str) -> Iterator[subprocess.Popen[str]]:
+    """Yield a Python process; it is killed at the end."""
+    process = subprocess.Popen(
+        [sys.executable, *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "OPENBLAS_NUM_THREADS": "1", **environment},
+    )
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def worker(address: str, **environment: str):
+    """Return a worker of one thread, without the nanny that would start it again."""
+    return running("-m", "distributed.cli.dask_worker", address, *LOCAL, "--nthreads", "1", "--no-nanny", **environment)
+
+
+@pytest.fixture(scope="module")
+def scheduler() -> Iterator[str]:
+    port = free_port()
+    with running("-m", "distributed.cli.dask_scheduler", *LOCAL, "--port", str(port)):
+        yield f"tcp://127.0.0.1:{port}"
+
+
+@pytest.fixture(scope="module")
+def config():
+    return load(sets=SHORT).cell
+
+
+def test_a_killed_worker_costs_no_row_and_changes_none(scheduler, config, tmp_path):
+    by_pool = run_trials(config, SEEDS, 2, tmp_path / "pool", lambda row: None)
+    with worker(scheduler) as first, worker(scheduler):
+        by_cluster = run_trials(config, SEEDS, 2, tmp_path / "cluster", lambda row: first.kill(), scheduler)
+        assert first.wait() == -signal.SIGKILL
+    assert [replace(row, wall_time=0.0) for row in by_cluster] == [replace(row, wall_time=0.0) for row in by_pool]
+
+
+@pytest.mark.parametrize("on", ["processes", "cluster"])
+def test_a_killed_call_loses_no_finished_trial_and_leaves_no_process(on, scheduler, config, tmp_path):
+    address = scheduler if on == "cluster" else None
+    with worker(scheduler) if address else running("-c", "") as _:
+        with running("-c", KILLED.format(sets=SHORT, folder=str(tmp_path), scheduler=address)) as call:
+            finished = [int(call.stdout.readline()) for _ in range(2)]
+            call.kill()
+            # The workers of a pool hold the same pipe: its end is theirs.
+            while select.select([call.stdout], [], [], 30.0)[0] and call.stdout.readline():
+                pass
+            assert select.select([call.stdout], [], [], 0.0)[0]
+        kept = [json.loads(line) for line in (tmp_path / PARTIAL).read_text().splitlines()[1:]]
+        rows = run_trials(config, sorted({*finished, 5}), 1, tmp_path, lambda row: None, address)
+    assert set(finished) <= {row["seed"] for row in kept}
+    assert {row["wall_time"] for row in kept if row["seed"] in finished} <= {row.wall_time for row in rows}
+
+
+def test_a_worker_with_other_code_is_refused(scheduler, config, monkeypatch):
+    monkeypatch.setattr(workers, "versions", lambda: {"code": "another"})
+    with (
+        worker(scheduler),
+        pytest.raises(CellError, match=r"code .*; another, as where the trials were asked for, allowed"),
+    ):
+        list(on_cluster(partial(run_trial, config), [5], scheduler))
+
+
+def test_a_worker_whose_sums_may_differ_is_refused(scheduler, config):
+    with (
+        worker(scheduler, OPENBLAS_NUM_THREADS="2"),
+        pytest.raises(CellError, match="OPENBLAS_NUM_THREADS = 2; 1 allowed"),
+    ):
+        list(on_cluster(partial(run_trial, config), [5], scheduler))
+
+
+def test_a_cluster_without_workers_is_told(scheduler, config):
+    with pytest.raises(CellError, match=r"no worker for 0\.1 s; .*dask worker tcp://"):
+        list(on_cluster(partial(run_trial, config), [5], scheduler, patience=0.1))
+
+
+def test_a_scheduler_that_dies_is_told(config):
+    port = free_port()
+    address = f"tcp://127.0.0.1:{port}"
+    with running("-m", "distributed.cli.dask_scheduler", *LOCAL, "--port", str(port)) as process, worker(address):
+        rows = on_cluster(partial(run_trial, config), SEEDS, address, patience=0.5)
+        next(rows)
+        process.kill()
+        with pytest.raises(CellError, match="lost; the same command takes up where it was"):
+            list(rows)
+
+
+def test_an_address_where_nobody_schedules_is_told_in_one_line(capsys, monkeypatch, tmp_path):
+    monkeypatch.setattr(workers, "CONNECT", 0.2)
+    address = f"tcp://127.0.0.1:{free_port()}"
+    assert main(["trials", "--trials", "1", "--scheduler", address, "--out", str(tmp_path)]) == FAULT
+    told = capsys.readouterr()
+    assert (told.out, told.err.count("\n")) == ("", 1)
+    assert f"scheduler {address}: no answer" in told.err
