@@ -182,15 +182,24 @@ class ModbusServer:
                 await asyncio.wait_for(self._stop.wait(), self._config.idle_timeout / 4)
             except TimeoutError:
                 self._drop_idle()
+        # a client whose accept is under way must not meet a closed server, which asyncio calls an error
+        self.loop.remove_reader(listening)
+        for _ in range(2):
+            await asyncio.sleep(0)
         server.close()
-        for connection in list(self._connections.values()):
-            connection.transport.abort()
-        await asyncio.sleep(0)  # lets the transports call connection_lost
+        while self.abort_all():
+            await asyncio.sleep(0)
         await server.wait_closed()
 
     def receive(self) -> asyncio.Protocol:
         """Return what shall talk to a client that has just connected."""
         return Connection(self)
+
+    def abort_all(self) -> int:
+        """End every connection; return how many have not ended yet."""
+        for connection in self._connections.values():
+            connection.transport.abort()
+        return len(self._connections)
 
     def turn_away(self, transport: asyncio.BaseTransport, source: str, why: str) -> None:
         """Close a connection that is not let in."""

@@ -75,6 +75,13 @@ class SecureModbusServer(ModbusServer):
         task.cancel()
         transport.abort()  # a task that has not begun does not close it
 
+    def abort_all(self) -> int:
+        """End every handshake and every connection; return how many have not ended yet."""
+        for task, (transport, _) in self._handshakes.items():
+            task.cancel()
+            transport.abort()
+        return super().abort_all() + len(self._handshakes)
+
     async def _shake_hands(self, transport: asyncio.Transport, source: str) -> None:
         # the protocol needs the role, which the handshake brings; TLS needs a protocol before
         connection = Connection(self)

@@ -1,6 +1,7 @@
 """The Modbus TCP server on real sockets: framing, order, limits, hostile clients."""
 
 import asyncio
+import contextlib
 import random
 import socket
 import struct
@@ -11,6 +12,7 @@ from drivers.errors import DeviceNotOpenedError
 from plc_bridge.bridge import Bridge
 from plc_bridge.config import ModbusConfig, PlcConfig
 from plc_bridge.messages import FIRST_PROGRAM, Control, LeaseState, Refusal, Report, Result
+from plc_bridge.modbus import ModbusServer
 from plc_bridge.peer import CellSilentError, Peer
 from plc_bridge.registers import MIRROR, REPORT
 
@@ -262,6 +264,24 @@ def test_bridge_opens_again_after_it_was_closed(bridge):
     bridge.start()
     with connect(bridge) as client:
         assert ask(client, READ_REPORT)[0] == 4
+
+
+def test_clients_that_come_while_the_server_closes_leave_no_error_behind(caplog):
+    server = ModbusServer(ModbusConfig(port=0, connections=500), Bridge(PlcConfig(), {}))
+    server.start()
+    clients = []
+
+    def arrive():
+        """One client in every turn of the loop, so that one falls into each moment of the end."""
+        with contextlib.suppress(OSError):
+            clients.append(socket.create_connection(server.address, timeout=PATIENCE))
+            server.loop.call_soon(arrive)
+
+    server.loop.call_soon_threadsafe(arrive)
+    server.close()
+    for client in clients:
+        client.close()
+    assert [record.getMessage() for record in caplog.records if record.name == "asyncio"] == []
 
 
 def test_twenty_clients_at_once_lose_nothing(bridge):
