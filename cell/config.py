@@ -242,12 +242,14 @@ def _merge(
     merged["preset"] = preset
     for keyed, value in keys:
         _lay_over(merged, _nested(keyed, value), "--set", source)
-    return _validated(merged, source, str(path))
+    return _validated(merged, source, str(path), path.parent)
 
 
-def _validated(merged: dict[str, Any], source: Mapping[tuple[str, ...], str], file: str) -> CellConfig:
+def _validated(
+    merged: dict[str, Any], source: Mapping[tuple[str, ...], str], file: str, folder: Path | None = None
+) -> CellConfig:
     try:
-        return CellConfig.model_validate(merged)
+        return CellConfig.model_validate(merged, context={"folder": folder})
     except ValidationError as error:
         raise ConfigError(explain(error, CellConfig, merged, source, file)) from None
 

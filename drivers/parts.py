@@ -1,13 +1,23 @@
 """The parts and places of a job: peg, hole, rack. Lengths in m; bounds reject a length typed in mm."""
 
+from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo
 
 Length = Annotated[float, Field(gt=0.0, le=0.5)]
 Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
 Coordinate = Annotated[float, Field(ge=-2.0, le=2.0)]
 Point = tuple[Coordinate, Coordinate, Coordinate]
+
+
+def _beside_config(path: Path, info: ValidationInfo) -> Path:
+    folder: Path | None = (info.context or {}).get("folder")
+    return path if folder is None else folder / path
+
+
+FilePath = Annotated[Path, AfterValidator(_beside_config)]
+"""A file; a relative path begins at the folder of the config file, wherever the program was started."""
 
 
 class ConfigModel(BaseModel):

@@ -1,12 +1,11 @@
 """How the cell meets its PLC."""
 
 from ipaddress import IPv4Network, IPv6Network
-from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import Field
 
-from drivers.parts import ConfigModel
+from drivers.parts import ConfigModel, FilePath
 from drivers.transport import Parity
 
 Right = Literal["read", "command", "stop"]
@@ -34,11 +33,11 @@ class TlsConfig(ModbusConfig):
 
     port: Annotated[int, Field(ge=0, le=65535)] = 802
     """TCP port; 802 is the registered one, below 1024 a user needs permission; 0 takes a free one."""
-    certificate: Path
+    certificate: FilePath
     """The cell's own certificate, PEM, with the chain above it."""
-    key: Path
+    key: FilePath
     """Its private key, PEM, without a password."""
-    authority: Path
+    authority: FilePath
     """Certificates of those who sign the clients' certificates, PEM."""
     roles: dict[Annotated[str, Field(min_length=1, max_length=64)], tuple[Right, ...]] = Field(default_factory=dict)
     """What each role may do: "read", "command" and, without commanding, "stop"; a role not named may do nothing."""

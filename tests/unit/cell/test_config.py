@@ -96,3 +96,14 @@ def test_a_command_cannot_touch_the_limits(loaded):
 @pytest.mark.parametrize(("name", "kind"), [("image", "ImageEstimator"), ("ml", "LikelihoodEstimator")])
 def test_the_estimator_is_the_one_that_is_named(name, kind):
     assert type(make_estimator(load(sets=[f"insert.estimator={name}"]).cell)).__name__ == kind
+
+
+def test_certificates_are_looked_for_beside_the_config_file(tmp_path):
+    file = tmp_path / "cell.toml"
+    tls = '\n[plc.tls]\ncertificate = "cell.pem"\nkey = "/keys/cell.key"\nauthority = "ca/root.pem"\n'
+    file.write_text(DEFAULT.read_text() + tls)
+    cell = load(file).cell
+    for config in (cell, with_parameters(cell, [("grasp.force", 20.0)])):
+        found = config.plc.tls
+        assert (found.certificate, found.authority) == (tmp_path / "cell.pem", tmp_path / "ca/root.pem")
+        assert str(found.key) == "/keys/cell.key"
