@@ -1,11 +1,7 @@
 """The Modbus RTU server on a pseudo terminal, byte by byte and with a client that is not ours."""
 
-import os
-import select
 import shutil
 import subprocess
-import threading
-import tty
 
 import pytest
 
@@ -16,6 +12,7 @@ from plc_bridge.config import ModbusConfig, PlcConfig, RtuConfig
 from plc_bridge.messages import Command, Report, Result
 from plc_bridge.registers import DISCRETE_INPUTS, VERSION, table
 from plc_bridge.rtu_frames import with_check_sum
+from tests.cable import Cable
 
 PROGRAM, UNIT = 100, 17
 AT = {register.name: register.address for register in table()}
@@ -31,41 +28,10 @@ def start(port):
     return bridge
 
 
-class Cable:
-    """Two pseudo terminals that pass on to each other what they get; `ends` are their ports."""
-
-    def __init__(self):
-        pairs = [os.openpty() for _ in range(2)]
-        for _, end in pairs:
-            tty.setraw(end)
-        self.ends = [os.ttyname(end) for _, end in pairs]
-        self._ends = [end for _, end in pairs]  # kept open, so that a client may close its own
-        self._inner = [inner for inner, _ in pairs]
-        self._cut, self._knife = os.pipe()
-        self._thread = threading.Thread(target=self._pass_on)
-        self._thread.start()
-
-    def _pass_on(self):
-        other = dict(zip(self._inner, reversed(self._inner), strict=True))
-        while True:
-            ready = select.select([*self._inner, self._cut], [], [])[0]
-            if self._cut in ready:
-                return
-            for inner in ready:
-                os.write(other[inner], os.read(inner, 4096))
-
-    def close(self):
-        os.write(self._knife, b"x")
-        self._thread.join()
-        for end in (*self._ends, *self._inner, self._cut, self._knife):
-            os.close(end)
-
-
 @pytest.fixture
 def cable():
-    cable = Cable()
-    yield cable
-    cable.close()
+    with Cable() as cable:
+        yield cable
 
 
 @pytest.fixture

@@ -1,0 +1,259 @@
+"""What a PLC may rely on, written once and held over every bus, against the real bridge and supervisor."""
+
+import contextlib
+import time
+from dataclasses import replace
+
+import pytest
+
+from cell.states import State
+from drivers.errors import FaultCode, SkinSilentError
+from plc_bridge.messages import Control, LeaseState, Refusal, Result
+from plc_bridge.peer import CellSilentError
+from plc_bridge.registers import VERSION, VERSION_MAJOR, CommandImage
+from skills.contract import Outcome, Reason
+from tests.plc_lines import PLC_LINES
+from tests.quick_cell import CODE, STAGE, quick_cell
+
+PATIENCE = 10.0  # s
+FORCE = 0
+"""Number of the parameter grasp.force, 0.1 N a count, 1 to 70 N."""
+
+
+@pytest.fixture(params=PLC_LINES)
+def line(request):
+    with PLC_LINES[request.param]() as line:
+        yield line
+
+
+@pytest.fixture
+def served(line, loaded, tmp_path):
+    with quick_cell(loaded, line.plc, tmp_path) as served:
+        yield served
+
+
+@pytest.fixture
+def plc(line, served):
+    with contextlib.closing(line.connect(served.bridge)) as plc:
+        plc.connect()
+        yield plc
+
+
+def until(ask, is_met):
+    """Return the first report for which `is_met` holds."""
+    deadline = time.monotonic() + PATIENCE
+    while not is_met(report := ask()):
+        assert time.monotonic() < deadline, report
+    return report
+
+
+def in_state(state):
+    return lambda report: report.state == state
+
+
+def begin(plc, served, **what):
+    """Start a run that goes on until it is let go, and return the report of its first scans."""
+    served.program.may_end.clear()
+    plc.trigger(CODE, **what)
+    return until(plc.cycle, lambda report: report.state == State.EXECUTE and report.run > 0)
+
+
+def test_first_number_is_adopted_and_never_run(line, served):
+    with contextlib.closing(line.connect(served.bridge)) as plc:
+        plc._client.connect()
+        plc._image = CommandImage(sequence=7, code=CODE, version=VERSION)
+        report = until(plc.cycle, lambda report: report.answered == 7)
+        assert (report.refusal, report.result) == (Refusal.ADOPTED, Result.REFUSED)
+        assert plc.run(CODE, timeout=PATIENCE).sequence == 8
+    assert len(served.program.runs) == 1
+
+
+def test_start_busy_done_held_until_acknowledged_idle(plc, served):
+    busy = begin(plc, served)
+    assert (busy.answered, busy.sequence, busy.code, busy.result) == (busy.sequence, busy.sequence, CODE, Result.NONE)
+    served.program.may_end.set()
+    done = plc.wait_for_result(PATIENCE)
+    assert (done.result, done.sequence, done.progress) == (Result.SUCCESS, busy.sequence, 100)
+    held = [plc.cycle() for _ in range(20)]
+    assert {(report.result, report.state) for report in held} == {(Result.SUCCESS, State.COMPLETE)}
+    plc.acknowledge()
+    assert until(plc.cycle, in_state(State.IDLE)).result == Result.NONE
+
+
+def test_identical_command_sent_again_never_runs_again(plc, served):
+    plc.trigger(CODE)
+    plc.wait_for_result(PATIENCE)
+    plc.acknowledge()
+    until(plc.cycle, in_state(State.IDLE))
+    for _ in range(20):
+        plc.cycle()
+    assert plc.read_report().state == State.IDLE
+    assert len(served.program.runs) == 1
+
+
+def test_every_command_is_one_run_with_its_own_answer(plc, served):
+    expected = [(Outcome.SUCCESS, Reason.NONE, Result.SUCCESS), (Outcome.FAILURE, Reason.NO_HOLE, Result.FAILURE)] * 10
+    sequence = plc.cycle().sequence
+    for run, (outcome, reason, result) in enumerate(expected, 1):
+        served.program.outcome, served.program.reason = outcome, reason
+        report = plc.run(CODE, timeout=PATIENCE)
+        assert (report.sequence, report.run, report.result, report.reason) == (sequence + run, run, result, reason)
+    assert len(served.program.runs) == len(expected)
+
+
+@pytest.mark.parametrize(
+    ("what", "refusal"),
+    [
+        ({"code": 99}, Refusal.UNKNOWN_CODE),
+        ({"code": CODE, "recipe": 999}, Refusal.UNKNOWN_RECIPE),
+        ({"code": Control.UNHOLD}, Refusal.NOT_READY),
+    ],
+)
+def test_what_cannot_be_done_is_refused_with_its_reason_and_the_next_command_runs(plc, served, what, refusal):
+    report = plc.run(**what, timeout=PATIENCE)
+    assert (report.result, report.refusal) == (Result.REFUSED, refusal)
+    assert served.program.runs == []
+    assert plc.run(CODE, timeout=PATIENCE).result == Result.SUCCESS
+
+
+@pytest.mark.parametrize("count", [9, 701])
+def test_parameter_beyond_its_limits_is_refused(plc, served, count):
+    with contextlib.suppress(CellSilentError):  # where a bus can refuse the value itself, it does
+        assert plc.run(CODE, parameters=[(FORCE, count)], timeout=PATIENCE).refusal == Refusal.PARAMETER
+    assert served.program.runs == []
+
+
+def test_parameters_at_their_limits_and_the_serial_number_reach_run_and_record(plc, served, line):
+    for count in (10, 700):
+        report = plc.run(CODE, 1, f"PEG-{count}", [(FORCE, count)], timeout=PATIENCE)
+        assert report.result == Result.SUCCESS
+        row = served.record(report.run)
+        assert (row.serial, row.recipe, row.sequence) == (f"PEG-{count}", 1, report.sequence)
+        assert row.source.startswith(line.source)
+    assert [skills.grasp.force for skills in served.program.runs] == pytest.approx([1.0, 70.0])
+
+
+def test_plc_of_another_major_version_is_refused(plc, served):
+    plc._image = replace(plc._image, version=(VERSION_MAJOR + 1) * 256)
+    assert plc.run(CODE, timeout=PATIENCE).refusal == Refusal.VERSION
+    assert served.program.runs == []
+
+
+def test_another_command_while_busy_is_refused_and_the_run_goes_on(plc, served):
+    run = begin(plc, served)
+    refused = plc.trigger(CODE)
+    refused = until(plc.cycle, lambda report: report.refusal != Refusal.NONE)
+    assert (refused.answered, refused.refusal) == (run.sequence + 1, Refusal.BUSY)
+    served.program.may_end.set()
+    done = until(plc.cycle, lambda report: report.result != Result.NONE)
+    assert (done.sequence, done.result) == (run.sequence, Result.SUCCESS)
+    assert len(served.program.runs) == 1
+
+
+def test_without_the_lease_nobody_starts_and_the_holder_is_named(plc, served):
+    served.bridge.take("terminal")
+    report = plc.run(CODE, timeout=PATIENCE)
+    assert (report.refusal, report.holder, report.lease) == (Refusal.NOT_HOLDER, "terminal", LeaseState.TAKEN)
+    assert served.program.runs == []
+
+
+def test_lease_is_taken_shown_and_released(plc, served, line):
+    assert plc.take()
+    report = plc.cycle()
+    assert report.lease == LeaseState.YOURS
+    assert report.holder.startswith(line.source)
+    assert not served.bridge.take("terminal")
+    plc.release()
+    assert until(plc.cycle, lambda report: report.lease == LeaseState.FREE).holder == ""
+    assert served.bridge.take("terminal")
+    assert not plc.take()
+
+
+def test_whoever_stops_needs_no_lease(plc, served):
+    served.bridge.take("terminal")
+    served.program.may_end.clear()
+    served.bridge.submit("terminal", CommandImage(code=CODE))
+    until(plc.read_report, in_state(State.EXECUTE))
+    plc.stop()
+    report = until(plc.cycle, in_state(State.STOPPED))
+    assert report.holder == "terminal"
+    assert served.record(1).outcome == "aborted"
+
+
+def test_stop_ends_the_own_run_and_reset_makes_ready(plc, served):
+    begin(plc, served)
+    plc.stop()
+    report = plc.wait_for_result(PATIENCE)
+    assert (report.result, report.reason) == (Result.ABORTED, Reason.STOPPED)
+    plc.acknowledge()
+    served.program.may_end.set()
+    assert plc.run(CODE, timeout=PATIENCE).refusal == Refusal.NOT_READY
+    assert plc.reset(PATIENCE).result == Result.SUCCESS
+    assert plc.run(CODE, timeout=PATIENCE).result == Result.SUCCESS
+
+
+def test_hold_waits_and_unhold_goes_on(plc, served):
+    run = begin(plc, served)
+    plc.trigger(Control.HOLD)
+    served.program.may_end.set()
+    until(plc.cycle, in_state(State.HELD))
+    assert {plc.cycle().state for _ in range(20)} == {State.HELD}
+    plc.trigger(Control.UNHOLD)
+    done = until(plc.cycle, lambda report: report.result != Result.NONE)
+    assert (done.sequence, done.result) == (run.sequence, Result.SUCCESS)
+
+
+def test_abort_then_clear_then_reset(plc, served):
+    begin(plc, served)
+    plc.abort()
+    assert until(plc.cycle, in_state(State.ABORTED)).result == Result.ABORTED
+    assert plc.run(CODE, timeout=PATIENCE).refusal == Refusal.NOT_READY
+    assert plc.run(Control.CLEAR, timeout=PATIENCE).state == State.STOPPED
+    assert plc.reset(PATIENCE).state == State.IDLE
+    served.program.may_end.set()
+    assert plc.run(CODE, timeout=PATIENCE).result == Result.SUCCESS
+
+
+def test_fault_has_its_word_and_its_stage_until_a_reset(plc, served):
+    served.program.fault = SkinSilentError("nothing heard")
+    report = plc.run(CODE, timeout=PATIENCE)
+    assert (report.result, report.fault, report.stage) == (Result.FAULT, FaultCode.SKIN_SILENT, 1)
+    assert until(plc.cycle, in_state(State.ABORTED)).fault == FaultCode.SKIN_SILENT
+    row = served.record(report.run)
+    assert (row.outcome, row.fault, row.stage) == ("fault", FaultCode.SKIN_SILENT, STAGE)
+    served.program.fault = None
+    assert plc.reset(PATIENCE).fault == FaultCode.NONE
+    assert plc.run(CODE, timeout=PATIENCE).result == Result.SUCCESS
+
+
+def test_life_that_stands_still_stops_the_run_and_frees_the_lease(line, loaded, tmp_path):
+    hasty = line.plc.model_copy(update={"life_timeout": 0.2})
+    with quick_cell(loaded, hasty, tmp_path) as served, contextlib.closing(line.connect(served.bridge)) as plc:
+        plc.connect()
+        served.program.may_end.clear()
+        plc.trigger(CODE)
+        report = until(plc.read_report, in_state(State.ABORTED))
+        assert (report.result, report.fault, report.lease) == (Result.FAULT, FaultCode.PLC_LOST, LeaseState.FREE)
+        assert plc.read_diagnostics().lost == 1
+        assert served.record(1).fault == FaultCode.PLC_LOST
+
+
+def test_run_goes_on_over_a_new_connection_and_its_result_is_found_there(plc, served, line):
+    run = begin(plc, served, serial="PEG-7")
+    plc.close()
+    with contextlib.closing(line.connect(served.bridge)) as again:
+        report = again.connect()
+        assert (report.sequence, report.state, report.result) == (run.sequence, State.EXECUTE, Result.NONE)
+        served.program.may_end.set()
+        done = again.wait_for_result(PATIENCE)
+        assert (done.sequence, done.result, done.run) == (run.sequence, Result.SUCCESS, run.run)
+        again.acknowledge()
+        assert until(again.cycle, in_state(State.IDLE)).result == Result.NONE
+        assert again.run(CODE, timeout=PATIENCE).sequence == run.sequence + 1
+    assert len(served.program.runs) == 2
+
+
+def test_refusals_are_counted_where_everybody_can_read_them(plc, served):
+    for _ in range(3):
+        plc.run(99, timeout=PATIENCE)
+    assert plc.read_diagnostics().refusals == 3

@@ -1,0 +1,85 @@
+"""The ways from a PLC to the cell, one for each bus; what is written against `PlcLine` runs over all of them."""
+
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from pymodbus import FramerType
+from pymodbus.client import ModbusSerialClient, ModbusTlsClient
+
+from plc_bridge.bridge import Bridge
+from plc_bridge.config import ModbusConfig, PlcConfig, RtuConfig, TlsConfig
+from plc_bridge.peer import Peer
+from tests.cable import Cable
+from tests.certificates import Authority, utf8
+
+ROLE = "Operator"
+TIMEOUT = 10.0  # s
+
+
+@dataclass(frozen=True, slots=True)
+class PlcLine:
+    """One way to the cell."""
+
+    plc: PlcConfig
+    """What the cell must listen on; patient, so that a busy computer loses no run."""
+    connect: Callable[[Bridge], Peer]
+    """Return a peer that is not connected yet."""
+    source: str
+    """How the run's record begins to name who asked."""
+
+
+def _patient(**buses: object) -> PlcConfig:
+    return PlcConfig(life_timeout=60.0, lease_timeout=60.0, **{"modbus": ModbusConfig(port=0), **buses})
+
+
+def _at_once(seconds: float) -> None:
+    """Wait for nothing: every question to the cell takes its time anyway."""
+
+
+@contextmanager
+def modbus_tcp() -> Iterator[PlcLine]:
+    """Modbus TCP."""
+    yield PlcLine(_patient(), lambda bridge: Peer(*bridge.address, timeout=TIMEOUT, wait=_at_once), "127.0.0.1:")
+
+
+@contextmanager
+def modbus_tls() -> Iterator[PlcLine]:
+    """Modbus/TCP Security; the peer has the role that may command."""
+    with tempfile.TemporaryDirectory() as folder:
+        authority = Authority(Path(folder))
+        certificate, key = authority.sign("cell")
+        context = authority.client(*authority.sign("plc", utf8(ROLE)))
+        context.check_hostname = False  # pymodbus cannot say whom it expects
+        roles = {ROLE: ("read", "command")}
+        tls = TlsConfig(port=0, certificate=certificate, key=key, authority=authority.certificate, roles=roles)
+
+        def connect(bridge: Bridge) -> Peer:
+            assert bridge.secure_address is not None
+            host, port = bridge.secure_address
+            peer = Peer(host, port, wait=_at_once)
+            peer._client = ModbusTlsClient(host, port=port, sslctx=context, timeout=TIMEOUT, retries=0)
+            return peer
+
+        yield PlcLine(_patient(tls=tls), connect, f"{ROLE}@127.0.0.1:")
+
+
+@contextmanager
+def modbus_rtu() -> Iterator[PlcLine]:
+    """Modbus RTU over a pair of pseudo terminals, which may refuse parity."""
+    with Cable() as cable:
+
+        def connect(bridge: Bridge) -> Peer:
+            peer = Peer(cable.ends[1], 0, wait=_at_once)
+            peer._client = ModbusSerialClient(
+                cable.ends[1], framer=FramerType.RTU, baudrate=115200, timeout=TIMEOUT, retries=0
+            )
+            return peer
+
+        rtu = RtuConfig(port=cable.ends[0], baud_rate=115200, parity="none")
+        yield PlcLine(_patient(rtu=rtu), connect, "rtu:")
+
+
+PLC_LINES = {"modbus_tcp": modbus_tcp, "modbus_tls": modbus_tls, "modbus_rtu": modbus_rtu}

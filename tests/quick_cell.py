@@ -1,0 +1,93 @@
+"""A served cell without physics: the real bridge and supervisor over instant fakes, and one program that obeys the test."""
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import cell.supervisor
+from cell.assembly import Cell
+from cell.config import LoadedConfig
+from cell.journal import Journal, RunRow
+from cell.line import PARAMETERS, PROGRAMS
+from cell.supervisor import Supervisor
+from drivers.errors import CellError
+from plc_bridge.bridge import Bridge
+from plc_bridge.config import PlcConfig
+from skills.catalogue import Entry, SkillSet
+from skills.contract import Outcome, Reason, SkillContext, SkillResult
+from skills.flow import StageRecord, run_stage
+from tests.fakes import FakeArm, FakeClock, FakeGripper, FakeSkin, FakeSwitch
+
+CODE, STAGE = 100, "grasp_from_rack"
+AGES = 1e9  # s
+
+
+class BriefClock(FakeClock):
+    """A fake clock that lets the other threads have their turn."""
+
+    def wait_until(self, stamp: float) -> None:
+        super().wait_until(stamp)
+        threading.Event().wait(0.0005)
+
+
+class QuickProgram:
+    """Ends at once, or when it is let go, in the way that is set; remembers the parameters of every run."""
+
+    def __init__(self) -> None:
+        self.may_end = threading.Event()
+        self.may_end.set()
+        self.outcome, self.reason = Outcome.SUCCESS, Reason.NONE
+        self.fault: CellError | None = None
+        self.runs: list[SkillSet] = []
+
+    def __call__(self, skills: SkillSet, ctx: SkillContext) -> list[StageRecord]:
+        self.runs.append(skills)
+        return [run_stage(STAGE, self._run, ctx)]
+
+    def _run(self, ctx: SkillContext) -> SkillResult:
+        for seen in ctx.scan(AGES):
+            if self.fault is not None:
+                raise self.fault
+            if self.may_end.is_set():
+                return SkillResult(self.outcome, self.reason, seen.elapsed)
+        raise AssertionError("the program was never let go")
+
+
+class QuickCell:
+    """What a test holds of the cell that it talks to."""
+
+    def __init__(self, bridge: Bridge, program: QuickProgram, folder: Path) -> None:
+        self.bridge, self.program, self._folder = bridge, program, folder
+
+    def record(self, run: int) -> RunRow:
+        """Return the row of one run."""
+        with Journal(self._folder) as journal:
+            return journal.find(run)
+
+
+@contextmanager
+def quick_cell(loaded: LoadedConfig, plc: PlcConfig, folder: Path) -> Iterator[QuickCell]:
+    """Yield a cell that is served until the end."""
+    config = loaded.cell
+    clock = BriefClock()
+    devices = FakeArm(clock), FakeGripper(config.peg.diameter), FakeSkin(clock), FakeSwitch()
+    made = Cell(config, clock, *devices, lambda *job: None)
+    bridge, program, stop = Bridge(plc, PROGRAMS, PARAMETERS), QuickProgram(), threading.Event()
+
+    def serve() -> None:
+        with Journal(folder) as journal:
+            Supervisor(made, loaded, bridge, journal, stop).serve()
+
+    bridge.start()
+    table = cell.supervisor.BY_CODE
+    before, table[CODE] = table[CODE], Entry("insert_peg", CODE, program, starts_empty=True)
+    thread = threading.Thread(target=serve)
+    thread.start()
+    try:
+        yield QuickCell(bridge, program, folder)
+    finally:
+        stop.set()
+        thread.join()
+        bridge.close()
+        table[CODE] = before
