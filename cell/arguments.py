@@ -61,6 +61,7 @@ def parser(formats: Sequence[str]) -> Parser:
     command = add("study", "one study of the stand-in", "config")
     command.add_argument("name", choices=["speed"], metavar="NAME", help="speed")
     command.add_argument("--seed", type=_natural, default=1, metavar="S", help="of the trial")
+    command.add_argument("--profile", action="store_true", help="speed: where the time of a trial goes")
     command = add("runs", "the newest runs on record", "journal")
     command.add_argument("--last", type=_positive, default=20, metavar="N")
     command = add("show", "one run on record, with its plots", "journal")

@@ -278,10 +278,15 @@ def _trials(args: argparse.Namespace) -> int:
 
 
 def _study(args: argparse.Namespace) -> int:
-    from cell.studies.speed import measure  # compiles; only when asked for
+    from cell.studies import speed  # compiles; only when asked for
 
-    lines = measure(_load(args, default_pace="max").cell, args.seed)
-    _show(args, tables.speed(lines), [asdict(line) for line in lines])
+    config = _load(args, default_pace="max").cell
+    if args.profile:
+        parts = speed.profile(config, args.seed)
+        _show(args, tables.profile(parts), [asdict(part) for part in parts])
+    else:
+        lines = speed.measure(config, args.seed)
+        _show(args, tables.speed(lines), [asdict(line) for line in lines])
     return GOOD
 
 

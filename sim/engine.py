@@ -30,6 +30,10 @@ FINGER_GAIN = 2e4
 
 SUSTAINED_TIME = 0.002
 """A penetration counts when it lasts longer, s."""
+COARSE = 2
+"""Ticks in a step while the held peg is far from the hole: nothing that is judged can be touched there."""
+FAR = 0.003
+"""How far from the hole's edge every point of the peg's end is then, m; in 1 ms it moves less than a tenth of that."""
 
 
 def new_meters() -> Vector:
@@ -38,13 +42,36 @@ def new_meters() -> Vector:
 
 
 @njit(cache=True)
+def is_far(hole: Vector, size: Vector, middle: Vector, axes: Vector) -> bool:  # pragma: no cover
+    """Whether every point of the peg's end is `FAR` from the hole's edge, sideways or above.
+
+    Args:
+        hole: Middle of the mouth, m; outward axis; radius, m: shape (7,), base frame.
+        size: Radius and half the length of the peg, m.
+        middle: Of the peg, shape (3,), m, base frame.
+        axes: Of the peg, shape (3, 3), z from its end upward.
+    """
+    height, square, along = 0.0, 0.0, 0.0
+    for k in range(3):
+        way = middle[k] - size[1] * axes[k, 2] - hole[k]
+        height += way * hole[3 + k]
+        square += way * way
+        along += axes[k, 2] * hole[3 + k]
+    beside = math.sqrt(max(square - height * height, 0.0))
+    lowest = height - size[0] * math.sqrt(max(1.0 - along * along, 0.0))
+    return bool(beside > hole[6] + size[0] + FAR or lowest > FAR)
+
+
+@njit(cache=True)
 def advance(
-    model: int,
+    models: tuple[int, int],
     data: int,
     qpos: Vector,
     qvel: Vector,
     qfrc: Vector,
     pivot: Vector,
+    peg: tuple[Vector, Vector, Vector],
+    hole: Vector,
     userdata: Vector,
     words: Vector,
     state: Vector,
@@ -54,19 +81,21 @@ def advance(
     plates: int,
     start: float,
     timestep: float,
-    steps: int,
+    ticks: int,
     law_every: int,
     phase: int,
 ) -> int:  # pragma: no cover
-    """Advance the physics by `steps`, with the torque law every `law_every` of them.
+    """Advance the physics by `ticks`, with the torque law every `law_every` of them.
 
     Args:
-        model: Address of the mjModel.
-        data: Address of the mjData.
+        models: Addresses of the mjModel and of its twin with a time step `COARSE` times as long, or 0.
+        data: Address of the mjData of both.
         qpos: View of its positions; likewise `qvel`, `qfrc` (applied forces) and `userdata`.
         qvel: Velocities; the arm's seven come first, as in `qpos`.
         qfrc: Applied generalised forces.
         pivot: View of the finger centre's position, m, base frame.
+        peg: Size, and views of place and axes of the peg, see `is_far`.
+        hole: See `is_far`.
         userdata: Where the contact function leaves the penetration.
         words: The held setpoint, see `drivers.impedance`.
         state: State of the law.
@@ -74,21 +103,21 @@ def advance(
         drive: Command of the hand's drive.
         hinge: Index of the peg's hinge in `qpos`, or -1.
         plates: How many of the first geoms are plates.
-        start: Time before the first step, s.
-        timestep: s.
-        steps: How many to take.
-        law_every: Steps in a control period.
-        phase: Steps since the last control period began.
+        start: Time before the first tick, s.
+        timestep: Of one tick, s.
+        ticks: How many to take.
+        law_every: Ticks in a control period.
+        phase: Ticks since the last control period began.
 
     Returns:
         1 when the state is no longer finite, else 0.
     """
-    blend = timestep / (FORCE_FILTER + timestep)
     window = math.floor(SUSTAINED_TIME / timestep + 0.5) + 1
     force, torque = np.zeros(3), np.zeros(3)
-    for step in range(steps):
-        if (phase + step) % law_every == 0:
-            tau = impedance.torque(words, state, qpos[:7], qvel[:7], start + step * timestep, law_every * timestep)
+    tick = 0
+    while tick < ticks:
+        if (phase + tick) % law_every == 0:
+            tau = impedance.torque(words, state, qpos[:7], qvel[:7], start + tick * timestep, law_every * timestep)
             for i in range(7):
                 qfrc[i] = tau[i]
         if hinge < 0:
@@ -100,32 +129,13 @@ def advance(
                     opening = min(max(FINGER_GAIN * (drive[DRIVE_WIDTH] / 2.0 - qpos[i]), -FINGER_FORCE), FINGER_FORCE)
                     qfrc[i] = opening - FINGER_FORCE / FINGER_SPEED * qvel[i]
         userdata[contact.PENETRATION] = 0.0
-        native.step(model, data)
+        may_coarsen = models[1] != 0 and (phase + tick) % COARSE == 0 and tick + COARSE <= ticks
+        stride = COARSE if may_coarsen and is_far(hole, peg[0], peg[1], peg[2]) else 1
+        native.step(models[0] if stride == 1 else models[1], data)
+        tick += stride
 
-        force[:] = 0.0
-        torque[:] = 0.0
-        count = carray(native.pointer(data + native.DATA_NCON), (1,), np.int32)[0]
-        if count > 0:
-            first = native.load(data + native.DATA_CONTACT)
-            efc = native.load(data + native.DATA_EFC_FORCE)
-            for k in range(count):
-                address = first + k * native.CONTACT_BYTES
-                row = carray(native.pointer(address + native.CONTACT_EFC_ADDRESS), (1,), np.int32)[0]
-                geom = carray(native.pointer(address + native.CONTACT_GEOM1), (1,), np.int32)[0]
-                if row < 0 or geom >= plates:
-                    continue
-                f = carray(native.pointer(efc + 8 * row), (3,), np.float64)
-                c = carray(native.pointer(address), (13,), np.float64)
-                fx = c[4] * f[0] + c[7] * f[1] + c[10] * f[2]
-                fy = c[5] * f[0] + c[8] * f[1] + c[11] * f[2]
-                fz = c[6] * f[0] + c[9] * f[1] + c[12] * f[2]
-                rx, ry, rz = c[1] - pivot[0], c[2] - pivot[1], c[3] - pivot[2]
-                force[0] += fx
-                force[1] += fy
-                force[2] += fz
-                torque[0] += ry * fz - rz * fy
-                torque[1] += rz * fx - rx * fz
-                torque[2] += rx * fy - ry * fx
+        _net_force(data, pivot, plates, force, torque)
+        blend = stride * timestep / (FORCE_FILTER + stride * timestep)
         size = 0.0
         for i in range(3):
             meters[FORCE + i] += blend * (force[i] - meters[FORCE + i])
@@ -133,16 +143,9 @@ def advance(
             size += meters[FORCE + i] * meters[FORCE + i]
         if hinge >= 0:
             meters[PEAK_FORCE] = max(meters[PEAK_FORCE], math.sqrt(size))
-
-        at = int(meters[RING_AT])
-        meters[RING + at] = userdata[contact.PENETRATION]
-        meters[RING_AT] = float((at + 1) % window)
-        lasting = meters[RING]
-        for i in range(1, window):
-            lasting = min(lasting, meters[RING + i])
-        meters[SUSTAINED] = max(meters[SUSTAINED], lasting)
-        if hinge >= 0:
             meters[TURN_MAX] = max(meters[TURN_MAX], abs(qpos[hinge] - meters[TURN_FROM]))
+        for _ in range(stride):
+            _judge(meters, userdata[contact.PENETRATION], window)
     total = 0.0
     for i in range(7):
         total += qpos[i] + qvel[i]
@@ -150,7 +153,72 @@ def advance(
 
 
 @njit(cache=True)
-def bare(model: int, data: int, steps: int) -> None:  # pragma: no cover
-    """Take bare steps, with nothing around them: what a measurement of speed is held against."""
-    for _ in range(steps):
-        native.step(model, data)
+def _net_force(data: int, pivot: Vector, plates: int, force: Vector, torque: Vector) -> None:  # pragma: no cover
+    """Write what the plates do to the peg, N, and its torque about the pivot, N·m, base frame."""
+    force[:] = 0.0
+    torque[:] = 0.0
+    count = carray(native.pointer(data + native.DATA_NCON), (1,), np.int32)[0]
+    if count == 0:
+        return
+    first = native.load(data + native.DATA_CONTACT)
+    efc = native.load(data + native.DATA_EFC_FORCE)
+    for k in range(count):
+        address = first + k * native.CONTACT_BYTES
+        row = carray(native.pointer(address + native.CONTACT_EFC_ADDRESS), (1,), np.int32)[0]
+        geom = carray(native.pointer(address + native.CONTACT_GEOM1), (1,), np.int32)[0]
+        if row < 0 or geom >= plates:
+            continue
+        f = carray(native.pointer(efc + 8 * row), (3,), np.float64)
+        c = carray(native.pointer(address), (13,), np.float64)
+        fx = c[4] * f[0] + c[7] * f[1] + c[10] * f[2]
+        fy = c[5] * f[0] + c[8] * f[1] + c[11] * f[2]
+        fz = c[6] * f[0] + c[9] * f[1] + c[12] * f[2]
+        rx, ry, rz = c[1] - pivot[0], c[2] - pivot[1], c[3] - pivot[2]
+        force[0] += fx
+        force[1] += fy
+        force[2] += fz
+        torque[0] += ry * fz - rz * fy
+        torque[1] += rz * fx - rx * fz
+        torque[2] += rx * fy - ry * fx
+
+
+@njit(cache=True)
+def _judge(meters: Vector, penetration: float, window: int) -> None:  # pragma: no cover
+    """Meter one tick's penetration: the least of the last `window` has lasted."""
+    at = int(meters[RING_AT])
+    meters[RING + at] = penetration
+    meters[RING_AT] = float((at + 1) % window)
+    lasting = meters[RING]
+    for i in range(1, window):
+        lasting = min(lasting, meters[RING + i])
+    meters[SUSTAINED] = max(meters[SUSTAINED], lasting)
+
+
+@njit(cache=True)
+def replay(
+    model: int,
+    data: int,
+    views: tuple[Vector, Vector, Vector, Vector, Vector],
+    states: Vector,
+    steps: int,
+) -> None:  # pragma: no cover
+    """Take bare steps from each of some states, with nothing around them: what a measurement of speed is held against.
+
+    Args:
+        model: Address of the mjModel.
+        data: Address of the mjData.
+        views: Of positions, velocities, applied forces, the solver's warm start, and joint friction.
+        states: Rows of the five, one after the other.
+        steps: From each state.
+    """
+    qpos, qvel, qfrc, warm, friction = views
+    nq, nv = qpos.shape[0], qvel.shape[0]
+    for i in range(states.shape[0]):
+        row = states[i]
+        qpos[:] = row[:nq]
+        qvel[:] = row[nq : nq + nv]
+        qfrc[:] = row[nq + nv : nq + 2 * nv]
+        warm[:] = row[nq + 2 * nv : nq + 3 * nv]
+        friction[:] = row[nq + 3 * nv :]
+        for _ in range(steps):
+            native.step(model, data)

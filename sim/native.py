@@ -5,6 +5,8 @@ literals of this file, good for one release of MuJoCo, and proved against the ru
 """
 
 import ctypes
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import llvmlite.binding
@@ -78,6 +80,15 @@ def verify_layout() -> None:
         )
 
 
+def stage_times(data: mujoco.MjData) -> dict[str, float]:
+    """Return what MuJoCo's stages took since last asked, by name, in the clock's own unit; see `clocked`."""
+    names = list(mujoco.mjtTimer.__members__)[: len(data.timer)]
+    durations = data.timer.duration.tolist()
+    times = {name.removeprefix("mjTIMER_"): value for name, value in zip(names, durations, strict=True)}
+    data.timer.duration[:] = 0.0
+    return times
+
+
 @intrinsic
 def pointer(typingctx, address):  # type: ignore[no-untyped-def]
     """Turn an integer address into a pointer, for `numba.carray`."""
@@ -96,6 +107,21 @@ def load(address):  # type: ignore[no-untyped-def]
 
 
 verify_layout()
+_timer = ctypes.c_void_p.in_dll(ctypes.CDLL(str(library_path())), "mjcb_time")
+_clock, _timer.value = _timer.value, None
+"""The Python package hangs in a clock that MuJoCo reads some thirty times a step; only a profile wants that."""
+
+
+@contextmanager
+def clocked() -> Iterator[None]:
+    """Let MuJoCo time its own stages (`mjData.timer`) while this lasts."""
+    _timer.value = _clock
+    try:
+        yield
+    finally:
+        _timer.value = None
+
+
 llvmlite.binding.load_library_permanently(str(library_path()))
 add_contact = types.ExternalFunction("mj_addContact", types.int32(types.intp, types.intp, types.intp))
 step = types.ExternalFunction("mj_step", types.void(types.intp, types.intp))

@@ -23,6 +23,8 @@ LEVER_LIMIT = 0.9
 """Loads that would lift the peg off a pad, or lever it out over its edge, are clipped to this share of the most."""
 NEWTON_STEPS = 40
 NEWTON_TOLERANCE = 1e-4
+LIGHTEST = 1e-3
+"""Loads below this share of the grip's own are as good as none: Newton's method need not resolve them."""
 FURTHEST = 0.9
 """Share of the way to the solid pad that one step may go."""
 LIFTED_SLOPE = 1e-3
@@ -193,11 +195,12 @@ class Pads:
         thickness = self._config.thickness
         depth = rest + lie @ motions
         energy = self._energy(depth) - wanted @ lie
+        enough = NEWTON_TOLERANCE * max(float(np.abs(wanted).max()), LIGHTEST * float(np.maximum(depth, 0.0).sum()))
         for _ in range(NEWTON_STEPS):
             pressed = np.maximum(depth, 0.0)
             room = 1.0 / (1.0 - pressed / thickness)
             missing = wanted - motions @ (pressed * room)
-            if np.abs(missing).max() < NEWTON_TOLERANCE * np.abs(wanted).max():
+            if np.abs(missing).max() < enough:
                 break
             slope = np.where(depth > 0.0, room * room, LIFTED_SLOPE)
             move = np.linalg.solve((motions * slope) @ motions.T, missing)

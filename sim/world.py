@@ -22,7 +22,7 @@ from drivers.skin_layout import Layout, pad_size
 from sim import contact, engine, scene
 from sim.config import ContactConfig, GripConfig, SimConfig
 from sim.disturb import Draw, draw
-from sim.pads import PadLoad, breakaway_torque
+from sim.pads import PadLoad, breakaway_torque_of
 
 GRAVITY = 9.81
 HOME: Vector = np.array([-0.45, -0.2, 0.05, -2.45, 0.0, 2.25, 0.785])
@@ -119,6 +119,12 @@ class World:
                 self.job, self.plate, self.rack, drawn.friction, drawn.pad_friction, self._pad, dt
             ),
         }
+        # The held model once more with a longer step; both step the same data.
+        has_coarse = self._law_every % engine.COARSE == 0
+        self._coarse = (
+            scene.held_model(self.job, self.plate, drawn.friction, engine.COARSE * dt) if has_coarse else None
+        )
+        self._hole = np.array([*self.plate.position, *self.plate.rotation[:, 2], self.plate.radius])
         self._datas = {which: mujoco.MjData(model) for which, model in self._models.items()}
         body = self._models[Peg.HELD].body("peg")
         self._pivot_dof = int(self._models[Peg.HELD].joint("pivot").dofadr[0])
@@ -159,16 +165,21 @@ class World:
     # The physics.
 
     def _advance(self, steps: int) -> None:
-        model, data = self._model, self._data
+        data = self._data
         if self.peg is Peg.HELD:
-            model.dof_frictionloss[self._pivot_dof] = self.breakaway()
+            slips_at = self.breakaway()
+            for model in self._steppers:
+                model.dof_frictionloss[self._pivot_dof] = slips_at
+        addresses = [model._address for model in self._steppers]
         broken = engine.advance(
-            model._address,
+            (addresses[0], addresses[-1] if len(addresses) > 1 else 0),
             data._address,
             data.qpos,
             data.qvel,
             data.qfrc_applied,
             self._pivot,
+            self._peg_views,
+            self._hole,
             data.userdata,
             self.words,
             self.law_state,
@@ -208,6 +219,7 @@ class World:
         self.peg = which
         key = Peg.HELD if which is Peg.HELD else Peg.FREE
         self._model, self._data = self._models[key], self._datas[key]
+        self._steppers = [self._model, *([self._coarse] if key is Peg.HELD and self._coarse is not None else [])]
         mujoco.mj_resetData(self._model, self._data)
         self._data.qpos[:7], self._data.qvel[:7] = self._q, self._dq
 
@@ -237,9 +249,8 @@ class World:
         self._leave()
         self._use(Peg.HELD)
         self.peg_length = reach - self._grip.slip
-        geom = self._model.geom("peg")
-        geom.pos[2] = self._half - self.peg_length
-        self._model.body("peg").ipos[2] = geom.pos[2]
+        for model in self._steppers:
+            model.geom("peg").pos[2] = model.body("peg").ipos[2] = self._half - self.peg_length
         self._data.qpos[7] = theta
         self._data.xfrc_applied[self._model.body("peg").id, 2] = -self._weight
         self.meters[engine.TURN_FROM] = theta
@@ -257,13 +268,24 @@ class World:
         body = self._model.body("peg" if held else "left").id
         self._pivot = self._data.xpos[body]
         self._peg_geom = int(self._model.geom("peg").id)
+        self._peg_views = (
+            self._model.geom_size[self._peg_geom],
+            self._data.geom_xpos[self._peg_geom],
+            self._data.geom_xmat[self._peg_geom].reshape(3, 3),
+        )
         self._held_since = self.now()
 
     # What devices and records ask.
 
     def physics(self) -> tuple[mujoco.MjModel, mujoco.MjData]:
-        """Return model and data as they now are, for measurements."""
-        return self._model, self._data
+        """Return the model that the next step takes, and the data, for measurements."""
+        coarse = self._steppers[-1]
+        return (coarse if engine.is_far(self._hole, *self._peg_views) else self._model), self._data
+
+    @property
+    def is_held(self) -> bool:
+        """Whether the peg hangs in the hand."""
+        return self.peg is Peg.HELD
 
     @property
     def q(self) -> Vector:
@@ -313,9 +335,18 @@ class World:
         return min(sums.values())
 
     def breakaway(self) -> float:
-        """Return the torque at which the pivot slips, N·m."""
+        """Return the torque at which the pivot slips, N·m; the held peg's axis goes through the finger centre."""
         length, width = self._pad
-        return breakaway_torque(self._pad_load(), self.draw.pad_friction, length, width)
+        return breakaway_torque_of(
+            theta=self._data.qpos[7],
+            offset=0.0,
+            grip_force=self.finger_force,
+            reach_tip=self.peg_length,
+            reach_back=2 * self._half - self.peg_length,
+            half_length=length / 2,
+            half_width=width / 2,
+            friction=self.draw.pad_friction,
+        )
 
     def pad_load(self) -> PadLoad | None:
         """Return what the pads hold now; None when nothing is between them."""
