@@ -15,11 +15,13 @@ from cell.config import CellConfig
 from drivers.errors import CellError
 from drivers.parts import Job
 from drivers.protocols import Arm, Clock, Device, Gripper, Skin, SuccessSwitch
+from drivers.skin import EMULATED, CanSkin, CanSkinConfig, SerialSkin, SerialSkinConfig
+from drivers.transport import SerialLine
 from skills.contract import Estimator, SkillContext
 from skills.tactile.image import ImageEstimator
 
 if TYPE_CHECKING:
-    from sim.world import Truth
+    from sim.world import Truth, World
 
 SEARCH_STREAM = 3
 """Key of the random stream for choices of the skills; the simulated world draws from the ones before it."""
@@ -78,10 +80,9 @@ def make_estimator(config: CellConfig) -> Estimator:
 
 def assemble(config: CellConfig) -> Cell:
     """Return the cell that a config describes; nothing is opened yet."""
-    # Every kind of device is simulated so far: a config of another kind does not get here.
+    # Arm, gripper and switch are simulated so far: a config of another kind does not get here.
     from sim.arm import SimArm
     from sim.gripper import SimGripper
-    from sim.skin import SimSkin
     from sim.switch import SimSwitch
     from sim.world import World
 
@@ -89,16 +90,38 @@ def assemble(config: CellConfig) -> Cell:
     assert config.contact is not None
     assert config.grip is not None
     world = World(config.sim, config.contact, config.grip, config.skin.layout, config.job())
+    skin, clock = _skin(config, world)
     return Cell(
         config=config,
-        clock=world,
+        clock=clock,
         arm=SimArm(world),
         gripper=SimGripper(world),
-        skin=SimSkin(config.skin, world, world.draw.skin),
+        skin=skin,
         switch=SimSwitch(world),
         restock=world.restock,
         truth=world.truth,
     )
+
+
+def _skin(config: CellConfig, world: "World") -> tuple[Skin, Clock]:
+    """Return the skin, and the clock that its board, where it is emulated, keeps step with."""
+    from sim.board_clock import BoardClock
+    from sim.boards import emulated_can, emulated_line
+    from sim.skin import SimSkin
+
+    assert config.sim is not None
+    skin, rng, seed = config.skin, world.draw.skin, config.sim.seed
+    if isinstance(skin, CanSkinConfig):
+        bus = emulated_can(skin, config.boards.skin, world, rng, seed)
+        clock = BoardClock(world, (bus,))
+        return CanSkin(skin, bus, clock), clock
+    if isinstance(skin, SerialSkinConfig):
+        if skin.port != EMULATED:
+            return SerialSkin(skin, SerialLine(skin.port, skin.baud_rate), world), world
+        line = emulated_line(skin, config.boards.skin, world, rng, seed)
+        clock = BoardClock(world, (line,))
+        return SerialSkin(skin, line, clock), clock
+    return SimSkin(skin, world, rng), world
 
 
 @contextmanager

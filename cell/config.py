@@ -13,8 +13,10 @@ import config as shipped
 from cell.config_errors import explain
 from drivers.errors import ConfigError
 from drivers.parts import ConfigModel, Hole, Job, Peg, Rack
+from drivers.skin import EMULATED, CanSkinConfig, SerialSkinConfig
 from plc_bridge.config import PlcConfig
 from sim.config import (
+    BoardsConfig,
     ContactConfig,
     GripConfig,
     SimArmConfig,
@@ -76,7 +78,7 @@ class CellConfig(ConfigModel):
     recover: RecoverParams
     arm: SimArmConfig
     gripper: SimGripperConfig
-    skin: SimSkinConfig
+    skin: Annotated[SimSkinConfig | CanSkinConfig | SerialSkinConfig, Field(discriminator="kind")]
     image: ImageParams = ImageParams()
     ml: LikelihoodParams = LikelihoodParams()
     smoothing: Smoothing = Smoothing()
@@ -86,6 +88,7 @@ class CellConfig(ConfigModel):
     contact: ContactConfig | None = None
     grip: GripConfig | None = None
     sim: SimConfig | None = None
+    boards: BoardsConfig = BoardsConfig()
 
     @model_validator(mode="after")
     def _fits(self) -> Self:
@@ -110,9 +113,16 @@ class CellConfig(ConfigModel):
         for name in ("contact", "grip", "sim"):
             if simulated and getattr(self, name) is None:
                 raise ValueError(f'[{name}]: missing; needed because {simulated[0]}.kind = "sim"')
+        if not simulated and self.is_skin_emulated():
+            raise ValueError(f'skin.kind = "{self.skin.kind}": its board is "{EMULATED}", which needs a simulated arm')
         if simulated and self.peg.shape != "round":
             raise ValueError(f'peg.shape = "{self.peg.shape}": the simulated cell has round pegs; "round" allowed')
         return self
+
+    def is_skin_emulated(self) -> bool:
+        """Whether the skin is a driver with an emulated board behind its wire."""
+        skin = self.skin
+        return EMULATED in (getattr(skin, "channel", None), getattr(skin, "port", None))
 
     def skill_set(self) -> SkillSet:
         """Return the parameters of every skill."""

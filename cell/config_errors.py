@@ -25,6 +25,11 @@ def explain(
     key = ".".join(place)
     origin = next((source[place[:n]] for n in range(len(place), 0, -1) if place[:n] in source), file)
     kind, found = first["type"], first.get("input")
+    if kind in ("union_tag_invalid", "union_tag_not_found"):
+        tags = ", ".join(f'"{tag}"' for tag in schema["discriminator"]["mapping"])
+        if kind == "union_tag_not_found":
+            return f"{origin}: {key}.kind: missing; {tags} needed"
+        return f"{source.get((*place, 'kind'), origin)}: {key}.kind = {first['ctx']['tag']!r}: {tags} allowed"
     if kind == "missing":
         return f"{file}: {key}: missing; {allowed(schema)} needed"
     if kind == "extra_forbidden":

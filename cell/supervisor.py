@@ -3,6 +3,7 @@
 import logging
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from threading import Event as ThreadEvent
 from typing import Protocol
@@ -93,6 +94,10 @@ class Supervisor:
         try:
             if self.state in (State.IDLE, State.COMPLETE):
                 self._context.observe()
+            else:
+                # A board that was lost comes back only while somebody listens to it.
+                with suppress(CellError):
+                    self._cell.skin.read()
             command = self._line.poll()
             if command is not None:
                 self._take(command)

@@ -42,7 +42,7 @@ class SkinHealth:
 
     A taxel is masked at the start when it was dead (all zero), stuck (no change) or marked an error in most
     frames of the baseline; such a taxel stays masked until the next baseline. While running it is masked as
-    long as its reading marks an error, is saturated, or has stood still. The baseline follows drift only
+    long as its reading marks an error, is saturated, has stood still, or is zero far below its baseline. The baseline follows drift only
     while nothing touches the skin.
     """
 
@@ -92,7 +92,8 @@ class SkinHealth:
         """
         self._equal = np.where(raw == self._last, self._equal + 1, 1)
         self._last = raw.copy()
-        trusted = self.usable & (raw < self._config.saturation) & (self._equal < self._config.stuck_frames)
+        is_dead = (raw == 0) & (self.baseline > self._touch)
+        trusted = self.usable & ~is_dead & (raw < self._config.saturation) & (self._equal < self._config.stuck_frames)
         values = np.where(trusted, raw - self.baseline, 0.0)
         elapsed = 0.0 if self._stamp is None else max(stamp - self._stamp, 0.0)
         self._stamp = stamp

@@ -27,6 +27,8 @@ LONGEST = 1 + 2 + 255 + 1
 """Message, bytes."""
 FIRST, MIDDLE, LAST = 0x100, 0x200, 0x400
 """Bits of a CAN id that say which part of a message a frame is; a single frame is first and last."""
+NUMBERED_WINDOWS = 8
+"""Numbers come again after 16 scans; up to half of that apart, equal ones mean the same scan."""
 _PART, _HUB = 0x700, 0xFF
 _FRAME_BYTES = 8
 _DETAILS = struct.Struct("<BIBBHBB")
@@ -261,7 +263,7 @@ class ScanAssembler:
 
     Args:
         length: Readings of a whole scan.
-        window: Parts that arrive further apart, s, are not of one scan.
+        window: Parts that arrive further apart, s, are not of one scan; numbered ones may be a little late.
     """
 
     def __init__(self, length: int, window: float) -> None:
@@ -286,7 +288,9 @@ class ScanAssembler:
         """
         start, readings = part
         where = slice(start, start + len(readings))
-        if sequence != self._sequence or self._there[where].any() or stamp - self._begun > self._window:
+        # Parts come in order: one that starts before what is there already belongs to the next scan.
+        window = self._window if sequence is None else NUMBERED_WINDOWS * self._window
+        if sequence != self._sequence or self._there[start:].any() or stamp - self._begun > window:
             self.incomplete += bool(self._there.any())
             self._there[:] = False
             self._sequence, self._begun = sequence, stamp

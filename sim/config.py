@@ -33,18 +33,13 @@ class PadConfig(ConfigModel):
     """
 
 
-class SimSkinConfig(ConfigModel):
-    """The simulated skin.
+class SkinModel(ConfigModel):
+    """How real the taxels of a stand-in are.
 
-    Sources: [gibbons] for rate and layout's pitch, [cyskin] (real recordings, see tests/line/test_recordings.py)
-    for counts and noise; `assumed` values are the builder's choice, none of them kinder than the recordings.
+    Sources: [cyskin] (real recordings, see tests/line/test_recordings.py) for counts and noise; `assumed` values
+    are the builder's choice, none of them kinder than the recordings.
     """
 
-    kind: Literal["sim"]
-    rate: Annotated[float, Field(ge=1.0, le=1000.0)] = 10.0
-    """Frames a second, Hz; [gibbons], Sec. VI."""
-    layout: Layout = "parallelogram"
-    """How the two modules of a finger sit; [gibbons] does not say."""
     noise: Annotated[float, Field(ge=0.0, le=0.2)] = 0.015
     """Standard deviation of the white noise, fraction of full scale; within the 0.3 to 4 % of [cyskin]."""
     gain_spread: Annotated[float, Field(ge=0.0, le=0.3)] = 0.05
@@ -65,10 +60,50 @@ class SimSkinConfig(ConfigModel):
     """So many taxels, drawn at random, read zero."""
     dead_modules: Annotated[NonNegativeInt, Field(le=FINGERS * TAXELS // MODULE_TAXELS)] = 0
     """So many modules, drawn at random, read zero, as one does in [cyskin]."""
+    pad: PadConfig = PadConfig()
+
+
+class SimSkinConfig(SkinModel):
+    """The simulated skin; [gibbons] for rate and layout's pitch."""
+
+    kind: Literal["sim"]
+    rate: Annotated[float, Field(ge=1.0, le=1000.0)] = 10.0
+    """Frames a second, Hz; [gibbons], Sec. VI."""
+    layout: Layout = "parallelogram"
+    """How the two modules of a finger sit; [gibbons] does not say."""
     silent_frames: Annotated[float, Field(ge=1.5, le=100.0)] = 3.5
     """Without a frame for so many periods the skin is silent."""
-    pad: PadConfig = PadConfig()
     health: SkinHealthConfig = SkinHealthConfig()
+
+
+Instant = Annotated[float, Field(ge=0.0, le=1e6)]
+
+
+class WireFaults(ConfigModel):
+    """What a technician may let go wrong on the wire of an emulated board, to rehearse; times are the cell's, s."""
+
+    drop: Fraction = 0.0
+    """Share of the CAN frames, or bytes, that never arrive."""
+    corrupt: Fraction = 0.0
+    """Share of them with one bit turned."""
+    delay: Annotated[float, Field(ge=0.0, le=60.0)] = 0.0
+    """Everything comes so much later, s."""
+    resets: tuple[Instant, ...] = ()
+    """When the board starts anew."""
+    unplugged: tuple[tuple[Instant, Instant], ...] = ()
+    """From when to when the board is neither powered nor connected."""
+
+
+class SkinBoardConfig(SkinModel):
+    """[boards.skin]: the emulated skin board, where the channel or port of [skin] is "emulated"."""
+
+    faults: WireFaults = WireFaults()
+
+
+class BoardsConfig(ConfigModel):
+    """[boards]: emulated boards."""
+
+    skin: SkinBoardConfig = SkinBoardConfig()
 
 
 Coefficient = Annotated[float, Field(ge=0.0, le=2.0)]

@@ -95,3 +95,17 @@ def test_baseline_stands_still_under_a_touch():
 def test_group_is_dead_when_all_of_it_is():
     dead = np.array([True, True, True, False])
     assert dead_groups(dead, np.array([7, 7, 9, 9])) == [7]
+
+
+def test_zero_far_below_the_baseline_is_no_measurement():
+    still = np.full((50, 3), 5000, dtype=np.uint16) + (np.arange(150).reshape(50, 3) % 7).astype(np.uint16)
+    health = SkinHealth(SkinHealthConfig(), still)
+    _, trusted = health.update(np.array([5001, 0, 4000], dtype=np.uint16), 1.0)
+    assert trusted.tolist() == [True, False, True]
+
+
+def test_zero_near_a_baseline_of_zero_is_a_measurement():
+    """Recordings have their baseline removed already."""
+    still = (np.arange(150).reshape(50, 3) % 4).astype(np.uint16)
+    health = SkinHealth(SkinHealthConfig(), still)
+    assert health.update(np.zeros(3, dtype=np.uint16), 1.0)[1].all()

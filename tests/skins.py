@@ -1,0 +1,87 @@
+"""Skins for tests: a scripted world without physics, and boards behind every wire in it."""
+
+import numpy as np
+
+from drivers.errors import SkinSilentError
+from drivers.skin import CanSkin, CanSkinConfig, SerialSkin, SerialSkinConfig
+from sim.board_clock import BoardClock
+from sim.boards import emulated_can, emulated_line
+from sim.config import SkinBoardConfig
+from sim.pads import PadLoad
+
+
+class ScriptedWorld:
+    """Time that passes when somebody waits, and a load between the pads; a Clock and a PadSource."""
+
+    def __init__(self) -> None:
+        self.time = 0.0
+        self.load: PadLoad | None = None
+
+    def now(self) -> float:
+        return self.time
+
+    def wait_until(self, stamp: float) -> None:
+        self.time = max(self.time, stamp)
+
+    def pad_load(self) -> PadLoad | None:
+        return self.load
+
+
+def held_peg(theta: float = 0.3) -> PadLoad:
+    return PadLoad(theta, 0.0, 30.0, 0.0, 0.0, 0.05, 0.012, 0.008)
+
+
+class BoardRig:
+    """An emulated board on its wire, the real driver at the other end, and the clock that both keep."""
+
+    def __init__(self, config: CanSkinConfig | SerialSkinConfig, seed: int = 0, **model: object) -> None:
+        self.world = ScriptedWorld()
+        described = SkinBoardConfig.model_validate(model)
+        rng = np.random.default_rng(seed)
+        if isinstance(config, CanSkinConfig):
+            self.link = emulated_can(config, described, self.world, rng, seed)
+            self.clock = BoardClock(self.world, (self.link,))
+            self.skin: CanSkin | SerialSkin = CanSkin(config, self.link, self.clock)
+        else:
+            self.link = emulated_line(config, described, self.world, rng, seed)
+            self.clock = BoardClock(self.world, (self.link,))
+            self.skin = SerialSkin(config, self.link, self.clock)
+
+    @property
+    def hub(self):
+        """The board's inner life: a hub, or an iCub board itself."""
+        return getattr(self.link.board, "hub", self.link.board)
+
+    def scan(self, seconds: float, period: float = 0.01):
+        """Read once a scan for so long; return what was read, None where the skin was silent."""
+        frames = []
+        for _ in range(round(seconds / period)):
+            self.clock.wait_until(self.clock.now() + period)
+            try:
+                frames.append(self.skin.read())
+            except SkinSilentError:
+                frames.append(None)
+        return frames
+
+    def unplug(self, seconds: float) -> None:
+        """Take the board away from now on for so long."""
+        now = self.clock.now()
+        self.link.faults = self.link.faults.model_copy(update={"unplugged": ((now, now + seconds),)})
+
+
+def can_config(**keys: object) -> CanSkinConfig:
+    return CanSkinConfig.model_validate({"kind": "can", **keys})
+
+
+def serial_config(**keys: object) -> SerialSkinConfig:
+    return SerialSkinConfig.model_validate({"kind": "serial", **keys})
+
+
+WIRED = {
+    "can": can_config(),
+    "can_big_endian": can_config(board={"kind": "cyskin", "wire": {"byte_order": "big", "hub": 77}}),
+    "serial": serial_config(),
+    "serial_100_hz": serial_config(rate=100.0),
+    "icub": can_config(rate=25.0, board={"kind": "icub", "board": 3, "triangles": (9, 4, 0, 15)}),
+}
+"""Boards as they may be wired; all of them give the same skin."""
