@@ -7,8 +7,10 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 
+from drivers.can_bus import CanBus
 from drivers.errors import CellError
 from drivers.transport import SerialLine
+from plc_bridge.canopen import CanopenServer
 from plc_bridge.config import PlcConfig
 from plc_bridge.handshake import Handshake
 from plc_bridge.messages import Command, Refusal, Report, Result
@@ -22,6 +24,7 @@ from plc_bridge.registers import (
     ReportImage,
     diagnostics_words,
     report_words,
+    table,
 )
 from plc_bridge.rtu import RtuServer
 
@@ -53,7 +56,7 @@ class Bridge:
         self._handshake = Handshake(dict(programs), tuple(parameters), config.life_timeout, config.lease_timeout)
         self._life = 0
         self._server = ModbusServer(config.modbus, self)
-        self._servers: list[ModbusServer | RtuServer] = [self._server]
+        self._servers: list[ModbusServer | RtuServer | CanopenServer] = [self._server]
         self._secure: SecureModbusServer | None = None
         if config.tls is not None:
             self._secure = SecureModbusServer(config.tls, self)
@@ -61,6 +64,9 @@ class Bridge:
         if config.rtu is not None:
             line = SerialLine(config.rtu.port, config.rtu.baud_rate, config.rtu.parity, config.rtu.stop_bits)
             self._servers.append(RtuServer(config.rtu, line, self))
+        if config.can is not None:
+            bus = CanBus(config.can.interface, config.can.channel, config.can.bitrate)
+            self._servers.append(CanopenServer(config.can, table(programs, parameters), bus, self))
 
     def start(self) -> None:
         """Listen for the PLC.
@@ -145,6 +151,11 @@ class Bridge:
         """End a link, for a server."""
         with self._lock:
             self._handshake.closed(source)
+
+    def lost(self, source: str) -> None:
+        """Take a link for lost, for a server: its heartbeat has ended."""
+        with self._lock:
+            self._handshake.lost(source)
 
     def wrote(self, source: str, image: CommandImage, is_numbered: bool = True) -> None:
         """Take the command block after a write, for a server; numbered once its sequence register was written."""

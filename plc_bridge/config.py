@@ -1,10 +1,11 @@
 """How the cell meets its PLC."""
 
 from ipaddress import IPv4Network, IPv6Network
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
+from drivers.can_bus import Interface
 from drivers.parts import ConfigModel, FilePath
 from drivers.transport import Parity
 
@@ -60,6 +61,31 @@ class RtuConfig(ConfigModel):
     """After a silence this long the next request begins a new conversation: its first number is adopted, s."""
 
 
+class CanConfig(ConfigModel):
+    """The CANopen node."""
+
+    interface: Interface
+    """What the bus is reached through."""
+    channel: Annotated[str, Field(min_length=1)]
+    """Where, as `drivers.can_bus.CanBus` says: "can0", "/dev/ttyACM0", "HOST:PORT/can0", "239.74.163.2"."""
+    bitrate: Literal[10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000] = 250_000
+    """Bits a second; set here for `slcan`, elsewhere by whoever set the interface up."""
+    node_id: Annotated[int, Field(ge=1, le=127)] = 16
+    """Of the cell."""
+    plc_node: Annotated[int, Field(ge=1, le=127)] = 1
+    """Of the PLC, whose heartbeat is watched and whose commands count."""
+    heartbeat: Annotated[float, Field(ge=0.01, le=60.0)] = 0.1
+    """Period of the cell's own heartbeat, s."""
+    plc_timeout: Annotated[float, Field(ge=0.0, le=60.0)] = 0.5
+    """A run stops when the PLC's heartbeat, once heard, stays away for longer than this, s; 0 is no watch."""
+
+    @model_validator(mode="after")
+    def _differ(self) -> Self:
+        if self.node_id == self.plc_node:
+            raise ValueError(f"node_id = {self.node_id}: that is the PLC's, plc_node; another one allowed")
+        return self
+
+
 class PlcConfig(ConfigModel):
     """The PLC's side of the cell."""
 
@@ -71,4 +97,6 @@ class PlcConfig(ConfigModel):
     tls: TlsConfig | None = None
     """None is off."""
     rtu: RtuConfig | None = None
+    """None is off."""
+    can: CanConfig | None = None
     """None is off."""

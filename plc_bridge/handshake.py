@@ -122,6 +122,15 @@ class Handshake:
         if link is not None:
             link.is_open = False
 
+    def lost(self, source: str) -> None:
+        """Take `source` for lost, whatever its life counter says: what it runs stops, its next number is adopted."""
+        link, current = self._links[source], self._current
+        link.must_adopt = True
+        link.execute = link.reset = None
+        self._lease.release(source)
+        if current is not None and current.link is link and current.is_watched:
+            self._lose(current, "its bus says so")
+
     def heard(self, source: str, now: float) -> None:
         """Note that any request came from `source`."""
         self._links[source].watchdog.heard = now
@@ -410,7 +419,7 @@ class Handshake:
         """Let time-outs act: lost runs, silent holders, blocks that stay torn."""
         current = self._current
         if current is not None and current.is_watched and current.link.watchdog.is_silent(now, self.life_timeout):
-            self._lose(current)
+            self._lose(current, f"no sign of life for {self.life_timeout:g} s")
         self._lease.expire(now)
         for link in self._links.values():
             if link.watchdog.is_torn(now, self.life_timeout):
@@ -421,8 +430,8 @@ class Handshake:
                     if not self._keeps_following(link, link.sequence):
                         link.own = (link.sequence, link.image.code, Result.REFUSED)
 
-    def _lose(self, current: _Current) -> None:
-        logger.warning("%s is lost: no sign of life for %g s", current.link.source, self.life_timeout)
+    def _lose(self, current: _Current, why: str) -> None:
+        logger.warning("%s is lost: %s", current.link.source, why)
         self.counts.lost += 1
         current.is_lost = True
         current.link.must_adopt = True

@@ -1,7 +1,8 @@
-"""The PLC's side of the map, over Modbus TCP: for demos, the terminal and tests of the line."""
+"""The PLC's side of the map, whatever the bus, and over Modbus TCP: for demos, the terminal and tests of the line."""
 
 import logging
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
@@ -36,37 +37,53 @@ class CellSilentError(CellError):
     code = FaultCode.PLC_LOST
 
 
-class Peer:
-    """A PLC that commands the cell; not for use by several threads.
+class PlcPeer(ABC):
+    """A PLC that commands the cell over any bus; not for use by several threads.
 
     Every method that waits goes on counting life, so that the cell does not take the run for lost. Between calls
     the caller keeps the connection alive with `cycle`.
 
     Args:
-        host: Where the cell listens.
-        port: The same.
+        where: Name of the place, for messages.
         period: Time between two cycles while waiting, s.
-        timeout: Longest wait for one answer, s.
         wait: Waits so many seconds.
         now: Monotonic time, s.
     """
 
     def __init__(
         self,
-        host: str,
-        port: int,
-        *,
+        where: str,
         period: float = 0.02,
-        timeout: float = 3.0,
         wait: Callable[[float], None] = time.sleep,
         now: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._where = f"{host}:{port}"
-        self._client: Any = ModbusTcpClient(  # some of its methods carry no types
-            host, port=port, timeout=timeout, retries=0
-        )
-        self._period, self._timeout, self._wait, self._now = period, timeout, wait, now
+        self._where = where
+        self._period, self._wait, self._now = period, wait, now
         self._image = CommandImage(version=VERSION)
+
+    @abstractmethod
+    def close(self) -> None:
+        """Disconnect; may be called again."""
+
+    @abstractmethod
+    def read_report(self) -> ReportImage:
+        """Return the report; writes nothing."""
+
+    @abstractmethod
+    def read_diagnostics(self) -> Diagnostics:
+        """Return the cell's counts; writes nothing."""
+
+    @abstractmethod
+    def stop(self) -> None:
+        """Stop the cell, whoever holds the lease."""
+
+    @abstractmethod
+    def _open(self) -> None:
+        """Connect."""
+
+    @abstractmethod
+    def _write(self, image: CommandImage) -> None:
+        """Write the command block."""
 
     def connect(self) -> ReportImage:
         """Connect, go on from the sequence number that the cell reports, and return the report.
@@ -74,31 +91,17 @@ class Peer:
         Raises:
             CellSilentError: Nothing answers there.
         """
-        if not self._client.connect():
-            raise CellSilentError(f"no cell answers at {self._where}: is `cell serve` running there?")
+        self._open()
         sequence = self.read_report().sequence
         self._image = CommandImage(sequence=sequence, version=VERSION)
         return self.cycle()
-
-    def close(self) -> None:
-        """Disconnect; may be called again."""
-        self._client.close()
 
     def cycle(self) -> ReportImage:
         """Count life up, write the command block in one request, return the report."""
         life = self._image.life % 0xFFFF + 1
         self._image = replace(self._image, life=life, life_tail=life)
-        words = command_words(self._image)
-        self._ask(lambda: self._client.write_registers(COMMAND.start, words))
+        self._write(self._image)
         return self.read_report()
-
-    def read_report(self) -> ReportImage:
-        """Return the report; writes nothing."""
-        return report_image(self._read(REPORT.start, REPORT.words))
-
-    def read_diagnostics(self) -> Diagnostics:
-        """Return the cell's counts; writes nothing."""
-        return diagnostics_image(self._read(DIAGNOSTICS.start, DIAGNOSTICS.words))
 
     def take(self) -> bool:
         """Ask for the lease and return whether it was given; it is kept until `release` or silence."""
@@ -176,11 +179,6 @@ class Peer:
         self.acknowledge()
         return report
 
-    def stop(self) -> None:
-        """Stop the cell, whoever holds the lease."""
-        self._ask(lambda: self._client.write_coil(COILS["stop"], True))
-        self._ask(lambda: self._client.write_coil(COILS["stop"], False))
-
     def abort(self) -> ReportImage:
         """Abort what runs, whoever holds the lease."""
         return self.trigger(Control.ABORT)
@@ -188,6 +186,59 @@ class Peer:
     def reset(self, timeout: float) -> ReportImage:
         """Reset the cell after a stop or a fault."""
         return self.run(Control.RESET, timeout=timeout)
+
+
+class Peer(PlcPeer):
+    """A PLC on Modbus TCP.
+
+    Args:
+        host: Where the cell listens.
+        port: The same.
+        period: Time between two cycles while waiting, s.
+        timeout: Longest wait for one answer, s.
+        wait: Waits so many seconds.
+        now: Monotonic time, s.
+    """
+
+    def __init__(
+        self,
+        host: str,
+        port: int,
+        *,
+        period: float = 0.02,
+        timeout: float = 3.0,
+        wait: Callable[[float], None] = time.sleep,
+        now: Callable[[], float] = time.monotonic,
+    ) -> None:
+        super().__init__(f"{host}:{port}", period, wait, now)
+        self._client: Any = ModbusTcpClient(  # some of its methods carry no types
+            host, port=port, timeout=timeout, retries=0
+        )
+
+    def close(self) -> None:
+        """Disconnect; may be called again."""
+        self._client.close()
+
+    def read_report(self) -> ReportImage:
+        """Return the report; writes nothing."""
+        return report_image(self._read(REPORT.start, REPORT.words))
+
+    def read_diagnostics(self) -> Diagnostics:
+        """Return the cell's counts; writes nothing."""
+        return diagnostics_image(self._read(DIAGNOSTICS.start, DIAGNOSTICS.words))
+
+    def stop(self) -> None:
+        """Stop the cell, whoever holds the lease."""
+        self._ask(lambda: self._client.write_coil(COILS["stop"], True))
+        self._ask(lambda: self._client.write_coil(COILS["stop"], False))
+
+    def _open(self) -> None:
+        if not self._client.connect():
+            raise CellSilentError(f"no cell answers at {self._where}: is `cell serve` running there?")
+
+    def _write(self, image: CommandImage) -> None:
+        words = command_words(image)
+        self._ask(lambda: self._client.write_registers(COMMAND.start, words))
 
     def _read(self, address: int, count: int) -> list[int]:
         answer = self._ask(lambda: self._client.read_input_registers(address, count=count))

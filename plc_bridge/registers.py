@@ -3,6 +3,9 @@
 Addresses are zero-based protocol addresses; values wider than a word and strings are big-endian: the high word,
 the high byte first. A value is the raw integer times `scale`, in `unit`.
 
+On CAN every entry but the life counters at the tails, which a whole frame makes superfluous, is an object of the
+dictionary, little-endian as CANopen has it; `RPDOS` and `TPDOS` say which of them travel by themselves.
+
 The command block is written by the PLC, best in one FC16 request. Every connection has its own, so that no client
 can disturb another's. The report and the diagnostics are input registers and can be read at the same address plus
 `MIRROR` as holding registers too, for PLCs that know only FC3.
@@ -19,7 +22,7 @@ from typing import Literal
 from plc_bridge.messages import FIRST_PROGRAM, Control, LeaseState, Refusal, Result
 
 VERSION_MAJOR = 1
-VERSION_MINOR = 1
+VERSION_MINOR = 2
 VERSION = VERSION_MAJOR * 256 + VERSION_MINOR
 
 MIRROR = 1000
@@ -28,6 +31,26 @@ STAGES = 6
 """Stages whose times the report can hold."""
 PARAMETERS = 8
 """Parameters that a command can carry."""
+
+RPDOS: tuple[tuple[str, ...], ...] = (
+    ("command_life", "command_sequence", "command_code", "command_recipe"),
+    ("command_acknowledge", "command_lease"),
+    ("stop",),
+)
+"""What the PLC sends by itself over CAN, in order; the last one is for anybody."""
+TPDOS: tuple[tuple[str, ...], ...] = (
+    ("report_sequence", "report_answered", "report_result", "report_refusal"),
+    ("report_state", "report_fault", "report_stage", "report_reason"),
+    ("report_life", "report_progress", "report_total_time"),
+    ("report_run", "report_lease", "report_code"),
+)
+"""What the cell sends by itself over CAN, in order."""
+_PDO_OF = {
+    name: f"{kind}{number}"
+    for kind, pdos in (("RPDO", RPDOS), ("TPDO", TPDOS))
+    for number, names in enumerate(pdos, 1)
+    for name in names
+}
 
 Table = Literal["holding", "input", "coil", "discrete"]
 Kind = Literal["u16", "u32", "i16", "i32", "string", "bool"]
@@ -55,6 +78,15 @@ class Register:
     scale: float
     unit: str
     access: Literal["r", "rw"]
+    low: int | None
+    """Least raw integer; None is whatever the type holds."""
+    high: int | None
+    """Greatest raw integer; the same."""
+    index: int
+    """Of the object on CAN; 0 where there is none."""
+    subindex: int
+    pdo: str
+    """PDO that carries it on CAN; empty where only SDO does."""
     meaning: str
 
 
@@ -144,23 +176,38 @@ def _codes(programs: Mapping[int, str]) -> str:
 class _Layout:
     """Lays registers one after the other."""
 
-    def __init__(self, table: Table, start: int, access: Literal["r", "rw"], prefix: str) -> None:
+    def __init__(self, table: Table, start: int, access: Literal["r", "rw"], prefix: str, index: int) -> None:
         self._table: Table = table
+        self._index = index
         self._next = start
         self._access: Literal["r", "rw"] = access
         self._prefix = prefix
         self.registers: list[Register] = []
 
-    def add(self, name: str, kind: Kind, meaning: str, unit: str = "", scale: float = 1.0, words: int = 0) -> None:
-        """Append one entry; `words` is needed for strings only."""
+    def add(
+        self,
+        name: str,
+        kind: Kind,
+        meaning: str,
+        unit: str = "",
+        scale: float = 1.0,
+        words: int = 0,
+        limits: tuple[int | None, int | None] = (None, None),
+    ) -> None:
+        """Append one entry; `words` is needed for strings only, `limits` are raw."""
         words = words or (2 if kind in ("u32", "i32") else 1)
-        entry = Register(self._prefix + name, self._table, self._next, words, kind, scale, unit, self._access, meaning)
+        name = self._prefix + name
+        place = (0, 0) if name.endswith("life_tail") else (self._index, len(self.registers) + 1)
+        pdo = _PDO_OF.get(name, "")
+        entry = Register(
+            name, self._table, self._next, words, kind, scale, unit, self._access, *limits, *place, pdo, meaning
+        )
         self.registers.append(entry)
         self._next += words
 
 
 def _command_block(programs: Mapping[int, str], parameters: Sequence[Parameter]) -> list[Register]:
-    block = _Layout("holding", 0, "rw", "command_")
+    block = _Layout("holding", 0, "rw", "command_", 0x2000)
     block.add("life", "u16", "head life counter: change it in every cycle; a run stops when it stands still")
     block.add("sequence", "u16", "count up by one to send a command; the first number after connecting is not run")
     block.add("code", "u16", f"what to do: {_codes(programs)}")
@@ -171,23 +218,30 @@ def _command_block(programs: Mapping[int, str], parameters: Sequence[Parameter])
         "u16",
         "0 no wish (a start takes a free lease), 1 take it whenever it is free, "
         "2 the same for all connections of this host together, 3 release",
+        limits=(Lease.NONE, Lease.RELEASE),
     )
     block.add("version", "u16", "256 * major + minor that the PLC was written for; another major is refused; 0 unsaid")
-    block.add("parameter_mask", "u16", "bit n - 1 set: parameter n is given; those not given keep their defaults")
+    block.add(
+        "parameter_mask",
+        "u16",
+        "bit n - 1 set: parameter n is given; those not given keep their defaults",
+        limits=(0, (1 << len(parameters)) - 1),
+    )
     block.add("serial", "string", "serial number of the part, ASCII, zero-padded; goes into the run's record", words=16)
     for number in range(1, PARAMETERS + 1):
         if number <= len(parameters):
             spec = parameters[number - 1]
             meaning = f"{spec.name}: {spec.meaning}; {spec.low:g} to {spec.high:g} {spec.unit}".rstrip()
-            block.add(f"parameter_{number}", "i32", meaning, spec.unit, spec.scale)
+            limits = (round(spec.low / spec.scale), round(spec.high / spec.scale))
+            block.add(f"parameter_{number}", "i32", meaning, spec.unit, spec.scale, limits=limits)
         else:
-            block.add(f"parameter_{number}", "i32", "reserved; leave its mask bit 0")
+            block.add(f"parameter_{number}", "i32", "reserved; leave its mask bit 0", limits=(0, 0))
     block.add("life_tail", "u16", "equal to command_life when the block is whole; leave 0 for ever to do without")
     return block.registers
 
 
 def _report_block() -> list[Register]:
-    block = _Layout("input", 0, "r", "report_")
+    block = _Layout("input", 0, "r", "report_", 0x2001)
     block.add("life", "u16", "head life counter: changes with every scan of the cell")
     block.add("version", "u16", "256 * major + minor of this map")
     block.add("sequence", "u16", "number of the command that report_result belongs to")
@@ -211,28 +265,30 @@ def _report_block() -> list[Register]:
 
 
 def _diagnostics_block() -> list[Register]:
-    block = _Layout("input", 100, "r", "diagnostics_")
-    block.add("requests", "u32", "Modbus requests answered")
-    block.add("exceptions", "u32", "Modbus requests answered with an exception")
-    block.add("malformed", "u32", "connections closed because of a malformed frame")
+    block = _Layout("input", 100, "r", "diagnostics_", 0x2002)
+    block.add("requests", "u32", "requests answered, over CAN the PDOs and SDOs taken")
+    block.add("exceptions", "u32", "requests answered with an exception, over CAN with an abort")
+    block.add("malformed", "u32", "connections closed because of a malformed frame, over CAN frames of wrong length")
     block.add("refusals", "u32", "commands refused")
     block.add("torn", "u32", "command blocks whose head and tail life counters differed")
     block.add("lost", "u32", "runs stopped because the PLC fell silent")
     block.add("connections", "u32", "connections open now")
-    block.add("accepted", "u32", "connections accepted")
-    block.add("dropped", "u32", "connections closed for being idle or to make room")
+    block.add("accepted", "u32", "connections accepted, over CAN how often the PLC came up")
+    block.add("dropped", "u32", "connections closed for being idle or to make room, over CAN heartbeats and buses lost")
     block.add("forbidden", "u32", "connections refused for their address or their certificate")
     block.add("unauthorised", "u32", "requests refused because the role of the client does not permit them")
-    block.add("bad_frames", "u32", "serial frames dropped because their check sum was wrong")
+    block.add(
+        "bad_frames", "u32", "serial frames with a wrong check sum, over CAN what was no frame, or could not be sent"
+    )
     return block.registers
 
 
 def _bits() -> list[Register]:
-    coils = _Layout("coil", 0, "rw", "")
+    coils = _Layout("coil", 0, "rw", "", 0x2003)
     coils.add("execute", "bool", "0 to 1 runs command_code as the next sequence number; 1 to 0 acknowledges its result")
     coils.add("stop", "bool", "1 stops the cell, whoever holds the lease")
     coils.add("reset", "bool", "0 to 1 resets the cell after a stop or a fault")
-    inputs = _Layout("discrete", 0, "r", "")
+    inputs = _Layout("discrete", 0, "r", "", 0x2004)
     inputs.add("busy", "bool", "the command is accepted and has not ended")
     inputs.add("done", "bool", "the command ended in success; held until acknowledged")
     inputs.add("error", "bool", "the command failed, met a fault or was refused; held until acknowledged")
@@ -266,16 +322,21 @@ def as_csv(registers: Sequence[Register]) -> str:
 
 def as_markdown(registers: Sequence[Register]) -> str:
     """Return the map as a Markdown table below the rules that hold for all of it."""
-    columns = [column.name for column in fields(Register)]
+    hidden = {"index", "subindex"}
+    columns = [column.name for column in fields(Register) if column.name not in hidden]
     lines = [
         f"Register map {VERSION_MAJOR}.{VERSION_MINOR}. Addresses are zero-based; wide values and strings are "
-        "big-endian; value = raw integer x scale, in unit. Every connection has its own command block. Input "
-        f"registers can be read as holding registers too, {MIRROR} higher.",
+        "big-endian; value = raw integer x scale, in unit; low and high are raw. Every connection has its own command "
+        f"block. Input registers can be read as holding registers too, {MIRROR} higher. On CAN the same values are "
+        "objects, index and sub-index, little-endian.",
         "",
-        f"| {' | '.join(columns)} |",
-        f"|{' --- |' * len(columns)}",
+        f"| {' | '.join(['object', *columns])} |",
+        f"|{' --- |' * (len(columns) + 1)}",
     ]
-    lines += [f"| {' | '.join(str(cell) for cell in asdict(register).values())} |" for register in registers]
+    for register in registers:
+        place = f"{register.index:04X}sub{register.subindex:X}" if register.index else ""
+        cells = ["" if getattr(register, name) is None else str(getattr(register, name)) for name in columns]
+        lines.append(f"| {' | '.join([place, *cells])} |")
     return "\n".join(lines) + "\n"
 
 

@@ -124,6 +124,7 @@ def test_images_have_exactly_the_registers_of_their_block():
 
 def test_json_has_exactly_the_promised_keys():
     keys = {"name", "table", "address", "words", "type", "scale", "unit", "access", "meaning"}
+    keys |= {"low", "high", "index", "subindex", "pdo"}
     assert all(set(entry) == keys for entry in json.loads(as_json(table())))
 
 

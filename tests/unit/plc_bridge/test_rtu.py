@@ -6,6 +6,7 @@ from drivers.transport import LineLostError
 from plc_bridge.bridge import Bridge
 from plc_bridge.config import PlcConfig, RtuConfig
 from plc_bridge.messages import Command
+from plc_bridge.registers import VERSION
 from plc_bridge.rtu import PATIENCE, RtuServer
 from plc_bridge.rtu_frames import is_intact, with_check_sum
 
@@ -63,7 +64,7 @@ def rtu():
 
 
 def test_request_is_answered_with_unit_and_check_sum(rtu):
-    assert rtu.ask("01 04 0001 0001") == [bytes.fromhex("01 04 02 0101")]
+    assert rtu.ask("01 04 0001 0001") == [bytes.fromhex("01 04 02") + VERSION.to_bytes(2)]
 
 
 @pytest.mark.parametrize("unit", ["02", "F7", "F8", "FF"])
@@ -73,7 +74,7 @@ def test_other_units_stay_unanswered_and_change_nothing(rtu, unit):
 
 
 def test_own_unit_is_the_configured_one():
-    assert Rtu(unit=17).ask("11 04 0001 0001") == [bytes.fromhex("11 04 02 0101")]
+    assert Rtu(unit=17).ask("11 04 0001 0001") == [bytes.fromhex("11 04 02") + VERSION.to_bytes(2)]
 
 
 def test_broadcast_write_is_done_and_nobody_answers(rtu):

@@ -1,0 +1,160 @@
+"""CAN buses of every kind that a cell meets, as frames in and out. Whoever reads them decodes them elsewhere.
+
+Only data frames of classic CAN with 11-bit identifiers pass; everything else on the bus is somebody else's.
+"""
+
+import socket
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import can
+
+from drivers.errors import CellError, DeviceNotOpenedError, FaultCode
+
+Interface = Literal["socketcan", "slcan", "socketcand", "udp_multicast", "virtual"]
+SEND_TIMEOUT = 0.1
+"""Longest that one frame may wait for the adapter, s."""
+CONNECT_TIMEOUT = 1.0
+"""Longest wait for a socketcand server, s."""
+PATIENCE = 3
+"""Errors in a row after which the bus counts as lost: one undecodable frame or one full buffer does not."""
+_SOCKETCAND_PORT, _MULTICAST_PORT = 29536, 43113
+
+
+class CanLostError(CellError):
+    """A bus that was open can be read or written no more."""
+
+    code = FaultCode.DEVICE_NOT_OPENED
+
+
+@dataclass(frozen=True, slots=True)
+class CanFrame:
+    """One data frame."""
+
+    id: int
+    """0 to 0x7FF; the lower one goes first."""
+    data: bytes = b""
+    """At most 8 bytes."""
+
+
+class CanBus:
+    """One bus, used by nobody else in this process; not for use by several threads.
+
+    Args:
+        interface: What the bus is reached through.
+        channel: `socketcan`: network interface, "can0". `slcan`: serial port, "/dev/ttyACM0". `socketcand`:
+            "HOST:PORT/can0", the port may be left out. `udp_multicast`: group and port, "239.74.163.2:43113", the port
+            may be left out; frames never leave this computer. `virtual`: any name; never leaves this process.
+        bitrate: Bits a second, for `slcan`; the others were told by whoever set them up.
+    """
+
+    def __init__(self, interface: Interface, channel: str, bitrate: int) -> None:
+        self.interface: Interface = interface
+        self.name = f"{interface} {channel}"
+        self.bad_frames = 0
+        """What was no frame, and what could not be sent, since the start."""
+        self._channel, self._bitrate = channel, bitrate
+        self._bus: can.BusABC | None = None
+        self._read_errors = self._write_errors = 0
+
+    def open(self) -> None:
+        """Open the bus; does nothing when it is open.
+
+        Raises:
+            DeviceNotOpenedError: There is no such interface or port, no permission, or it is in use.
+        """
+        if self._bus is not None:
+            return
+        try:
+            self._bus = can.Bus(**self._settings(), ignore_config=True)
+        except Exception as error:  # every interface has exceptions of its own
+            raise DeviceNotOpenedError(f"CAN bus {self.name}: {_one_line(error)}") from error
+        self._read_errors = self._write_errors = 0
+
+    def close(self) -> None:
+        """Close the bus; may be called again."""
+        bus, self._bus = self._bus, None
+        if bus is not None:
+            try:
+                bus.shutdown()
+            except Exception:  # a bus that is gone cannot be told so
+                self.bad_frames += 1
+
+    def read(self, timeout: float) -> CanFrame | None:
+        """Return the next frame; None if none came within `timeout` s, or what came was none of ours.
+
+        Raises:
+            CanLostError: The bus is gone or was never opened.
+        """
+        bus = self._opened()
+        try:
+            message = bus.recv(timeout)
+        except Exception as error:
+            self._read_errors = self._count(error, self._read_errors)
+            return None
+        self._read_errors = 0
+        if message is None:
+            return None
+        if message.is_error_frame:
+            self.bad_frames += 1
+            return None
+        if message.is_remote_frame or message.is_extended_id or message.is_fd:
+            return None
+        return CanFrame(message.arbitration_id, bytes(message.data))
+
+    def write(self, frame: CanFrame) -> None:
+        """Send one frame; a single one that cannot be sent is dropped and counted.
+
+        Raises:
+            CanLostError: The bus is gone, was never opened, or has taken nothing for several frames.
+        """
+        bus = self._opened()
+        message = can.Message(arbitration_id=frame.id, data=frame.data, is_extended_id=False)
+        try:
+            bus.send(message, SEND_TIMEOUT)
+            self._write_errors = 0
+        except Exception as error:
+            self._write_errors = self._count(error, self._write_errors)
+
+    def _count(self, error: Exception, before: int) -> int:
+        self.bad_frames += 1
+        if before + 1 >= PATIENCE:
+            raise CanLostError(f"CAN bus {self.name}: {_one_line(error)}") from error
+        return before + 1
+
+    def _opened(self) -> can.BusABC:
+        if self._bus is None:
+            raise CanLostError(f"CAN bus {self.name}: not open")
+        return self._bus
+
+    def _settings(self) -> Mapping[str, Any]:
+        settings: dict[str, Any] = {"interface": self.interface, "channel": self._channel}
+        if self.interface == "slcan":
+            settings["bitrate"] = self._bitrate
+        elif self.interface == "udp_multicast":
+            group, port = _with_port(self._channel, _MULTICAST_PORT)
+            settings.update(channel=group, port=port, hop_limit=0, fd=False)
+        elif self.interface == "socketcand":
+            place, slash, channel = self._channel.rpartition("/")
+            host, port = _with_port(place, _SOCKETCAND_PORT)
+            if not slash or not host or not channel:
+                raise ValueError('"HOST:PORT/can0" or "HOST/can0" allowed')
+            # python-can itself would try for ten seconds, and busily
+            socket.create_connection((host, port), CONNECT_TIMEOUT).close()
+            settings.update(channel=channel, host=host, port=port, tcp_tune=True)
+        return settings
+
+
+def _with_port(text: str, default: int) -> tuple[str, int]:
+    """Return host and port of `HOST` or `HOST:PORT`."""
+    host, colon, port = text.partition(":")
+    if not colon:
+        return host, default
+    if not port.isdecimal() or not 0 < int(port) < 65536:
+        raise ValueError(f'port "{port}": 1 to 65535 allowed')
+    return host, int(port)
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split()) or type(error).__name__

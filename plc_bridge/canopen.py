@@ -1,0 +1,192 @@
+"""The CANopen node on its bus: one thread, which opens the bus, serves it, and opens it again when it is lost.
+
+python-can's own notifier dies of the first error unseen, and its periodic tasks of the first frame that cannot be
+sent (4.6.1); here one loop reads, and heartbeats and reports are sent by the same loop's clock. Also while there is
+no bus the node goes on watching, so that a PLC that cannot be heard counts as lost in time.
+"""
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from drivers.can_bus import CanFrame, CanLostError
+from drivers.errors import CellError
+from plc_bridge.canopen_node import CanMailbox, CanopenNode
+from plc_bridge.config import CanConfig
+from plc_bridge.registers import Diagnostics, Register
+
+logger = logging.getLogger(__name__)
+
+TICK = 0.01
+"""How often the node looks at the report and its timers, s."""
+FIRST_PAUSE, LONGEST_PAUSE = 0.5, 10.0
+"""Pauses before a lost bus is opened again, s."""
+FIRST_QUIET, LONGEST_QUIET = 5.0, 60.0
+"""A bus on which others were heard is opened anew after a silence this long, s: some die without a word."""
+
+
+class Bus(Protocol):
+    """A CAN bus, as `drivers.can_bus.CanBus` is one."""
+
+    name: str
+    bad_frames: int
+
+    def open(self) -> None:
+        """Open the bus."""
+
+    def close(self) -> None:
+        """Close the bus."""
+
+    def read(self, timeout: float) -> CanFrame | None:
+        """Return the next frame, or None after `timeout` s."""
+
+    def write(self, frame: CanFrame) -> None:
+        """Send a frame."""
+
+
+@dataclass(slots=True)
+class BusHealth:
+    """What is known of a bus that may die, with a word or without; time is passed in."""
+
+    is_lost: bool = False
+    """It was lost, and nothing has been heard since."""
+    _heard: float | None = None
+    _pause: float = FIRST_PAUSE
+    _quiet: float = FIRST_QUIET
+
+    def hear(self, now: float) -> bool:
+        """Note a frame; return whether it proves that a lost bus is back."""
+        is_back, self.is_lost = self.is_lost, False
+        self._heard, self._pause, self._quiet = now, FIRST_PAUSE, FIRST_QUIET
+        return is_back
+
+    def has_died(self, now: float) -> bool:
+        """Tell whether others were heard, but nobody for too long."""
+        if self._heard is None or now - self._heard <= self._quiet:
+            return False
+        self._heard, self._quiet = now, min(2 * self._quiet, LONGEST_QUIET)
+        return True
+
+    def lose(self) -> tuple[bool, float]:
+        """Note a loss; return whether that is news, and how long to wait, s."""
+        is_news, self.is_lost = not self.is_lost, True
+        pause, self._pause = self._pause, min(2 * self._pause, LONGEST_PAUSE)
+        return is_news, pause
+
+
+class CanopenServer:
+    """Serves one bus; `start` and `close` may be called from any thread.
+
+    Args:
+        config: Node-IDs and times.
+        registers: The whole map.
+        bus: Not yet open.
+        mailbox: The bridge.
+        now: Monotonic time, s.
+        wait: Waits so many seconds, or less; None waits no longer than until `close`.
+    """
+
+    def __init__(
+        self,
+        config: CanConfig,
+        registers: Sequence[Register],
+        bus: Bus,
+        mailbox: CanMailbox,
+        now: Callable[[], float] = time.monotonic,
+        wait: Callable[[float], object] | None = None,
+    ) -> None:
+        self._stop = threading.Event()
+        self._bus, self._now, self._wait = bus, now, wait or self._stop.wait
+        self._node = CanopenNode(config, registers, mailbox, self._send)
+        self._health = BusHealth()
+        self._is_open = False
+        self._next_tick = self._retry = 0.0
+        self._thread: threading.Thread | None = None
+
+    @property
+    def counts(self) -> Diagnostics:
+        """Counts since the start."""
+        counts = self._node.counts
+        counts.bad_frames = self._bus.bad_frames
+        return counts
+
+    def start(self) -> None:
+        """Open the bus, then serve in a thread of its own.
+
+        Raises:
+            DeviceNotOpenedError: There is no such interface or port, no permission, or it is in use.
+        """
+        self.open()
+        self._stop.clear()
+        self._thread = threading.Thread(target=self._serve, name="canopen", daemon=True)
+        self._thread.start()
+        logger.info("CANopen: on %s", self._bus.name)
+
+    def close(self) -> None:
+        """End the thread and close the bus; may be called again."""
+        if self._thread is not None:
+            self._stop.set()
+            self._thread.join()
+            self._thread = None
+        self._node.shut()
+        self._is_open = False
+        self._bus.close()
+
+    def open(self) -> None:
+        """Open the bus and bring the node up; without a thread, `step` is the caller's affair.
+
+        Raises:
+            DeviceNotOpenedError: There is no such interface or port, no permission, or it is in use.
+        """
+        self._bus.open()
+        self._is_open = True
+        self._node.boot()
+
+    def _serve(self) -> None:
+        while not self._stop.is_set():
+            self.step()
+
+    def step(self) -> None:
+        """Take a frame if one comes, do what time asks for, and open a lost bus again when its pause is over."""
+        now = self._now()
+        try:
+            if not self._is_open and now < self._retry:
+                self._wait(TICK)
+                self._node.tick(now)
+                return
+            if not self._is_open:
+                self._bus.open()
+                self._is_open = True
+                self._node.recover()
+            self._turn()
+        except CellError as error:
+            self._lose(error)
+
+    def _turn(self) -> None:
+        frame = self._bus.read(TICK)
+        now = self._now()
+        if frame is not None:
+            if self._health.hear(now):
+                logger.info("CANopen: %s is back", self._bus.name)
+            self._node.receive(frame, now)
+        elif self._health.has_died(now):
+            raise CanLostError(f"CAN bus {self._bus.name}: nobody is heard any more")
+        if frame is None or now >= self._next_tick:
+            self._next_tick = now + TICK
+            self._node.tick(now)
+
+    def _lose(self, error: CellError) -> None:
+        self._is_open = False
+        self._bus.close()
+        is_news, pause = self._health.lose()
+        self._retry = self._now() + pause
+        if is_news:
+            self._node.counts.dropped += 1
+            logger.warning("CANopen: %s", error)
+
+    def _send(self, frame: CanFrame) -> None:
+        if self._is_open:
+            self._bus.write(frame)

@@ -1,0 +1,363 @@
+"""The cell as a CANopen node (CiA 301): pure, frames in and out, time passed in; no bus, no threads.
+
+    | NMT state       | SDO | RPDO 1, 2 | stop object | TPDO | EMCY | heartbeat |
+    | --------------- | --- | --------- | ----------- | ---- | ---- | --------- |
+    | pre-operational | yes |           | yes         |      | yes  | yes       |
+    | operational     | yes | yes       | yes         | yes  | yes  | yes       |
+    | stopped         |     |           | yes         |      |      | yes       |
+
+Stopping asks for no permission: the stop object, the last RPDO, is obeyed in every state and from everybody, which goes
+beyond CiA 301. Whoever sends it sends the same single byte 1, so that two at once do not disturb each other.
+
+The PLC is one node with one link. A lost heartbeat of its, and leaving operational, are a stop request for its run;
+its boot-up begins the link anew, so that its next sequence number is adopted, not run.
+"""
+
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Protocol
+
+from drivers.can_bus import CanFrame
+from plc_bridge.config import CanConfig
+from plc_bridge.emcy import BUS_RECOVERED, HEARTBEAT_LOST, NO_ERROR, PDO_TOO_SHORT, Emergency
+from plc_bridge.heartbeat import HeartbeatConsumer, HeartbeatProducer
+from plc_bridge.object_values import Values
+from plc_bridge.objects import (
+    CONSUMER,
+    ERROR_REGISTER,
+    EVENT_TIMER,
+    INHIBIT,
+    ON_ERROR,
+    PRODUCER,
+    RPDO_BASES,
+    TPDO_BASES,
+    TPDO_PARAMETER,
+    dictionary,
+    size_of,
+)
+from plc_bridge.registers import RPDOS, TPDOS, Diagnostics, Register
+from plc_bridge.sdo import SdoServer
+from plc_bridge.station import LinkStation, LinkWords, Mailbox
+
+logger = logging.getLogger(__name__)
+
+ANYBODY = "CAN stop object"
+"""Source of a stop whose sender nobody can tell."""
+_EMCY, _SDO_ANSWER, _SDO_REQUEST, _HEARTBEAT = 0x080, 0x580, 0x600, 0x700
+
+
+class NmtState(IntEnum):
+    """States of a node, as its heartbeat tells them."""
+
+    INITIALISING = 0
+    STOPPED = 4
+    OPERATIONAL = 5
+    PRE_OPERATIONAL = 127
+
+
+_STATE_BY_COMMAND = {1: NmtState.OPERATIONAL, 2: NmtState.STOPPED, 128: NmtState.PRE_OPERATIONAL}
+_RESETS = (129, 130)
+_STATE_ON_ERROR = {0: NmtState.PRE_OPERATIONAL, 2: NmtState.STOPPED}
+"""By object 0x1029; 1 is to stay, and only operational is left for pre-operational."""
+
+
+class CanMailbox(Mailbox, Protocol):
+    """What the node needs of the bridge."""
+
+    def lost(self, source: str) -> None:
+        """Take a link for lost: what it runs stops."""
+
+
+@dataclass(slots=True)
+class _Tpdo:
+    """One PDO that the node sends."""
+
+    number: int
+    registers: Sequence[Register]
+    sent: bytes | None = None
+    stamp: float = 0.0
+
+
+class CanopenNode:
+    """One node.
+
+    Args:
+        config: Node-IDs and heartbeat times.
+        registers: The whole map.
+        mailbox: The bridge.
+        send: Sends a frame, or drops it where there is no bus.
+    """
+
+    def __init__(
+        self,
+        config: CanConfig,
+        registers: Sequence[Register],
+        mailbox: CanMailbox,
+        send: Callable[[CanFrame], None],
+    ) -> None:
+        self._config, self._id, self._mailbox, self._send = config, config.node_id, mailbox, send
+        self.counts = Diagnostics()
+        self.state = NmtState.INITIALISING
+        self.source = f"node {config.plc_node}"
+        by_name = {register.name: register for register in registers}
+        self._rpdos = {
+            base + self._id: [by_name[name] for name in names] for base, names in zip(RPDO_BASES, RPDOS, strict=False)
+        }
+        self._stop_id = RPDO_BASES[len(RPDOS) - 1] + self._id
+        self._tpdos = [_Tpdo(n, [by_name[name] for name in names]) for n, names in enumerate(TPDOS)]
+        self._fault, self._run = by_name["report_fault"], by_name["report_run"]
+        self._values = Values(dictionary(registers, self._id), registers, self._read, self._write, self._changed)
+        self._sdo = SdoServer(self._values)
+        self._producer = HeartbeatProducer(config.heartbeat)
+        self._consumer = HeartbeatConsumer(config.plc_node, config.plc_timeout)
+        self._emergency = Emergency()
+        self._is_short_told = False
+        self._station: LinkStation | None = None
+        self._anybody: LinkStation | None = None
+
+    # From outside.
+
+    def boot(self) -> None:
+        """Come up: open the links, say so on the bus, and wait in pre-operational for the NMT master."""
+        self._mailbox.opened(ANYBODY, ANYBODY)
+        self._anybody = LinkStation(self._mailbox, LinkWords(ANYBODY), self.counts)
+        self._reset()
+
+    def shut(self) -> None:
+        """End the links."""
+        if self._anybody is not None:
+            self._mailbox.closed(ANYBODY)
+            self._anybody = None
+        self._end_link()
+
+    def recover(self) -> None:
+        """Go on after the bus was lost: everything is sent again."""
+        self._sdo.reset()
+        self._repeat()
+        self._shout(self._emergency.message(BUS_RECOVERED))
+
+    def receive(self, frame: CanFrame, now: float) -> None:
+        """Take one frame of the bus."""
+        cob, data = frame.id, frame.data
+        if cob == 0:
+            self._command(data)
+        elif cob == _SDO_REQUEST + self._id:
+            self._take_request(data, now)
+        elif cob == _HEARTBEAT + self._consumer.node:
+            self._hear(data, now)
+        elif cob in self._rpdos:
+            self._take_rpdo(cob, data, now)
+
+    def tick(self, now: float) -> None:
+        """Do what time asks for: heartbeat, watch over the PLC, emergency, reports."""
+        if self._consumer.has_lost(now):
+            self._lose_plc()
+        if self.state is NmtState.INITIALISING:
+            return
+        if self._producer.is_due(now):
+            self._send(CanFrame(_HEARTBEAT + self._id, bytes([self.state])))
+        self._publish(now)
+
+    # NMT and error control.
+
+    def _command(self, data: bytes) -> None:
+        if len(data) != 2:
+            self.counts.malformed += 1
+            return
+        command, node = data
+        if node not in (0, self._id):
+            return
+        if command in _RESETS:
+            self._enter(NmtState.INITIALISING)
+            self._reset()
+        elif command in _STATE_BY_COMMAND:
+            self._enter(_STATE_BY_COMMAND[command])
+
+    def _reset(self) -> None:
+        config = self._config
+        self._values.reset()
+        self._values.put(PRODUCER, 0, round(1000 * config.heartbeat))
+        self._values.put(CONSUMER, 1, config.plc_node << 16 | round(1000 * config.plc_timeout))
+        self._sdo.reset()
+        self._consumer.watch(config.plc_node, config.plc_timeout)
+        self._emergency = Emergency()
+        self._begin_link(config.plc_node)
+        self._send(CanFrame(_HEARTBEAT + self._id, bytes([NmtState.INITIALISING])))
+        self.state = NmtState.PRE_OPERATIONAL
+        self._producer.restart(config.heartbeat)
+
+    def _enter(self, state: NmtState) -> None:
+        if state is self.state:
+            return
+        logger.info("CANopen node %d: %s", self._id, state.name)
+        if self.state is NmtState.OPERATIONAL:
+            self._mailbox.lost(self.source)
+        self.state = state
+        self._repeat()
+        if state is NmtState.STOPPED:
+            self._sdo.reset()
+        self._producer.restart(self._producer.period)
+
+    def _hear(self, data: bytes, now: float) -> None:
+        if len(data) != 1:
+            self.counts.malformed += 1
+            return
+        if data[0] == NmtState.INITIALISING:
+            self._begin_link(self._consumer.node)
+        if self._consumer.hear(now):
+            self.counts.accepted += 1
+            self.counts.connections = 1
+            logger.info("%s is there", self.source)
+            if self._emergency.is_plc_lost:
+                self._emergency.is_plc_lost = False
+                self._shout(self._emergency.message(NO_ERROR))
+        self._mailbox.heard(self.source)
+
+    def _lose_plc(self) -> None:
+        logger.warning("%s: no heartbeat for %g s", self.source, self._consumer.timeout)
+        self.counts.dropped += 1
+        self.counts.connections = 0
+        self._mailbox.lost(self.source)
+        self._emergency.is_plc_lost = True
+        self._shout(self._emergency.message(HEARTBEAT_LOST))
+        state = _STATE_ON_ERROR.get(self._values.get(ON_ERROR, 1))
+        if state is not None and self.state in (NmtState.OPERATIONAL, NmtState.PRE_OPERATIONAL):
+            self._enter(state)
+
+    # SDO.
+
+    def _take_request(self, data: bytes, now: float) -> None:
+        if self.state not in (NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL):
+            return
+        if len(data) != 8:
+            self.counts.malformed += 1
+            return
+        self._mailbox.heard(self.source)
+        self.counts.requests += 1
+        response = self._sdo.answer(data, now)
+        self.counts.exceptions = self._sdo.aborts
+        self._publish(now)
+        if response is not None:
+            self._send(CanFrame(_SDO_ANSWER + self._id, response))
+
+    def _read(self, register: Register) -> bytes:
+        station = self._linked()
+        if register.table == "coil" or register.table == "discrete":
+            function = 1 if register.table == "coil" else 2
+            return bytes(station.read_bits(function, register.address, 1))
+        words = station.read_words(3 if register.table == "holding" else 4, register.address, register.words)
+        data = b"".join(word.to_bytes(2) for word in words)
+        return data.rstrip(b"\0") if register.type == "string" else data[::-1]
+
+    def _write(self, register: Register, data: bytes) -> None:
+        if register.table == "coil":
+            self._linked().write_bits(register.address, [bool(data[0])])
+        else:
+            self._linked().write_words(register.address, _words(register, data))
+
+    def _changed(self, index: int, subindex: int) -> None:
+        value = self._values.get(index, subindex)
+        if index == PRODUCER:
+            self._producer.restart(value / 1000)
+        elif index == CONSUMER:
+            node = value >> 16
+            if node and node != self._consumer.node:
+                self._begin_link(node)
+            self._consumer.watch(node, (value & 0xFFFF) / 1000)
+
+    # PDO and EMCY.
+
+    def _take_rpdo(self, cob: int, data: bytes, now: float) -> None:
+        registers, is_stop = self._rpdos[cob], cob == self._stop_id
+        if self.state is not NmtState.OPERATIONAL and not is_stop:
+            return
+        if len(data) < sum(map(size_of, registers)):
+            self.counts.malformed += 1
+            if not self._is_short_told:
+                self._is_short_told = True
+                logger.warning("CANopen node %d: PDO 0x%X too short: %d bytes", self._id, cob, len(data))
+                self._shout(self._emergency.message(PDO_TOO_SHORT))
+            return
+        self.counts.requests += 1
+        if is_stop:
+            if self._anybody is not None:
+                self._anybody.write_bits(registers[0].address, [bool(data[0])])
+            return
+        self._is_short_told = False
+        words = []
+        for register in registers:
+            words += _words(register, data[: size_of(register)])
+            data = data[size_of(register) :]
+        self._mailbox.heard(self.source)
+        self._linked().write_words(registers[0].address, words)
+        self._publish(now)
+
+    def _publish(self, now: float) -> None:
+        """Send the emergency and the reports that are due; the report that answers a command goes last."""
+        if self.state not in (NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL):
+            return
+        words = self._mailbox.report_words(self.source)
+        message = self._emergency.update(
+            _number(self._fault, words),
+            _number(self._run, words),
+        )
+        if message is not None:
+            self._shout(message)
+        if self.state is not NmtState.OPERATIONAL:
+            return
+        for tpdo in reversed(self._tpdos):
+            data = b"".join(_number(r, words).to_bytes(size_of(r), "little") for r in tpdo.registers)
+            age = now - tpdo.stamp
+            parameters = TPDO_PARAMETER + tpdo.number
+            event = self._values.get(parameters, EVENT_TIMER) / 1000
+            if tpdo.sent is None or (data != tpdo.sent and age >= self._values.get(parameters, INHIBIT) / 10000):
+                is_due = True
+            else:
+                is_due = event > 0.0 and age >= event
+            if is_due:
+                tpdo.sent, tpdo.stamp = data, now
+                self._send(CanFrame(TPDO_BASES[tpdo.number] + self._id, data))
+
+    def _repeat(self) -> None:
+        """Send every report again, changed or not."""
+        for tpdo in self._tpdos:
+            tpdo.sent = None
+
+    def _shout(self, message: bytes) -> None:
+        self._values.put(ERROR_REGISTER, 0, self._emergency.register)
+        if self.state in (NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL):
+            self._send(CanFrame(_EMCY + self._id, message))
+
+    # The PLC's link.
+
+    def _begin_link(self, node: int) -> None:
+        self._end_link()
+        self.source = f"node {node}"
+        self._mailbox.opened(self.source, self.source)
+        self._station = LinkStation(self._mailbox, LinkWords(self.source), self.counts)
+        self._repeat()
+
+    def _end_link(self) -> None:
+        if self._station is not None:
+            self._mailbox.closed(self.source)
+            self._station = None
+
+    def _linked(self) -> LinkStation:
+        assert self._station is not None  # from boot to shut
+        return self._station
+
+
+def _words(register: Register, data: bytes) -> list[int]:
+    """Return the big-endian words of a value that is little-endian, or text."""
+    data = data.ljust(2 * register.words, b"\0") if register.type == "string" else data[::-1]
+    return [int.from_bytes(data[place : place + 2]) for place in range(0, len(data), 2)]
+
+
+def _number(register: Register, words: Sequence[int]) -> int:
+    """Return the raw value of a register of one or two words."""
+    value = 0
+    for word in words[register.address : register.address + register.words]:
+        value = value << 16 | word
+    return value

@@ -1,0 +1,240 @@
+"""The PLC's side of the map over CANopen: NMT master, heartbeat, PDOs, SDO; for demos and tests of the line."""
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import canopen
+from canopen.pdo import PdoMap
+
+from drivers.can_bus import CanBus, CanFrame, CanLostError
+from plc_bridge.canopen_node import NmtState
+from plc_bridge.config import CanConfig
+from plc_bridge.heartbeat import HeartbeatProducer
+from plc_bridge.objects import RPDO_BASES, dictionary, size_of
+from plc_bridge.peer import CellSilentError, PlcPeer
+from plc_bridge.registers import (
+    RPDOS,
+    STAGES,
+    CommandImage,
+    Diagnostics,
+    Register,
+    ReportImage,
+    command_words,
+    table,
+)
+
+_READ_TIMEOUT = 0.01  # s
+
+
+class SdoRefusedError(CellSilentError):
+    """The cell takes a value neither now nor later: it is beyond its limits."""
+
+
+class _Wire(canopen.Network):
+    """canopen's network on one of our buses; the thread of its own that reads also sends the heartbeat."""
+
+    def __init__(self, bus: CanBus, node: int, heartbeat: float) -> None:
+        super().__init__()
+        self._line, self._node = bus, node
+        self.producer = HeartbeatProducer(heartbeat)
+        self._stop = threading.Event()
+        self._lock = threading.Lock()
+        self._thread = threading.Thread(target=self._serve, name="plc", daemon=True)
+
+    def begin(self) -> None:
+        """Boot, then live."""
+        self.send_message(0x700 + self._node, bytes([NmtState.INITIALISING]))
+        self._thread.start()
+
+    def end(self) -> None:
+        self._stop.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
+        with self._lock:
+            self._line.write(CanFrame(can_id, bytes(data)))
+
+    def _serve(self) -> None:
+        try:
+            while not self._stop.is_set():
+                frame = self._line.read(_READ_TIMEOUT)
+                if frame is not None:
+                    self.notify(frame.id, bytearray(frame.data), time.time())
+                if self.producer.is_due(time.monotonic()):
+                    self.send_message(0x700 + self._node, bytes([NmtState.OPERATIONAL]))
+        except CanLostError:
+            return  # whoever waits for an answer finds out
+
+
+class CanPeer(PlcPeer):
+    """A PLC on CAN, which is also the NMT master.
+
+    Args:
+        config: Of the cell: the bus, the cell's node-ID and the PLC's, which this is.
+        period: Time between two cycles while waiting, s.
+        timeout: Longest wait for one answer, s.
+        wait: Waits so many seconds.
+        now: Monotonic time, s.
+    """
+
+    def __init__(
+        self,
+        config: CanConfig,
+        *,
+        period: float = 0.02,
+        timeout: float = 3.0,
+        wait: Callable[[float], None] = time.sleep,
+        now: Callable[[], float] = time.monotonic,
+    ) -> None:
+        super().__init__(f"CANopen node {config.node_id} on {config.interface} {config.channel}", period, wait, now)
+        self._config, self._timeout = config, timeout
+        self._places = {register.name: register for register in table()}
+        self._bus = CanBus(config.interface, config.channel, config.bitrate)
+        self._wire: _Wire | None = None
+        self._node: canopen.RemoteNode | None = None
+        self._sent = CommandImage()
+        self._values: dict[str, int] = {}
+        self._heard: set[str] = set()
+        self._has_report = threading.Event()
+        self._rest: tuple[tuple[int, ...], list[int]] = ((), [])
+
+    def close(self) -> None:
+        """Fall silent and leave the bus; may be called again."""
+        if self._wire is not None:
+            self._wire.end()
+            self._wire = self._node = None
+        self._bus.close()
+
+    def end_heartbeat(self) -> None:
+        """Stop the heartbeat and go on otherwise, as a PLC does whose CANopen stack has died."""
+        if self._wire is not None:
+            self._wire.producer.restart(0.0)
+
+    def read_report(self) -> ReportImage:
+        """Return the report; writes nothing.
+
+        Raises:
+            CellSilentError: The cell does not answer, or its node is not operational and so sends no report.
+        """
+        # Whatever the cell had to say by PDO, it said before it answers this.
+        holder = self._read("report_holder")
+        if self._node is not None and self._node.nmt.state != "OPERATIONAL":
+            raise CellSilentError(f"{self._where}: it is {self._node.nmt.state}")
+        values = dict(self._values)
+        state = tuple(values[name] for name in ("report_run", "report_stage", "report_result", "report_total_time"))
+        if self._rest[0] != state:
+            names = [f"report_stage_time_{n}" for n in range(1, STAGES + 1)]
+            self._rest = state, [self._number(name) for name in ("report_version", "report_total_time", *names)]
+        version, total, *times = self._rest[1]
+        scale = self._places["report_total_time"].scale
+        return ReportImage(
+            life=values["report_life"],
+            version=version,
+            sequence=values["report_sequence"],
+            answered=values["report_answered"],
+            refusal=values["report_refusal"],
+            result=values["report_result"],
+            state=values["report_state"],
+            fault=values["report_fault"],
+            stage=values["report_stage"],
+            reason=values["report_reason"],
+            progress=values["report_progress"],
+            code=values["report_code"],
+            run=values["report_run"],
+            lease=values["report_lease"],
+            holder=holder.decode("ascii"),
+            stage_times=tuple(scale * time for time in times),
+            total_time=scale * total,
+            life_tail=values["report_life"],
+        )
+
+    def read_diagnostics(self) -> Diagnostics:
+        """Return the cell's counts; writes nothing."""
+        names = [name for name in self._places if name.startswith("diagnostics_")]
+        return Diagnostics(**{name.removeprefix("diagnostics_"): self._number(name) for name in names})
+
+    def stop(self) -> None:
+        """Stop the cell, whoever holds the lease."""
+        with self._asking() as node:
+            node.network.send_message(RPDO_BASES[len(RPDOS) - 1] + self._config.node_id, b"\x01")
+        self._read("report_holder")
+
+    def _open(self) -> None:
+        config = self._config
+        self._bus.open()
+        self._sent = CommandImage()
+        self._heard.clear()
+        self._has_report.clear()
+        self._wire = _Wire(self._bus, config.plc_node, config.heartbeat)
+        self._node = canopen.RemoteNode(config.node_id, dictionary(table(), config.node_id))
+        self._node.sdo.RESPONSE_TIMEOUT = self._timeout
+        self._wire.add_node(self._node)
+        for pdo in self._node.tpdo.values():
+            pdo.read(from_od=True)
+            pdo.add_callback(self._take)
+        self._wire.begin()
+        self._node.nmt.state = "OPERATIONAL"
+        if not self._has_report.wait(self._timeout):
+            self.close()
+            raise CellSilentError(f"{self._where}: no report: is `cell serve` running there?")
+
+    def _take(self, pdo: PdoMap) -> None:
+        for variable in pdo:
+            self._values[self._name(variable.index, variable.subindex)] = int(variable.raw)
+        self._heard.add(pdo.name)
+        if self._node is None or len(self._heard) == len(self._node.tpdo):
+            self._has_report.set()
+
+    def _write(self, image: CommandImage) -> None:
+        sent, self._sent = self._sent, image
+        with self._asking() as node:
+            for register, data in _by_sdo(image, sent, self._places):
+                node.sdo.download(register.index, register.subindex, data)
+            if (image.acknowledge, image.lease) != (sent.acknowledge, sent.lease):
+                self._send_pdo(node, 1, image)
+            self._send_pdo(node, 0, image)
+
+    def _send_pdo(self, node: canopen.RemoteNode, number: int, image: CommandImage) -> None:
+        values = (getattr(image, name.removeprefix("command_")) for name in RPDOS[number])
+        data = b"".join(value.to_bytes(2, "little") for value in values)
+        node.network.send_message(RPDO_BASES[number] + self._config.node_id, data)
+
+    def _read(self, name: str) -> bytes:
+        with self._asking() as node:
+            return bytes(node.sdo.upload(self._places[name].index, self._places[name].subindex))
+
+    def _number(self, name: str) -> int:
+        return int.from_bytes(self._read(name), "little")
+
+    def _name(self, index: int, subindex: int) -> str:
+        return next(r.name for r in self._places.values() if (r.index, r.subindex) == (index, subindex))
+
+    @contextmanager
+    def _asking(self) -> Iterator[canopen.RemoteNode]:
+        if self._node is None:
+            raise CellSilentError(f"{self._where}: not connected")
+        try:
+            yield self._node
+        except canopen.SdoAbortedError as error:
+            raise SdoRefusedError(f"{self._where}: {error}") from error
+        except (canopen.SdoCommunicationError, CanLostError) as error:
+            raise CellSilentError(f"{self._where}: {error}") from error
+
+
+def _by_sdo(image: CommandImage, sent: CommandImage, places: dict[str, Register]) -> Iterator[tuple[Register, bytes]]:
+    """Yield what changed and no PDO carries, as register and bytes."""
+    new, old = command_words(image), command_words(sent)
+    for register in places.values():
+        if register.table != "holding" or register.pdo or not register.index:
+            continue
+        words = new[register.address : register.address + register.words]
+        if words == old[register.address : register.address + register.words]:
+            continue
+        data = b"".join(word.to_bytes(2) for word in words)
+        if register.type == "string":
+            yield register, data.rstrip(b"\0") or b"\0"
+        else:
+            yield register, data[::-1][: size_of(register)]

@@ -1,0 +1,41 @@
+"""Emergency messages of CANopen (CiA 301, 7.2.7): what the cell shouts when something breaks; pure."""
+
+import struct
+from dataclasses import dataclass
+
+GENERIC, COMMUNICATION, MANUFACTURER = 0x01, 0x10, 0x80
+"""Bits of the error register 0x1001."""
+NO_ERROR, HEARTBEAT_LOST, BUS_RECOVERED, PDO_TOO_SHORT = 0x0000, 0x8130, 0x8140, 0x8210
+"""Error codes of CiA 301, table 26."""
+DEVICE_SPECIFIC = 0xFF00
+"""The cell's own faults: this and the thousands of the fault code; the code itself stands in bytes 3 and 4."""
+_EMCY = struct.Struct("<HBHHB")
+
+
+@dataclass(slots=True)
+class Emergency:
+    """What is broken now; each change makes one message."""
+
+    fault: int = 0
+    """Code of `drivers.errors`; 0 is none."""
+    is_plc_lost: bool = False
+
+    @property
+    def register(self) -> int:
+        """The error register, object 0x1001."""
+        bits = (MANUFACTURER if self.fault else 0) | (COMMUNICATION if self.is_plc_lost else 0)
+        if self.fault // 1000 == 1:
+            bits |= COMMUNICATION
+        return bits | GENERIC if bits else 0
+
+    def update(self, fault: int, run: int) -> bytes | None:
+        """Take the fault code of the report and the run's number; return the message to send, if any."""
+        if fault == self.fault:
+            return None
+        self.fault = fault
+        code = DEVICE_SPECIFIC + fault // 1000 if fault else NO_ERROR
+        return self.message(code, run)
+
+    def message(self, code: int, run: int = 0) -> bytes:
+        """Return the message for an error code: code, register, fault code, the run's number to 24 bits."""
+        return _EMCY.pack(code, self.register, self.fault, run & 0xFFFF, run >> 16 & 0xFF)

@@ -1,0 +1,54 @@
+"""Heartbeats of CANopen, ours and the PLC's (CiA 301, 7.2.8.3.2): pure, time passed in."""
+
+import math
+from dataclasses import dataclass
+
+
+@dataclass(slots=True)
+class HeartbeatProducer:
+    """When to say that we live."""
+
+    period: float
+    """Of object 0x1017, s; 0 is never."""
+    _due: float = 0.0
+
+    def is_due(self, now: float) -> bool:
+        """Tell whether a heartbeat shall go out at the time `now`, s, and count it as sent."""
+        if self.period <= 0.0 or now < self._due:
+            return False
+        in_step = self._due + self.period
+        self._due = in_step if in_step > now else now + self.period
+        return True
+
+    def restart(self, period: float) -> None:
+        """Take a new period; the next heartbeat is due at once."""
+        self.period, self._due = period, 0.0
+
+
+@dataclass(slots=True)
+class HeartbeatConsumer:
+    """Whether one other node lives; the watch begins with its first heartbeat."""
+
+    node: int
+    """Of object 0x1016, 1 to 127; 0 is nobody."""
+    timeout: float
+    """The same, s; 0 is no watch."""
+    _heard: float = math.inf
+
+    def hear(self, now: float) -> bool:
+        """Note a heartbeat of the node; return whether that begins the watch."""
+        if self.timeout <= 0.0:
+            return False
+        is_first, self._heard = self._heard == math.inf, now
+        return is_first
+
+    def has_lost(self, now: float) -> bool:
+        """Tell, once, that the node's heartbeat has ended."""
+        if now - self._heard <= self.timeout:
+            return False
+        self._heard = math.inf
+        return True
+
+    def watch(self, node: int, timeout: float) -> None:
+        """Watch another node, or with another time; begins anew."""
+        self.node, self.timeout, self._heard = node, timeout, math.inf
