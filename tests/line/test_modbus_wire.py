@@ -2,7 +2,6 @@
 
 import asyncio
 import contextlib
-import random
 import socket
 import struct
 
@@ -303,61 +302,6 @@ def test_twenty_clients_at_once_lose_nothing(bridge):
 
     asyncio.run(everybody())
     assert bridge.diagnostics.requests == 20 * 100 * 2
-
-
-def hostile_frames(seed, count):
-    """Yield frames with whether they are well framed: random bodies, broken lengths, counts and headers."""
-    rng = random.Random(seed)
-    functions = [1, 2, 3, 4, 5, 6, 15, 16, 23]
-    for _ in range(count):
-        kind = rng.randrange(6)
-        function = rng.choice(functions) if rng.random() < 0.8 else rng.randrange(256)
-        if kind == 0:
-            pdu = bytes([function]) + rng.randbytes(rng.randrange(0, 252))
-        elif kind == 1:
-            pdu = struct.pack(
-                ">BHH", function, rng.choice([0, 1, 40, 41, 45, 46, 999, 1000, 65535]), rng.randrange(65536)
-            )
-        elif kind == 2:
-            count_ = rng.choice([0, 1, 2, 120, 121, 122, 123, 124, 125, 126, 2000, 2001, 65535])
-            body = rng.randbytes(rng.randrange(0, 100))
-            pdu = struct.pack(">BHHB", function, rng.randrange(50), count_, rng.randrange(256)) + body
-        elif kind == 3:
-            pdu = struct.pack(
-                ">BHHHHB", 23, rng.randrange(60), rng.randrange(130), rng.randrange(60), 2, 4
-            ) + rng.randbytes(4)
-        else:
-            pdu = READ_REPORT
-        transaction = rng.randrange(65536)
-        if kind == 4:
-            yield transaction, pdu, frame(pdu, transaction, protocol=rng.randrange(1, 65536)), False
-        elif kind == 5:
-            length = rng.choice([0, 1, *range(255, 65536, 997)])
-            yield transaction, pdu, frame(pdu, transaction, length=length), False
-        else:
-            yield transaction, pdu, frame(pdu, transaction), True
-
-
-def test_hostile_frames_leave_no_deaf_connection_and_no_foreign_register_changed(bridge):
-    with connect(bridge) as bystander:
-        ask(bystander, bytes.fromhex("10 0000 0004 08 0001 0002 0000 0003"))
-        before = ask(bystander, bytes.fromhex("03 0000 0029"))
-        client, is_served = connect(bridge), False
-        for transaction, pdu, data, is_whole in hostile_frames(seed=20, count=2000):
-            client.sendall(data)
-            if is_whole:
-                got, _, response = answer(client)
-                assert got == transaction
-                assert response[0] & 0x7F == pdu[0] & 0x7F
-                assert response[0] == pdu[0] or response[1] in (1, 2, 3)
-                is_served = True
-            else:
-                assert is_closed(client)
-                client.close()
-                client = connect(bridge)
-        client.close()
-        assert is_served
-        assert ask(bystander, bytes.fromhex("03 0000 0029")) == before
 
 
 def test_peer_drives_a_command_to_its_result(peer, supervisor):

@@ -1,0 +1,273 @@
+"""Hostile and malformed Modbus frames with a fixed seed, against the bridge on a real socket or a serial line.
+
+    python -m tests.hostile [--frames 100000] [--seed 1]
+
+sends that many over TCP, as many over TLS, and a twentieth over RTU, where every second one is noise. Every answer is
+compared with what `tests.modbus_oracle` says; a bystander holds the lease and must keep it, its registers and its peace.
+"""
+
+import argparse
+import logging
+import random
+import socket
+import ssl
+import struct
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from drivers.transport import SerialLine
+from plc_bridge.bridge import Bridge
+from plc_bridge.config import ModbusConfig, PlcConfig, RtuConfig, TlsConfig
+from plc_bridge.messages import Control
+from plc_bridge.rtu_frames import with_check_sum
+from tests.cable import Cable
+from tests.certificates import Authority, utf8
+from tests.modbus_oracle import Oracle
+
+PATIENCE = 20.0  # s
+BATCH = 40
+"""Well-framed requests that are sent before the first answer is read."""
+EDGES = (0, 1, 2, 3, 4, 39, 40, 41, 42, 45, 46, 47, 99, 100, 123, 124, 999, 1000, 1045, 1046, 1123, 1124, 32768, 65535)
+COUNTS = (
+    0,
+    1,
+    2,
+    3,
+    4,
+    5,
+    24,
+    25,
+    40,
+    41,
+    42,
+    46,
+    47,
+    120,
+    121,
+    122,
+    123,
+    124,
+    125,
+    126,
+    1968,
+    1969,
+    2000,
+    2001,
+    65535,
+)
+SERVED = (1, 2, 3, 4, 5, 6, 15, 16, 23)
+UNIT = 1
+LEASE = 5
+BYSTANDER = [1, 2, 0, 7, 0, 1]
+"""Life, sequence, code, recipe, acknowledge, and the wish for the lease."""
+
+
+def request(rng: random.Random) -> bytes:
+    """Return a PDU: right, wrong by a little, or anything at all."""
+    kind = rng.randrange(8)
+    function = rng.choice(SERVED)
+    start, count = rng.choice(EDGES), rng.choice(COUNTS)
+    if rng.random() < 0.4:
+        start, count = rng.randrange(42), rng.randrange(1, 6)
+    if kind == 0:
+        return bytes([rng.randrange(256)]) + rng.randbytes(rng.choice([0, 1, 3, 4, 5, 8, rng.randrange(253)]))
+    if kind == 1:
+        value = rng.choice([0, 0xFF00, 0x00FF, 1, 0x1234, 0xFF01])
+        return struct.pack(">BHH", 5, rng.choice([0, 1, 2, 3, 65535]), value)
+    if function in (15, 16):
+        size = (count + 7) // 8 if function == 15 else 2 * count
+        size = size if kind < 6 and size < 247 else rng.randrange(247)
+        said = size if kind < 7 else rng.randrange(256)
+        return struct.pack(">BHHB", function, start, count, said) + rng.randbytes(size)
+    if function == 23:
+        written = rng.choice([0, 1, 2, 41, 119, 120])
+        said = 2 * written if kind < 6 else rng.randrange(256)
+        return struct.pack(">BHHHHB", 23, start, count, rng.choice(EDGES), written, said) + rng.randbytes(2 * written)
+    pdu = struct.pack(">BHH", function, start, count)
+    return pdu + rng.randbytes(rng.randrange(1, 5)) if kind == 7 else pdu
+
+
+def is_harmless(pdu: bytes) -> bool:
+    """Tell whether a PDU leaves one connection one connection: it does not ask to share the block of its host."""
+    oracle = Oracle()
+    oracle.answer(pdu)
+    return oracle.words[LEASE] != 2
+
+
+def broken_frame(rng: random.Random, pdu: bytes) -> bytes:
+    """Return a frame after which nothing can be trusted."""
+    protocol, length = 0, len(pdu) + 1
+    if rng.random() < 0.5:
+        protocol = rng.randrange(1, 65536)
+    else:
+        length = rng.choice([0, 1, 255, 256, 60000, 65535, rng.randrange(255, 65536)])
+    return struct.pack(">HHHB", rng.randrange(65536), protocol, length, 1) + pdu
+
+
+def receive(client: socket.socket, size: int) -> bytes:
+    """Return so many bytes."""
+    data = b""
+    while len(data) < size:
+        more = client.recv(size - len(data))
+        if not more:
+            raise ConnectionResetError(f"closed after {len(data)} of {size} bytes")
+        data += more
+    return data
+
+
+def exchange(client: socket.socket, pdus: list[bytes]) -> list[bytes]:
+    """Send requests, cut anywhere, and return what was answered, in order and under their own numbers."""
+    frames = b"".join(struct.pack(">HHHB", n, 0, len(pdu) + 1, UNIT) + pdu for n, pdu in enumerate(pdus))
+    cut = len(frames) // 3
+    client.sendall(frames[:cut])
+    client.sendall(frames[cut:])
+    answers = []
+    for n in range(len(pdus)):
+        transaction, protocol, length, unit = struct.unpack(">HHHB", receive(client, 7))
+        assert (transaction, protocol, unit) == (n, 0, UNIT), (transaction, protocol, unit)
+        answers.append(receive(client, length - 1))
+    return answers
+
+
+def check(pdu: bytes, oracle: Oracle, answer: bytes) -> str:
+    """Compare an answer with the oracle's; return what kind it was."""
+    head, size = oracle.answer(pdu)
+    assert answer.startswith(head), f"{pdu.hex(' ')}: {answer.hex(' ')} instead of {head.hex(' ')}"
+    assert len(answer) == size, f"{pdu.hex(' ')}: {len(answer)} bytes instead of {size}"
+    return f"exception {answer[1]:02d}" if answer[0] & 0x80 else "served"
+
+
+def attack_socket(connect: Callable[[], socket.socket], frames: int, seed: int, broken: float) -> Counter[str]:
+    """Send `frames`, a part `broken` of them with a header that ends the connection; return what became of them."""
+    rng, seen = random.Random(seed), Counter[str]()
+    client, oracle = connect(), Oracle()
+    sent = 0
+    while sent < frames:
+        pdus = [pdu for pdu in (request(rng) for _ in range(BATCH)) if is_harmless(pdu)][: frames - sent]
+        for pdu, answer in zip(pdus, exchange(client, pdus), strict=True):
+            seen[check(pdu, oracle, answer)] += 1
+        sent += len(pdus)
+        if rng.random() < broken * BATCH:
+            client.sendall(broken_frame(rng, request(rng)))
+            with suppress(ConnectionResetError, ssl.SSLError):
+                assert client.recv(1) == b"", "answered a frame that has no end"
+            client.close()
+            seen["closed"] += 1
+            sent += 1
+            client, oracle = connect(), Oracle()
+    client.close()
+    return seen
+
+
+def attack_serial(port: str, frames: int, seed: int) -> Counter[str]:
+    """Send `frames` down a serial line: requests to this unit, to others, to all, broken ones and noise."""
+    rng, oracle, seen = random.Random(seed), Oracle(), Counter[str]()
+    line = SerialLine(port, 115200)
+    line.open()
+    for _ in range(frames // 2):
+        whole = with_check_sum(bytes([UNIT]) + request(rng))
+        place = rng.randrange(len(whole))
+        noise = rng.choice(
+            [
+                whole[:place] + bytes([whole[place] ^ 1 << rng.randrange(8)]) + whole[place + 1 :],
+                with_check_sum(bytes([rng.randrange(2, 248)]) + request(rng))[: rng.choice([place + 1, 300])],
+                rng.randbytes(rng.randrange(1, 300)),
+            ]
+        )
+        line.write(noise)
+        seen["noise"] += 1
+        pdu = b"\x03" + struct.pack(">HH", rng.choice(EDGES), rng.choice(COUNTS))
+        _head, size = oracle.answer(pdu)
+        line.write(with_check_sum(bytes([UNIT]) + pdu))
+        answer = b""
+        while len(answer) < size + 3:
+            more = line.read(PATIENCE)
+            assert more, f"deaf after {noise.hex(' ')}"
+            answer += more
+        assert answer == with_check_sum(answer[:-2])
+        seen[check(pdu, oracle, answer[1:-2])] += 1
+    line.close()
+    return seen
+
+
+@contextmanager
+def bystander(bridge: Bridge) -> Iterator[None]:
+    """Hold the lease meanwhile; afterwards it must still be held, with the same registers, and nothing was started."""
+    with socket.create_connection(bridge.address, timeout=PATIENCE) as client:
+        block = struct.pack(f">BHHB{len(BYSTANDER)}H", 16, 0, len(BYSTANDER), 2 * len(BYSTANDER), *BYSTANDER)
+        read = struct.pack(">BHH", 3, 0, 41)
+        before, holder = exchange(client, [block, read])[1], bridge.holder
+        assert holder.startswith("127.0.0.1:")
+        yield
+        assert exchange(client, [read])[0] == before, "another's registers were changed"
+        assert bridge.holder == holder, "the lease was lost"
+        while (command := bridge.poll()) is not None:
+            assert command.code in (Control.STOP, Control.ABORT), f"without the lease: {command}"
+
+
+@contextmanager
+def attacked(folder: Path, cable: Cable) -> Iterator[tuple[Bridge, Callable[[], socket.socket]]]:
+    """Yield a bridge that listens on TCP, TLS and the cable's first end, and how to connect over TLS."""
+    authority = Authority(folder)
+    certificate, key = authority.sign("cell")
+    context = authority.client(*authority.sign("client", utf8("Operator")))
+    files = {"certificate": certificate, "key": key, "authority": authority.certificate}
+    tls = TlsConfig(port=0, roles={"Operator": ("read", "command")}, **files)
+    rtu = RtuConfig(port=cable.ends[0], unit=UNIT, baud_rate=115200, parity="none")
+    bridge = Bridge(
+        PlcConfig(life_timeout=3600.0, lease_timeout=3600.0, modbus=ModbusConfig(port=0), tls=tls, rtu=rtu),
+        {100: "insert_peg"},
+    )
+    bridge.start()
+
+    def connect() -> socket.socket:
+        assert bridge.secure_address is not None
+        plain = socket.create_connection(bridge.secure_address, timeout=PATIENCE)
+        return context.wrap_socket(plain, server_hostname="127.0.0.1")
+
+    try:
+        yield bridge, connect
+    finally:
+        bridge.close()
+
+
+def run(frames: int, seed: int) -> Iterator[tuple[str, Counter[str], float]]:
+    """Yield each line's name, what became of its frames, and the time that took, s."""
+    with tempfile.TemporaryDirectory() as folder, Cable() as cable, attacked(Path(folder), cable) as (bridge, secure):
+        attacks: list[tuple[str, Callable[[], Counter[str]]]] = [
+            (
+                "TCP",
+                lambda: attack_socket(
+                    lambda: socket.create_connection(bridge.address, timeout=PATIENCE), frames, seed, 0.02
+                ),
+            ),
+            ("TLS", lambda: attack_socket(secure, frames, seed + 1, 0.002)),
+            ("RTU", lambda: attack_serial(cable.ends[1], frames // 20, seed + 2)),
+        ]
+        for name, attack in attacks:
+            with bystander(bridge):
+                started = time.monotonic()
+                seen = attack()
+                yield name, seen, time.monotonic() - started
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description="Hostile Modbus frames; ends with status 0 where all went as it should."
+    )
+    parser.add_argument("--frames", type=int, default=100_000)
+    parser.add_argument("--seed", type=int, default=1)
+    args = parser.parse_args()
+    logging.basicConfig(level=logging.ERROR)
+    for name, seen, seconds in run(args.frames, args.seed):
+        facts = ", ".join(f"{count} {kind}" for kind, count in sorted(seen.items()))
+        sys.stdout.write(f"{name}: {seen.total()} frames in {seconds:.0f} s: {facts}\n")
+
+
+if __name__ == "__main__":
+    main()

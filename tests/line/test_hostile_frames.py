@@ -1,0 +1,23 @@
+"""Hostile frames over every Modbus line; `python -m tests.hostile` sends the full number."""
+
+import pytest
+
+from tests import hostile
+
+FRAMES, SEED = 4000, 1
+
+
+@pytest.fixture(scope="module")
+def seen():
+    """Every answer has been compared with the specification, and the bystander with what it had."""
+    return {name: seen for name, seen, _ in hostile.run(FRAMES, SEED)}
+
+
+@pytest.mark.parametrize(("line", "frames"), [("TCP", FRAMES), ("TLS", FRAMES), ("RTU", FRAMES // 20)])
+def test_no_crash_no_deaf_line_no_register_changed_that_should_not(seen, line, frames):
+    assert seen[line].total() >= frames
+
+
+def test_every_kind_of_answer_was_provoked(seen):
+    for line in ("TCP", "TLS"):
+        assert set(seen[line]) == {"served", "closed", "exception 01", "exception 02", "exception 03"}

@@ -1,0 +1,101 @@
+"""What the specification says that a cell answers: written from the documents, not from the server that it judges.
+
+Modbus Application Protocol V1.1b3, 6 and 7: a wrong function code is exception 01, a wrong quantity, value or length
+03, a wrong address 02, in this order; what is refused changes nothing.
+"""
+
+import struct
+
+COMMAND_WORDS, REPORT_WORDS, DIAGNOSTICS_WORDS, DIAGNOSTICS_AT, MIRROR = 41, 46, 24, 100, 1000
+COILS, INPUTS = 3, 4
+MOST = {1: 2000, 2: 2000, 3: 125, 4: 125, 15: 1968, 16: 123}
+
+
+class Oracle:
+    """One connection's own block; `answer` says what a request gets and does what it asks for."""
+
+    def __init__(self) -> None:
+        self.words = [0] * COMMAND_WORDS
+        self.coils = [0] * COILS
+
+    def answer(self, pdu: bytes) -> tuple[bytes, int]:
+        """Return how the answer begins and how long it is as a whole; what the report holds is not foreseen."""
+        function = pdu[0]
+        if function not in (1, 2, 3, 4, 5, 6, 15, 16, 23):
+            return self._exception(function, 1)
+        served = self._exchange(pdu) if function == 23 else self._simple(function, pdu)
+        return self._exception(function, served) if isinstance(served, int) else served
+
+    @staticmethod
+    def _exception(function: int, code: int) -> tuple[bytes, int]:
+        return bytes([function | 0x80, code]), 2
+
+    def _simple(self, function: int, pdu: bytes) -> tuple[bytes, int] | int:
+        if function in (15, 16):
+            if len(pdu) < 6 or len(pdu) != 6 + pdu[5]:
+                return 3
+        elif len(pdu) != 5:
+            return 3
+        start, value = struct.unpack(">HH", pdu[1:5])
+        if function in MOST and not 1 <= value <= MOST[function]:
+            return 3
+        match function:
+            case 1:
+                return self._bits(function, self.coils, start, value)
+            case 2:
+                return self._unforeseen(function, (value + 7) // 8) if start + value <= INPUTS else 2
+            case 3 | 4:
+                return self._read(function, start, value)
+            case 5:
+                if value not in (0, 0xFF00):
+                    return 3
+                return self._put(self.coils, start, [value >> 15], pdu)
+            case 6:
+                return self._put(self.words, start, [value], pdu)
+            case 15:
+                if pdu[5] != (value + 7) // 8:
+                    return 3
+                bits = [pdu[6 + n // 8] >> n % 8 & 1 for n in range(value)]
+                return self._put(self.coils, start, bits, pdu[:5])
+            case _:
+                if pdu[5] != 2 * value:
+                    return 3
+                return self._put(self.words, start, list(struct.unpack(f">{value}H", pdu[6:])), pdu[:5])
+
+    def _exchange(self, pdu: bytes) -> tuple[bytes, int] | int:
+        if len(pdu) <= 10 or len(pdu) != 10 + pdu[9]:
+            return 3
+        read, read_count, start, count = struct.unpack(">HHHH", pdu[1:9])
+        if not 1 <= read_count <= 125 or not 1 <= count <= 121 or pdu[9] != 2 * count:
+            return 3
+        if isinstance(self._read(23, read, read_count), int) or start + count > COMMAND_WORDS:
+            return 2
+        self.words[start : start + count] = struct.unpack(f">{count}H", pdu[10:])
+        return self._read(23, read, read_count)
+
+    def _read(self, function: int, start: int, count: int) -> tuple[bytes, int] | int:
+        if function != 4 and start + count <= COMMAND_WORDS:
+            body = struct.pack(f">{count}H", *self.words[start : start + count])
+            return bytes([function, 2 * count]) + body, 2 + 2 * count
+        if function != 4:
+            start -= MIRROR
+        is_there = start >= 0 and start + count <= REPORT_WORDS
+        is_there |= start >= DIAGNOSTICS_AT and start + count <= DIAGNOSTICS_AT + DIAGNOSTICS_WORDS
+        return self._unforeseen(function, 2 * count) if is_there else 2
+
+    def _bits(self, function: int, bits: list[int], start: int, count: int) -> tuple[bytes, int] | int:
+        if start + count > len(bits):
+            return 2
+        value = sum(bit << n for n, bit in enumerate(bits[start : start + count]))
+        return bytes([function, 1, value]), 3
+
+    @staticmethod
+    def _unforeseen(function: int, size: int) -> tuple[bytes, int]:
+        return bytes([function, size]), 2 + size
+
+    @staticmethod
+    def _put(block: list[int], start: int, values: list[int], echo: bytes) -> tuple[bytes, int] | int:
+        if start + len(values) > len(block):
+            return 2
+        block[start : start + len(values)] = values
+        return echo, len(echo)
