@@ -19,6 +19,9 @@ from drivers.skin import EMULATED, CanSkin, CanSkinConfig, SerialSkin, SerialSki
 from drivers.transport import SerialLine
 from skills.contract import Estimator, SkillContext
 from skills.tactile.image import ImageEstimator
+from skills.tactile.likelihood import LikelihoodEstimator
+from skills.tactile.pca import PcaEstimator
+from skills.tactile.robust import RobustEstimator
 
 if TYPE_CHECKING:
     from sim.world import Truth, World
@@ -71,11 +74,14 @@ def choices(seed: int) -> np.random.Generator:
 
 def make_estimator(config: CellConfig) -> Estimator:
     """Return the estimator that `insert.estimator` names."""
-    if config.insert.estimator == "ml":
-        from skills.tactile.likelihood import LikelihoodEstimator  # compiles; only when asked for
-
-        return LikelihoodEstimator(config.ml, config.skin.layout, config.peg)
-    return ImageEstimator(config.image, config.skin.layout)
+    layout, peg = config.skin.layout, config.peg
+    makers: dict[str, Callable[[], Estimator]] = {
+        "image": lambda: ImageEstimator(config.image, layout),
+        "pca": lambda: PcaEstimator(config.pca, layout, peg),
+        "ml": lambda: LikelihoodEstimator(config.ml, layout, peg),
+        "robust": lambda: RobustEstimator(config.robust, layout, peg),
+    }
+    return makers[config.insert.estimator]()
 
 
 def assemble(config: CellConfig) -> Cell:

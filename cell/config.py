@@ -34,6 +34,8 @@ from skills.spiral_adjust import SpiralAdjustParams
 from skills.spray_search import SpraySearchParams
 from skills.tactile.image import ImageParams
 from skills.tactile.likelihood import LikelihoodParams
+from skills.tactile.pca import PcaParams
+from skills.tactile.robust import RobustParams
 from skills.tactile_insert import TactileInsertParams
 
 SHIPPED = Path(shipped.__file__).parent
@@ -48,7 +50,7 @@ RECIPE_SECTIONS = frozenset(
 class InsertSection(TactileInsertParams):
     """[insert]: the skill's parameters and the estimator that steers it."""
 
-    estimator: Literal["image", "ml"] = "image"
+    estimator: Literal["image", "pca", "ml", "robust"] = "image"
     """What turns taxels into the pose of the peg."""
 
 
@@ -80,7 +82,9 @@ class CellConfig(ConfigModel):
     gripper: SimGripperConfig
     skin: Annotated[SimSkinConfig | CanSkinConfig | SerialSkinConfig, Field(discriminator="kind")]
     image: ImageParams = ImageParams()
+    pca: PcaParams = PcaParams()
     ml: LikelihoodParams = LikelihoodParams()
+    robust: RobustParams = RobustParams()
     smoothing: Smoothing = Smoothing()
     switch: SimSwitchConfig
     plc: PlcConfig

@@ -10,6 +10,7 @@ from drivers.parts import ConfigModel, Fraction
 from drivers.quantities import FINGERS, TAXELS, Mask, TaxelFrame, Vector
 from drivers.skin_layout import PITCH, Layout, finger_positions, triangles
 from skills.contract import PegPose
+from skills.tactile.plausible import is_print
 
 LATTICE_ERROR: dict[Layout, float] = {"parallelogram": 3.2e-6, "base_to_base": 4.9e-6}
 """RMS error that the coarse lattice leaves in the image's second moments, m²; see `ImageEstimator`."""
@@ -97,7 +98,7 @@ class ImageEstimator:
             offset=offset,
             sigma=self._sigma(split, trusted),
             residual=residual,
-            healthy=is_line and residual <= params.most_residual,
+            healthy=is_line and residual <= params.most_residual and is_print(frame.values, frame.trusted),
             stamp=frame.stamp,
         )
 

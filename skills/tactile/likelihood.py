@@ -16,7 +16,7 @@ from drivers.parts import ConfigModel, Fraction, Peg
 from drivers.quantities import FINGERS, TAXELS, Mask, TaxelFrame, Vector
 from drivers.skin_layout import Layout
 from skills.contract import PegPose
-from skills.tactile.templates import TemplateParams, make_templates
+from skills.tactile.templates import TemplateParams, Templates, make_templates
 
 COARSE_THETA = 5
 COARSE_OFFSET = 4
@@ -38,11 +38,11 @@ NEVER = -1e30
 class LikelihoodParams(ConfigModel):
     """What a frame is expected to look like, and when it shows no peg."""
 
-    kind: Literal["ml"] = "ml"
+    kind: Literal["ml", "robust"] = "ml"
     templates: TemplateParams = TemplateParams()
     noise: Annotated[float, Field(ge=1.0, le=5000.0)] = 300.0
     """Standard deviation of a taxel's reading, counts."""
-    gain_spread: Annotated[float, Field(ge=0.0, le=0.5)] = 0.06
+    gain_spread: Annotated[float, Field(ge=0.0, le=0.5)] = 0.08
     """What taxels differ by and templates miss, fraction of the reading."""
     offset_spread: Annotated[float, Field(ge=1e-5, le=1e-2)] = 7e-4
     """Standard deviation of the peg's offset from the finger centre, m."""
@@ -50,7 +50,7 @@ class LikelihoodParams(ConfigModel):
     """Chance that the offset is anything within the templates' reach instead."""
     imbalance: Annotated[float, Field(ge=0.01, le=2.0)] = 0.3
     """Standard deviation of half the difference of the fingers' loads, fraction of their mean."""
-    rise: Annotated[float, Field(ge=0.01, le=5.0)] = 0.4
+    rise: Annotated[float, Field(ge=0.01, le=5.0)] = 0.6
     """Standard deviation of the loads' opposite rise over 20 mm, fraction of their mean."""
     common_rise: Annotated[float, Field(ge=0.01, le=5.0)] = 0.1
     """Standard deviation of the rise that both loads share, likewise."""
@@ -78,47 +78,17 @@ class LikelihoodEstimator:
     def __init__(self, params: LikelihoodParams, layout: Layout, peg: Peg) -> None:
         """Make the templates of `peg` on `layout`."""
         self._params = params
-        self._templates = make_templates(layout, peg, params.templates)
-        within = np.exp(-0.5 * (self._templates.offset / params.offset_spread) ** 2) / params.offset_spread
-        anywhere = math.sqrt(2.0 * math.pi) / (2.0 * params.templates.offset_reach)
-        chance = (1.0 - params.off_centre) * within + params.off_centre * anywhere
-        self._prior: Vector = -np.log(chance / chance.max())
-        self._spreads: Vector = np.array([params.imbalance, params.common_rise, params.rise])
+        self._bank = Bank(params, make_templates(layout, peg, params.templates))
 
     def estimate(self, frame: TaxelFrame) -> PegPose:
         """Return the pose of the peg in `frame`; see `skills.contract.Estimator`."""
         params = self._params
         values, trusted = frame.values.ravel(), frame.trusted.ravel()
-        found = self._compare(False, values, trusted)
+        weights = weights_of(params, values, trusted)
+        found = self._bank.compare(values, weights)
         if found.misfit > params.wide_misfit:
-            found = self._compare(True, values, trusted)
-        healthy = (
-            found.load >= params.least_load
-            and found.sigma <= params.most_sigma
-            and found.misfit <= params.most_misfit
-            and found.residual <= params.most_residual
-            and np.count_nonzero(trusted) >= params.least_trusted
-        )
-        sigma = min(found.sigma, math.pi / 2)
-        return PegPose(found.theta, found.offset, sigma, found.residual, bool(healthy), frame.stamp)
-
-    def _compare(self, is_wide: bool, values: Vector, trusted: Mask) -> "Found":
-        params, templates = self._params, self._templates
-        return Found(
-            *_posterior(
-                is_wide,
-                values,
-                trusted,
-                params.noise,
-                params.gain_spread,
-                self._prior,
-                self._spreads,
-                templates.theta,
-                templates.offset,
-                templates.even,
-                templates.rising,
-            )
-        )
+            found = self._bank.compare(values, weights, is_wide=True)
+        return pose_of(params, found, frame)
 
 
 class Found(NamedTuple):
@@ -136,12 +106,59 @@ class Found(NamedTuple):
     """Squared residuals over what was expected of them."""
     residual: float
     """Share of the frame's squares that is left."""
+    chance: float
+    """Log posterior of the likeliest angle, but for a constant of frame and weights."""
+
+
+class Bank:
+    """The templates of one pad and peg, ready to be compared with frames."""
+
+    def __init__(self, params: LikelihoodParams, templates: Templates) -> None:
+        """Keep what every comparison needs."""
+        within = np.exp(-0.5 * (templates.offset / params.offset_spread) ** 2) / params.offset_spread
+        anywhere = math.sqrt(2.0 * math.pi) / (2.0 * params.templates.offset_reach)
+        chance = (1.0 - params.off_centre) * within + params.off_centre * anywhere
+        prior: Vector = -np.log(chance / chance.max())
+        spreads: Vector = np.array([params.imbalance, params.common_rise, params.rise])
+        self._arguments = (prior, spreads, templates.theta, templates.offset, templates.even, templates.rising)
+        self.left: Vector = np.zeros(FINGERS * TAXELS)
+        """Residuals of the last comparison over their standard deviations, shape (40,)."""
+
+    def compare(self, values: Vector, weights: Vector, is_wide: bool = False) -> Found:
+        """Compare a frame with the templates of all angles.
+
+        Args:
+            values: Readings, counts, shape (40,).
+            weights: One over their expected variance, 0 where not trusted, shape (40,).
+            is_wide: Try all offsets and not only those near the finger centre.
+        """
+        return Found(*_posterior(is_wide, values, weights, *self._arguments, self.left))
+
+
+def weights_of(params: LikelihoodParams, values: Vector, trusted: Mask) -> Vector:
+    """Return one over the variance that is expected of each reading, 0 where it is not trusted, shape (40,)."""
+    expected = params.gain_spread * np.maximum(values, 0.0)
+    weights: Vector = trusted / (params.noise**2 + expected * expected)
+    return weights
+
+
+def pose_of(params: LikelihoodParams, found: Found, frame: TaxelFrame) -> PegPose:
+    """Return what was found as a pose, healthy or not."""
+    healthy = (
+        found.load >= params.least_load
+        and found.sigma <= params.most_sigma
+        and found.misfit <= params.most_misfit
+        and found.residual <= params.most_residual
+        and np.count_nonzero(frame.trusted) >= params.least_trusted
+    )
+    sigma = min(found.sigma, math.pi / 2)
+    return PegPose(found.theta, found.offset, sigma, found.residual, bool(healthy), frame.stamp)
 
 
 @njit(cache=True, fastmath=True)
 def _sums(weights, weighed, even, rising, first):  # type: ignore[no-untyped-def]
     """Return one finger's sums of even², even·rising, rising², values·even, values·rising, each times the weight."""
-    ee = er = rr = ye = yr = 0.0
+    ee = er = rr = ye = yr = np.float32(0.0)
     for k in range(first, first + TAXELS):
         we = weights[k] * even[k]
         ee += we * even[k]
@@ -160,6 +177,8 @@ def _evidence(weights, weighed, even, rising, spreads, solution):  # type: ignor
     """
     lee, ler, lrr, lye, lyr = _sums(weights, weighed, even, rising, 0)
     ree, rer, rrr, rye, ryr = _sums(weights, weighed, even, rising, TAXELS)
+    # Differences of near-equal sums follow: no longer single precision.
+    lee, ler, lrr, lye, lyr = float(lee), float(ler), float(lrr), float(lye), float(lyr)
     ee, er, rr, dee, der, drr = lee + ree, ler + rer, lrr + rrr, lee - ree, ler - rer, lrr - rrr
     y0, y1, y2, y3 = lye + rye, lye - rye, lyr + ryr, lyr - ryr
     if ee <= 0.0 or y0 <= 0.0:
@@ -219,14 +238,13 @@ def _row(i, j, weights, weighed, prior, even, rising, spreads, solution):  # typ
 
 
 @njit(cache=True, fastmath=True)
-def _posterior(is_wide, values, trusted, noise, gain_spread, prior, spreads, theta, offset, even, rising):  # type: ignore[no-untyped-def]
-    """Compare one frame with the templates; return the fields of `Found`."""
+def _posterior(  # type: ignore[no-untyped-def]
+    is_wide, values, weights, prior, spreads, theta, offset, even, rising, left
+):
+    """Compare one frame with the templates; return the fields of `Found` and fill the residuals."""
     n, m = theta.size, offset.size
-    weights, weighed = np.empty(values.size), np.empty(values.size)
-    for k in range(values.size):
-        expected = gain_spread * max(values[k], 0.0)
-        weights[k] = trusted[k] / (noise * noise + expected * expected)
-        weighed[k] = weights[k] * values[k]
+    narrow = weights.astype(np.float32)
+    weighed = (weights * values).astype(np.float32)
     solution = np.zeros(4)
     step, across = theta[1] - theta[0], offset[1] - offset[0]
     middle = m // 2
@@ -234,7 +252,7 @@ def _posterior(is_wide, values, trusted, noise, gain_spread, prior, spreads, the
     near = middle % COARSE_OFFSET if is_wide else max(middle - NEAR * COARSE_OFFSET, middle % COARSE_OFFSET)
     for a in range(coarse.size):
         for j in range(near, m - near, COARSE_OFFSET):
-            value = _at(a * COARSE_THETA, j, weights, weighed, prior, even, rising, spreads, solution)
+            value = _at(a * COARSE_THETA, j, narrow, weighed, prior, even, rising, spreads, solution)
             if value > coarse[a]:
                 coarse[a], place[a] = value, j
     rows, about = np.empty(MODES * (2 * FINE + 1)), np.empty(MODES * (2 * FINE + 1))
@@ -244,21 +262,39 @@ def _posterior(is_wide, values, trusted, noise, gain_spread, prior, spreads, the
         a = int(np.argmax(coarse))
         if coarse[a] <= NEVER or (mode > 0 and coarse[a] < rows[:count].max() - RIVAL):
             break
-        for side in (1, -1):
+        for way in (1, -1):
             j = place[a]
-            for b in range(int(side < 0), FINE + 1):
-                i = a * COARSE_THETA + side * b
-                rows[count], about[count], j = _row(i, j, weights, weighed, prior, even, rising, spreads, solution)
+            for b in range(int(way < 0), FINE + 1):
+                i = a * COARSE_THETA + way * b
+                rows[count], about[count], j = _row(i, j, narrow, weighed, prior, even, rising, spreads, solution)
                 turns[count], places[count] = i, j
                 count += 1
         for b in range(-(FINE // COARSE_THETA), FINE // COARSE_THETA + 1):
             coarse[(a + b) % coarse.size] = NEVER
     if count == 0:
-        return 0.0, 0.0, math.pi / 2, 0.0, 1e9, 1.0
+        left[:] = 0.0
+        return 0.0, 0.0, math.pi / 2, 0.0, -NEVER, 1.0, NEVER
     best = np.argmax(rows[:count])
+    i, j = turns[best], places[best]
+    if not 0 <= i < n:
+        i, j = i % n, m - 1 - j
+    _evidence(narrow, weighed, even[i, j], rising[i, j], spreads, solution)
+    misfit = missed = power = seen = 0.0
+    for k in range(values.size):
+        side = 1.0 if k < TAXELS else -1.0
+        fit = (solution[0] + side * solution[1]) * even[i, j, k] + (solution[2] + side * solution[3]) * rising[i, j, k]
+        left[k] = (values[k] - fit) * math.sqrt(weights[k])
+        if weights[k] > 0.0:
+            misfit += left[k] ** 2
+            missed += (values[k] - fit) ** 2
+            power += values[k] ** 2
+            seen += 1.0
+    misfit /= max(seen - AMOUNTS, 1.0)
+    # What is not explained makes every reading tell less.
+    worth = 1.0 / max(misfit, 1.0)
     mass = first = second = beside = 0.0
     for k in range(count):
-        chance = math.exp(rows[k] - rows[best])
+        chance = math.exp((rows[k] - rows[best]) * worth)
         away = (turns[k] - turns[best]) * step
         away -= math.pi * round(away / math.pi)
         mass += chance
@@ -266,22 +302,7 @@ def _posterior(is_wide, values, trusted, noise, gain_spread, prior, spreads, the
         second += chance * away * away
         beside += chance * (about[k] - middle) * (1.0 if 0 <= turns[k] < n else -1.0)
     first /= mass
-    i, j = turns[best], places[best]
-    if not 0 <= i < n:
-        i, j = i % n, m - 1 - j
-    _evidence(weights, weighed, even[i, j], rising[i, j], spreads, solution)
-    misfit = missed = power = seen = 0.0
-    for k in range(values.size):
-        if weights[k] > 0.0:
-            left = 1.0 if k < TAXELS else -1.0
-            fit = (solution[0] + left * solution[1]) * even[i, j, k] + (solution[2] + left * solution[3]) * rising[
-                i, j, k
-            ]
-            misfit += weights[k] * (values[k] - fit) ** 2
-            missed += (values[k] - fit) ** 2
-            power += values[k] ** 2
-            seen += 1.0
-    misfit /= max(seen - AMOUNTS, 1.0)
     angle = (theta[i] + first + math.pi / 2) % math.pi - math.pi / 2
-    sigma = math.sqrt((second / mass - first * first + step * step / 12.0) * max(misfit, 1.0))
-    return angle, beside / mass * across, sigma, solution[0], misfit, min(missed / (power + 1e-9), 1.0)
+    sigma = math.sqrt(second / mass - first * first + step * step / 12.0)
+    residual = min(missed / (power + 1e-9), 1.0)
+    return angle, beside / mass * across, sigma, solution[0], misfit, residual, rows[best]

@@ -7,9 +7,11 @@ its disc. Along the line the blurred load is a difference of error functions; di
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Annotated
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from drivers.compiled import njit
@@ -48,14 +50,15 @@ class Templates:
     """Angles, shape (n,), rad, from -pi/2 up, evenly spaced over half a turn."""
     offset: Vector
     """Offsets, shape (m,), m, evenly spaced about 0."""
-    even: Vector
+    even: NDArray[np.float32]
     """Readings for a load that is 1 along the peg, shape (n, m, 40); 1 is what a taxel under an endless peg reads."""
-    rising: Vector
+    rising: NDArray[np.float32]
     """Readings for one that rises from 0 at the finger centre to 1 `HALF_LINE` towards the tip."""
 
 
+@lru_cache(maxsize=32)
 def make_templates(layout: Layout, peg: Peg, params: TemplateParams) -> Templates:
-    """Return the templates of a peg on one layout; takes a fraction of a second."""
+    """Return the templates of a peg on one layout; takes a fraction of a second the first time."""
     half = math.pi / 2
     count = max(4, 4 * round(math.pi / params.theta_step / 4))
     theta = np.arange(count, dtype=np.float64) * (math.pi / count) - half
@@ -77,7 +80,12 @@ def make_templates(layout: Layout, peg: Peg, params: TemplateParams) -> Template
     on_axis = np.zeros((1, 1, 1))
     endless = (np.zeros(1), np.zeros(1), np.zeros((1, 2)), 0.1, 0.1, 0.1, 0.1)
     _fill(*endless, *arguments, on_axis, np.zeros_like(on_axis))
-    return Templates(theta, offset, even / on_axis.item(), rising / on_axis.item())
+    made = Templates(
+        theta, offset, (even / on_axis.item()).astype(np.float32), (rising / on_axis.item()).astype(np.float32)
+    )
+    for array in (made.theta, made.offset, made.even, made.rising):
+        array.flags.writeable = False
+    return made
 
 
 @njit(cache=True, fastmath=True)

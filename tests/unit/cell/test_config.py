@@ -93,7 +93,15 @@ def test_a_command_cannot_touch_the_limits(loaded):
         with_parameters(loaded.cell, [("limits.force", 500.0)])
 
 
-@pytest.mark.parametrize(("name", "kind"), [("image", "ImageEstimator"), ("ml", "LikelihoodEstimator")])
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [
+        ("image", "ImageEstimator"),
+        ("pca", "PcaEstimator"),
+        ("ml", "LikelihoodEstimator"),
+        ("robust", "RobustEstimator"),
+    ],
+)
 def test_the_estimator_is_the_one_that_is_named(name, kind):
     assert type(make_estimator(load(sets=[f"insert.estimator={name}"]).cell)).__name__ == kind
 
