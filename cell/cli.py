@@ -29,6 +29,7 @@ from cell.supervisor import Supervisor
 from cell.trials import TrialRow, run_trials
 from drivers.errors import FAULTS, CellError, ConfigError
 from plc_bridge.bridge import Bridge
+from plc_bridge.eds import as_eds
 from plc_bridge.messages import Command, Refusal, Report, Result
 from plc_bridge.registers import ReportImage, as_csv, as_json, as_markdown, table
 from plc_bridge.structured_text import as_structured_text
@@ -39,7 +40,7 @@ logger = logging.getLogger(__name__)
 GOOD, NOT_GOOD, WRONG_USE, FAULT = 0, 1, 2, 3
 _STOPPABLE = ("demo", "serve", "run", "watch")
 _STATUS = {Result.SUCCESS: GOOD, Result.FAULT: FAULT}
-_FORMATS = {"md": as_markdown, "csv": as_csv, "json": as_json, "st": as_structured_text}
+_FORMATS = {"md": as_markdown, "csv": as_csv, "json": as_json, "eds": as_eds, "st": as_structured_text}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -61,7 +61,7 @@ FAULTS: dict[FaultCode, FaultText] = {
         "the gripper does not answer", "gripper cable or its controller", "check the gripper, then reset"
     ),
     FaultCode.PLC_LOST: FaultText(
-        "the PLC's life counter stands still",
+        "the PLC's life counter stands still, or its heartbeat has ended",
         "PLC stopped or network down",
         "bring the PLC back, then reset and send the command again",
     ),

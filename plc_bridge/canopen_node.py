@@ -15,7 +15,6 @@ its boot-up begins the link anew, so that its next sequence number is adopted, n
 
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from enum import IntEnum
 from typing import Protocol
 
@@ -24,20 +23,9 @@ from plc_bridge.config import CanConfig
 from plc_bridge.emcy import BUS_RECOVERED, HEARTBEAT_LOST, NO_ERROR, PDO_TOO_SHORT, Emergency
 from plc_bridge.heartbeat import HeartbeatConsumer, HeartbeatProducer
 from plc_bridge.object_values import Values
-from plc_bridge.objects import (
-    CONSUMER,
-    ERROR_REGISTER,
-    EVENT_TIMER,
-    INHIBIT,
-    ON_ERROR,
-    PRODUCER,
-    RPDO_BASES,
-    TPDO_BASES,
-    TPDO_PARAMETER,
-    dictionary,
-    size_of,
-)
-from plc_bridge.registers import RPDOS, TPDOS, Diagnostics, Register
+from plc_bridge.objects import CONSUMER, ERROR_REGISTER, ON_ERROR, PRODUCER, RPDO_BASES, dictionary, size_of
+from plc_bridge.pdo import Reports, bytes_of, number_in, words_of
+from plc_bridge.registers import RPDOS, Diagnostics, Register
 from plc_bridge.sdo import SdoServer
 from plc_bridge.station import LinkStation, LinkWords, Mailbox
 
@@ -70,16 +58,6 @@ class CanMailbox(Mailbox, Protocol):
         """Take a link for lost: what it runs stops."""
 
 
-@dataclass(slots=True)
-class _Tpdo:
-    """One PDO that the node sends."""
-
-    number: int
-    registers: Sequence[Register]
-    sent: bytes | None = None
-    stamp: float = 0.0
-
-
 class CanopenNode:
     """One node.
 
@@ -106,9 +84,9 @@ class CanopenNode:
             base + self._id: [by_name[name] for name in names] for base, names in zip(RPDO_BASES, RPDOS, strict=False)
         }
         self._stop_id = RPDO_BASES[len(RPDOS) - 1] + self._id
-        self._tpdos = [_Tpdo(n, [by_name[name] for name in names]) for n, names in enumerate(TPDOS)]
         self._fault, self._run = by_name["report_fault"], by_name["report_run"]
         self._values = Values(dictionary(registers, self._id), registers, self._read, self._write, self._changed)
+        self._reports = Reports(registers, self._id, self._values)
         self._sdo = SdoServer(self._values)
         self._producer = HeartbeatProducer(config.heartbeat)
         self._consumer = HeartbeatConsumer(config.plc_node, config.plc_timeout)
@@ -135,7 +113,7 @@ class CanopenNode:
     def recover(self) -> None:
         """Go on after the bus was lost: everything is sent again."""
         self._sdo.reset()
-        self._repeat()
+        self._reports.repeat()
         self._shout(self._emergency.message(BUS_RECOVERED))
 
     def receive(self, frame: CanFrame, now: float) -> None:
@@ -195,7 +173,7 @@ class CanopenNode:
         if self.state is NmtState.OPERATIONAL:
             self._mailbox.lost(self.source)
         self.state = state
-        self._repeat()
+        self._reports.repeat()
         if state is NmtState.STOPPED:
             self._sdo.reset()
         self._producer.restart(self._producer.period)
@@ -248,14 +226,13 @@ class CanopenNode:
             function = 1 if register.table == "coil" else 2
             return bytes(station.read_bits(function, register.address, 1))
         words = station.read_words(3 if register.table == "holding" else 4, register.address, register.words)
-        data = b"".join(word.to_bytes(2) for word in words)
-        return data.rstrip(b"\0") if register.type == "string" else data[::-1]
+        return bytes_of(register, words)
 
     def _write(self, register: Register, data: bytes) -> None:
         if register.table == "coil":
             self._linked().write_bits(register.address, [bool(data[0])])
         else:
-            self._linked().write_words(register.address, _words(register, data))
+            self._linked().write_words(register.address, words_of(register, data))
 
     def _changed(self, index: int, subindex: int) -> None:
         value = self._values.get(index, subindex)
@@ -288,7 +265,7 @@ class CanopenNode:
         self._is_short_told = False
         words = []
         for register in registers:
-            words += _words(register, data[: size_of(register)])
+            words += words_of(register, data[: size_of(register)])
             data = data[size_of(register) :]
         self._mailbox.heard(self.source)
         self._linked().write_words(registers[0].address, words)
@@ -299,31 +276,13 @@ class CanopenNode:
         if self.state not in (NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL):
             return
         words = self._mailbox.report_words(self.source)
-        message = self._emergency.update(
-            _number(self._fault, words),
-            _number(self._run, words),
-        )
+        message = self._emergency.update(number_in(words, self._fault), number_in(words, self._run))
         if message is not None:
             self._shout(message)
         if self.state is not NmtState.OPERATIONAL:
             return
-        for tpdo in reversed(self._tpdos):
-            data = b"".join(_number(r, words).to_bytes(size_of(r), "little") for r in tpdo.registers)
-            age = now - tpdo.stamp
-            parameters = TPDO_PARAMETER + tpdo.number
-            event = self._values.get(parameters, EVENT_TIMER) / 1000
-            if tpdo.sent is None or (data != tpdo.sent and age >= self._values.get(parameters, INHIBIT) / 10000):
-                is_due = True
-            else:
-                is_due = event > 0.0 and age >= event
-            if is_due:
-                tpdo.sent, tpdo.stamp = data, now
-                self._send(CanFrame(TPDO_BASES[tpdo.number] + self._id, data))
-
-    def _repeat(self) -> None:
-        """Send every report again, changed or not."""
-        for tpdo in self._tpdos:
-            tpdo.sent = None
+        for frame in self._reports.due(words, now):
+            self._send(frame)
 
     def _shout(self, message: bytes) -> None:
         self._values.put(ERROR_REGISTER, 0, self._emergency.register)
@@ -337,7 +296,7 @@ class CanopenNode:
         self.source = f"node {node}"
         self._mailbox.opened(self.source, self.source)
         self._station = LinkStation(self._mailbox, LinkWords(self.source), self.counts)
-        self._repeat()
+        self._reports.repeat()
 
     def _end_link(self) -> None:
         if self._station is not None:
@@ -347,17 +306,3 @@ class CanopenNode:
     def _linked(self) -> LinkStation:
         assert self._station is not None  # from boot to shut
         return self._station
-
-
-def _words(register: Register, data: bytes) -> list[int]:
-    """Return the big-endian words of a value that is little-endian, or text."""
-    data = data.ljust(2 * register.words, b"\0") if register.type == "string" else data[::-1]
-    return [int.from_bytes(data[place : place + 2]) for place in range(0, len(data), 2)]
-
-
-def _number(register: Register, words: Sequence[int]) -> int:
-    """Return the raw value of a register of one or two words."""
-    value = 0
-    for word in words[register.address : register.address + register.words]:
-        value = value << 16 | word
-    return value

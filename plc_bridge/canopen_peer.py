@@ -12,7 +12,8 @@ from drivers.can_bus import CanBus, CanFrame, CanLostError
 from plc_bridge.canopen_node import NmtState
 from plc_bridge.config import CanConfig
 from plc_bridge.heartbeat import HeartbeatProducer
-from plc_bridge.objects import RPDO_BASES, dictionary, size_of
+from plc_bridge.objects import RPDO_BASES, dictionary
+from plc_bridge.pdo import bytes_of
 from plc_bridge.peer import CellSilentError, PlcPeer
 from plc_bridge.registers import (
     RPDOS,
@@ -233,8 +234,4 @@ def _by_sdo(image: CommandImage, sent: CommandImage, places: dict[str, Register]
         words = new[register.address : register.address + register.words]
         if words == old[register.address : register.address + register.words]:
             continue
-        data = b"".join(word.to_bytes(2) for word in words)
-        if register.type == "string":
-            yield register, data.rstrip(b"\0") or b"\0"
-        else:
-            yield register, data[::-1][: size_of(register)]
+        yield register, bytes_of(register, words) or b"\0"

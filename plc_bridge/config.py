@@ -1,7 +1,7 @@
 """How the cell meets its PLC."""
 
 from ipaddress import IPv4Network, IPv6Network
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, Self, get_args
 
 from pydantic import Field, model_validator
 
@@ -9,6 +9,9 @@ from drivers.can_bus import Interface
 from drivers.parts import ConfigModel, FilePath
 from drivers.transport import Parity
 
+Bitrate = Literal[10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000]
+BITRATES: tuple[int, ...] = get_args(Bitrate)
+"""Those of CiA 301."""
 Right = Literal["read", "command", "stop"]
 ALL_RIGHTS: frozenset[Right] = frozenset({"read", "command", "stop"})
 Seconds = Annotated[float, Field(ge=0.05, le=3600.0)]
@@ -68,7 +71,7 @@ class CanConfig(ConfigModel):
     """What the bus is reached through."""
     channel: Annotated[str, Field(min_length=1)]
     """Where, as `drivers.can_bus.CanBus` says: "can0", "/dev/ttyACM0", "HOST:PORT/can0", "239.74.163.2"."""
-    bitrate: Literal[10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000] = 250_000
+    bitrate: Bitrate = 250_000
     """Bits a second; set here for `slcan`, elsewhere by whoever set the interface up."""
     node_id: Annotated[int, Field(ge=1, le=127)] = 16
     """Of the cell."""

@@ -24,6 +24,8 @@ from plc_bridge.messages import FIRST_PROGRAM, Control, LeaseState, Refusal, Res
 VERSION_MAJOR = 1
 VERSION_MINOR = 2
 VERSION = VERSION_MAJOR * 256 + VERSION_MINOR
+VERSION_DATE = "2026-11-21"
+"""On which this version was made."""
 
 MIRROR = 1000
 """Offset of the holding registers that repeat the input registers."""

@@ -92,7 +92,7 @@ def test_the_map_has_the_names_that_every_plc_needs(capsys):
         assert set(entries[name]) >= {"table", "address", "words", "type", "scale", "unit", "access", "meaning"}
 
 
-@pytest.mark.parametrize("form", ["md", "csv"])
+@pytest.mark.parametrize("form", ["md", "csv", "eds"])
 def test_the_map_comes_in_other_forms(capsys, form):
     assert main(["map", "--format", form]) == GOOD
     assert "report_sequence" in capsys.readouterr().out
