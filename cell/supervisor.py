@@ -115,7 +115,9 @@ class Supervisor:
             self._start(command, BY_CODE[command.code])
         elif command.code == Control.LOST:
             if self._run is not None:
-                raise PlcLostError(f"{command.source}: no sign of life: see plc.life_timeout, on CAN plc.can.plc_timeout")
+                raise PlcLostError(
+                    f"{command.source}: no sign of life: see plc.life_timeout, on CAN plc.can.plc_timeout"
+                )
         elif command.code == Control.ACKNOWLEDGE:
             if self.state is State.COMPLETE:
                 self._enter(Event.RESET)

@@ -18,15 +18,27 @@ from collections.abc import Callable, Sequence
 from enum import IntEnum
 from typing import Protocol
 
+from canopen import SdoAbortedError
+
 from drivers.can_bus import CanFrame
 from plc_bridge.config import CanConfig
 from plc_bridge.emcy import BUS_RECOVERED, HEARTBEAT_LOST, NO_ERROR, PDO_TOO_SHORT, Emergency
 from plc_bridge.heartbeat import HeartbeatConsumer, HeartbeatProducer
 from plc_bridge.object_values import Values
-from plc_bridge.objects import CONSUMER, ERROR_REGISTER, ON_ERROR, PRODUCER, RPDO_BASES, dictionary, size_of
-from plc_bridge.pdo import Reports, bytes_of, number_in, words_of
+from plc_bridge.objects import (
+    CONSUMER,
+    ERROR_REGISTER,
+    ON_ERROR,
+    PRODUCER,
+    RPDO_BASES,
+    dictionary,
+    number_in,
+    size_of,
+    words_of,
+)
+from plc_bridge.pdo import Reports
 from plc_bridge.registers import RPDOS, Diagnostics, Register
-from plc_bridge.sdo import SdoServer
+from plc_bridge.sdo import ABORT, SdoServer
 from plc_bridge.station import LinkStation, LinkWords, Mailbox
 
 logger = logging.getLogger(__name__)
@@ -85,13 +97,13 @@ class CanopenNode:
         }
         self._stop_id = RPDO_BASES[len(RPDOS) - 1] + self._id
         self._fault, self._run = by_name["report_fault"], by_name["report_run"]
-        self._values = Values(dictionary(registers, self._id), registers, self._read, self._write, self._changed)
+        self._values = Values(dictionary(registers, self._id), registers, self._linked, self._changed)
         self._reports = Reports(registers, self._id, self._values)
         self._sdo = SdoServer(self._values)
         self._producer = HeartbeatProducer(config.heartbeat)
         self._consumer = HeartbeatConsumer(config.plc_node, config.plc_timeout)
         self._emergency = Emergency()
-        self._is_short_told = False
+        self._told: set[int] = set()
         self._station: LinkStation | None = None
         self._anybody: LinkStation | None = None
 
@@ -142,7 +154,7 @@ class CanopenNode:
 
     def _command(self, data: bytes) -> None:
         if len(data) != 2:
-            self.counts.malformed += 1
+            self._reject(0, data)
             return
         command, node = data
         if node not in (0, self._id):
@@ -180,7 +192,7 @@ class CanopenNode:
 
     def _hear(self, data: bytes, now: float) -> None:
         if len(data) != 1:
-            self.counts.malformed += 1
+            self._reject(_HEARTBEAT + self._consumer.node, data)
             return
         if data[0] == NmtState.INITIALISING:
             self._begin_link(self._consumer.node)
@@ -210,29 +222,33 @@ class CanopenNode:
         if self.state not in (NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL):
             return
         if len(data) != 8:
-            self.counts.malformed += 1
+            self._reject(_SDO_REQUEST + self._id, data)
             return
         self._mailbox.heard(self.source)
         self.counts.requests += 1
         response = self._sdo.answer(data, now)
-        self.counts.exceptions = self._sdo.aborts
+        if response is not None and response[0] == ABORT:
+            self._tell_abort(response)
         self._publish(now)
         if response is not None:
             self._send(CanFrame(_SDO_ANSWER + self._id, response))
 
-    def _read(self, register: Register) -> bytes:
-        station = self._linked()
-        if register.table == "coil" or register.table == "discrete":
-            function = 1 if register.table == "coil" else 2
-            return bytes(station.read_bits(function, register.address, 1))
-        words = station.read_words(3 if register.table == "holding" else 4, register.address, register.words)
-        return bytes_of(register, words)
+    def _tell_abort(self, response: bytes) -> None:
+        self.counts.exceptions += 1
+        code = int.from_bytes(response[4:], "little")
+        if code not in self._told:
+            self._told.add(code)
+            index, why = int.from_bytes(response[1:3], "little"), SdoAbortedError(code)
+            logger.warning("%s: SDO %04Xsub%X refused: %s", self.source, index, response[3], why)
 
-    def _write(self, register: Register, data: bytes) -> None:
-        if register.table == "coil":
-            self._linked().write_bits(register.address, [bool(data[0])])
-        else:
-            self._linked().write_words(register.address, words_of(register, data))
+    def _reject(self, cob: int, data: bytes) -> bool:
+        """Count a frame of a wrong length; return whether that is the first one of its kind."""
+        self.counts.malformed += 1
+        is_first = cob not in self._told
+        if is_first:
+            self._told.add(cob)
+            logger.warning("CANopen node %d: frame 0x%03X left: %d bytes", self._id, cob, len(data))
+        return is_first
 
     def _changed(self, index: int, subindex: int) -> None:
         value = self._values.get(index, subindex)
@@ -251,10 +267,7 @@ class CanopenNode:
         if self.state is not NmtState.OPERATIONAL and not is_stop:
             return
         if len(data) < sum(map(size_of, registers)):
-            self.counts.malformed += 1
-            if not self._is_short_told:
-                self._is_short_told = True
-                logger.warning("CANopen node %d: PDO 0x%X too short: %d bytes", self._id, cob, len(data))
+            if self._reject(cob, data):
                 self._shout(self._emergency.message(PDO_TOO_SHORT))
             return
         self.counts.requests += 1
@@ -262,7 +275,6 @@ class CanopenNode:
             if self._anybody is not None:
                 self._anybody.write_bits(registers[0].address, [bool(data[0])])
             return
-        self._is_short_told = False
         words = []
         for register in registers:
             words += words_of(register, data[: size_of(register)])
@@ -293,6 +305,7 @@ class CanopenNode:
 
     def _begin_link(self, node: int) -> None:
         self._end_link()
+        self._told.clear()
         self.source = f"node {node}"
         self._mailbox.opened(self.source, self.source)
         self._station = LinkStation(self._mailbox, LinkWords(self.source), self.counts)

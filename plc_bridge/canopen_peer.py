@@ -12,8 +12,7 @@ from drivers.can_bus import CanBus, CanFrame, CanLostError
 from plc_bridge.canopen_node import NmtState
 from plc_bridge.config import CanConfig
 from plc_bridge.heartbeat import HeartbeatProducer
-from plc_bridge.objects import RPDO_BASES, dictionary
-from plc_bridge.pdo import bytes_of
+from plc_bridge.objects import RPDO_BASES, bytes_of, dictionary
 from plc_bridge.peer import CellSilentError, PlcPeer
 from plc_bridge.registers import (
     RPDOS,
@@ -26,7 +25,7 @@ from plc_bridge.registers import (
     table,
 )
 
-_READ_TIMEOUT = 0.01  # s
+_READ_TIMEOUT, _NMT_PERIOD = 0.01, 0.2  # s
 
 
 class SdoRefusedError(CellSilentError):
@@ -177,10 +176,13 @@ class CanPeer(PlcPeer):
             pdo.read(from_od=True)
             pdo.add_callback(self._take)
         self._wire.begin()
-        self._node.nmt.state = "OPERATIONAL"
-        if not self._has_report.wait(self._timeout):
-            self.close()
-            raise CellSilentError(f"{self._where}: no report: is `cell serve` running there?")
+        deadline = self._now() + self._timeout
+        while not self._has_report.is_set():
+            if self._now() > deadline:
+                self.close()
+                raise CellSilentError(f"{self._where}: no report: is `cell serve` running there?")
+            self._node.nmt.state = "OPERATIONAL"  # said again until a report comes: the cell may be the later one
+            self._has_report.wait(min(_NMT_PERIOD, self._timeout))
 
     def _take(self, pdo: PdoMap) -> None:
         for variable in pdo:

@@ -5,8 +5,9 @@ from collections.abc import Callable, Mapping, Sequence
 from canopen import ObjectDictionary, SdoAbortedError
 from canopen.objectdictionary import ODVariable, datatypes
 
-from plc_bridge.objects import size_of
+from plc_bridge.objects import bytes_of, size_of, words_of
 from plc_bridge.registers import Register
+from plc_bridge.station import LinkStation
 
 _NO_OBJECT, _NO_SUBINDEX, _READ_ONLY = 0x06020000, 0x06090011, 0x06010002
 _TOO_SHORT, _TOO_HIGH, _TOO_LOW = 0x06070013, 0x06090031, 0x06090032
@@ -18,8 +19,7 @@ class Values:
     Args:
         dictionary: Of the node.
         registers: The whole map.
-        read: Returns a register's raw value or text.
-        write: Takes a register's new raw value or text, which lies within its limits.
+        station: Returns who has the registers now.
         changed: Told of every new value of an object that is not a register.
     """
 
@@ -27,13 +27,12 @@ class Values:
         self,
         dictionary: ObjectDictionary,
         registers: Sequence[Register],
-        read: Callable[[Register], bytes],
-        write: Callable[[Register, bytes], None],
+        station: Callable[[], LinkStation],
         changed: Callable[[int, int], None],
     ) -> None:
         self._dictionary = dictionary
         self._registers: Mapping[tuple[int, int], Register] = {(r.index, r.subindex): r for r in registers if r.index}
-        self._read, self._write, self._changed = read, write, changed
+        self._station, self._changed = station, changed
         self._own: dict[tuple[int, int], int] = {}
 
     def reset(self) -> None:
@@ -57,7 +56,7 @@ class Values:
         variable = self._find(index, subindex)
         register = self._registers.get((index, subindex))
         if register is not None:
-            return self._read(register)
+            return _read(self._station(), register)
         if variable.data_type == datatypes.VISIBLE_STRING:
             return str(variable.default).encode()
         return self.get(index, subindex).to_bytes(len(variable) // 8, "little")
@@ -94,7 +93,7 @@ class Values:
                 raise SdoAbortedError(_TOO_LOW)
         register = self._registers.get((index, subindex))
         if register is not None:
-            self._write(register, data)
+            _write(self._station(), register, data)
         else:
             self._own[index, subindex] = value
             self._changed(index, subindex)
@@ -111,3 +110,18 @@ class Values:
             raise SdoAbortedError(_NO_SUBINDEX)
         member: ODVariable = found.subindices[subindex]
         return member
+
+
+def _read(station: LinkStation, register: Register) -> bytes:
+    if register.table in ("coil", "discrete"):
+        return bytes(station.read_bits(1 if register.table == "coil" else 2, register.address, 1))
+    return bytes_of(
+        register, station.read_words(3 if register.table == "holding" else 4, register.address, register.words)
+    )
+
+
+def _write(station: LinkStation, register: Register, data: bytes) -> None:
+    if register.table == "coil":
+        station.write_bits(register.address, [bool(data[0])])
+    else:
+        station.write_words(register.address, words_of(register, data))

@@ -40,6 +40,26 @@ def size_of(register: Register) -> int:
     return 1 if register.type == "bool" else 2 * register.words
 
 
+def words_of(register: Register, data: bytes) -> list[int]:
+    """Return the words of a value as a frame has it."""
+    data = data.ljust(2 * register.words, b"\0") if register.type == "string" else data[::-1]
+    return [int.from_bytes(data[place : place + 2]) for place in range(0, len(data), 2)]
+
+
+def bytes_of(register: Register, words: Sequence[int]) -> bytes:
+    """Return a value as a frame has it; a text without its padding."""
+    data = b"".join(word.to_bytes(2) for word in words)
+    return data.rstrip(b"\0") if register.type == "string" else data[::-1]
+
+
+def number_in(words: Sequence[int], register: Register) -> int:
+    """Return the raw value of a register of the block that `words` are."""
+    value = 0
+    for word in words[register.address : register.address + register.words]:
+        value = value << 16 | word
+    return value
+
+
 def dictionary(registers: Sequence[Register], node_id: int = 0) -> ObjectDictionary:
     """Return the dictionary; with node-ID 0 the COB-IDs hold what is added to a node-ID, as in an EDS.
 

@@ -1,11 +1,11 @@
-"""What the node sends by itself, and when; and values between words, big-endian, and frames, little-endian: pure."""
+"""What the node sends by itself, and when: pure."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from drivers.can_bus import CanFrame
 from plc_bridge.object_values import Values
-from plc_bridge.objects import EVENT_TIMER, INHIBIT, TPDO_BASES, TPDO_PARAMETER, size_of
+from plc_bridge.objects import EVENT_TIMER, INHIBIT, TPDO_BASES, TPDO_PARAMETER, number_in, size_of
 from plc_bridge.registers import TPDOS, Register
 
 
@@ -59,23 +59,3 @@ class Reports:
             return True
         event = self._values.get(parameters, EVENT_TIMER) / 1000
         return event > 0.0 and age >= event
-
-
-def words_of(register: Register, data: bytes) -> list[int]:
-    """Return the words of a value as a frame has it."""
-    data = data.ljust(2 * register.words, b"\0") if register.type == "string" else data[::-1]
-    return [int.from_bytes(data[place : place + 2]) for place in range(0, len(data), 2)]
-
-
-def bytes_of(register: Register, words: Sequence[int]) -> bytes:
-    """Return a value as a frame has it; a text without its padding."""
-    data = b"".join(word.to_bytes(2) for word in words)
-    return data.rstrip(b"\0") if register.type == "string" else data[::-1]
-
-
-def number_in(words: Sequence[int], register: Register) -> int:
-    """Return the raw value of a register of the block that `words` are."""
-    value = 0
-    for word in words[register.address : register.address + register.words]:
-        value = value << 16 | word
-    return value

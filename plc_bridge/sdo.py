@@ -11,6 +11,8 @@ from typing import Protocol
 from canopen import SdoAbortedError
 
 TOGGLE, COMMAND, LENGTH, TOO_LONG = 0x05030000, 0x05040001, 0x06070010, 0x06070012
+ABORT = 0x80
+"""First byte of a refusal."""
 SEGMENT_TIMEOUT = 5.0
 """A transfer that its client does not continue for this long is forgotten, s."""
 _HEAD = struct.Struct("<BHB4s")
@@ -53,8 +55,6 @@ class SdoServer:
     def __init__(self, objects: Objects) -> None:
         self._objects = objects
         self._transfer: _Transfer | None = None
-        self.aborts = 0
-        """Sent since the start."""
 
     def reset(self) -> None:
         """Forget what was under way."""
@@ -89,8 +89,7 @@ class SdoServer:
             raise SdoAbortedError(COMMAND)
         except SdoAbortedError as error:
             self._transfer = None
-            self.aborts += 1
-            return _ABORT.pack(0x80, index, subindex, error.code)
+            return _ABORT.pack(ABORT, index, subindex, error.code)
 
     def _start_download(self, command: int, index: int, subindex: int, data: bytes, now: float) -> bytes:
         self._transfer = None

@@ -268,7 +268,8 @@ def test_a_run_in_another_process_stops_when_the_heartbeat_of_the_plc_ends(tmp_p
     except CellError as error:
         pytest.skip(f"no multicast on this computer: {error}")
     bus.close()
-    sets = ("plc.modbus.port=0", 'plc.can.interface="udp_multicast"', f'plc.can.channel="{config.channel}"')
+    sets = ["plc.modbus.port=0", 'plc.can.interface="udp_multicast"', f'plc.can.channel="{config.channel}"']
+    sets += ["plc.life_timeout=60.0", "plc.can.plc_timeout=2.0"]  # a busy computer makes a late PLC
     command = [sys.executable, "-m", "cell", "serve", "--journal", str(tmp_path)]
     command += [word for text in sets for word in ("--set", text)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:

@@ -4,6 +4,7 @@ import pytest
 
 from plc_bridge.canopen_node import ANYBODY, NmtState
 from plc_bridge.messages import Command, Control, LeaseState, Refusal, Report, Result
+from plc_bridge.registers import CommandImage
 from tests.canopen_rig import (
     NODE,
     PLACES,
@@ -205,6 +206,17 @@ def test_a_pdo_that_is_too_short_is_not_processed_and_said_once(rig):
     assert rig.node.counts.malformed == 2
 
 
+def test_each_kind_of_refusal_is_logged_once_with_who_what_and_why(rig, caplog):
+    for _ in range(3):
+        rig.write(0x2000, PLACES["command_parameter_1"].subindex, 5001, 4)
+        rig.give(0, [START])
+    assert [record.getMessage() for record in caplog.records] == [
+        "node 1: SDO 2000subA refused: Code 0x06090031, Value of parameter written too high",
+        "CANopen node 16: frame 0x000 left: 1 bytes",
+    ]
+    assert (rig.node.counts.exceptions, rig.node.counts.malformed) == (3, 3)
+
+
 # Stopping.
 
 
@@ -299,6 +311,25 @@ def test_a_plc_without_life_counter_lives_by_its_heartbeat(rig):
         rig.beat()
         rig.wait(0.4)
         assert rig.bridge.poll() is None
+
+
+def test_a_lost_plc_does_not_stop_the_run_of_somebody_else(rig):
+    rig.nmt(START)
+    rig.bridge.take("terminal")
+    rig.bridge.submit("terminal", CommandImage(code=PROGRAM))
+    assert rig.bridge.poll().source == "terminal"
+    rig.beat()
+    rig.wait(0.6)
+    assert rig.bridge.poll() is None
+    assert rig.bridge.holder == "terminal"
+
+
+def test_a_lost_plc_loses_the_lease_too(rig):
+    rig.nmt(START)
+    rig.beat()
+    rig.give(0x300 + NODE, bytes([0, 0, 1, 0]))
+    rig.wait(0.6)
+    assert rig.bridge.holder == ""
 
 
 def test_object_1016_names_the_plc(rig):

@@ -1,0 +1,125 @@
+"""The same cell and the same PLC over every interface that a config can name; hubs of ours where the kernel has no CAN."""
+
+import socket
+import threading
+import time
+from contextlib import closing
+from types import SimpleNamespace
+
+import can.interfaces.slcan
+import pytest
+
+from drivers.can_bus import PATIENCE as PATIENCE_OF_BUS
+from drivers.can_bus import CanBus, CanFrame, CanLostError
+from drivers.errors import CellError
+from plc_bridge.bridge import Bridge
+from plc_bridge.canopen_peer import CanPeer
+from plc_bridge.config import CanConfig, ModbusConfig, PlcConfig
+from plc_bridge.messages import Report, Result
+from tests.can_hubs import SlcanHub, SocketcandHub
+
+PROGRAM = 100
+PATIENCE = 10.0
+
+
+@pytest.fixture
+def two_ends(request):
+    """Two configs, the cell's and the PLC's, of one bus of the interface that the test names."""
+    interface = request.param
+    if interface == "slcan":
+        patch = pytest.MonkeyPatch()  # an adapter needs two seconds after its port opens; a hub does not
+        patch.setattr(can.interfaces.slcan, "time", SimpleNamespace(sleep=lambda seconds: None, time=time.time))
+        with closing(SlcanHub()) as hub:
+            yield [CanConfig(interface=interface, channel=end) for end in hub.ends]
+        patch.undo()
+    elif interface == "socketcand":
+        with closing(SocketcandHub()) as hub:
+            yield [CanConfig(interface=interface, channel=f"127.0.0.1:{hub.port}/can0")] * 2
+    elif interface == "udp_multicast":
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            probe.bind(("127.0.0.1", 0))
+            port = probe.getsockname()[1]
+        yield [or_skip(CanConfig(interface=interface, channel=f"239.74.163.2:{port}"))] * 2
+    elif interface == "socketcan":
+        yield [or_skip(CanConfig(interface=interface, channel="vcan0"))] * 2
+    else:
+        yield [CanConfig(interface=interface, channel=request.node.name)] * 2
+
+
+def or_skip(config):
+    bus = CanBus(config.interface, config.channel, config.bitrate)
+    try:
+        bus.open()
+    except CellError as error:
+        pytest.skip(str(error))
+    bus.close()
+    return config
+
+
+class Cell:
+    """A bridge on CAN whose commands succeed at once."""
+
+    def __init__(self, config):
+        plc = PlcConfig(life_timeout=60.0, lease_timeout=60.0, modbus=ModbusConfig(port=0), can=config)
+        self.bridge = Bridge(plc, {PROGRAM: "insert_peg"})
+        self.bridge.start()
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._scan)
+        self._thread.start()
+
+    def _scan(self):
+        while not self._stop.wait(0.002):
+            command = self.bridge.poll()
+            if command is not None and command.code == PROGRAM:
+                self.bridge.publish(Report(command.sequence, 17, Result.SUCCESS, run=command.recipe))
+
+    def close(self):
+        self._stop.set()
+        self._thread.join()
+        self.bridge.close()
+
+
+@pytest.mark.parametrize("two_ends", ["virtual", "udp_multicast", "socketcand", "slcan", "socketcan"], indirect=True)
+def test_commands_run_over_every_interface(two_ends):
+    here, there = two_ends
+    with closing(Cell(here)), closing(CanPeer(there, period=0.002, timeout=PATIENCE)) as peer:
+        peer.connect()
+        runs = [peer.run(PROGRAM, recipe=n, serial=f"SN {n:030}", timeout=PATIENCE).run for n in range(1, 11)]
+    assert runs == list(range(1, 11))
+
+
+def test_a_socketcand_server_may_go_and_come_back():
+    hub = SocketcandHub()
+    config = CanConfig(interface="socketcand", channel=f"127.0.0.1:{hub.port}/can0")
+    with closing(Cell(config)) as cell:
+        hub.close()
+        hub = SocketcandHub(hub.port)
+        with closing(hub), closing(CanPeer(config, period=0.002, timeout=PATIENCE)) as peer:
+            peer.connect()
+            assert peer.run(PROGRAM, timeout=PATIENCE).result == Result.SUCCESS
+        assert cell.bridge.diagnostics.dropped >= 1
+
+
+def test_noise_on_a_serial_adapter_is_no_lost_bus(monkeypatch):
+    monkeypatch.setattr(can.interfaces.slcan, "time", SimpleNamespace(sleep=lambda seconds: None, time=time.time))
+    with closing(SlcanHub()) as hub:
+        bus, other = (CanBus("slcan", end, 250_000) for end in hub.ends)
+        bus.open()
+        other.open()
+        with closing(bus), closing(other):
+            other._bus._write("t1234zz")
+            other.write(CanFrame(0x123, b"good"))
+            got = [frame for frame in (bus.read(PATIENCE) for _ in range(2)) if frame]
+            assert (got, bus.bad_frames) == ([CanFrame(0x123, b"good")], 1)
+
+
+def test_an_adapter_that_is_pulled_is_a_lost_bus(monkeypatch):
+    monkeypatch.setattr(can.interfaces.slcan, "time", SimpleNamespace(sleep=lambda seconds: None, time=time.time))
+    hub = SlcanHub()
+    bus = CanBus("slcan", hub.ends[0], 250_000)
+    bus.open()
+    hub.close()
+    for _ in range(PATIENCE_OF_BUS - 1):
+        bus.read(0.0)
+    with closing(bus), pytest.raises(CanLostError):
+        bus.read(0.0)
