@@ -58,10 +58,14 @@ def parser(formats: Sequence[str]) -> Parser:
     where.add_argument("--workers", type=_positive, metavar="N", help="processes; one for each core")
     where.add_argument("--scheduler", type=_scheduler, metavar="tcp://HOST:PORT", help="of a Dask cluster")
     command.add_argument("--out", type=Path, required=True, metavar="DIR")
-    command = add("study", "one study of the stand-in", "config")
-    command.add_argument("name", choices=["speed"], metavar="NAME", help="speed")
+    command = add("study", "one study", "config")
+    command.add_argument(
+        "name", choices=["speed", "line"], metavar="NAME", help="speed of the stand-in, or line to the PLC"
+    )
     command.add_argument("--seed", type=_natural, default=1, metavar="S", help="of the trial")
     command.add_argument("--profile", action="store_true", help="speed: where the time of a trial goes")
+    command.add_argument("--out", type=Path, default=Path("out/study"), metavar="DIR", help="line: where its files go")
+    command.add_argument("--quick", action="store_true", help="line: less of everything")
     command = add("runs", "the newest runs on record", "journal")
     command.add_argument("--last", type=_positive, default=20, metavar="N")
     command = add("show", "one run on record, with its plots", "journal")

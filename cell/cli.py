@@ -279,6 +279,22 @@ def _trials(args: argparse.Namespace) -> int:
 
 
 def _study(args: argparse.Namespace) -> int:
+    return _study_line(args) if args.name == "line" else _study_speed(args)
+
+
+def _study_line(args: argparse.Namespace) -> int:
+    from cell.studies import line
+
+    samples = line.measure(_load(args), line.QUICK if args.quick else line.FULL)
+    lines = line.measures(samples)
+    written = line.write(samples, lines, _out(args.out))
+    _show(args, tables.line(lines), [asdict(each) for each in lines])
+    if not args.json:
+        print("written:", *written)
+    return GOOD
+
+
+def _study_speed(args: argparse.Namespace) -> int:
     from cell.studies import speed  # compiles; only when asked for
 
     config = _load(args, default_pace="max").cell

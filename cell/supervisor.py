@@ -98,9 +98,7 @@ class Supervisor:
                 # A board that was lost comes back only while somebody listens to it.
                 with suppress(CellError):
                     self._cell.skin.read()
-            command = self._line.poll()
-            if command is not None:
-                self._take(command)
+            self._take_all()
         except CellError as error:
             self._fault(error)
         except Exception as error:
@@ -108,6 +106,11 @@ class Supervisor:
             self._fault(_as_fault(error))
         self._publish()
         clock.wait_until(started + self._context.scan_period)
+
+    def _take_all(self) -> None:
+        """Act on every command that waits: a start behind an acknowledgement shall not wait for another scan."""
+        while (command := self._line.poll()) is not None:
+            self._take(command)
 
     def _take(self, command: Command) -> None:
         """Act on one command, whatever the state."""
@@ -290,9 +293,7 @@ class Supervisor:
     def _poll(self) -> Request:
         run = self._run
         assert run is not None
-        command = self._line.poll()
-        if command is not None:
-            self._take(command)
+        self._take_all()
         if self._quit.is_set() and self._request is not Request.STOP:
             self._enter(Event.STOP)
             self._request = Request.STOP

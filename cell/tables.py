@@ -18,6 +18,7 @@ from skills.catalogue import STAGES
 from skills.contract import Reason
 
 if TYPE_CHECKING:
+    from cell.studies.line import Measure
     from cell.studies.speed import ProfileLine, SpeedLine
 
 
@@ -71,6 +72,16 @@ def profile(lines: "Sequence[ProfileLine]") -> Table:
     table = Table("part", "cost (us/ms)", "share (%)")
     for line in lines:
         table.add_row(line.part, f"{line.cost * 1e6:.2f}", f"{line.share * 100:.1f}")
+    return table
+
+
+def line(lines: "Sequence[Measure]") -> Table:
+    """Return how the line to the PLC holds."""
+    table = Table("measure", "value", "beside", "unit", "target", "holds")
+    for each in lines:
+        beside = "" if each.beside is None else f"{each.beside:.4g}"
+        holds = "" if each.holds is None else "yes" if each.holds else "no"
+        table.add_row(each.name, f"{each.value:.4g}", beside, each.unit, each.target, holds)
     return table
 
 

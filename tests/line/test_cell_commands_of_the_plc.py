@@ -60,6 +60,13 @@ def test_an_acknowledged_result_leaves_the_cell_idle(rig):
     assert rig.scan().state == State.IDLE
 
 
+def test_a_start_right_behind_an_acknowledgement_is_taken_in_the_same_scan(rig):
+    rig.command(GRASP)
+    rig.plc.acknowledge()
+    rig.plc.trigger(RELEASE)
+    assert rig.scan(1).run == 2
+
+
 def test_stop_halts_the_arm_in_the_middle_of_a_skill(rig):
     rig.at(0.5, rig.plc.stop)
     report = rig.command(GRASP)
