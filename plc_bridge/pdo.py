@@ -18,9 +18,13 @@ class _Tpdo:
     sent: bytes | None = None
     stamp: float = 0.0
 
+    def data(self, words: Sequence[int]) -> bytes:
+        """Return what it says of a report block."""
+        return b"".join(number_in(words, r).to_bytes(size_of(r), "little") for r in self.registers)
+
 
 class Reports:
-    """The TPDOs: each goes out when it changes, no sooner than its inhibit time, and at least with its event timer.
+    """The TPDOs: each goes out when it changes, no sooner than its inhibit time but with an answer, and at least with its event timer.
 
     Args:
         registers: The whole map.
@@ -45,17 +49,17 @@ class Reports:
             words: The report block.
             now: Monotonic time, s.
         """
+        is_answering = self._is_free(self._tpdos[0], words, now)
         for tpdo in reversed(self._tpdos):
-            data = b"".join(number_in(words, r).to_bytes(size_of(r), "little") for r in tpdo.registers)
-            if self._is_due(tpdo, data, now - tpdo.stamp):
+            data = tpdo.data(words)
+            event = self._values.get(TPDO_PARAMETER + tpdo.number, EVENT_TIMER) / 1000
+            # what belongs to an answer goes with it, although it was sent a moment ago
+            is_due = self._is_free(tpdo, words, now) or (is_answering and data != tpdo.sent)
+            if is_due or (event > 0.0 and now - tpdo.stamp >= event):
                 tpdo.sent, tpdo.stamp = data, now
                 yield CanFrame(TPDO_BASES[tpdo.number] + self._node, data)
 
-    def _is_due(self, tpdo: _Tpdo, data: bytes, age: float) -> bool:
-        if tpdo.sent is None:
-            return True
-        parameters = TPDO_PARAMETER + tpdo.number
-        if data != tpdo.sent and age >= self._values.get(parameters, INHIBIT) / 10_000:
-            return True
-        event = self._values.get(parameters, EVENT_TIMER) / 1000
-        return event > 0.0 and age >= event
+    def _is_free(self, tpdo: _Tpdo, words: Sequence[int], now: float) -> bool:
+        """Tell whether it has something new to say, and its inhibit time is over."""
+        inhibit = self._values.get(TPDO_PARAMETER + tpdo.number, INHIBIT) / 10_000
+        return tpdo.sent is None or (tpdo.data(words) != tpdo.sent and now - tpdo.stamp >= inhibit)

@@ -5,13 +5,15 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from uuid import uuid4
 
 from pymodbus import FramerType
 from pymodbus.client import ModbusSerialClient, ModbusTlsClient
 
 from plc_bridge.bridge import Bridge
-from plc_bridge.config import ModbusConfig, PlcConfig, RtuConfig, TlsConfig
-from plc_bridge.peer import Peer
+from plc_bridge.canopen_peer import CanPeer
+from plc_bridge.config import CanConfig, ModbusConfig, PlcConfig, RtuConfig, TlsConfig
+from plc_bridge.peer import Peer, PlcPeer
 from tests.cable import Cable
 from tests.certificates import Authority, utf8
 
@@ -25,7 +27,7 @@ class PlcLine:
 
     plc: PlcConfig
     """What the cell must listen on; patient, so that a busy computer loses no run."""
-    connect: Callable[[Bridge], Peer]
+    connect: Callable[[Bridge], PlcPeer]
     """Return a peer that is not connected yet."""
     source: str
     """How the run's record begins to name who asked."""
@@ -82,4 +84,11 @@ def modbus_rtu() -> Iterator[PlcLine]:
         yield PlcLine(_patient(rtu=rtu), connect, "rtu:")
 
 
-PLC_LINES = {"modbus_tcp": modbus_tcp, "modbus_tls": modbus_tls, "modbus_rtu": modbus_rtu}
+@contextmanager
+def canopen() -> Iterator[PlcLine]:
+    """CANopen, on a bus of its own within this process."""
+    can = CanConfig(interface="virtual", channel=str(uuid4()), plc_timeout=0.0)
+    yield PlcLine(_patient(can=can), lambda bridge: CanPeer(can, timeout=TIMEOUT, wait=_at_once), "node 1")
+
+
+PLC_LINES = {"modbus_tcp": modbus_tcp, "modbus_tls": modbus_tls, "modbus_rtu": modbus_rtu, "canopen": canopen}

@@ -60,7 +60,7 @@ def begin(plc, served, **what):
 
 def test_first_number_is_adopted_and_never_run(line, served):
     with contextlib.closing(line.connect(served.bridge)) as plc:
-        plc._client.connect()
+        plc._open()
         plc._image = CommandImage(sequence=7, code=CODE, version=VERSION)
         report = until(plc.cycle, lambda report: report.answered == 7)
         assert (report.refusal, report.result) == (Refusal.ADOPTED, Result.REFUSED)
@@ -87,6 +87,7 @@ def test_identical_command_sent_again_never_runs_again(plc, served):
     until(plc.cycle, in_state(State.IDLE))
     for _ in range(20):
         plc.cycle()
+        plc._write(plc._image)
     assert plc.read_report().state == State.IDLE
     assert len(served.program.runs) == 1
 
