@@ -1,0 +1,27 @@
+"""The measures of the line, taken for a moment: what must hold on any computer holds."""
+
+import json
+
+import pytest
+
+from cell.studies import line
+
+MOMENT = line.Effort(rounds=2, reads=20, flat_out=10, starts=4, windows=1, window=0.3)
+
+
+@pytest.fixture(scope="module")
+def samples(loaded):
+    return line.measure(loaded, MOMENT)
+
+
+def test_nothing_is_lost_and_no_command_waits_for_a_second_scan(samples):
+    assert (samples.flat_out.lost, samples.polled.lost) == (0, 0)
+    assert samples.busy_at_once == MOMENT.starts
+    assert samples.idle_scans == [0] * MOMENT.starts
+
+
+def test_table_and_picture_are_written(samples, tmp_path):
+    lines = line.measures(samples)
+    _, as_json, picture = line.write(samples, lines, tmp_path)
+    assert [row["name"] for row in json.loads(as_json.read_text())] == [each.name for each in lines]
+    assert picture.stat().st_size > 10_000
