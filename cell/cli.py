@@ -8,7 +8,7 @@ import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from threading import Event as ThreadEvent
 from typing import Any
@@ -31,7 +31,7 @@ from drivers.errors import FAULTS, CellError, ConfigError
 from plc_bridge.bridge import Bridge
 from plc_bridge.eds import as_eds
 from plc_bridge.messages import Command, Refusal, Report, Result
-from plc_bridge.registers import ReportImage, as_csv, as_json, as_markdown, table
+from plc_bridge.registers import Diagnostics, ReportImage, as_csv, as_json, as_markdown, table
 from plc_bridge.structured_text import as_structured_text
 from skills.catalogue import CATALOGUE
 
@@ -242,14 +242,16 @@ def _watch(args: argparse.Namespace) -> int:
     last: dict[str, object] = {}
     with Console().status("") as status:
 
-        def show(report: ReportImage) -> None:
-            data = tables.report(report)
-            line = " ".join(f"{key}={value}" for key, value in data.items() if value not in ("", "none"))
+        def show(report: ReportImage, counts: Diagnostics) -> None:
+            data = {**tables.report(report), "diagnostics": asdict(counts)}
+            line = tables.watch(report, counts)
             if sys.stdout.isatty() and not args.json and not args.once:
                 status.update(line)
-            elif data != last:
-                print(json.dumps(data) if args.json else line, flush=True)
-            last.update(data)
+            else:
+                told = {**data, "diagnostics": asdict(replace(counts, requests=0))}  # looking is a request too
+                if told != last:
+                    print(json.dumps(data) if args.json else line, flush=True)
+                last.update(told)
 
         client.watch_remote(args.connect, show, args.stop, args.once)
     return GOOD

@@ -8,7 +8,7 @@ from cell.line import PARAMETERS
 from drivers.errors import CellError, ConfigError
 from plc_bridge.messages import Control
 from plc_bridge.peer import Peer
-from plc_bridge.registers import ReportImage
+from plc_bridge.registers import Diagnostics, ReportImage
 from skills.catalogue import CATALOGUE
 
 CONTROLS = {
@@ -88,17 +88,19 @@ def run_remote(
         peer.close()
 
 
-def watch_remote(address: tuple[str, int], show: Callable[[ReportImage], None], stop: ThreadEvent, once: bool) -> None:
-    """Read a served cell's report again and again; it asks for no lease.
+def watch_remote(
+    address: tuple[str, int], show: Callable[[ReportImage, Diagnostics], None], stop: ThreadEvent, once: bool
+) -> None:
+    """Read a served cell's report and counts again and again; it writes nothing.
 
     Raises:
         CellError: The cell does not answer.
     """
     peer = Peer(*address)
-    peer.connect()
     try:
+        peer.look()
         while True:
-            show(peer.read_report())
+            show(peer.read_report(), peer.read_diagnostics())
             if once or stop.wait(PERIOD):
                 return
     finally:

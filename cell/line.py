@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from plc_bridge.messages import Command, Report
+from plc_bridge.messages import Command, Refusal, Report, Result
 from plc_bridge.registers import Parameter
 from skills.catalogue import CATALOGUE
 
@@ -34,3 +34,7 @@ class TerminalLine:
     def publish(self, report: Report) -> None:
         """Tell whoever watches."""
         self._watch(report)
+
+    def refuse(self, command: Command, refusal: Refusal) -> None:
+        """Tell whoever watches."""
+        self._watch(Report(sequence=command.sequence, result=Result.REFUSED))

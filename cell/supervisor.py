@@ -50,6 +50,9 @@ class Line(Protocol):
     def publish(self, report: Report) -> None:
         """Make the report readable; never waits."""
 
+    def refuse(self, command: Command, refusal: Refusal) -> None:
+        """Tell whoever gave a command that it is not done, and why; never waits."""
+
 
 class Supervisor:
     """One cell at work."""
@@ -111,6 +114,7 @@ class Supervisor:
         """Act on every command that waits: a start behind an acknowledgement shall not wait for another scan."""
         while (command := self._line.poll()) is not None:
             self._take(command)
+            self._publish()
 
     def _take(self, command: Command) -> None:
         """Act on one command, whatever the state."""
@@ -164,19 +168,7 @@ class Supervisor:
             self.report = replace(self.report, result=Result.SUCCESS)
 
     def _refuse(self, command: Command, refusal: Refusal) -> None:
-        logger.warning(
-            "command %d, code %d, from %s refused: %s", command.sequence, command.code, command.source, refusal.name
-        )
-        if self._run is None:
-            self.report = Report(
-                sequence=command.sequence,
-                result=Result.REFUSED,
-                refusal=refusal,
-                fault=self.report.fault,
-                run=self.report.run,
-            )
-        else:
-            self.report = replace(self.report, refusal=refusal)
+        self._line.refuse(command, refusal)
 
     # A run.
 

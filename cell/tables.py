@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterable, Sequence
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from rich.table import Table
@@ -13,7 +14,7 @@ from cell.statistics import PUBLISHED, PUBLISHED_ATTEMPTS, PUBLISHED_SUCCESSES, 
 from cell.trials import TrialRow
 from drivers.errors import FAULTS
 from plc_bridge.messages import LeaseState, Refusal, Result
-from plc_bridge.registers import ReportImage
+from plc_bridge.registers import Diagnostics, ReportImage
 from skills.catalogue import STAGES
 from skills.contract import Reason
 
@@ -131,6 +132,12 @@ def devices(found: Iterable[tuple[str, str]]) -> Table:
     for name, text in found:
         table.add_row(name, text)
     return table
+
+
+def watch(image: ReportImage, counts: Diagnostics) -> str:
+    """Return a report and the counts as one line."""
+    told = {key: value for key, value in report(image).items() if value not in ("", "none")}
+    return " ".join(f"{key}={value}" for key, value in (*told.items(), *asdict(counts).items()))
 
 
 def report(image: ReportImage) -> dict[str, object]:

@@ -107,6 +107,11 @@ class Bridge:
             self._life = (self._life + 1) % 0x10000
             self._handshake.publish(report)
 
+    def refuse(self, command: Command, refusal: Refusal) -> None:
+        """Tell whoever sent `command` why the scan thread does not do it; it belongs to the scan thread."""
+        with self._lock:
+            self._handshake.refuse(command, refusal)
+
     @property
     def holder(self) -> str:
         """Who holds the lease; empty when it is free."""

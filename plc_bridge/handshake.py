@@ -210,8 +210,19 @@ class Handshake:
         current.is_taken_up = True
         if current.result is Result.NONE and report.result is not Result.NONE:
             current.result = report.result
-            if report.result is Result.REFUSED and current.link.answered == report.sequence:
-                self._refuse(current.link, current.command.sequence, report.refusal)
+
+    def refuse(self, command: Command, refusal: Refusal) -> None:
+        """Take back that `command`, which the scan thread was given, was accepted."""
+        current, link = self._current, self._links.get(command.source)
+        if current is not None and current.command is command:
+            current.result, link = Result.REFUSED, current.link
+        elif link is not None and link.own is not None and link.own[0] == command.sequence:
+            link.own = (*link.own[:2], Result.REFUSED)
+        if link is not None and link.answered == command.sequence:
+            self._refuse(link, command.sequence, refusal)
+        else:
+            self.counts.refusals += 1
+            logger.warning("%s: command %d refused: %s", command.source, command.sequence, refusal.name)
 
     @property
     def holder(self) -> str:

@@ -82,7 +82,6 @@ class Report:
     state: int = 0
     """PackML state number."""
     result: Result = Result.NONE
-    refusal: Refusal = Refusal.NONE
     fault: int = 0
     stage: int = 0
     """Number of the skill under way or reached last, 0 before the first."""

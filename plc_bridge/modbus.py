@@ -119,7 +119,9 @@ class Connection(asyncio.Protocol):
         self._mailbox.heard(self.station.link.source)
         response = respond(request, self.station)
         self._server.counts.requests += 1
-        self._server.counts.exceptions += is_exception(response)
+        if is_exception(response):
+            self._server.counts.exceptions += 1
+            self.station.refused(request[0], response[1])
         self.transport.write(HEADER.pack(transaction, 0, len(response) + 1, unit) + response)
         return True
 

@@ -96,6 +96,15 @@ class PlcPeer(ABC):
         self._image = CommandImage(sequence=sequence, version=VERSION)
         return self.cycle()
 
+    def look(self) -> ReportImage:
+        """Connect as a spectator, who writes nothing and sees the run of whoever runs, and return the report.
+
+        Raises:
+            CellSilentError: Nothing answers there.
+        """
+        self._open()
+        return self.read_report()
+
     def cycle(self) -> ReportImage:
         """Count life up, write the command block in one request, return the report."""
         life = self._image.life % 0xFFFF + 1

@@ -153,7 +153,9 @@ class RtuServer:
         self.counts.requests += 1
         if unit == BROADCAST:
             return
-        self.counts.exceptions += is_exception(response)
+        if is_exception(response):
+            self.counts.exceptions += 1
+            station.refused(request[0], response[1])
         if is_last:
             self._line.write(with_check_sum(bytes([unit]) + response))
 

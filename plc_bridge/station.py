@@ -5,6 +5,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol, TypeVar
 
+from pymodbus.constants import ExcCodes
+
 from plc_bridge.config import ALL_RIGHTS, Right
 from plc_bridge.registers import (
     COILS,
@@ -89,7 +91,7 @@ class LinkStation:
     ) -> None:
         self.link = link
         self._mailbox, self._counts, self._rights, self._share = mailbox, counts, rights, share
-        self._told: set[Right] = set()
+        self._told: set[Right | int] = set()
 
     def read_words(self, function: int, address: int, count: int) -> list[int]:
         """Return holding registers (3) or input registers (4)."""
@@ -129,12 +131,18 @@ class LinkStation:
             self.link.source, {name: self.link.coils[place] for name, place in COILS.items() if place in written}
         )
 
+    def refused(self, function: int, exception: int) -> None:
+        """Log an exception, once for each of its codes."""
+        if exception not in self._told:
+            self._told.add(exception)
+            logger.warning("%s: refused: function %d: exception %02d", self.link.source, function, exception)
+
     def _demand(self, right: Right) -> None:
         if right in self._rights:
             return
         self._counts.unauthorised += 1
         if right not in self._told:
-            self._told.add(right)
+            self._told.update((right, int(ExcCodes.ILLEGAL_FUNCTION)))
             logger.warning("%s: refused: its role may not %s", self.link.source, right)
         raise PermissionError(right)
 

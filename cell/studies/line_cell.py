@@ -20,7 +20,7 @@ from cell.studies.line_client import Address
 from cell.supervisor import Supervisor
 from drivers.errors import CellError
 from plc_bridge.bridge import Bridge
-from plc_bridge.messages import Command, Report
+from plc_bridge.messages import Command, Refusal, Report
 
 PATIENCE = 60.0  # s
 
@@ -49,6 +49,10 @@ class _Stopwatch:
         self.scans.append((self._asked, report.state))
         self._is_new = True
         self._bridge.publish(report)
+
+    def refuse(self, command: Command, refusal: Refusal) -> None:
+        """Tell the bridge."""
+        self._bridge.refuse(command, refusal)
 
 
 def _serve(loaded: LoadedConfig, connections: int, pipe: Connection) -> None:

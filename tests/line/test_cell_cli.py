@@ -3,6 +3,8 @@
 import csv
 import json
 import logging
+from contextlib import closing
+from dataclasses import fields
 
 import pytest
 
@@ -10,6 +12,8 @@ from cell import cli, demo
 from cell.cli import FAULT, GOOD, NOT_GOOD, WRONG_USE, main
 from cell.config import DEFAULT
 from drivers.errors import FAULTS
+from plc_bridge.peer import Peer
+from plc_bridge.registers import Diagnostics
 from tests.fakes import Rig
 from tests.serving import serving
 
@@ -122,6 +126,31 @@ def test_anybody_may_stop_a_served_cell_and_its_holder_reset_it(served, capsys):
     capsys.readouterr()
     main(["watch", "--once", "--json", "--connect", served])
     assert json.loads(capsys.readouterr().out)["state"] == "IDLE"
+
+
+def test_watch_shows_refusals_and_every_count(served, capsys):
+    assert main(["run", "unhold", "--connect", served]) == NOT_GOOD
+    capsys.readouterr()
+    main(["watch", "--once", "--json", "--connect", served])
+    seen = json.loads(capsys.readouterr().out)
+    assert (seen["refusal"], seen["diagnostics"]["refusals"]) == ("not_ready", 1)
+    assert set(seen["diagnostics"]) == {column.name for column in fields(Diagnostics)}
+    main(["watch", "--once", "--connect", served])
+    line = capsys.readouterr().out
+    assert all(f"{name}=" in line for name in ("refusal", "refusals", "lost", "malformed", "unauthorised"))
+
+
+def test_watch_takes_over_nothing_from_a_plc_of_the_same_host(served, capsys):
+    host, port = served.split(":")
+    with closing(Peer(host, int(port))) as plc:
+        plc.connect()
+        assert plc.take()
+        plc.trigger(99)
+    main(["watch", "--once", "--json", "--connect", served])
+    holder = json.loads(capsys.readouterr().out)["holder"]
+    with closing(Peer(host, int(port))) as plc:
+        plc.look()
+        assert plc.read_report().holder == holder != ""
 
 
 def test_the_journal_shows_a_run_with_its_picture_and_samples(served, rig, capsys, tmp_path):

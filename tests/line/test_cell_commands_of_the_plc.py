@@ -118,6 +118,16 @@ def test_a_second_start_is_refused_and_the_first_goes_on(rig):
     assert rig.journal.find(1).outcome == "success"
 
 
+def test_a_control_that_does_not_fit_is_refused_and_the_run_goes_on(rig):
+    refusals = []
+    rig.at(0.5, lambda: rig.plc.trigger(Control.UNHOLD))
+    rig.at(0.6, lambda: refusals.append(rig.plc.report.refusal))
+    rig.command(GRASP)
+    assert refusals == [Refusal.NOT_READY]
+    assert rig.bridge.diagnostics.refusals == 1
+    assert rig.journal.find(1).outcome == "success"
+
+
 @pytest.mark.parametrize(
     ("code", "recipe", "parameters", "refusal"),
     [

@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import logging
 import socket
 import struct
 
@@ -148,6 +149,17 @@ def test_illegal_request_gets_its_exception_and_the_connection_stays(bridge, req
     with connect(bridge) as client:
         assert ask(client, bytes.fromhex(request_)) == bytes.fromhex(response)
         assert ask(client, READ_REPORT)[0] == 4
+
+
+def test_exception_is_counted_each_time_and_logged_once_with_who_and_why(bridge, caplog):
+    caplog.set_level(logging.WARNING)
+    with connect(bridge) as client:
+        for _ in range(3):
+            ask(client, struct.pack(">BHH", 6, 41, 1))
+        who = f"127.0.0.1:{client.getsockname()[1]}"
+    told = [record.getMessage() for record in caplog.records if "refused" in record.getMessage()]
+    assert told == [f"{who}: refused: function 6: exception 02"]
+    assert bridge.diagnostics.exceptions == 3
 
 
 @pytest.mark.parametrize("address", [41, 100, MIRROR, MIRROR + 5, 0xFFFF])

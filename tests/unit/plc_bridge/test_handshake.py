@@ -356,10 +356,33 @@ def test_reset_just_before_a_start_is_not_lost():
 
 def test_refusal_of_the_supervisor_reaches_the_plc():
     line = Line()
-    line.run()
-    line.handshake.publish(Report(sequence=2, result=Result.REFUSED, refusal=Refusal.UNKNOWN_RECIPE))
+    line.handshake.refuse(line.run(), Refusal.UNKNOWN_RECIPE)
     answer = line.handshake.answer("plc")
     assert (answer.result, answer.refusal, answer.is_busy) == (Result.REFUSED, Refusal.UNKNOWN_RECIPE, False)
+    assert line.handshake.counts.refusals == 1
+
+
+def test_refusal_of_a_control_leaves_the_run_and_its_result_alone():
+    line = Line()
+    line.run()
+    line.write(sequence=3, code=Control.UNHOLD)
+    line.handshake.refuse(line.poll(), Refusal.NOT_READY)
+    answer = line.handshake.answer("plc")
+    assert (answer.answered, answer.refusal, answer.sequence, answer.is_busy) == (3, Refusal.NOT_READY, 2, True)
+    line.end()
+    assert line.handshake.answer("plc").result is Result.SUCCESS
+
+
+def test_refusal_of_a_control_of_somebody_who_runs_nothing_is_its_result():
+    line = Line()
+    line.run()
+    line.end()
+    line.write(sequence=3, code=Control.UNHOLD)
+    control = line.poll()
+    line.write(sequence=4, code=INSERT)
+    line.handshake.refuse(control, Refusal.NOT_READY)
+    assert line.handshake.answer("plc").answered == 4
+    assert line.handshake.counts.refusals == 1
 
 
 @pytest.mark.parametrize(("silence", "is_lost"), [(1.0, False), (1.01, True)])

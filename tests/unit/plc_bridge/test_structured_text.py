@@ -165,12 +165,17 @@ def test_inputs_reach_the_command(plc):
         (Result.ABORTED, {}, "CommandAborted", 0),
         (Result.FAILURE, {"reason": 3}, "Error", FAILURE_BASE + 3),
         (Result.FAULT, {"fault": 2001}, "Error", 2001),
-        (Result.REFUSED, {"refusal": Refusal.UNKNOWN_RECIPE}, "Error", Refusal.UNKNOWN_RECIPE),
     ],
 )
 def test_every_ending_has_its_output_and_error(plc, result, facts, shown, error):
     plc.cycle(2, Execute=True).end(result, **facts)
     assert (plc.cycle(2).shown, plc.v["ErrorID"]) == ([shown], error)
+
+
+def test_refusal_by_the_cell_itself_is_an_error(plc):
+    plc.cycle(2, Execute=True)
+    plc.bridge.refuse(plc.bridge.poll(), Refusal.UNKNOWN_RECIPE)
+    assert (plc.cycle(2).shown, plc.v["ErrorID"]) == (["Error"], Refusal.UNKNOWN_RECIPE)
 
 
 def test_refusal_is_an_error(plc):
