@@ -14,6 +14,9 @@ NO_CELL, WRONG_VERSION, STOP_PENDING = 0xFF01, 0xFF02, 0xFF03
 FAILURE_BASE = 256
 """ErrorID of a failure is this and the reason; below it are refusals, from 1000 on the fault codes."""
 
+EXECUTE, HELD = 6, 11
+"""PackML state numbers in which a run can be held, and in which it goes on."""
+
 _DECODED = {
     "state": "State",
     "stage": "Stage",
@@ -39,6 +42,7 @@ FUNCTION_BLOCK FB_InsertionCell
 VAR_INPUT
     Execute : BOOL;
     Stop : BOOL; (* a rising edge stops the cell, whoever runs it *)
+    Hold : BOOL; (* while TRUE the own run waits where it is *)
     Code : UINT; (* {code} *)
     Recipe : UINT; (* {recipe} *)
     SerialNumber : ARRAY[0..{last_serial}] OF BYTE; (* {serial} *)
@@ -63,6 +67,7 @@ VAR
     Sequence : UINT;
     RunNumber : UINT;
     StopNumber : UINT;
+    HoldNumber : UINT;
     SentCode : UINT;
     Acknowledge : UINT;
     SeenLife : UINT;
@@ -71,6 +76,8 @@ VAR
     IsReady : BOOL;
     IsWhole : BOOL;
     IsStopping : BOOL;
+    IsHolding : BOOL;
+    HoldSent : BOOL;
     WasExecute : BOOL;
     WasStop : BOOL;
     Index : INT;
@@ -169,6 +176,32 @@ IF Busy AND IsSilent THEN
     ErrorID := {no_cell};
 END_IF;
 
+(* hold and unhold: once each, when the cell is where they are permitted; they end with the run *)
+IF NOT Busy THEN
+    IsHolding := FALSE;
+    HoldSent := FALSE;
+ELSIF IsHolding AND IsWhole AND WORD_TO_UINT(Report[{r_answered}]) = HoldNumber THEN
+    SentCode := 0;
+    IsHolding := FALSE;
+END_IF;
+IF Busy AND IsWhole AND NOT IsHolding AND NOT IsStopping AND Hold <> HoldSent AND WORD_TO_UINT(Report[{r_sequence}]) = RunNumber THEN
+    IF (Hold AND WORD_TO_UINT(Report[{r_state}]) = {execute_state}) OR (HoldSent AND WORD_TO_UINT(Report[{r_state}]) = {held_state}) THEN
+        IF Sequence = 65535 THEN
+            Sequence := 0;
+        ELSE
+            Sequence := Sequence + 1;
+        END_IF;
+        HoldNumber := Sequence;
+        HoldSent := Hold;
+        IsHolding := TRUE;
+        IF Hold THEN
+            SentCode := {hold};
+        ELSE
+            SentCode := {unhold};
+        END_IF;
+    END_IF;
+END_IF;
+
 (* a stop stays in the block until it is answered, and no longer: a new connection must not stop again *)
 IF IsStopping AND IsWhole AND WORD_TO_UINT(Report[{r_answered}]) = StopNumber THEN
     SentCode := 0;
@@ -253,6 +286,10 @@ def as_structured_text(registers: Sequence[Register]) -> str:
         aborted=Result.ABORTED.value,
         fault=Result.FAULT.value,
         stop=Control.STOP.value,
+        hold=Control.HOLD.value,
+        unhold=Control.UNHOLD.value,
+        execute_state=EXECUTE,
+        held_state=HELD,
         last_serial_word=command["serial"].words - 1,
         parameters=PARAMETERS,
         decoding="\n".join(decoding),

@@ -193,6 +193,48 @@ def test_stop_aborts_what_runs(plc):
     assert plc.cycle(2).shown == ["CommandAborted"]
 
 
+@pytest.mark.parametrize("before", [0, 65534])
+def test_run_waits_while_hold_is_true(before):
+    plc = Plc()
+    plc.v["Sequence"] = before
+    plc.cycle(2, Code=INSERT).cycle(3, Execute=True)
+    run = plc.bridge.poll()
+    plc.publish(Report(sequence=run.sequence, state=3))
+    plc.cycle(3, Hold=True)
+    assert plc.bridge.poll() is None
+    for state, hold, code in ((6, True, Control.HOLD), (11, False, Control.UNHOLD), (6, True, Control.HOLD)):
+        plc.publish(Report(sequence=run.sequence, state=state))
+        assert plc.cycle(5, Hold=hold).shown == ["Busy"]
+        assert [plc.bridge.poll().code, plc.bridge.poll()] == [code, None]
+    plc.publish(Report(sequence=run.sequence, state=11))
+    plc.cycle(3, Stop=True)
+    assert plc.bridge.poll().code == Control.STOP
+    plc.publish(Report(sequence=run.sequence, state=2, result=Result.ABORTED))
+    assert plc.cycle(2).shown == ["CommandAborted"]
+
+
+def test_hold_before_a_run_and_after_it_asks_for_nothing(plc):
+    plc.publish(Report(state=4))
+    plc.cycle(5, Hold=True)
+    assert plc.bridge.poll() is None
+    plc.cycle(3, Execute=True).end(Result.SUCCESS)
+    plc.cycle(3)
+    assert plc.cycle(5, Hold=False).shown == ["Done"]
+    assert [plc.bridge.poll().code, plc.bridge.poll()] == [Control.ACKNOWLEDGE, None]
+
+
+def test_hold_that_is_refused_is_not_asked_for_again(plc):
+    plc.cycle(3, Execute=True)
+    run = plc.bridge.poll()
+    plc.publish(Report(sequence=run.sequence, state=6))
+    plc.cycle(3, Hold=True)
+    plc.bridge.refuse(plc.bridge.poll(), Refusal.NOT_READY)
+    assert plc.cycle(5).shown == ["Busy"]
+    assert plc.bridge.poll() is None
+    plc.publish(Report(sequence=run.sequence, state=17, result=Result.SUCCESS))
+    assert plc.cycle(2).shown == ["Done"]
+
+
 def test_stop_that_overtakes_its_command_aborts_it(plc):
     assert plc.cycle(3, Execute=True, Stop=True).shown == ["CommandAborted"]
     assert [plc.bridge.poll().code, plc.bridge.poll()] == [Control.STOP, None]
