@@ -196,10 +196,7 @@ def measure(loaded: LoadedConfig, effort: Effort) -> Samples:
         flat_out=flat_out,
         busy=np.array([start.seen - start.sent for start in starts]),
         busy_at_once=sum(start.is_at_once for start in starts),
-        idle_scans=[
-            sum(start.written < asked < start.seen and state == State.IDLE for asked, state in scans)
-            for start in starts
-        ],
+        idle_scans=[_idle_scans(scans, start) for start in starts],
         quiet=_errors(scans, quiet, period),
         loaded=_errors(scans, busy, period),
         polled=polled,
@@ -227,6 +224,12 @@ def _stretches(address: Address, plc: _Plc, effort: Effort) -> tuple[Load, list[
     keeper.join()
     sums = [sum(getattr(each, name) for each in loads) for name in ("sent", "answered", "duration")]
     return Load(CLIENTS, sums[0], sums[1], sums[2]), quiet, busy
+
+
+def _idle_scans(scans: Sequence[Scan], start: _Start) -> int:
+    """Return how many scans began with the command in the cell and ended without it."""
+    during = [(asked, state) for asked, state in scans if start.written < asked < start.seen]
+    return len({asked for asked, _ in during} - {asked for asked, state in during if state != State.IDLE})
 
 
 def _errors(scans: Sequence[Scan], stretches: Sequence[_Stretch], period: float) -> Vector:

@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from cell.line import PARAMETERS, PROGRAMS
 from cell.studies.line_client import Address
 from cell.supervisor import Supervisor
 from drivers.errors import CellError
+from drivers.protocols import Clock
 from plc_bridge.bridge import Bridge
 from plc_bridge.messages import Command, Refusal, Report
 
@@ -26,14 +28,14 @@ PATIENCE = 60.0  # s
 
 
 Scan = tuple[float, int]
-"""When a scan asked for commands, s, and the state that it published."""
+"""When a scan began to ask for commands, s, and a state that it published; it may publish several."""
 
 
 class _Stopwatch:
-    """A line that notes every scan."""
+    """A line and a clock that note every scan; a scan begins after a wait."""
 
-    def __init__(self, bridge: Bridge) -> None:
-        self._bridge = bridge
+    def __init__(self, bridge: Bridge, clock: Clock) -> None:
+        self._bridge, self._clock = bridge, clock
         self._asked = 0.0
         self._is_new = True
         self.scans: list[Scan] = []
@@ -47,8 +49,16 @@ class _Stopwatch:
     def publish(self, report: Report) -> None:
         """Tell the bridge."""
         self.scans.append((self._asked, report.state))
-        self._is_new = True
         self._bridge.publish(report)
+
+    def now(self) -> float:
+        """Ask the clock."""
+        return self._clock.now()
+
+    def wait_until(self, stamp: float) -> None:
+        """Wait by the clock."""
+        self._clock.wait_until(stamp)
+        self._is_new = True
 
     def refuse(self, command: Command, refusal: Refusal) -> None:
         """Tell the bridge."""
@@ -60,7 +70,6 @@ def _serve(loaded: LoadedConfig, connections: int, pipe: Connection) -> None:
     plc = loaded.cell.plc
     free = plc.modbus.model_copy(update={"port": 0, "connections": connections})
     bridge, stop = Bridge(plc.model_copy(update={"modbus": free}), PROGRAMS, PARAMETERS), threading.Event()
-    stopwatch = _Stopwatch(bridge)
 
     def wait() -> None:
         pipe.recv()
@@ -74,7 +83,8 @@ def _serve(loaded: LoadedConfig, connections: int, pipe: Connection) -> None:
     ):
         bridge.start()
         pipe.send(bridge.address)
-        Supervisor(cell, loaded, stopwatch, journal, stop).serve()
+        stopwatch = _Stopwatch(bridge, cell.clock)
+        Supervisor(replace(cell, clock=stopwatch), loaded, stopwatch, journal, stop).serve()
         bridge.close()
     pipe.send(stopwatch.scans)
 
