@@ -6,7 +6,7 @@ from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
 from plc_bridge.handshake import Handshake
-from plc_bridge.messages import FIRST_PROGRAM, Command, Control, Report, Result
+from plc_bridge.messages import FIRST_PROGRAM, Command, Control, Refusal, Report, Result
 from plc_bridge.registers import CommandImage, Lease
 
 PROGRAMS = {100: "insert_peg", 101: "grasp"}
@@ -35,6 +35,7 @@ WEIGHTS = {
     "pass_a_while": 1,
     "publish": 4,
     "scan": 8,
+    "scan_and_refuse": 1,
     "finish": 5,
 }
 ACTIONS = st.tuples(
@@ -173,6 +174,17 @@ class RoughLine:
     def scan(self, plc, n):
         command = self.handshake.poll(self.now)
         if command is not None:
+            self.act(command)
+        self.handshake.publish(self.report)
+
+    def scan_and_refuse(self, plc, n):
+        """The cell itself may be unable to do what the handshake has accepted."""
+        command = self.handshake.poll(self.now)
+        if command is not None and (command.code in PROGRAMS or command.code in CONTROLS) and command.code not in STOPS:
+            before = self.handshake.counts.refusals
+            self.handshake.refuse(command, Refusal.NOT_READY)
+            assert self.handshake.counts.refusals == before + 1
+        elif command is not None:
             self.act(command)
         self.handshake.publish(self.report)
 
