@@ -2,8 +2,8 @@
 
     python -m tests.hostile [--frames 100000] [--seed 1]
 
-sends that many over TCP, as many over TLS, and a twentieth over RTU, where every second one is noise. Every answer is
-compared with what `tests.modbus_oracle` says; a bystander holds the lease and must keep it, its registers and its peace.
+sends that many over TCP, as many over TLS, a twentieth of that where a TLS handshake should be, and a twentieth over
+RTU, where every second one is noise. Every answer is compared with what `tests.modbus_oracle` says; a bystander holds the lease and must keep it, its registers and its peace.
 """
 
 import argparse
@@ -164,6 +164,28 @@ def attack_socket(connect: Callable[[], socket.socket], frames: int, seed: int, 
     return seen
 
 
+def attack_handshake(
+    address: tuple[str, int], connect: Callable[[], socket.socket], knocks: int, seed: int
+) -> Counter[str]:
+    """Knock at the door of TLS with whatever is no handshake, and leave; afterwards the next client is served."""
+    rng, seen = random.Random(seed), Counter[str]()
+    beginnings = (
+        b"",
+        b"\x16",
+        b"\x16\x03\x01\x00\x05\x01\x00\x00",
+        b"\x17\x03\x03\x40\x00",
+        b"\x15\x03\x03\x00\x02\x02\x28",
+    )
+    for _ in range(knocks):
+        with socket.create_connection(address, timeout=PATIENCE) as client, suppress(OSError):
+            client.sendall(rng.choice(beginnings) + rng.randbytes(rng.randrange(300)))
+        seen["knocked"] += 1
+    with connect() as client:
+        pdu = b"\x03\x00\x00\x00\x01"
+        check(pdu, Oracle(), exchange(client, [pdu])[0])
+    return seen
+
+
 def attack_serial(port: str, frames: int, seed: int) -> Counter[str]:
     """Send `frames` down a serial line: requests to this unit, to others, to all, broken ones and noise."""
     rng, oracle, seen = random.Random(seed), Oracle(), Counter[str]()
@@ -247,6 +269,7 @@ def run(frames: int, seed: int) -> Iterator[tuple[str, Counter[str], float]]:
                 ),
             ),
             ("TLS", lambda: attack_socket(secure, frames, seed + 1, 0.002)),
+            ("TLS handshake", lambda: attack_handshake(bridge.secure_address, secure, frames // 20, seed + 3)),
             ("RTU", lambda: attack_serial(cable.ends[1], frames // 20, seed + 2)),
         ]
         for name, attack in attacks:

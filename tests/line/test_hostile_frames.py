@@ -13,7 +13,9 @@ def seen():
     return {name: seen for name, seen, _ in hostile.run(FRAMES, SEED)}
 
 
-@pytest.mark.parametrize(("line", "frames"), [("TCP", FRAMES), ("TLS", FRAMES), ("RTU", FRAMES // 20)])
+@pytest.mark.parametrize(
+    ("line", "frames"), [("TCP", FRAMES), ("TLS", FRAMES), ("TLS handshake", FRAMES // 20), ("RTU", FRAMES // 20)]
+)
 def test_no_crash_no_deaf_line_no_register_changed_that_should_not(seen, line, frames):
     assert seen[line].total() >= frames
 
