@@ -8,6 +8,10 @@ import numpy as np
 from drivers.quantities import Vector
 
 
+TURN_TIME = 0.15
+"""Of the turn from one lane into the next, s: 1.6 m/s² at 0.12 m/s, which the arm follows."""
+
+
 @dataclass(frozen=True, slots=True)
 class SprayPaint:
     """Two sinusoids, one for each axis, that cover a rectangle as a spray gun does, [gibbons], Sec. IV and [chhatpar].
@@ -60,6 +64,73 @@ def spray_paint(
     return SprayPaint(half, (rates[0], rates[1]), (phases[0], phases[1]))
 
 
+@dataclass(frozen=True, slots=True)
+class Lanes:
+    """Straight lanes there and back at one speed, a pitch apart, that cover a rectangle; then back over the same lanes.
+
+    Half the lanes lie half a pitch off on the way back. A turn takes `TURN_TIME`: the speed along the lane
+    reverses at constant acceleration while the point moves to the next lane along a cosine.
+    """
+
+    half: tuple[float, float]
+    """Half the extents of the rectangle, m."""
+    fast: int
+    """Axis of the lanes, 0 or 1."""
+    speed: float
+    """Along a lane, m/s."""
+    lanes: int
+    """Lanes that cover the rectangle once."""
+    sign: tuple[float, float]
+    """Corner that the path begins at."""
+
+    def at(self, time: float) -> tuple[Vector, Vector]:
+        """Return the point, m, and its velocity, m/s, at `time`, each shape (2,), from the middle of the rectangle."""
+        slow = 1 - self.fast
+        straight = 2.0 * self.half[self.fast] / self.speed
+        number, within = divmod(time, straight + TURN_TIME)
+        lane = int(number)
+        pitch = 2.0 * self.half[slow] / self.lanes
+        here, there = self._place(lane), self._place(lane + 1)
+        way = -1.0 if lane % 2 == 0 else 1.0
+        if within < straight:
+            along, rate = -self.half[self.fast] + self.speed * within, self.speed
+            across, drift = here, 0.0
+        else:
+            t = within - straight
+            along = self.half[self.fast] + self.speed * t * (1.0 - t / TURN_TIME)
+            rate = self.speed * (1.0 - 2.0 * t / TURN_TIME)
+            angle = math.pi * t / TURN_TIME
+            across = here + (there - here) * (1.0 - math.cos(angle)) / 2.0
+            drift = (there - here) * math.pi / TURN_TIME * math.sin(angle) / 2.0
+        point, velocity = np.zeros(2), np.zeros(2)
+        point[self.fast] = self.sign[self.fast] * way * along
+        velocity[self.fast] = self.sign[self.fast] * way * rate
+        point[slow] = self.sign[slow] * pitch * across
+        velocity[slow] = self.sign[slow] * pitch * drift
+        return point, velocity
+
+    def _place(self, lane: int) -> float:
+        """Return where a lane lies, in pitches from the middle."""
+        cover, number = divmod(lane, self.lanes)
+        first = (self.lanes - 1) / 2.0
+        return first - number if cover % 2 == 0 else number - first
+
+
+def lanes(half: tuple[float, float], pitch: float, speed: float, fast: int, near: tuple[float, float]) -> Lanes:
+    """Return lanes over a rectangle that begin at its corner next to `near`.
+
+    Args:
+        half: Half the extents, m, > 0.
+        pitch: Largest distance between neighbouring lanes, m.
+        speed: Along a lane, m/s.
+        fast: Axis of the lanes, 0 or 1.
+        near: A point, m, from the middle of the rectangle.
+    """
+    number = max(math.ceil(2.0 * half[1 - fast] / pitch), 1)
+    sign = (math.copysign(1.0, near[0]), math.copysign(1.0, near[1]))
+    return Lanes(half, fast, speed, number, sign)
+
+
 def spiral(time: float, growth: float, turn_rate: float) -> Vector:
     """Return the point at `time` on an Archimedean spiral turned at constant rate.
 
@@ -75,6 +146,24 @@ def spiral(time: float, growth: float, turn_rate: float) -> Vector:
         Point in the plane of the spiral, shape (2,), m, from its centre.
     """
     radius, angle = growth * time, turn_rate * time
+    return np.array([radius * math.cos(angle), radius * math.sin(angle)])
+
+
+def spiral_at_speed(time: float, speed: float, pitch: float) -> Vector:
+    """Return the point at `time` on an Archimedean spiral that is run through at about constant speed.
+
+    With r = pitch·angle/2π the way after many turns is pitch·angle²/4π, so angle = sqrt(4π·speed·time/pitch).
+
+    Args:
+        time: Time since the start, s, >= 0.
+        speed: Along the spiral, m/s, > 0.
+        pitch: Between neighbouring turns, m, > 0.
+
+    Returns:
+        Point in the plane of the spiral, shape (2,), m, from its centre.
+    """
+    angle = math.sqrt(4.0 * math.pi * speed * time / pitch)
+    radius = pitch * angle / (2.0 * math.pi)
     return np.array([radius * math.cos(angle), radius * math.sin(angle)])
 
 

@@ -1,7 +1,8 @@
 """Cover the area that contains the hole the way a spray gun does until the peg's edge falls in: [gibbons], Sec. IV."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from enum import Enum
 from typing import Annotated, Literal
 
 import numpy as np
@@ -10,11 +11,15 @@ from pydantic import Field, NonNegativeFloat, PositiveFloat
 from drivers.quantities import ImpedanceSetpoint, Twist, Vector
 from skills.contract import Observation, Outcome, Reason, SkillContext, SkillParams, SkillResult
 from skills.motion import VALIDITY, Gains, Goal, Transfer, move, tilted
-from skills.paths import SprayPaint, spray_paint
+from skills.paths import lanes, spiral_at_speed, spray_paint
 from skills.tactile.hole_event import HoleEvent, HoleEventParams
 
 REST_DAMPING = 2.5
 """Damping of the resting hand over that of the search: it shall stop within a millimetre or two."""
+
+
+RETURN_TIME = 0.2
+"""In which the tip comes back to its path after a probe, s."""
 
 
 class SpraySearchParams(SkillParams):
@@ -26,6 +31,8 @@ class SpraySearchParams(SkillParams):
     """Along the path."""
     push_stiffness: PositiveFloat
     """Along z, N/m."""
+    push_damping: PositiveFloat
+    """Along z, N·s/m: the push over this is the fastest fall."""
     push_offset: NonNegativeFloat
     """The tip's setpoint lies so far below the surface, m; 0.01 in [gibbons]."""
     tilt: Annotated[float, Field(ge=0.0, lt=1.4)]
@@ -34,6 +41,8 @@ class SpraySearchParams(SkillParams):
     """Azimuth that the peg's upper end leans to, rad."""
     fast_axis: Literal["x", "y"]
     """Axis of the base frame that is swept fast."""
+    path: Literal["sinusoids", "lanes"]
+    """As [gibbons] has it, or straight lanes at one speed."""
     speed: Annotated[float, Field(gt=0.0, le=0.5)]
     """Peak speed of the tip, m/s."""
     pitch: Annotated[float, Field(gt=0.0, le=2.0)]
@@ -46,15 +55,21 @@ class SpraySearchParams(SkillParams):
     """Above the surface at the end of the free-space approach, m."""
     touch_down: PositiveFloat
     """Time to come down to the surface and let the push settle, s."""
+    evidence: Literal["skin", "height"]
+    """What stops the path: an event of the skin, as in [gibbons], or a dip of the tip, which no frame can miss."""
     event: HoleEventParams
-    drop: NonNegativeFloat
-    """The tip must have come down by this much, m; 0 trusts the skin's event alone, as [gibbons] does."""
-    window: PositiveFloat
-    """The skin's event and the drop may lie so far apart, s."""
-    dwell: PositiveFloat
-    """A drop that lasts so long, the path at rest, is a fall also when no frame of the skin caught it, s."""
-    settle: NonNegativeFloat
-    """x_h is taken from a frame so long after the fall, s; 0 takes the one that showed it."""
+    dip: PositiveFloat
+    """Of the tip below the surface, that is evidence of an edge, m; the exact fall at 45 degrees is 2.4 mm."""
+    fall: NonNegativeFloat
+    """The resting tip must stand so far below the surface, m; 0 takes the evidence for the hole, as [gibbons] does."""
+    rest: PositiveFloat
+    """Time for which the hand rests before the tip's depth is judged, by a frame of its end, s."""
+    probe_radius: NonNegativeFloat
+    """Where the resting tip is not deep enough, a spiral of this radius looks round the place of the evidence, m."""
+    probe_speed: PositiveFloat
+    """Along that spiral, m/s."""
+    probe_pitch: PositiveFloat
+    """Between its turns, m."""
     timeout: PositiveFloat
     """Longest search, s; 100 in [gibbons]."""
 
@@ -69,6 +84,8 @@ class SpraySearchResult(SkillResult):
     """First point of the path, m, base frame."""
     events: int
     """Events of the skin, false ones included."""
+    rests: int
+    """How often the path was stopped by evidence."""
 
 
 def run(params: SpraySearchParams, ctx: SkillContext) -> SpraySearchResult:
@@ -78,9 +95,12 @@ def run(params: SpraySearchParams, ctx: SkillContext) -> SpraySearchResult:
     middle = np.array(hole.centre[:2])
     half = (hole.area[0] / 2 + params.margin, hole.area[1] / 2 + params.margin)
     start = ctx.rng.uniform(-np.array(hole.area) / 2, np.array(hole.area) / 2)
-    path = spray_paint(
-        half, params.pitch * hole.diameter, params.speed, 0 if params.fast_axis == "x" else 1, (start[0], start[1])
-    )
+    fast = 0 if params.fast_axis == "x" else 1
+    if params.path == "lanes":
+        path = lanes(half, params.pitch * hole.diameter, params.speed, fast, (start[0], start[1]))
+        start, _ = path.at(0.0)
+    else:
+        path = spray_paint(half, params.pitch * hole.diameter, params.speed, fast, (start[0], start[1]))
     axis, closing = tilted(params.lean, params.tilt)
     if params.edge_leads:
         ahead = ctx.job.peg.diameter / 2 * math.cos(params.tilt)
@@ -90,37 +110,60 @@ def run(params: SpraySearchParams, ctx: SkillContext) -> SpraySearchResult:
         pass
 
     stiffness, damping = params.gains.stiffness(), params.gains.damping()
-    stiffness[2] = params.push_stiffness
+    stiffness[2], damping[2] = params.push_stiffness, params.push_damping
     identity = ctx.new_id()
-    event, fall = HoleEvent(params.event), Fall(params.drop, params.window, params.dwell)
-    tip, along, found = first, 0.0, math.inf
+    event, ground = HoleEvent(params.event), Ground()
+    tip, along, offset, since, rests = first, 0.0, np.zeros(2), 0.0, 0
+    phase, place = Phase.COMING_DOWN, first
     resting: ImpedanceSetpoint | None = None
+    depth = surface - params.push_offset
     for seen in ctx.scan(params.timeout, holding=True):
         tip, elapsed = seen.tip, seen.elapsed
         is_event = seen.is_new_frame and event.update(seen.frame)
-        if elapsed >= params.touch_down and fall.update(seen.stamp, tip[2], is_event):
-            found = min(found, seen.stamp)
-        if seen.peg.stamp >= found + params.settle and not fall.holds():
-            # It came up again: an edge, not the hole.
-            found = math.inf
-        if seen.peg.stamp >= found + params.settle:
-            return SpraySearchResult(
-                Outcome.SUCCESS, Reason.NONE, elapsed, _point(tip), (first[0], first[1]), event.count
-            )
-        if fall.is_down or found < math.inf:
-            # The hand rests while the peg is down: dragged on, the peg would come out again. The hand and not the
-            # tip is held, for the fall turns the peg in the hand and theta is as old as the last frame.
-            resting = resting or _rest(seen, identity, stiffness, damping, params)
+        point, velocity = path.at(along)
+        sense = 0 if velocity[fast] < 0.0 else 1
+        below = ground.below(tip[2], sense)
+        if phase is Phase.COMING_DOWN and elapsed >= params.touch_down:
+            phase = Phase.SLIDING
+        elif phase is Phase.SLIDING:
+            if is_event if params.evidence == "skin" else below > params.dip:
+                phase, since, place, resting = (
+                    Phase.RESTING,
+                    seen.stamp,
+                    tip,
+                    _rest(seen, identity, stiffness, damping, params),
+                )
+            else:
+                ground.learn(tip[2], sense)
+        elif phase is Phase.PROBING and below > params.fall:
+            phase, since, resting = Phase.JUDGING, seen.stamp, _rest(seen, identity, stiffness, damping, params)
+        if phase in (Phase.RESTING, Phase.JUDGING) and (params.fall == 0.0 or seen.peg.stamp >= since + params.rest):
+            if below >= params.fall:
+                return SpraySearchResult(
+                    Outcome.SUCCESS, Reason.NONE, elapsed, _point(tip), (first[0], first[1]), event.count, rests
+                )
+            is_looking = phase is Phase.RESTING and params.probe_radius > 0.0
+            phase, since = Phase.PROBING if is_looking else Phase.SLIDING, seen.stamp
+            offset = tip[:2] - (place[:2] if is_looking else middle + point)
+        if phase in (Phase.RESTING, Phase.JUDGING) and resting is not None:
+            # The hand and not the tip is held, for the fall turns the peg in the hand and theta is as old as the
+            # last frame.
             ctx.follow(replace(resting, valid_until=seen.stamp + VALIDITY))
             continue
-        resting = None
-        target, velocity = _setpoint(path, along, middle, surface - params.push_offset)
-        if elapsed < params.touch_down:
-            share = min(2.0 * elapsed / params.touch_down, 1.0)
-            target[2] = first[2] + (surface - params.push_offset - first[2]) * share
-            velocity = np.zeros(3)
-        else:
+        target = np.array([0.0, 0.0, depth])
+        twist = np.zeros(3)
+        back = max(1.0 - (seen.stamp - since) / RETURN_TIME, 0.0)
+        if phase is Phase.PROBING:
+            looked = spiral_at_speed(seen.stamp - since, params.probe_speed, params.probe_pitch)
+            target[:2] = place[:2] + looked + back * offset
+            if math.hypot(*looked) > params.probe_radius:
+                phase, offset, since, back = Phase.SLIDING, target[:2] - middle - point, seen.stamp, 1.0
+        if phase is Phase.SLIDING:
             along += ctx.scan_period
+            target[:2], twist[:2] = middle + point + back * offset, velocity
+        elif phase is Phase.COMING_DOWN:
+            share = min(2.0 * elapsed / params.touch_down, 1.0)
+            target[:2], target[2] = middle + point, first[2] + (depth - first[2]) * share
         ctx.progress(elapsed / params.timeout)
         ctx.follow(
             ImpedanceSetpoint(
@@ -132,12 +175,22 @@ def run(params: SpraySearchParams, ctx: SkillContext) -> SpraySearchResult:
                 damping=damping,
                 valid_until=seen.stamp + VALIDITY,
                 in_hand=ctx.in_hand(),
-                twist=Twist(velocity, np.zeros(3)),
+                twist=Twist(twist, np.zeros(3)),
             )
         )
     return SpraySearchResult(
-        Outcome.FAILURE, Reason.NO_HOLE, params.timeout, _point(tip), (first[0], first[1]), event.count
+        Outcome.FAILURE, Reason.NO_HOLE, params.timeout, _point(tip), (first[0], first[1]), event.count, rests
     )
+
+
+class Phase(Enum):
+    """What the search is doing."""
+
+    COMING_DOWN = "coming down"
+    SLIDING = "sliding"
+    RESTING = "resting"
+    PROBING = "probing"
+    JUDGING = "judging"
 
 
 def _rest(
@@ -157,59 +210,28 @@ def _rest(
     )
 
 
-def _setpoint(path: SprayPaint, time: float, middle: Vector, z: float) -> tuple[Vector, Vector]:
-    """Return setpoint and velocity of the tip on the path, each shape (3,)."""
-    point, velocity = path.at(time)
-    return np.array([*(middle + point), z]), np.array([*velocity, 0.0])
-
-
 def _point(tip: Vector) -> tuple[float, float, float]:
     return float(tip[0]), float(tip[1]), float(tip[2])
 
 
 @dataclass(slots=True)
-class Fall:
-    """Tells a fall into the hole from the skin's events and the tip's height; pure.
+class Ground:
+    """The height at which the tip slides, learnt on the way; pure.
 
-    The skin alone errs: a fall takes less than a frame, and noise looks like one. The tip's drop lasts, and does
-    not depend on theta while the closing axis lies in the plane of the tilt. Both within `window` are a fall at
-    once; a drop that lasts for `dwell` is one without the skin.
+    Friction tilts the hand a little, so that the height differs between the two senses of the path: each has
+    its own running mean.
     """
 
-    drop: float
-    """Least drop, m; 0 believes every event of the skin."""
-    window: float
-    dwell: float
-    blend: float = 0.02
-    """Weight of a scan in the running mean of the height at which the tip slides."""
-    is_down: bool = False
-    """The tip is down now."""
-    _height: float | None = None
-    _since: float = 0.0
-    _event: float = -math.inf
+    blend: float = 0.05
+    """Weight of a scan in the running mean."""
+    _heights: list[float | None] = field(default_factory=lambda: [None, None])
 
-    def holds(self) -> bool:
-        """Return whether the tip is still down, as far as drops are asked for."""
-        return self.drop == 0.0 or self.is_down
+    def learn(self, height: float, sense: int) -> None:
+        """Take the height of the sliding tip, m, in one scan of a pass in `sense`, 0 or 1."""
+        known = self._heights[sense]
+        self._heights[sense] = height if known is None else known + self.blend * (height - known)
 
-    def update(self, stamp: float, height: float, is_event: bool) -> bool:
-        """Take one scan; return whether the peg has fallen in.
-
-        Args:
-            stamp: Time, s.
-            height: Of the tip, m.
-            is_event: The skin showed an event in this scan.
-        """
-        if self.drop == 0.0:
-            return is_event
-        if is_event:
-            self._event = stamp
-        if self._height is None:
-            self._height = height
-        was_down, self.is_down = self.is_down, height <= self._height - self.drop
-        if not self.is_down:
-            self._height += self.blend * (height - self._height)
-            return False
-        if not was_down:
-            self._since = stamp
-        return abs(self._event - self._since) <= self.window or stamp - self._since >= self.dwell
+    def below(self, height: float, sense: int) -> float:
+        """Return how far `height` lies below the ground of this sense, m; 0 before any is known."""
+        known = self._heights[sense]
+        return 0.0 if known is None else known - height
