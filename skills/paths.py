@@ -66,9 +66,9 @@ def spray_paint(
 
 @dataclass(frozen=True, slots=True)
 class Lanes:
-    """Straight lanes there and back at one speed, a pitch apart, that cover a rectangle; then back over the same lanes.
+    """Straight lanes there and back at one speed, a pitch apart, that cover a rectangle; then back between them.
 
-    Half the lanes lie half a pitch off on the way back. A turn takes `TURN_TIME`: the speed along the lane
+    A turn takes `TURN_TIME`: the speed along the lane
     reverses at constant acceleration while the point moves to the next lane along a cosine.
     """
 
@@ -110,10 +110,10 @@ class Lanes:
         return point, velocity
 
     def _place(self, lane: int) -> float:
-        """Return where a lane lies, in pitches from the middle."""
+        """Return where a lane lies, in pitches from the middle; every other cover lies half a pitch off."""
         cover, number = divmod(lane, self.lanes)
         first = (self.lanes - 1) / 2.0
-        return first - number if cover % 2 == 0 else number - first
+        return first - number if cover % 2 == 0 else number - first + 0.5
 
 
 def lanes(half: tuple[float, float], pitch: float, speed: float, fast: int, near: tuple[float, float]) -> Lanes:

@@ -18,7 +18,9 @@ REST_DAMPING = 2.5
 """Damping of the resting hand over that of the search: it shall stop within a millimetre or two."""
 
 
-RETURN_TIME = 0.2
+SLIP = 0.1
+"""Change of theta that tells of a slip in the hand, rad."""
+RETURN_TIME = 0.4
 """In which the tip comes back to its path after a probe, s."""
 
 
@@ -31,6 +33,10 @@ class SpraySearchParams(SkillParams):
     """Along the path."""
     push_stiffness: PositiveFloat
     """Along z, N/m."""
+    relief: Annotated[float, Field(gt=0.0, le=1.0)]
+    """The push is taken back to this share at every slip of the peg in the hand: friction at the tip turns it."""
+    least_push: Annotated[float, Field(gt=0.0, le=1.0)]
+    """But not below this share."""
     push_damping: PositiveFloat
     """Along z, N·s/m: the push over this is the fastest fall."""
     push_offset: NonNegativeFloat
@@ -55,6 +61,10 @@ class SpraySearchParams(SkillParams):
     """Above the surface at the end of the free-space approach, m."""
     touch_down: PositiveFloat
     """Time to come down to the surface and let the push settle, s."""
+    trim_rate: NonNegativeFloat
+    """At which the setpoint across the lanes is moved against the tip's error there, 1/s: joint friction holds the arm off."""
+    trim_limit: NonNegativeFloat
+    """Largest such move, m."""
     evidence: Literal["skin", "height"]
     """What stops the path: an event of the skin, as in [gibbons], or a dip of the tip, which no frame can miss."""
     event: HoleEventParams
@@ -114,12 +124,18 @@ def run(params: SpraySearchParams, ctx: SkillContext) -> SpraySearchResult:
     identity = ctx.new_id()
     event, ground = HoleEvent(params.event), Ground()
     tip, along, offset, since, rests = first, 0.0, np.zeros(2), 0.0, 0
+    trim, slow = Trim(params.trim_rate, params.trim_limit), 1 - fast
     phase, place = Phase.COMING_DOWN, first
     resting: ImpedanceSetpoint | None = None
+    leaning, facing = axis, closing
+    known_theta, push = ctx.in_hand().theta, params.push_stiffness
     depth = surface - params.push_offset
     for seen in ctx.scan(params.timeout, holding=True):
         tip, elapsed = seen.tip, seen.elapsed
         is_event = seen.is_new_frame and event.update(seen.frame)
+        if abs(seen.peg.theta - known_theta) > SLIP:
+            known_theta, push = seen.peg.theta, max(params.relief * push, params.least_push * params.push_stiffness)
+            stiffness = np.array([*stiffness[:2], push, *stiffness[3:]])
         point, velocity = path.at(along)
         sense = 0 if velocity[fast] < 0.0 else 1
         below = ground.below(tip[2], sense)
@@ -127,12 +143,8 @@ def run(params: SpraySearchParams, ctx: SkillContext) -> SpraySearchResult:
             phase = Phase.SLIDING
         elif phase is Phase.SLIDING:
             if is_event if params.evidence == "skin" else below > params.dip:
-                phase, since, place, resting = (
-                    Phase.RESTING,
-                    seen.stamp,
-                    tip,
-                    _rest(seen, identity, stiffness, damping, params),
-                )
+                phase, since, place, rests = Phase.RESTING, seen.stamp, tip, rests + 1
+                resting = _rest(seen, identity, stiffness, damping, params)
             else:
                 ground.learn(tip[2], sense)
         elif phase is Phase.PROBING and below > params.fall:
@@ -144,7 +156,7 @@ def run(params: SpraySearchParams, ctx: SkillContext) -> SpraySearchResult:
                 )
             is_looking = phase is Phase.RESTING and params.probe_radius > 0.0
             phase, since = Phase.PROBING if is_looking else Phase.SLIDING, seen.stamp
-            offset = tip[:2] - (place[:2] if is_looking else middle + point)
+            offset, leaning, facing = tip[:2] - (place[:2] if is_looking else middle + point), seen.axis, roll_of(seen)
         if phase in (Phase.RESTING, Phase.JUDGING) and resting is not None:
             # The hand and not the tip is held, for the fall turns the peg in the hand and theta is as old as the
             # last frame.
@@ -158,19 +170,22 @@ def run(params: SpraySearchParams, ctx: SkillContext) -> SpraySearchResult:
             target[:2] = place[:2] + looked + back * offset
             if math.hypot(*looked) > params.probe_radius:
                 phase, offset, since, back = Phase.SLIDING, target[:2] - middle - point, seen.stamp, 1.0
+                leaning, facing = axis, closing
         if phase is Phase.SLIDING:
             along += ctx.scan_period
             target[:2], twist[:2] = middle + point + back * offset, velocity
         elif phase is Phase.COMING_DOWN:
             share = min(2.0 * elapsed / params.touch_down, 1.0)
             target[:2], target[2] = middle + point, first[2] + (depth - first[2]) * share
+        trim = trim.after(target[slow] - tip[slow], ctx.scan_period)
+        target[slow] += trim.value
         ctx.progress(elapsed / params.timeout)
         ctx.follow(
             ImpedanceSetpoint(
                 id=identity,
                 tip=target,
-                axis=axis,
-                roll=closing,
+                axis=between(axis, leaning, back),
+                roll=between(closing, facing, back),
                 stiffness=stiffness,
                 damping=damping,
                 valid_until=seen.stamp + VALIDITY,
@@ -210,8 +225,35 @@ def _rest(
     )
 
 
+def roll_of(seen: Observation) -> Vector:
+    """Return where the closing axis points, unit, shape (3,), base frame."""
+    return seen.arm.tcp.rotation[:, 2]
+
+
+def between(goal: Vector, start: Vector, share: float) -> Vector:
+    """Return the unit vector that stands by `share` of the way at `start` and for the rest at `goal`, shape (3,)."""
+    mixed = (1.0 - share) * goal + share * start
+    return mixed / np.linalg.norm(mixed)
+
+
 def _point(tip: Vector) -> tuple[float, float, float]:
     return float(tip[0]), float(tip[1]), float(tip[2])
+
+
+@dataclass(frozen=True, slots=True)
+class Trim:
+    """An integral on the setpoint's side, where the arm's law has none: [gibbons] integrates the orientation alone."""
+
+    rate: float
+    """1/s."""
+    limit: float
+    """m."""
+    value: float = 0.0
+    """To be added to the setpoint, m."""
+
+    def after(self, error: float, period: float) -> "Trim":
+        """Return the trim after `period` seconds with this error of the tip, m."""
+        return replace(self, value=min(max(self.value + self.rate * error * period, -self.limit), self.limit))
 
 
 @dataclass(slots=True)
