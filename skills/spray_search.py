@@ -1,7 +1,7 @@
 """Cover the area that contains the hole the way a spray gun does until the peg's edge falls in: [gibbons], Sec. IV."""
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Annotated, Literal
 
@@ -122,7 +122,7 @@ def run(params: SpraySearchParams, ctx: SkillContext) -> SpraySearchResult:
     stiffness, damping = params.gains.stiffness(), params.gains.damping()
     stiffness[2], damping[2] = params.push_stiffness, params.push_damping
     identity = ctx.new_id()
-    event, ground = HoleEvent(params.event), Ground()
+    event, ground = HoleEvent(params.event), Ground(first[:2])
     tip, along, offset, since, rests = first, 0.0, np.zeros(2), 0.0, 0
     trim, slow = Trim(params.trim_rate, params.trim_limit), 1 - fast
     phase, place = Phase.COMING_DOWN, first
@@ -137,8 +137,8 @@ def run(params: SpraySearchParams, ctx: SkillContext) -> SpraySearchResult:
             known_theta, push = seen.peg.theta, max(params.relief * push, params.least_push * params.push_stiffness)
             stiffness = np.array([*stiffness[:2], push, *stiffness[3:]])
         point, velocity = path.at(along)
-        sense = 0 if velocity[fast] < 0.0 else 1
-        below = ground.below(tip[2], sense)
+        sense = -1 if velocity[fast] < 0.0 else 1
+        below = ground.below(tip, sense)
         if phase is Phase.COMING_DOWN and elapsed >= params.touch_down:
             phase = Phase.SLIDING
         elif phase is Phase.SLIDING:
@@ -146,7 +146,7 @@ def run(params: SpraySearchParams, ctx: SkillContext) -> SpraySearchResult:
                 phase, since, place, rests = Phase.RESTING, seen.stamp, tip, rests + 1
                 resting = _rest(seen, identity, stiffness, damping, params)
             else:
-                ground.learn(tip[2], sense)
+                ground.learn(tip, sense)
         elif phase is Phase.PROBING and below > params.fall:
             phase, since, resting = Phase.JUDGING, seen.stamp, _rest(seen, identity, stiffness, damping, params)
         if phase in (Phase.RESTING, Phase.JUDGING) and (params.fall == 0.0 or seen.peg.stamp >= since + params.rest):
@@ -256,24 +256,56 @@ class Trim:
         return replace(self, value=min(max(self.value + self.rate * error * period, -self.limit), self.limit))
 
 
-@dataclass(slots=True)
 class Ground:
-    """The height at which the tip slides, learnt on the way; pure.
+    """The plane on which the tip slides, learnt on the way by least squares that forget; pure.
 
-    Friction tilts the hand a little, so that the height differs between the two senses of the path: each has
-    its own running mean.
+    z = a + b x + c y + d s, with s = +-1 the sense of the path: friction tilts the hand a little, so that the
+    height differs between the two. A tilted plate would else look like an edge at every lane.
     """
 
-    blend: float = 0.05
-    """Weight of a scan in the running mean."""
-    _heights: list[float | None] = field(default_factory=lambda: [None, None])
+    MEMORY = 200
+    """Scans after which a height counts by 1/e: three lanes or so."""
+    NOISE = 5e-5
+    """Standard deviation of the sliding tip's height about the plane, m; measured in the simulated search."""
+    SLOPE = 0.05
+    """Standard deviation of the plate's slopes before anything is known."""
 
-    def learn(self, height: float, sense: int) -> None:
-        """Take the height of the sliding tip, m, in one scan of a pass in `sense`, 0 or 1."""
-        known = self._heights[sense]
-        self._heights[sense] = height if known is None else known + self.blend * (height - known)
+    def __init__(self, origin: Vector) -> None:
+        """Know nothing but that the plate is about level.
 
-    def below(self, height: float, sense: int) -> float:
-        """Return how far `height` lies below the ground of this sense, m; 0 before any is known."""
-        known = self._heights[sense]
-        return 0.0 if known is None else known - height
+        Args:
+            origin: Where x and y are counted from, shape (2,), m.
+        """
+        self._origin = origin
+        self._values = np.zeros(4)
+        self._covariance = np.diag([1.0, self.SLOPE**2, self.SLOPE**2, 4.0 * self.NOISE**2])
+        self._known = False
+
+    def learn(self, tip: Vector, sense: int) -> None:
+        """Take the position of the sliding tip, shape (3,), m, in one scan of a pass in `sense`, -1 or 1."""
+        row = self._row(tip, sense)
+        towards = self._covariance @ row
+        gain = towards / (self.NOISE**2 + row @ towards)
+        self._values = self._values + gain * (tip[2] - row @ self._values)
+        self._covariance = self._covariance - np.outer(gain, towards)
+        self._covariance *= 1.0 + 1.0 / self.MEMORY
+        # What is forgotten must not grow beyond what was known at first.
+        limit = np.array([1.0, self.SLOPE, self.SLOPE, 2.0 * self.NOISE])
+        excess = np.minimum(limit / np.sqrt(np.diag(self._covariance)), 1.0)
+        self._covariance *= np.outer(excess, excess)
+        self._known = True
+
+    def below(self, tip: Vector, sense: int) -> float:
+        """Return how far the tip lies below the plane, less three deviations of what is known of it, m; 0 before any is."""
+        if not self._known:
+            return 0.0
+        row = self._row(tip, sense)
+        return float(row @ self._values - tip[2] - 3.0 * math.sqrt(row @ self._covariance @ row))
+
+    def normal(self) -> Vector:
+        """Return the plate's normal, unit, shape (3,), base frame."""
+        slope = np.array([-self._values[1], -self._values[2], 1.0])
+        return slope / np.linalg.norm(slope)
+
+    def _row(self, tip: Vector, sense: int) -> Vector:
+        return np.array([1.0, tip[0] - self._origin[0], tip[1] - self._origin[1], sense])
