@@ -7,7 +7,6 @@ import numpy as np
 
 from drivers.quantities import Vector
 
-
 TURN_TIME = 0.15
 """Of the turn from one lane into the next, s: 1.6 m/s² at 0.12 m/s, which the arm follows."""
 

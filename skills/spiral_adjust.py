@@ -34,7 +34,7 @@ class SpiralAdjustParams(SkillParams):
     push_offset: NonNegativeFloat
     """The tip's setpoint lies so far below its own height, m."""
     guided_depth: PositiveFloat
-    """Once the tip has come down by this, m, the hole guides the peg better than a biased vertical does."""
+    """Once the tip is so deep, m, the hole guides the peg better than a biased vertical does."""
     guided_radius: NonNegativeFloat
     """From there on the finger centre circles about where it is, m at first, fading: torque that friction holds jams."""
     guided_rate: PositiveFloat
@@ -62,7 +62,7 @@ def run(params: SpiralAdjustParams, ctx: SkillContext) -> SpiralAdjustResult:
     hole = ctx.job.hole
     stiffness, damping = params.gains.stiffness(), params.gains.damping()
     stiffness[2], damping[2] = params.push_stiffness, params.push_damping
-    offset, tip, guided_since = np.zeros(2), first.tip, math.inf
+    offset, tip, guided_since, is_guided = np.zeros(2), first.tip, math.inf, False
     for seen in ctx.scan(params.timeout, holding=True):
         # The angle is frozen: an estimate fed back while the peg is wedged would chase its own bias.
         tip, axis = end_point(seen.arm.tcp, in_hand.theta, in_hand.length)
@@ -75,7 +75,7 @@ def run(params: SpiralAdjustParams, ctx: SkillContext) -> SpiralAdjustResult:
                 depth_of(tip, hole),
             )
         elapsed = seen.elapsed
-        is_guided = first.tip[2] - tip[2] > params.guided_depth
+        is_guided = depth_of(tip, hole) > params.guided_depth or is_guided
         if is_guided:
             guided_since = min(guided_since, elapsed)
             offset = fading_circles(

@@ -8,11 +8,13 @@ import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
 from drivers.frames import UP, angle_between, rotation_about
-from drivers.parts import Job
 from drivers.quantities import ImpedanceSetpoint, Vector
-from skills.contract import Observation, Outcome, Reason, SkillContext, SkillParams, SkillResult
+from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillResult
 from skills.motion import VALIDITY, Gains
 from skills.seating import depth_of, is_seated
+
+UPRIGHT = 0.3
+"""Angle below which the push ahead fades, rad: an upright peg has no side to lean to."""
 
 
 class TactileInsertParams(SkillParams):
@@ -32,8 +34,8 @@ class TactileInsertParams(SkillParams):
     """Rate at which the setpoint of the axis goes from where the peg is to upright, rad/s."""
     aligned: Annotated[float, Field(gt=0.0, lt=0.8)]
     """phi below which the adjustment takes over, rad; 15 degrees in [gibbons]."""
-    centre_offset: bool
-    """Place the hole where the peg's geometry puts it, not at the tip: 1.22 mm apart at 45 degrees for 8 mm."""
+    yielding: NonNegativeFloat
+    """Rate at which the tip's setpoint along x and y gives way to where the hole keeps the tip, 1/s; 0 in [gibbons]."""
     forward: NonNegativeFloat
     """The tip's setpoint lies so far ahead, towards the side that the peg leans to, m: raising then cannot lift the peg out."""
     timeout: PositiveFloat
@@ -52,13 +54,11 @@ class TactileInsertResult(SkillResult):
     """At the end, rad, by the skin."""
 
 
-def run(params: TactileInsertParams, ctx: SkillContext) -> TactileInsertResult:
-    """Align the peg, whose tip is in the hole, with the vertical."""
+def run(params: TactileInsertParams, ctx: SkillContext, normal: Vector = UP) -> TactileInsertResult:
+    """Align the peg, whose tip is in the hole, with the plate's normal, unit, shape (3,), base frame."""
     first = ctx.observe()
-    first_phi = angle_between(first.axis, UP)
+    first_phi = angle_between(first.axis, normal)
     hole = first.tip.copy()
-    if params.centre_offset:
-        hole += centre_ahead(first.tip, first.axis, ctx.job)
     hole[2] = ctx.job.hole.centre[2] - params.push_offset
     identity = ctx.new_id()
     roll = first.arm.tcp.rotation[:, 2]
@@ -66,22 +66,20 @@ def run(params: TactileInsertParams, ctx: SkillContext) -> TactileInsertResult:
     phi = first_phi
     for seen in ctx.scan(params.timeout, holding=True):
         elapsed = seen.elapsed
-        phi = angle_between(seen.axis, UP)
+        phi = angle_between(seen.axis, normal)
         if is_seated(seen.switch, seen.tip, ctx.job.hole) or phi < params.aligned:
             return TactileInsertResult(Outcome.SUCCESS, Reason.NONE, elapsed, first_phi, phi)
         if depth_of(seen.tip, ctx.job.hole) < -params.lost_height - ctx.job.peg.diameter / 2 * math.sin(phi):
             return TactileInsertResult(Outcome.FAILURE, Reason.NOT_ALIGNED, elapsed, first_phi, phi)
         ctx.progress(1.0 - min(phi / max(first_phi, 1e-6), 1.0))
-        tip = hole.copy()
-        if params.centre_offset:
-            tip -= centre_ahead(seen.tip, seen.axis, ctx.job)
-        tip += params.forward * _ahead(seen.axis)
+        hole[:2] += min(params.yielding * ctx.scan_period, 1.0) * (seen.tip - hole)[:2]
+        tip = hole + params.forward * min(phi / UPRIGHT, 1.0) * _ahead(seen.axis)
         stiffness[2] = push_stiffness(phi, first_phi, *params.push_stiffness)
         ctx.follow(
             ImpedanceSetpoint(
                 id=identity,
                 tip=tip,
-                axis=_on_the_way(first, first_phi, params.turn_rate * elapsed),
+                axis=_on_the_way(first.axis, normal, params.turn_rate * elapsed),
                 roll=roll,
                 stiffness=stiffness.copy(),
                 damping=damping,
@@ -106,30 +104,15 @@ def push_stiffness(phi: float, first_phi: float, low: float, high: float) -> flo
     return high * math.exp(math.log(low / high) * min(phi / max(first_phi, 1e-3), 1.0))
 
 
-def centre_ahead(tip: Vector, axis: Vector, job: Job) -> Vector:
-    """Return the vector from the middle of the peg's end face to the hole's axis, horizontal, shape (3,), m.
-
-    A tilted peg rests with its side on the hole's edge ahead, where it leans to: its lowest line leaves the
-    surface at r cos t + h tan t ahead of the end face's middle, h the depth of its lowest point, and the hole's
-    middle lies R behind that place.
-    """
-    tilt = angle_between(axis, UP)
-    radius = job.peg.diameter / 2
-    deepest = job.hole.centre[2] - tip[2] + radius * math.sin(tilt)
-    distance = radius * math.cos(tilt) + max(deepest, 0.0) * math.tan(min(tilt, 1.2)) - job.hole.diameter / 2
-    offset: Vector = max(distance, 0.0) * _ahead(axis)
-    return offset
-
-
 def _ahead(axis: Vector) -> Vector:
     """Return the horizontal direction that the peg leans to, shape (3,); zero for an upright peg."""
     size = math.hypot(axis[0], axis[1])
     return np.array([axis[0], axis[1], 0.0]) / size if size > 1e-6 else np.zeros(3)
 
 
-def _on_the_way(first: Observation, first_phi: float, turned: float) -> Vector:
-    """Return the setpoint of the axis after turning by `turned` from where the peg was towards the vertical."""
-    if turned >= first_phi:
-        return UP
-    normal = np.cross(first.axis, UP)
-    return rotation_about(normal / np.linalg.norm(normal), turned) @ first.axis
+def _on_the_way(start: Vector, goal: Vector, turned: float) -> Vector:
+    """Return the setpoint of the axis after turning by `turned` from `start` towards `goal`."""
+    if turned >= angle_between(start, goal):
+        return goal
+    about = np.cross(start, goal)
+    return rotation_about(about / np.linalg.norm(about), turned) @ start

@@ -13,7 +13,7 @@ from skills.motion import minimum_jerk, tilted
 from skills.seating import is_seated, require_short_of_bottom
 from skills.spiral_adjust import tilted_by
 from skills.spray_search import Fall
-from skills.tactile_insert import centre_ahead, push_stiffness
+from skills.tactile_insert import push_stiffness
 
 JOB = load().cell.job()
 HOLE = JOB.hole
@@ -31,14 +31,6 @@ def test_the_push_grows_from_its_least_to_its_largest_as_the_peg_aligns() -> Non
     assert push_stiffness(0.8, 0.8, 300.0, 1200.0) == pytest.approx(300.0)
     assert push_stiffness(0.0, 0.8, 300.0, 1200.0) == pytest.approx(1200.0)
     assert push_stiffness(0.4, 0.8, 300.0, 1200.0) == pytest.approx(600.0)
-
-
-def test_a_peg_at_45_degrees_rests_with_the_holes_middle_ahead_of_its_own() -> None:
-    """r cos t + h tan t - R with the exact depth of 2.443 mm for 8 / 8.1 mm."""
-    tilt = math.pi / 4
-    axis, _ = tilted(0.0, tilt)
-    tip = tip_at(2.443e-3 - 0.004 * math.sin(tilt))
-    np.testing.assert_allclose(centre_ahead(tip, axis, JOB), [1.22e-3, 0.0, 0.0], atol=2e-5)
 
 
 def test_the_closing_axis_lies_in_the_plane_of_the_tilt_and_across_the_peg() -> None:
