@@ -68,6 +68,8 @@ class CellConfig(ConfigModel):
     """Name of a file of `presets/` that was merged in; empty is none."""
     scan_rate: Annotated[float, Field(ge=10.0, le=1000.0)]
     """Decisions a second, Hz."""
+    retries: Annotated[int, Field(ge=0, le=10)]
+    """So often `insert_peg` searches anew when the peg turns out not to be in the hole."""
     limits: Limits
     peg: Peg
     hole: Hole
@@ -137,6 +139,7 @@ class CellConfig(ConfigModel):
             adjust=self.adjust,
             release=self.release,
             recover=self.recover,
+            retries=self.retries,
         )
 
     def job(self, slot: int = 0) -> Job:

@@ -43,8 +43,10 @@ class StageClock:
             self._since = now
 
     def settle(self, records: Sequence[StageRecord]) -> None:
-        """Take the time that each stage counts as its own."""
-        self.times.update({record.name: record.result.elapsed for record in records})
+        """Take the time that each stage counts as its own, all its tries together."""
+        self.times.update({record.name: 0.0 for record in records})
+        for record in records:
+            self.times[record.name] += record.result.elapsed
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,10 +61,13 @@ class Ending:
 
 
 def ending_of(records: Sequence[StageRecord], fault: CellError | None, stage: str) -> Ending:
-    """Return how a run ended: by the first of its stages that did not succeed, or by a fault in `stage`."""
+    """Return how a run ended: by its first stage that did not succeed and was not tried again, or by a fault in `stage`."""
     if fault is not None or not records:
         return Ending("fault", stage, Reason.NONE)
-    last = next((record for record in records if record.result.outcome is not Outcome.SUCCESS), records[-1])
+    last = next(
+        (record for record in records if record.result.outcome is not Outcome.SUCCESS and not record.retried),
+        records[-1],
+    )
     return Ending(last.result.outcome.value, last.name, last.result.reason)
 
 

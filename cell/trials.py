@@ -154,7 +154,7 @@ def run_trial(config: CellConfig, seed: int) -> TrialRow:
         insert_time=times.get("tactile_insert"),
         adjust_time=times.get("spiral_adjust"),
         total_time=sum(stages) if stages else None,
-        retries=0,
+        retries=sum(record.retried for record in records),
         peak_contact_force=truth.peak_contact_force,
         max_penetration=truth.max_penetration,
         max_in_hand_rotation=truth.max_in_hand_rotation,

@@ -1,9 +1,10 @@
 """The explicit table of skills and programs; nothing registers itself."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from drivers.parts import ConfigModel
+from drivers.quantities import Vector
 from skills import grasp_from_rack, recover, release_and_retract, spiral_adjust, spray_search, tactile_insert
 from skills.contract import Outcome, Reason, SkillContext
 from skills.flow import StageRecord, in_order, run_stage
@@ -18,6 +19,8 @@ class SkillSet(ConfigModel):
     adjust: spiral_adjust.SpiralAdjustParams
     release: release_and_retract.ReleaseAndRetractParams
     recover: recover.RecoverParams
+    retries: int
+    """So often the search begins anew when the peg turns out not to be in the hole; 0 in [gibbons]."""
 
 
 Program = Callable[[SkillSet, SkillContext], list[StageRecord]]
@@ -76,25 +79,50 @@ def recover_cell(skills: SkillSet, ctx: SkillContext) -> list[StageRecord]:
     return [run_stage("recover", lambda c: recover.run(skills.recover, c), ctx)]
 
 
-def insert_peg(skills: SkillSet, ctx: SkillContext) -> list[StageRecord]:
-    """Take a peg, find the hole, align, seat, let go; after a failure free hand and arm.
+RETRIED = (Reason.NOT_ALIGNED, Reason.NOT_SEATED)
+"""What a new search can mend."""
 
-    The run's outcome is that of its first stage that did not succeed, or success.
+
+def insert_peg(skills: SkillSet, ctx: SkillContext) -> list[StageRecord]:
+    """Take a peg, find the hole, align, seat, let go; search again where it was not the hole; else free hand and arm.
+
+    The run's outcome is that of its first stage that neither succeeded nor was tried again, or success.
     """
-    records = in_order(
-        [
-            ("grasp_from_rack", lambda c: grasp_from_rack.run(skills.grasp, c)),
-            ("spray_search", lambda c: spray_search.run(skills.search, c)),
-            ("tactile_insert", lambda c: tactile_insert.run(skills.insert, c)),
-            ("spiral_adjust", lambda c: spiral_adjust.run(skills.adjust, c)),
-            ("release_and_retract", lambda c: release_and_retract.run(skills.release, c)),
-        ],
-        ctx,
-    )
+    records = grasp(skills, ctx)
+    near: Vector | None = None
+    for left in reversed(range(skills.retries + 1)):
+        if records[-1].result.outcome is not Outcome.SUCCESS and not records[-1].retried:
+            break
+        records += find_and_seat(skills, ctx, near)
+        last = records[-1].result
+        if last.outcome is Outcome.SUCCESS:
+            records += release(skills, ctx)
+            break
+        if left and last.reason in RETRIED:
+            records[-1] = replace(records[-1], retried=True)
+            near = ctx.observe().tip
     last = records[-1].result
     if last.outcome is Outcome.FAILURE and last.reason is not Reason.STOPPED:
         records += recover_cell(skills, ctx)
     return records
+
+
+def find_and_seat(skills: SkillSet, ctx: SkillContext, near: Vector | None) -> list[StageRecord]:
+    """Find the hole, align and seat the peg, on the surface that the search has felt, until a stage does not succeed."""
+    found = run_stage("spray_search", lambda c: spray_search.run(skills.search, c, near), ctx)
+    plane = found.result.plane if isinstance(found.result, spray_search.SpraySearchResult) else None
+    if found.result.outcome is not Outcome.SUCCESS:
+        return [found]
+    return [
+        found,
+        *in_order(
+            [
+                ("tactile_insert", lambda c: tactile_insert.run(skills.insert, c, plane)),
+                ("spiral_adjust", lambda c: spiral_adjust.run(skills.adjust, c, plane)),
+            ],
+            ctx,
+        ),
+    ]
 
 
 CATALOGUE: dict[str, Entry] = {

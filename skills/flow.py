@@ -18,6 +18,8 @@ class StageRecord:
     """s, on the cell's clock."""
     ended: float
     """s, on the cell's clock."""
+    retried: bool = False
+    """It did not succeed, and the program tried again."""
 
 
 def run_stage(name: str, step: Step, ctx: SkillContext) -> StageRecord:

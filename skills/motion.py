@@ -156,3 +156,25 @@ def stay(ctx: SkillContext, stamp: float) -> None:
     """Keep the held setpoint alive, at rest."""
     if ctx.held is not None:
         ctx.follow(replace(ctx.held, valid_until=stamp + VALIDITY, twist=None))
+
+
+def between(goal: Vector, start: Vector, share: float) -> Vector:
+    """Return the unit vector that stands by `share` of the way at `start` and for the rest at `goal`, shape (3,)."""
+    mixed: Vector = (1.0 - share) * goal + share * start
+    return mixed / float(np.linalg.norm(mixed))
+
+
+@dataclass(frozen=True, slots=True)
+class Trim:
+    """An integral on the setpoint's side, where the arm's law has none: [gibbons] integrates the orientation alone."""
+
+    rate: float
+    """1/s."""
+    limit: float
+    """m."""
+    value: float = 0.0
+    """To be added to the setpoint, m."""
+
+    def after(self, error: float, period: float) -> "Trim":
+        """Return the trim after `period` seconds with this error of the tip, m."""
+        return replace(self, value=min(max(self.value + self.rate * error * period, -self.limit), self.limit))

@@ -9,6 +9,7 @@ from pydantic import NonNegativeFloat, PositiveFloat
 from drivers.frames import UP, end_point
 from drivers.quantities import ImpedanceSetpoint, Vector
 from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillResult
+from skills.ground import Plane, nominal
 from skills.motion import VALIDITY, Gains
 from skills.paths import fading_circles, spiral
 from skills.seating import depth_of, is_seated, require_short_of_bottom
@@ -53,8 +54,9 @@ class SpiralAdjustResult(SkillResult):
     """Of the tip below the surface by the arm, m."""
 
 
-def run(params: SpiralAdjustParams, ctx: SkillContext) -> SpiralAdjustResult:
-    """Tilt the peg along a growing spiral about its tip until it is seated."""
+def run(params: SpiralAdjustParams, ctx: SkillContext, plane: Plane | None = None) -> SpiralAdjustResult:
+    """Tilt the peg along a growing spiral about its tip until it is seated; `plane` as for the insertion."""
+    plane = plane or nominal(ctx.job.hole)
     first = ctx.observe()
     in_hand = ctx.in_hand()
     identity = ctx.new_id()
@@ -75,7 +77,7 @@ def run(params: SpiralAdjustParams, ctx: SkillContext) -> SpiralAdjustResult:
                 depth_of(tip, hole),
             )
         elapsed = seen.elapsed
-        is_guided = depth_of(tip, hole) > params.guided_depth or is_guided
+        is_guided = plane.depth(tip) > params.guided_depth or is_guided
         if is_guided:
             guided_since = min(guided_since, elapsed)
             offset = fading_circles(
@@ -90,7 +92,7 @@ def run(params: SpiralAdjustParams, ctx: SkillContext) -> SpiralAdjustResult:
             ImpedanceSetpoint(
                 id=identity,
                 tip=target,
-                axis=tilted_by(offset + (in_hand.length * axis[:2] if is_guided else 0.0), in_hand.length),
+                axis=tilted_by(offset + in_hand.length * (axis if is_guided else plane.normal)[:2], in_hand.length),
                 roll=roll,
                 stiffness=stiffness,
                 damping=damping,

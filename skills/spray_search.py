@@ -10,8 +10,9 @@ from pydantic import Field, NonNegativeFloat, PositiveFloat
 
 from drivers.quantities import ImpedanceSetpoint, Twist, Vector
 from skills.contract import Observation, Outcome, Reason, SkillContext, SkillParams, SkillResult
-from skills.motion import VALIDITY, Gains, Goal, Transfer, move, tilted
-from skills.paths import lanes, spiral_at_speed, spray_paint
+from skills.ground import Ground, Plane
+from skills.motion import VALIDITY, Gains, Goal, Transfer, Trim, between, move, tilted
+from skills.paths import Lanes, SprayPaint, lanes, spiral_at_speed, spray_paint
 from skills.tactile.hole_event import HoleEvent, HoleEventParams
 
 REST_DAMPING = 2.5
@@ -96,19 +97,23 @@ class SpraySearchResult(SkillResult):
     """Events of the skin, false ones included."""
     rests: int
     """How often the path was stopped by evidence."""
+    plane: Plane | None
+    """The plate's surface as the tip felt it on the way; None where no hole was found."""
 
 
-def run(params: SpraySearchParams, ctx: SkillContext) -> SpraySearchResult:
-    """Search from a random point of the area."""
+def run(params: SpraySearchParams, ctx: SkillContext, near: Vector | None = None) -> SpraySearchResult:
+    """Search from a random point of the area, or from next to `near`, shape (2,) or more, m, base frame."""
     hole = ctx.job.hole
     surface = hole.centre[2]
     middle = np.array(hole.centre[:2])
     half = (hole.area[0] / 2 + params.margin, hole.area[1] / 2 + params.margin)
     start = ctx.rng.uniform(-np.array(hole.area) / 2, np.array(hole.area) / 2)
     fast = 0 if params.fast_axis == "x" else 1
+    if near is not None:
+        start = np.clip(near[:2] - middle, -np.array(hole.area) / 2, np.array(hole.area) / 2)
+    path: Lanes | SprayPaint
     if params.path == "lanes":
         path = lanes(half, params.pitch * hole.diameter, params.speed, fast, (start[0], start[1]))
-        start, _ = path.at(0.0)
     else:
         path = spray_paint(half, params.pitch * hole.diameter, params.speed, fast, (start[0], start[1]))
     axis, closing = tilted(params.lean, params.tilt)
@@ -151,12 +156,24 @@ def run(params: SpraySearchParams, ctx: SkillContext) -> SpraySearchResult:
             phase, since, resting = Phase.JUDGING, seen.stamp, _rest(seen, identity, stiffness, damping, params)
         if phase in (Phase.RESTING, Phase.JUDGING) and (params.fall == 0.0 or seen.peg.stamp >= since + params.rest):
             if below >= params.fall:
+                standing = ctx.job.peg.diameter / 2 * math.sin(params.tilt)
                 return SpraySearchResult(
-                    Outcome.SUCCESS, Reason.NONE, elapsed, _point(tip), (first[0], first[1]), event.count, rests
+                    Outcome.SUCCESS,
+                    Reason.NONE,
+                    elapsed,
+                    _point(tip),
+                    (first[0], first[1]),
+                    event.count,
+                    rests,
+                    ground.plane(tip, standing),
                 )
             is_looking = phase is Phase.RESTING and params.probe_radius > 0.0
             phase, since = Phase.PROBING if is_looking else Phase.SLIDING, seen.stamp
-            offset, leaning, facing = tip[:2] - (place[:2] if is_looking else middle + point), seen.axis, roll_of(seen)
+            offset, leaning, facing = (
+                tip[:2] - (place[:2] if is_looking else middle + point),
+                seen.axis,
+                seen.arm.tcp.rotation[:, 2],
+            )
         if phase in (Phase.RESTING, Phase.JUDGING) and resting is not None:
             # The hand and not the tip is held, for the fall turns the peg in the hand and theta is as old as the
             # last frame.
@@ -194,7 +211,7 @@ def run(params: SpraySearchParams, ctx: SkillContext) -> SpraySearchResult:
             )
         )
     return SpraySearchResult(
-        Outcome.FAILURE, Reason.NO_HOLE, params.timeout, _point(tip), (first[0], first[1]), event.count, rests
+        Outcome.FAILURE, Reason.NO_HOLE, params.timeout, _point(tip), (first[0], first[1]), event.count, rests, None
     )
 
 
@@ -225,87 +242,5 @@ def _rest(
     )
 
 
-def roll_of(seen: Observation) -> Vector:
-    """Return where the closing axis points, unit, shape (3,), base frame."""
-    return seen.arm.tcp.rotation[:, 2]
-
-
-def between(goal: Vector, start: Vector, share: float) -> Vector:
-    """Return the unit vector that stands by `share` of the way at `start` and for the rest at `goal`, shape (3,)."""
-    mixed = (1.0 - share) * goal + share * start
-    return mixed / np.linalg.norm(mixed)
-
-
 def _point(tip: Vector) -> tuple[float, float, float]:
     return float(tip[0]), float(tip[1]), float(tip[2])
-
-
-@dataclass(frozen=True, slots=True)
-class Trim:
-    """An integral on the setpoint's side, where the arm's law has none: [gibbons] integrates the orientation alone."""
-
-    rate: float
-    """1/s."""
-    limit: float
-    """m."""
-    value: float = 0.0
-    """To be added to the setpoint, m."""
-
-    def after(self, error: float, period: float) -> "Trim":
-        """Return the trim after `period` seconds with this error of the tip, m."""
-        return replace(self, value=min(max(self.value + self.rate * error * period, -self.limit), self.limit))
-
-
-class Ground:
-    """The plane on which the tip slides, learnt on the way by least squares that forget; pure.
-
-    z = a + b x + c y + d s, with s = +-1 the sense of the path: friction tilts the hand a little, so that the
-    height differs between the two. A tilted plate would else look like an edge at every lane.
-    """
-
-    MEMORY = 200
-    """Scans after which a height counts by 1/e: three lanes or so."""
-    NOISE = 5e-5
-    """Standard deviation of the sliding tip's height about the plane, m; measured in the simulated search."""
-    SLOPE = 0.05
-    """Standard deviation of the plate's slopes before anything is known."""
-
-    def __init__(self, origin: Vector) -> None:
-        """Know nothing but that the plate is about level.
-
-        Args:
-            origin: Where x and y are counted from, shape (2,), m.
-        """
-        self._origin = origin
-        self._values = np.zeros(4)
-        self._covariance = np.diag([1.0, self.SLOPE**2, self.SLOPE**2, 4.0 * self.NOISE**2])
-        self._known = False
-
-    def learn(self, tip: Vector, sense: int) -> None:
-        """Take the position of the sliding tip, shape (3,), m, in one scan of a pass in `sense`, -1 or 1."""
-        row = self._row(tip, sense)
-        towards = self._covariance @ row
-        gain = towards / (self.NOISE**2 + row @ towards)
-        self._values = self._values + gain * (tip[2] - row @ self._values)
-        self._covariance = self._covariance - np.outer(gain, towards)
-        self._covariance *= 1.0 + 1.0 / self.MEMORY
-        # What is forgotten must not grow beyond what was known at first.
-        limit = np.array([1.0, self.SLOPE, self.SLOPE, 2.0 * self.NOISE])
-        excess = np.minimum(limit / np.sqrt(np.diag(self._covariance)), 1.0)
-        self._covariance *= np.outer(excess, excess)
-        self._known = True
-
-    def below(self, tip: Vector, sense: int) -> float:
-        """Return how far the tip lies below the plane, less three deviations of what is known of it, m; 0 before any is."""
-        if not self._known:
-            return 0.0
-        row = self._row(tip, sense)
-        return float(row @ self._values - tip[2] - 3.0 * math.sqrt(row @ self._covariance @ row))
-
-    def normal(self) -> Vector:
-        """Return the plate's normal, unit, shape (3,), base frame."""
-        slope = np.array([-self._values[1], -self._values[2], 1.0])
-        return slope / np.linalg.norm(slope)
-
-    def _row(self, tip: Vector, sense: int) -> Vector:
-        return np.array([1.0, tip[0] - self._origin[0], tip[1] - self._origin[1], sense])

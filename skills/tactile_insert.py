@@ -7,11 +7,12 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
-from drivers.frames import UP, angle_between, rotation_about
+from drivers.frames import angle_between, rotation_about
 from drivers.quantities import ImpedanceSetpoint, Vector
 from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillResult
+from skills.ground import Plane, nominal
 from skills.motion import VALIDITY, Gains
-from skills.seating import depth_of, is_seated
+from skills.seating import is_seated
 
 UPRIGHT = 0.3
 """Angle below which the push ahead fades, rad: an upright peg has no side to lean to."""
@@ -40,6 +41,8 @@ class TactileInsertParams(SkillParams):
     """The tip's setpoint lies so far ahead, towards the side that the peg leans to, m: raising then cannot lift the peg out."""
     timeout: PositiveFloat
     """Longest insertion, s."""
+    least_depth: float
+    """The tip of the aligned peg less deep than this, m, never was in the hole; far below 0 leaves that to the adjustment."""
     lost_height: PositiveFloat
     """The tip this far above the surface is out of the hole, m."""
 
@@ -54,8 +57,10 @@ class TactileInsertResult(SkillResult):
     """At the end, rad, by the skin."""
 
 
-def run(params: TactileInsertParams, ctx: SkillContext, normal: Vector = UP) -> TactileInsertResult:
-    """Align the peg, whose tip is in the hole, with the plate's normal, unit, shape (3,), base frame."""
+def run(params: TactileInsertParams, ctx: SkillContext, plane: Plane | None = None) -> TactileInsertResult:
+    """Align the peg, whose tip is in the hole, with the normal of the plate, `plane` where a search has felt it."""
+    plane = plane or nominal(ctx.job.hole)
+    normal = plane.normal
     first = ctx.observe()
     first_phi = angle_between(first.axis, normal)
     hole = first.tip.copy()
@@ -67,9 +72,13 @@ def run(params: TactileInsertParams, ctx: SkillContext, normal: Vector = UP) -> 
     for seen in ctx.scan(params.timeout, holding=True):
         elapsed = seen.elapsed
         phi = angle_between(seen.axis, normal)
-        if is_seated(seen.switch, seen.tip, ctx.job.hole) or phi < params.aligned:
+        if is_seated(seen.switch, seen.tip, ctx.job.hole):
             return TactileInsertResult(Outcome.SUCCESS, Reason.NONE, elapsed, first_phi, phi)
-        if depth_of(seen.tip, ctx.job.hole) < -params.lost_height - ctx.job.peg.diameter / 2 * math.sin(phi):
+        if phi < params.aligned:
+            if plane.depth(seen.tip) < params.least_depth:
+                return TactileInsertResult(Outcome.FAILURE, Reason.NOT_ALIGNED, elapsed, first_phi, phi)
+            return TactileInsertResult(Outcome.SUCCESS, Reason.NONE, elapsed, first_phi, phi)
+        if plane.depth(seen.tip) < -params.lost_height - ctx.job.peg.diameter / 2 * math.sin(phi):
             return TactileInsertResult(Outcome.FAILURE, Reason.NOT_ALIGNED, elapsed, first_phi, phi)
         ctx.progress(1.0 - min(phi / max(first_phi, 1e-6), 1.0))
         hole[:2] += min(params.yielding * ctx.scan_period, 1.0) * (seen.tip - hole)[:2]

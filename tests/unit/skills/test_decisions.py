@@ -12,7 +12,6 @@ from skills.contract import NO_PEG, PegPose, Smoothing
 from skills.motion import minimum_jerk, tilted
 from skills.seating import is_seated, require_short_of_bottom
 from skills.spiral_adjust import tilted_by
-from skills.spray_search import Fall
 from skills.tactile_insert import push_stiffness
 
 JOB = load().cell.job()
@@ -58,21 +57,6 @@ def test_theta_is_blended_but_a_slip_is_taken_at_once() -> None:
 
 def test_a_peg_that_turns_past_90_degrees_is_followed() -> None:
     assert Smoothing().take(pose(1.55), pose(-1.55)).theta == pytest.approx(math.pi - 1.55)
-
-
-@pytest.mark.parametrize(("event_at", "found_at"), [(1.02, 1.02), (None, 1.5)])
-def test_a_drop_is_a_fall_with_the_skins_event_at_once_and_without_it_when_it_lasts(event_at, found_at) -> None:
-    fall = Fall(drop=0.0006, window=0.3, dwell=0.5)
-    for scan in range(300):
-        stamp = scan / 100
-        if fall.update(stamp, 0.0 if stamp < 1.0 else -0.001, event_at is not None and abs(stamp - event_at) < 1e-9):
-            break
-    assert stamp == pytest.approx(found_at, abs=0.011)
-
-
-def test_an_event_without_a_drop_is_noise_unless_the_skin_is_all_there_is() -> None:
-    assert not any(Fall(0.0006, 0.3, 0.5).update(t / 100, 0.0, True) for t in range(200))
-    assert Fall(0.0, 0.3, 0.5).update(0.0, 0.0, True)
 
 
 def test_the_switch_must_agree_with_the_tips_depth() -> None:

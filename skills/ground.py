@@ -1,0 +1,90 @@
+"""The plate as the sliding tip feels it; pure."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from drivers.frames import UP
+from drivers.parts import Hole
+from drivers.quantities import Vector
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plane:
+    """The plate's surface."""
+
+    point: Vector
+    """On it, shape (3,), m, base frame."""
+    normal: Vector
+    """Unit, shape (3,), base frame."""
+
+    def depth(self, tip: Vector) -> float:
+        """Return how far `tip`, shape (3,), m, base frame, lies below the surface, m."""
+        return float(self.normal @ (self.point - tip))
+
+
+def nominal(hole: Hole) -> Plane:
+    """Return the level surface that the job says, for want of a better."""
+    return Plane(np.array(hole.centre), UP)
+
+
+class Ground:
+    """The plane on which the tip slides, learnt on the way by least squares that forget; pure.
+
+    z = a + b x + c y + d s, with s = +-1 the sense of the path: friction tilts the hand a little, so that the
+    height differs between the two. A tilted plate would else look like an edge at every lane.
+    """
+
+    MEMORY = 200
+    """Scans after which a height counts by 1/e: three lanes or so."""
+    NOISE = 5e-5
+    """Standard deviation of the sliding tip's height about the plane, m; measured in the simulated search."""
+    SLOPE = 0.05
+    """Standard deviation of the plate's slopes before anything is known."""
+
+    def __init__(self, origin: Vector) -> None:
+        """Know nothing but that the plate is about level.
+
+        Args:
+            origin: Where x and y are counted from, shape (2,), m.
+        """
+        self._origin = origin
+        self._values = np.zeros(4)
+        self._covariance = np.diag([1.0, self.SLOPE**2, self.SLOPE**2, 4.0 * self.NOISE**2])
+        self._known = False
+
+    def learn(self, tip: Vector, sense: int) -> None:
+        """Take the position of the sliding tip, shape (3,), m, in one scan of a pass in `sense`, -1 or 1."""
+        row = self._row(tip, sense)
+        towards = self._covariance @ row
+        gain = towards / (self.NOISE**2 + row @ towards)
+        self._values = self._values + gain * (tip[2] - row @ self._values)
+        self._covariance = self._covariance - np.outer(gain, towards)
+        self._covariance *= 1.0 + 1.0 / self.MEMORY
+        # What is forgotten must not grow beyond what was known at first.
+        limit = np.array([1.0, self.SLOPE, self.SLOPE, 2.0 * self.NOISE])
+        excess = np.minimum(limit / np.sqrt(np.diag(self._covariance)), 1.0)
+        self._covariance *= np.outer(excess, excess)
+        self._known = True
+
+    def below(self, tip: Vector, sense: int) -> float:
+        """Return how far the tip lies below the plane, less three deviations of what is known of it, m; 0 before any is."""
+        if not self._known:
+            return 0.0
+        row = self._row(tip, sense)
+        return float(row @ self._values - tip[2]) - 3.0 * math.sqrt(float(row @ self._covariance @ row))
+
+    def plane(self, near: Vector, standing: float) -> Plane:
+        """Return the surface as it was learnt.
+
+        Args:
+            near: Where its point shall be, shape (2,) or more, m, base frame.
+            standing: The sliding tip stands so far above it, m.
+        """
+        slope: Vector = np.array([-self._values[1], -self._values[2], 1.0])
+        height = self._values[:3] @ self._row(near, 0)[:3]
+        return Plane(np.array([near[0], near[1], height - standing]), slope / np.linalg.norm(slope))
+
+    def _row(self, tip: Vector, sense: int) -> Vector:
+        return np.array([1.0, tip[0] - self._origin[0], tip[1] - self._origin[1], sense])

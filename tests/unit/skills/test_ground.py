@@ -1,0 +1,59 @@
+"""The plate as the sliding tip feels it."""
+
+import math
+
+import numpy as np
+import pytest
+
+from drivers.parts import Hole
+from skills.ground import Ground, nominal
+
+NOISE = np.random.default_rng(5).normal(0.0, 3e-5, 4000)
+
+
+def slid_over(slope: tuple[float, float], lag: float = 0.0, lanes: int = 6) -> tuple[Ground, np.ndarray]:
+    """Return what is learnt on lanes of 60 mm, 5 mm apart, and the last tip; the hand sinks by `lag` with the sense."""
+    ground, scan = Ground(np.zeros(2)), 0
+    for lane in range(lanes):
+        sense = 1 if lane % 2 == 0 else -1
+        for share in np.linspace(-0.5, 0.5, 58):
+            x, y = 0.005 * lane, 0.06 * share * sense
+            tip = np.array([x, y, 0.1 + slope[0] * x + slope[1] * y - lag * sense + NOISE[scan]])
+            ground.learn(tip, sense)
+            scan += 1
+    return ground, tip
+
+
+@pytest.mark.parametrize("slope", [(0.0, 0.0), (0.035, 0.0), (0.0, -0.035)])
+def test_a_tilted_plate_is_no_edge_and_its_normal_is_known(slope: tuple[float, float]) -> None:
+    ground, tip = slid_over(slope)
+    for ahead in (-0.01, 0.01):
+        there = tip + np.array([0.0, ahead, slope[1] * ahead])
+        assert abs(ground.below(there, -1)) < 1e-4
+    expected = np.array([-slope[0], -slope[1], 1.0]) / math.hypot(1.0, *slope)
+    np.testing.assert_allclose(ground.plane(tip, 0.0).normal, expected, atol=3e-3)
+
+
+def test_a_dip_of_half_a_millimetre_is_seen_at_once() -> None:
+    ground, tip = slid_over((0.035, 0.01))
+    assert ground.below(tip - np.array([0.0, 0.0, 5e-4]), -1) == pytest.approx(5e-4, abs=1.2e-4)
+
+
+def test_a_height_that_follows_the_sense_of_the_path_is_no_edge() -> None:
+    ground, tip = slid_over((0.0, 0.0), lag=1e-4)
+    assert abs(ground.below(tip, -1)) < 1e-4
+
+
+def test_nothing_is_below_a_ground_that_nobody_has_felt() -> None:
+    assert Ground(np.zeros(2)).below(np.array([0.0, 0.0, -1.0]), 1) == 0.0
+
+
+def test_a_first_scan_tells_of_the_place_and_little_of_its_surroundings() -> None:
+    ground = Ground(np.zeros(2))
+    ground.learn(np.array([0.0, 0.0, 0.1]), 1)
+    assert ground.below(np.array([0.02, 0.0, 0.0995]), 1) < 0.0
+
+
+def test_depth_counts_along_the_normal_from_the_surface() -> None:
+    hole = Hole(diameter=0.0081, centre=(0.5, 0.0, 0.1), area=(0.06, 0.06), depth=0.02)
+    assert nominal(hole).depth(np.array([0.6, 0.1, 0.098])) == pytest.approx(0.002)
