@@ -40,8 +40,10 @@ class Ground:
     """Scans after which a height counts by 1/e: three lanes or so."""
     NOISE = 5e-5
     """Standard deviation of the sliding tip's height about the plane, m; measured in the simulated search."""
-    SLOPE = 0.05
-    """Standard deviation of the plate's slopes before anything is known."""
+    DOUBT = 5.0
+    """A height that lies below what three deviations explain has so many times the noise: an edge is no plane."""
+    SLOPE = 0.02
+    """Standard deviation of the plate's slopes before anything is known; three times as much is taken for no plate."""
 
     def __init__(self, origin: Vector) -> None:
         """Know nothing but that the plate is about level.
@@ -52,13 +54,14 @@ class Ground:
         self._origin = origin
         self._values = np.zeros(4)
         self._covariance = np.diag([1.0, self.SLOPE**2, self.SLOPE**2, 4.0 * self.NOISE**2])
-        self._known = False
+        self._scans = 0
 
     def learn(self, tip: Vector, sense: int) -> None:
         """Take the position of the sliding tip, shape (3,), m, in one scan of a pass in `sense`, -1 or 1."""
         row = self._row(tip, sense)
         towards = self._covariance @ row
-        gain = towards / (self.NOISE**2 + row @ towards)
+        noise = self.NOISE * (self.DOUBT if self.below(tip, sense) > 0.0 else 1.0)
+        gain = towards / (noise**2 + row @ towards)
         self._values = self._values + gain * (tip[2] - row @ self._values)
         self._covariance = self._covariance - np.outer(gain, towards)
         self._covariance *= 1.0 + 1.0 / self.MEMORY
@@ -66,23 +69,26 @@ class Ground:
         limit = np.array([1.0, self.SLOPE, self.SLOPE, 2.0 * self.NOISE])
         excess = np.minimum(limit / np.sqrt(np.diag(self._covariance)), 1.0)
         self._covariance *= np.outer(excess, excess)
-        self._known = True
+        self._scans += 1
 
     def below(self, tip: Vector, sense: int) -> float:
         """Return how far the tip lies below the plane, less three deviations of what is known of it, m; 0 before any is."""
-        if not self._known:
+        if self._scans == 0:
             return 0.0
         row = self._row(tip, sense)
         return float(row @ self._values - tip[2]) - 3.0 * math.sqrt(float(row @ self._covariance @ row))
 
     def plane(self, near: Vector, standing: float) -> Plane:
-        """Return the surface as it was learnt.
+        """Return the surface as it was learnt; level before a second of sliding or so has told its slopes.
 
         Args:
             near: Where its point shall be, shape (2,) or more, m, base frame.
             standing: The sliding tip stands so far above it, m.
         """
-        slope: Vector = np.array([-self._values[1], -self._values[2], 1.0])
+        slopes = np.clip(self._values[1:3], -3.0 * self.SLOPE, 3.0 * self.SLOPE)
+        if self._scans < self.MEMORY / 2:
+            slopes = np.zeros(2)
+        slope: Vector = np.array([-slopes[0], -slopes[1], 1.0])
         height = self._values[:3] @ self._row(near, 0)[:3]
         return Plane(np.array([near[0], near[1], height - standing]), slope / np.linalg.norm(slope))
 
