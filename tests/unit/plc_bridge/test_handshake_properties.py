@@ -28,6 +28,7 @@ WEIGHTS = {
     "deliver_all": 3,
     "reconnect": 1,
     "reconnect_half_open": 1,
+    "lose_heartbeat": 1,
     "restart_plc": 1,
     "restart_cell": 1,
     "stop": 1,
@@ -143,6 +144,9 @@ class RoughLine:
 
     def reconnect_half_open(self, plc, n):
         self.open(plc)
+
+    def lose_heartbeat(self, plc, n):
+        self.handshake.lost(plc.link)
 
     def restart_plc(self, plc, n):
         self.handshake.closed(plc.link)
