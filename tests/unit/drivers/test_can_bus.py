@@ -134,6 +134,15 @@ def test_single_errors_are_counted_and_borne(fake):
     assert bus.bad_frames == 10
 
 
+def test_single_frames_that_cannot_be_sent_are_counted_and_borne(fake):
+    bus = CanBus("virtual", "x", 125_000)
+    bus.open()
+    for is_full in (True, True, False) * 5:
+        fake[0].fails = is_full
+        bus.write(CanFrame(1))
+    assert bus.bad_frames == 10
+
+
 @pytest.mark.parametrize("use", [lambda bus: bus.read(0.0), lambda bus: bus.write(CanFrame(1))])
 def test_errors_in_a_row_are_a_lost_bus(fake, use):
     bus = CanBus("socketcan", "can0", 125_000)

@@ -243,7 +243,9 @@ def test_somebody_who_stops_is_no_sign_of_life_of_the_plc(rig):
 # The PLC's heartbeat.
 
 
-def test_a_run_stops_when_the_heartbeat_of_the_plc_ends(rig):
+@pytest.mark.parametrize("behaviour", [0, 1, 2])
+def test_a_run_stops_when_the_heartbeat_of_the_plc_ends(rig, behaviour):
+    rig.write(0x1029, 1, behaviour, 1)
     rig.beat()
     assert rig.start() is not None
     for cycle in range(60):  # the life counter goes on
