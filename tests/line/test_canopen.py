@@ -10,6 +10,7 @@ from contextlib import closing
 import canopen
 import pytest
 
+from cell.journal import Journal
 from drivers.can_bus import CanBus
 from drivers.errors import CellError, FaultCode
 from plc_bridge.bridge import Bridge
@@ -289,3 +290,6 @@ def test_a_run_in_another_process_stops_when_the_heartbeat_of_the_plc_ends(tmp_p
             assert (report.result, report.fault) == (Result.FAULT, FaultCode.PLC_LOST)
         finally:
             process.kill()
+    with Journal(tmp_path) as journal:
+        row = journal.find(1)
+    assert (row.source, row.serial, row.outcome, row.fault) == ("node 1", "SN 1", "fault", FaultCode.PLC_LOST)
