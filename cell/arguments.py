@@ -58,14 +58,29 @@ def parser(formats: Sequence[str]) -> Parser:
     where.add_argument("--workers", type=_positive, metavar="N", help="processes; one for each core")
     where.add_argument("--scheduler", type=_scheduler, metavar="tcp://HOST:PORT", help="of a Dask cluster")
     command.add_argument("--out", type=Path, required=True, metavar="DIR")
+    command = add("skin", "both fingers live, or as they were recorded", "config")
+    command.add_argument("--seconds", type=float, metavar="S", help="how long; until stopped, in a pipe 1")
+    command.add_argument("--out", type=Path, metavar="PNG", help="picture of the last frame")
+    command.add_argument("--record", type=Path, metavar="FILE", help="write the traffic of the wire")
+    command.add_argument("--replay", type=Path, metavar="FILE", help="recorded traffic, or a text recording")
+    command = add("calibrate", "measure a device and write a dated file", "config")
+    command.add_argument("device", choices=["skin"], metavar="DEVICE", help="skin")
+    command.add_argument("--out", type=Path, metavar="DIR", help="instead of calibration/ beside the config file")
     command = add("study", "one study", "config")
     command.add_argument(
-        "name", choices=["speed", "line"], metavar="NAME", help="speed of the stand-in, or line to the PLC"
+        "name",
+        choices=["speed", "line", "wire"],
+        metavar="NAME",
+        help="speed of the stand-in, line to the PLC, wire of the skin",
     )
     command.add_argument("--seed", type=_natural, default=1, metavar="S", help="of the trial")
+    command.add_argument("--trials", type=_positive, default=20, metavar="N", help="wire: insertions through each wire")
+    command.add_argument("--workers", type=_positive, metavar="N", help="wire: processes; one for each core")
     command.add_argument("--profile", action="store_true", help="speed: where the time of a trial goes")
-    command.add_argument("--out", type=Path, default=Path("out/study"), metavar="DIR", help="line: where its files go")
-    command.add_argument("--quick", action="store_true", help="line: less of everything")
+    command.add_argument(
+        "--out", type=Path, default=Path("out/study"), metavar="DIR", help="line, wire: where its files go"
+    )
+    command.add_argument("--quick", action="store_true", help="line, wire: less of everything")
     command = add("runs", "the newest runs on record", "journal")
     command.add_argument("--last", type=_positive, default=20, metavar="N")
     command = add("show", "one run on record, with its plots", "journal")

@@ -7,15 +7,21 @@ each satisfies its protocol. The simulated ones are imported only when a config 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cell.config import CellConfig
-from drivers.errors import CellError
+from drivers.can_bus import CanBus
+from drivers.errors import CellError, ConfigError
 from drivers.parts import Job
 from drivers.protocols import Arm, Clock, Device, Gripper, Skin, SuccessSwitch
 from drivers.skin import EMULATED, CanSkin, CanSkinConfig, SerialSkin, SerialSkinConfig
+from drivers.skin_calibration import CalibratedSkin, read_calibration
+from drivers.skin_health import require_trust
+from drivers.skin_port import ByteLink, CanLink
+from drivers.traffic import RecordedCan, RecordedLine, Recorder
 from drivers.transport import SerialLine
 from skills.contract import Estimator, SkillContext
 from skills.tactile.image import ImageEstimator
@@ -24,7 +30,9 @@ from skills.tactile.pca import PcaEstimator
 from skills.tactile.robust import RobustEstimator
 
 if TYPE_CHECKING:
-    from sim.world import Truth, World
+    from sim.bench import Bench
+    from sim.boards import SkinSource
+    from sim.world import Truth
 
 SEARCH_STREAM = 3
 """Key of the random stream for choices of the skills; the simulated world draws from the ones before it."""
@@ -96,7 +104,7 @@ def assemble(config: CellConfig) -> Cell:
     assert config.contact is not None
     assert config.grip is not None
     world = World(config.sim, config.contact, config.grip, config.skin.layout, config.job())
-    skin, clock = _skin(config, world)
+    skin, clock = _skin(config, world, world.draw.skin)
     return Cell(
         config=config,
         clock=clock,
@@ -109,25 +117,59 @@ def assemble(config: CellConfig) -> Cell:
     )
 
 
-def _skin(config: CellConfig, world: "World") -> tuple[Skin, Clock]:
-    """Return the skin, and the clock that its board, where it is emulated, keeps step with."""
+def _skin(config: CellConfig, source: "SkinSource", rng: np.random.Generator) -> tuple[Skin, Clock]:
+    """Return the skin between the pads of `source`, and the clock that its board, where it is emulated, keeps step with."""
+    skin, clock = _bare_skin(config, source, rng)
+    if config.calibration.skin is not None:
+        return CalibratedSkin(skin, read_calibration(config.calibration.skin, config.skin.layout)), clock
+    return skin, clock
+
+
+def _bare_skin(config: CellConfig, source: "SkinSource", rng: np.random.Generator) -> tuple[Skin, Clock]:
     from sim.board_clock import BoardClock
-    from sim.boards import emulated_can, emulated_line
+    from sim.board_links import emulated_can, emulated_line
     from sim.skin import SimSkin
 
     assert config.sim is not None
-    skin, rng, seed = config.skin, world.draw.skin, config.sim.seed
+    skin, model, seed = config.skin, config.boards.skin, config.sim.seed
+    clock: Clock = source
     if isinstance(skin, CanSkinConfig):
-        bus = emulated_can(skin, config.boards.skin, world, rng, seed)
-        clock = BoardClock(world, (bus,))
-        return CanSkin(skin, bus, clock), clock
+        bus: CanLink = CanBus(skin.interface, skin.channel, skin.bitrate)
+        if skin.channel == EMULATED:
+            bus = board = emulated_can(skin, model, source, rng, seed)
+            clock = BoardClock(source, (board,))
+        if not skin.record:
+            return CanSkin(skin, bus, clock), clock
+        recorder = Recorder(Path(skin.record), "can", clock)
+        return CanSkin(skin, RecordedCan(bus, recorder), recorder), clock
     if isinstance(skin, SerialSkinConfig):
-        if skin.port != EMULATED:
-            return SerialSkin(skin, SerialLine(skin.port, skin.baud_rate), world), world
-        line = emulated_line(skin, config.boards.skin, world, rng, seed)
-        clock = BoardClock(world, (line,))
-        return SerialSkin(skin, line, clock), clock
-    return SimSkin(skin, world, rng), world
+        line: ByteLink = SerialLine(skin.port, skin.baud_rate)
+        if skin.port == EMULATED:
+            line = far_end = emulated_line(skin, model, source, rng, seed)
+            clock = BoardClock(source, (far_end,))
+        if not skin.record:
+            return SerialSkin(skin, line, clock), clock
+        recorder = Recorder(Path(skin.record), "serial", clock)
+        return SerialSkin(skin, RecordedLine(line, recorder), recorder), clock
+    return SimSkin(skin, source, rng), clock
+
+
+def bench_skin(config: CellConfig, rod_half: float) -> "tuple[Skin, Clock, Bench]":
+    """Return the cell's skin on a bench with a rod of the peg's diameter, `rod_half` m to either side, and its clock.
+
+    Raises:
+        ConfigError: The skin is no simulated one.
+    """
+    from sim.bench import Bench
+    from sim.disturb import draw
+
+    if config.sim is None or config.contact is None or config.grip is None or not config.is_skin_simulated():
+        raise ConfigError(
+            "calibrate skin: needs a rod between real pads; a simulated skin or an emulated board allowed"
+        )
+    bench = Bench(config.peg.diameter, rod_half)
+    drawn = draw(config.job(), config.contact, config.grip, config.sim.seed)
+    return (*_bare_skin(config, bench, drawn.skin), bench)
 
 
 @contextmanager
@@ -151,7 +193,7 @@ def check(cell: Cell) -> list[tuple[str, str]]:
     readers: dict[str, Callable[[], object]] = {
         "arm": cell.arm.read,
         "gripper": cell.gripper.read,
-        "skin": cell.skin.read,
+        "skin": lambda: require_trust(cell.skin.read()),
         "switch": cell.switch.read,
     }
     found = []

@@ -3,23 +3,27 @@
 import argparse
 import json
 import logging
+import math
 import os
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import asdict, replace
+from datetime import date
 from pathlib import Path
 from threading import Event as ThreadEvent
 from typing import Any
 
-from rich.console import Console
+from rich.console import Console, Group
+from rich.live import Live
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from cell import client, demo, tables
+from cell import client, demo, skin_view, tables
 from cell.arguments import parser
 from cell.assembly import assemble, check, opened
-from cell.config import LoadedConfig, load
+from cell.calibrate import calibrate_skin
+from cell.config import DEFAULT, LoadedConfig, load
 from cell.journal import Journal, default_folder
 from cell.line import PARAMETERS, PROGRAMS, TerminalLine
 from cell.plots import Point, plot_run, plot_speed_accuracy
@@ -38,7 +42,7 @@ from skills.catalogue import CATALOGUE
 logger = logging.getLogger(__name__)
 
 GOOD, NOT_GOOD, WRONG_USE, FAULT = 0, 1, 2, 3
-_STOPPABLE = ("demo", "serve", "run", "watch")
+_STOPPABLE = ("demo", "serve", "run", "watch", "skin")
 _STATUS = {Result.SUCCESS: GOOD, Result.FAULT: FAULT}
 _FORMATS = {"md": as_markdown, "csv": as_csv, "json": as_json, "eds": as_eds, "st": as_structured_text}
 
@@ -280,8 +284,60 @@ def _trials(args: argparse.Namespace) -> int:
     return GOOD
 
 
+def _skin(args: argparse.Namespace) -> int:
+    args.set += [] if args.record is None else [f"skin.record={args.record.as_posix()}"]
+    config = _load(args).cell
+    is_live = sys.stdout.isatty() and not args.json
+    seconds = args.seconds if args.seconds is not None else math.inf if is_live else 1.0
+    seen: list[skin_view.Seen] = []
+    with Live(auto_refresh=False) if is_live else nullcontext() as live:
+
+        def show(now: skin_view.Seen) -> None:
+            seen[:] = [now]
+            if live is not None:
+                live.update(skin_view.fingers(now, config.skin.layout), refresh=True)
+
+        if args.replay is None:
+            skin_view.watch(config, seconds, show, args.stop)
+        else:
+            skin_view.play(config, args.replay, seconds, show, args.stop, at_pace=is_live)
+    if args.out is not None:
+        skin_view.draw(seen[0].frame, config.skin.layout, args.out)
+    if not is_live:
+        _show(args, skin_view.fingers(seen[0], config.skin.layout), skin_view.as_data(seen[0]))
+    return GOOD
+
+
+def _calibrate(args: argparse.Namespace) -> int:
+    today = date.today()
+    config = _load(args).cell
+    path = (args.out or (args.config or DEFAULT).parent / "calibration") / f"skin_{today.isoformat()}.toml"
+    with _progress() as progress:
+        bar = progress.add_task("angles")
+        found = calibrate_skin(config, today, lambda done, of: progress.update(bar, completed=done, total=of))
+    found.write(path)
+    _show(args, tables.calibration(found, path), {**found.model_dump(mode="json"), "file": str(path)})
+    return GOOD
+
+
+def _study_wire(args: argparse.Namespace) -> int:
+    from cell.studies import wire
+
+    config, folder = _load(args, default_pace="max").cell, _out(args.out)
+    seeds = range(args.seed, args.seed + (2 if args.quick else args.trials))
+    with _progress() as progress:
+        bar = progress.add_task("insertions", total=len(wire.TRIED) * len(seeds))
+        measures = wire.measure(
+            config, seeds, args.workers or os.cpu_count() or 1, folder, args.quick, lambda row: progress.advance(bar)
+        )
+    data = {name: [asdict(line) for line in lines] for name, lines in measures.items()}
+    (folder / "wire.json").write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
+    _show(args, Group(*(tables.plain(name, lines) for name, lines in measures.items())), data)
+    return GOOD
+
+
 def _study(args: argparse.Namespace) -> int:
-    return _study_line(args) if args.name == "line" else _study_speed(args)
+    return {"line": _study_line, "wire": _study_wire}.get(args.name, _study_speed)(args)
 
 
 def _study_line(args: argparse.Namespace) -> int:
@@ -354,6 +410,8 @@ _COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "run": _run,
     "watch": _watch,
     "trials": _trials,
+    "calibrate": _calibrate,
+    "skin": _skin,
     "study": _study,
     "runs": _runs,
     "show": _show_run,

@@ -12,7 +12,7 @@ from pydantic import Field, ValidationError, model_validator
 import config as shipped
 from cell.config_errors import explain
 from drivers.errors import ConfigError
-from drivers.parts import ConfigModel, Hole, Job, Peg, Rack
+from drivers.parts import ConfigModel, FilePath, Hole, Job, Peg, Rack
 from drivers.skin import EMULATED, CanSkinConfig, SerialSkinConfig
 from plc_bridge.config import PlcConfig
 from sim.config import (
@@ -61,6 +61,13 @@ class JournalConfig(ConfigModel):
     """Empty is the user's own data folder."""
 
 
+class CalibrationConfig(ConfigModel):
+    """[calibration]: files of measured values."""
+
+    skin: FilePath | None = None
+    """Written by `cell calibrate skin`."""
+
+
 class CellConfig(ConfigModel):
     """One cell."""
 
@@ -95,6 +102,7 @@ class CellConfig(ConfigModel):
     grip: GripConfig | None = None
     sim: SimConfig | None = None
     boards: BoardsConfig = BoardsConfig()
+    calibration: CalibrationConfig = CalibrationConfig()
 
     @model_validator(mode="after")
     def _fits(self) -> Self:
@@ -129,6 +137,10 @@ class CellConfig(ConfigModel):
         """Whether the skin is a driver with an emulated board behind its wire."""
         skin = self.skin
         return EMULATED in (getattr(skin, "channel", None), getattr(skin, "port", None))
+
+    def is_skin_simulated(self) -> bool:
+        """Whether the skin is a stand-in, or a driver with an emulated board behind its wire."""
+        return self.skin.kind == "sim" or self.is_skin_emulated()
 
     def skill_set(self) -> SkillSet:
         """Return the parameters of every skill."""

@@ -101,6 +101,10 @@ def _walk(loc: tuple[int | str, ...], root: Mapping[str, Any], tree: Any) -> tup
                 schema = _follow(inner[step], root)
             place.append(str(step))
             continue
+        variant = schema.get("discriminator", {}).get("mapping", {}).get(step)
+        if variant is not None:
+            schema = _follow({"$ref": variant}, root)
+            continue
         sections = [_follow(branch, root) for branch in schema.get("anyOf", schema.get("oneOf", [schema]))]
         known = next((s["properties"] for s in sections if step in s.get("properties", {})), None)
         if known is not None:

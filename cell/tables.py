@@ -2,9 +2,11 @@
 
 import json
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict
-from typing import TYPE_CHECKING
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from rich.table import Table
 from rich.text import Text
 
@@ -13,6 +15,7 @@ from cell.states import State
 from cell.statistics import PUBLISHED, PUBLISHED_ATTEMPTS, PUBLISHED_SUCCESSES, PUBLISHED_TOTAL, StageLine, wilson
 from cell.trials import TrialRow
 from drivers.errors import FAULTS
+from drivers.skin_calibration import SkinCalibration
 from plc_bridge.messages import LeaseState, Refusal, Result
 from plc_bridge.registers import Diagnostics, ReportImage
 from skills.catalogue import STAGES
@@ -157,3 +160,27 @@ def report(image: ReportImage) -> dict[str, object]:
         "stage_times": list(image.stage_times),
         "total_time": image.total_time,
     }
+
+
+def calibration(found: SkinCalibration, path: Path) -> Table:
+    """Return what calibration of the skin found, and where it is written."""
+    table = Table("skin", "value", title=f"written: {path}")
+    gains = np.array([found.left, found.right])
+    table.add_row("gains, smallest to largest", f"{gains.min():.3f} to {gains.max():.3f}")
+    table.add_row("gains, standard deviation", f"{gains.std():.3f}")
+    table.add_row("taxels that could not be measured", str(sum(map(len, found.unmeasured))))
+    table.add_row("point spread (mm)", f"{found.point_spread * 1e3:.2f}")
+    table.add_row("not explained", f"{found.residual:.1%}")
+    return table
+
+
+def plain(title: str, lines: Sequence[Any]) -> Table:
+    """Return lines of one dataclass as they are, SI units."""
+    table = Table(title=title)
+    names = [field.name for field in fields(lines[0])]
+    for name in names:
+        table.add_column(name, justify="right")
+    for line in lines:
+        values = (getattr(line, name) for name in names)
+        table.add_row(*(f"{value:.4g}" if isinstance(value, float) else str(value) for value in values))
+    return table

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drivers.can_bus import CanFrame
 from drivers.skin_health import ERROR_COUNT, Counts
-from drivers.skin_wire import CanFrame, WireError
+from drivers.skin_wire import WireError
 
 TAXELS = 12
 HEAD, TAIL = 0x40, 0xC0

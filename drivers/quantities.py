@@ -10,6 +10,7 @@ Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 FINGERS = 2
+FINGER_NAMES = ("left", "right")
 TAXELS = 20
 """Taxels on one finger: two modules of ten."""
 

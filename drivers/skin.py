@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
+from drivers.can_bus import Interface
 from drivers.errors import CellError, DeviceNotOpenedError, SkinSilentError
 from drivers.parts import ConfigModel
 from drivers.protocols import Clock
@@ -44,16 +45,18 @@ class BoardSkinConfig(ConfigModel):
     open_timeout: Annotated[float, Field(ge=0.1, le=60.0)] = 3.0
     """Longest wait for the board's first scan, s."""
     health: SkinHealthConfig = SkinHealthConfig()
+    record: str = ""
+    """File that all traffic of the wire goes to; empty is none."""
 
 
 class CanSkinConfig(BoardSkinConfig):
     """[skin] of a board on a CAN bus."""
 
     kind: Literal["can"]
-    interface: Literal["socketcan", "slcan", "socketcand", "udp_multicast", "virtual"] = "socketcan"
+    interface: Interface = "socketcan"
     """What the bus is reached through."""
     channel: Annotated[str, Field(min_length=1)] = EMULATED
-    """Name of the bus, as the interface has it: "can0"; "emulated" is an emulated board in a simulated cell."""
+    """As `drivers.can_bus.CanBus` says: "can0"; "emulated" is an emulated board in a simulated cell."""
     bitrate: Annotated[int, Field(ge=10_000, le=1_000_000)] = 1_000_000
     """Bits a second."""
     board: Annotated[HubConfig | IcubConfig, Field(discriminator="kind")] = HubConfig()
@@ -173,14 +176,14 @@ class _BoardSkin:
         wanted = config.health.baseline_frames
         longest = wanted / (LEAST_RATE * config.rate) + self._limit
         begun = clock.now()
-        still: list[RawScan] = []
+        still = self._poll()
         while len(still) < wanted:
-            still += self._poll()
             if not still and clock.now() - begun > config.open_timeout:
                 raise SkinSilentError(f"skin: {self._trouble()}")
             if still and clock.now() - still[0].stamp > longest:
                 break
             clock.wait_until(clock.now() + POLL_PERIOD)
+            still += self._poll()
         rate = (len(still) - 1) / (clock.now() - still[0].stamp)
         if rate < LEAST_RATE * config.rate:
             raise DeviceNotOpenedError(

@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from drivers.errors import SkinUntrustedError
 from drivers.parts import ConfigModel
-from drivers.quantities import Mask, Vector
+from drivers.quantities import FINGER_NAMES, FINGERS, Mask, TaxelFrame, Vector
+from drivers.skin_layout import MODULE_OF, MODULE_TAXELS, MODULES
 
 Counts = NDArray[np.uint16]
 
@@ -110,3 +112,28 @@ def dead_groups(dead: Mask, group: NDArray[np.int64]) -> list[int]:
         group: Number of each taxel's group, of the same shape.
     """
     return [int(number) for number in np.unique(group) if dead[group == number].all()]
+
+
+def require_trust(frame: TaxelFrame) -> TaxelFrame:
+    """Return `frame` when all its taxels can be trusted.
+
+    Raises:
+        SkinUntrustedError: Says which module of which finger is dead, and which single taxels are not trusted.
+    """
+    wrong = []
+    dead = dead_groups(~frame.trusted, MODULE_OF)
+    for group in dead:
+        finger, module = divmod(group, MODULES)
+        first = module * MODULE_TAXELS
+        wrong.append(
+            f"{FINGER_NAMES[finger]} finger, module {module} (taxels {first} to {first + MODULE_TAXELS - 1}): dead; "
+            "see its plug, or change the finger"
+        )
+    single = ~frame.trusted & ~np.isin(MODULE_OF, dead)
+    for finger in range(FINGERS):
+        if single[finger].any():
+            numbers = ", ".join(map(str, np.flatnonzero(single[finger])))
+            wrong.append(f"{FINGER_NAMES[finger]} finger, taxels {numbers}: dead, stuck, saturated or in error")
+    if wrong:
+        raise SkinUntrustedError("skin: " + "; ".join(wrong))
+    return frame

@@ -11,13 +11,13 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
+from drivers.can_bus import CanFrame
 from drivers.icub_wire import TriangleAssembler, TriangleReading, setup
 from drivers.parts import ConfigModel
 from drivers.quantities import FINGERS, TAXELS, Vector
 from drivers.skin_health import ERROR_COUNT, Counts
 from drivers.skin_layout import MODULE_TAXELS, MODULES
 from drivers.skin_wire import (
-    CanFrame,
     Channels,
     Command,
     Message,

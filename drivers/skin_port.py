@@ -2,9 +2,10 @@
 
 from typing import Protocol
 
+from drivers.can_bus import CanFrame
 from drivers.cobs import DELIMITER, Deframer, frame
 from drivers.skin_hub import CySkinDialogue, HubConfig, IcubConfig, IcubDialogue, RawScan
-from drivers.skin_wire import LONGEST, CanAssembler, CanFrame, WireError, decode, encode, to_can
+from drivers.skin_wire import LONGEST, CanAssembler, WireError, decode, encode, to_can
 
 MOST_FRAMES = 1000
 """Taken from a bus in one go: a bus that babbles must not hold up the scan."""

@@ -12,11 +12,12 @@ import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
+from drivers.can_bus import CanFrame
 from drivers.crc import Byte, Crc8
 from drivers.parts import ConfigModel
 from drivers.skin_health import Counts
@@ -70,13 +71,6 @@ class Message:
     payload: bytes = b""
     sequence: int | None = None
     """0 to 15; None is none."""
-
-
-class CanFrame(NamedTuple):
-    """One frame of a CAN bus with 11-bit ids."""
-
-    id: int
-    data: bytes
 
 
 @dataclass(frozen=True, slots=True)

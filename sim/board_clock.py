@@ -20,7 +20,7 @@ class BoardClock:
 
     def __init__(self, world: Clock, boards: tuple[Board, ...]) -> None:
         """Take the world's clock and the boards in the order in which they advance."""
-        self._world, self._boards = world, boards
+        self._world, self.boards = world, boards
 
     def now(self) -> float:
         """Return the simulated time, s."""
@@ -28,13 +28,13 @@ class BoardClock:
 
     def wait_until(self, stamp: float) -> None:
         """Advance world and boards to `stamp`, with a stop wherever a board has to see the world."""
-        while (due := min((board.due() for board in self._boards), default=stamp)) < stamp:
+        while (due := min((board.due() for board in self.boards), default=stamp)) < stamp:
             self._go(due)
-            if min(board.due() for board in self._boards) <= due:
+            if min(board.due() for board in self.boards) <= due:
                 break  # the world's step is coarser than that
         self._go(stamp)
 
     def _go(self, stamp: float) -> None:
         self._world.wait_until(stamp)
-        for board in self._boards:
+        for board in self.boards:
             board.advance()

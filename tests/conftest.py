@@ -9,6 +9,13 @@ from cell.config import LoadedConfig, load
 from tests.fakes import Rig
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Let the contracts be checked on real devices."""
+    parser.addoption(
+        "--hardware", type=Path, metavar="FILE", help="config of a real cell: tests/contract runs on it too"
+    )
+
+
 @pytest.fixture(scope="session")
 def loaded() -> LoadedConfig:
     """Return the cell that ships with the program."""

@@ -126,16 +126,18 @@ class FakeSkin:
         self.clock = clock
         self.fault: Exception | None = None
         self.trusted = np.ones((FINGERS, TAXELS), dtype=bool)
+        self.reads = 0
 
     def open(self) -> None: ...
 
     def close(self) -> None: ...
 
     def read(self) -> TaxelFrame:
+        self.reads += 1
         if self.fault is not None:
             raise self.fault
-        now = self.clock.now()
-        return TaxelFrame(np.zeros((FINGERS, TAXELS)), self.trusted.copy(), now, int(now * 10.0))
+        number = int(self.clock.now() * 10.0 + 1e-6)
+        return TaxelFrame(np.zeros((FINGERS, TAXELS)), self.trusted.copy(), number / 10.0, number)
 
 
 class FakeSwitch:

@@ -1,13 +1,25 @@
 """Skins for tests: a scripted world without physics, and boards behind every wire in it."""
 
+import fcntl
+import os
+import pty
+import sys
+import termios
+import tty
+from itertools import count
+
 import numpy as np
 
+from drivers.can_bus import CanBus
 from drivers.errors import SkinSilentError
 from drivers.skin import CanSkin, CanSkinConfig, SerialSkin, SerialSkinConfig
+from drivers.transport import SerialLine
 from sim.board_clock import BoardClock
-from sim.boards import emulated_can, emulated_line
+from sim.board_links import CanCable, SerialCable, emulated_can, emulated_line
 from sim.config import SkinBoardConfig
 from sim.pads import PadLoad
+
+_BUSES = count()
 
 
 class ScriptedWorld:
@@ -31,11 +43,60 @@ def held_peg(theta: float = 0.3) -> PadLoad:
     return PadLoad(theta, 0.0, 30.0, 0.0, 0.0, 0.05, 0.012, 0.008)
 
 
+class PtyEnd:
+    """The far end of a pseudo-terminal; what is written has arrived when `write` returns, however busy the machine is."""
+
+    character_time = 0.0
+
+    def __init__(self) -> None:
+        self._far, self._near = pty.openpty()
+        tty.setraw(self._near)
+        os.set_blocking(self._far, False)
+        self.port = os.ttyname(self._near)
+
+    def open(self) -> None: ...
+
+    def close(self) -> None:
+        os.close(self._far)
+        os.close(self._near)
+
+    def read(self, timeout: float) -> bytes:
+        try:
+            return os.read(self._far, 4096)
+        except BlockingIOError:
+            return b""
+
+    def write(self, data: bytes) -> None:
+        arrived = self._waiting() + len(data)
+        os.write(self._far, data)
+        while self._waiting() < arrived:
+            os.sched_yield()
+
+    def _waiting(self) -> int:
+        return int.from_bytes(fcntl.ioctl(self._near, termios.FIONREAD, bytes(4)), sys.byteorder)
+
+
+class Cabled:
+    """A board at the end of a cable, as its clock sees it."""
+
+    def __init__(self, link, cable) -> None:
+        self._link, self._cable = link, cable
+
+    def due(self) -> float:
+        return self._link.due()
+
+    def advance(self) -> None:
+        self._cable.advance()
+        self._link.advance()
+        self._cable.advance()
+
+
 class BoardRig:
     """An emulated board on its wire, the real driver at the other end, and the clock that both keep."""
 
     def __init__(self, config: CanSkinConfig | SerialSkinConfig, seed: int = 0, **model: object) -> None:
         self.world = ScriptedWorld()
+        self.ends: list[CanBus | PtyEnd] = []
         described = SkinBoardConfig.model_validate(model)
         rng = np.random.default_rng(seed)
         if isinstance(config, CanSkinConfig):
@@ -46,6 +107,28 @@ class BoardRig:
             self.link = emulated_line(config, described, self.world, rng, seed)
             self.clock = BoardClock(self.world, (self.link,))
             self.skin = SerialSkin(config, self.link, self.clock)
+
+    def connect_really(self, config: CanSkinConfig | SerialSkinConfig) -> "BoardRig":
+        """Put a virtual CAN bus of python-can, or a pseudo-terminal and pyserial, between board and driver."""
+        self.link.open()
+        if isinstance(config, CanSkinConfig):
+            name = f"skin-{next(_BUSES)}"
+            far: CanBus | PtyEnd = CanBus("virtual", name, config.bitrate)
+            far.open()
+            self.clock = BoardClock(self.world, (Cabled(self.link, CanCable(self.link, far)),))
+            self.skin = CanSkin(config, CanBus("virtual", name, config.bitrate), self.clock)
+        else:
+            far = PtyEnd()
+            self.clock = BoardClock(self.world, (Cabled(self.link, SerialCable(self.link, far)),))
+            self.skin = SerialSkin(config, SerialLine(far.port, config.baud_rate), self.clock)
+        self.ends.append(far)
+        return self
+
+    def close(self) -> None:
+        """Close the driver and the far ends."""
+        self.skin.close()
+        for end in self.ends:
+            end.close()
 
     @property
     def hub(self):

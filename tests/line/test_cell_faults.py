@@ -147,3 +147,12 @@ def test_a_skin_that_is_mostly_dead_stops_the_cell(rig):
     rig.skin.trusted[:] = False
     report = rig.command(GRASP)
     assert (report.state, report.fault) == (State.ABORTED, FaultCode.SKIN_UNTRUSTED)
+
+
+def test_a_lost_skin_is_listened_to_while_the_cell_waits_for_a_reset(rig):
+    rig.skin.fault = SkinSilentError("skin: silent")
+    rig.scan()
+    assert rig.supervisor.state is State.ABORTED
+    before = rig.skin.reads
+    rig.scan(5)
+    assert rig.skin.reads == before + 5

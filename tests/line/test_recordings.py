@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 
 from drivers.quantities import TaxelFrame
+from drivers.recorded_skin import RecordedSkin, Recording
 from drivers.skin_health import ERROR_COUNT, SkinHealth, SkinHealthConfig, dead_groups
 from drivers.skin_layout import LAYOUTS
 from sim.config import SimSkinConfig
 from sim.pads import PadLoad, Pads
 from skills.tactile.image import ImageEstimator, ImageParams
+from tests.skins import ScriptedWorld
 
 RECORDINGS = Path(__file__).parents[3] / "shared" / "data"
 UNTOUCHED = ["cyskin_0_finger_01.txt", "cyskin_0_finger_02.txt"]
@@ -83,6 +85,20 @@ def test_touch_is_seen_in_the_touched_recordings_and_not_in_the_untouched():
         return max(estimator.image(_fingers(module, *health.update(raw, 0.0))).max() for raw in frames)
 
     assert max(map(brightest, UNTOUCHED)) < min(map(brightest, TOUCHED))
+
+
+@pytest.mark.parametrize("name", [*UNTOUCHED, *TOUCHED, "cyskin_quiet_patch.txt"])
+def test_recording_plays_as_a_skin_from_its_first_frame_to_its_last(name):
+    clock = ScriptedWorld()
+    skin = RecordedSkin(RECORDINGS / name, clock)
+    skin.open()
+    times, seen = Recording(RECORDINGS / name).times, set()
+    while clock.time <= times[-1] + 0.05:
+        frame = skin.read()
+        seen.add(frame.sequence)
+        assert np.isfinite(frame.values).all()
+        clock.time += 0.05
+    assert len(seen) == len(times)
 
 
 def test_noise_of_the_simulated_skin_lies_within_what_real_skin_shows():

@@ -2,9 +2,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from drivers.can_bus import CanFrame
 from drivers.icub_wire import TAXELS, TriangleAssembler, TriangleReading, encode_triangle, setup
 from drivers.skin_health import ERROR_COUNT
-from drivers.skin_wire import CanFrame
 
 same = settings(derandomize=True, deadline=None, max_examples=80)
 readings = st.builds(

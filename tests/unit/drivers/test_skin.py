@@ -3,10 +3,10 @@ import math
 import numpy as np
 import pytest
 
+from drivers.can_bus import CanFrame
 from drivers.errors import DeviceNotOpenedError, SkinSilentError
 from drivers.skin import RECENT
 from drivers.skin_health import BASELINE_FRAMES, SkinHealth, SkinHealthConfig
-from drivers.skin_wire import CanFrame
 from sim.boards import TEMPERATURE_COUNTS
 from sim.config import WireFaults
 from tests.skins import WIRED, BoardRig, can_config, held_peg, serial_config

@@ -4,13 +4,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from drivers.can_bus import CanFrame
 from drivers.crc import Crc8
 from drivers.skin_wire import (
     FIRST,
     LAST,
     LONGEST,
     CanAssembler,
-    CanFrame,
     Channels,
     Command,
     Message,

@@ -1,0 +1,256 @@
+"""Both fingers of the skin for people: in the terminal, as a picture, and in words what is wrong with them."""
+
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from threading import Event
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from rich.console import Group
+from rich.table import Table
+from rich.text import Text
+
+from cell.assembly import assemble, opened
+from cell.config import CellConfig
+from drivers.errors import CellError, ConfigError
+from drivers.protocols import Clock, Skin
+from drivers.quantities import FINGER_NAMES, FINGERS, Mask, TaxelFrame, Vector
+from drivers.recorded_skin import RecordedSkin
+from drivers.skin import CanSkin, CanSkinConfig, SerialSkin, SerialSkinConfig, SkinFigures
+from drivers.skin_calibration import CalibratedSkin
+from drivers.skin_layout import Layout, finger_positions
+from drivers.traffic import PlaybackCan, PlaybackLine, TrafficEndedError, is_traffic
+
+BRIGHT = 15_000.0
+"""A taxel with so many counts is shown at its brightest."""
+_CELL = 7  # characters
+_MM_PER_CHARACTER = 1.2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Seen:
+    """One frame, and how well the skin is heard where that is known."""
+
+    frame: TaxelFrame
+    figures: SkinFigures | None
+
+
+Show = Callable[[Seen], None]
+
+
+def watch(config: CellConfig, seconds: float, show: Show, stop: Event) -> None:
+    """Show the live skin, every new frame.
+
+    Args:
+        config: Of the cell, whose arm is held still meanwhile.
+        seconds: How long, by the cell's clock, s.
+        show: Given every new frame; once at least.
+        stop: Ends it earlier.
+
+    Raises:
+        CellError: A device cannot be opened, or the skin fell silent.
+    """
+    with opened(assemble(config)) as cell:
+        _watch(cell.skin, cell.clock, 1.0 / config.scan_rate, seconds, show, stop)
+
+
+def play(config: CellConfig, path: Path, seconds: float, show: Show, stop: Event, at_pace: bool) -> None:
+    """Show a recording, traffic or text.
+
+    Args:
+        config: Says which board the traffic is of.
+        path: Of the file.
+        seconds: How long, by the recording's clock, s.
+        show: As for `watch`.
+        stop: Ends it earlier.
+        at_pace: Take as long as the recording took.
+
+    Raises:
+        ConfigError: No recording, or of another wire than `skin.kind` says.
+        CellError: The skin was silent all the time.
+    """
+    period = 1.0 / config.scan_rate
+    if not is_traffic(path):
+        clock = _PlayClock(at_pace)
+        _play(RecordedSkin(path, clock), clock, period, seconds, show, stop)
+        return
+    skin = config.skin
+    if isinstance(skin, CanSkinConfig):
+        bus = PlaybackCan(path)
+        _require_wire(path, bus.wire, "can")
+        _play(CanSkin(skin, bus, bus), _Paced(bus, at_pace), period, seconds, show, stop)
+    elif isinstance(skin, SerialSkinConfig):
+        line = PlaybackLine(path, 10.0 / skin.baud_rate)
+        _require_wire(path, line.wire, "serial")
+        _play(SerialSkin(skin, line, line), _Paced(line, at_pace), period, seconds, show, stop)
+    else:
+        raise ConfigError(f'{path}: traffic of a board; skin.kind = "can" or "serial" needed, not "{skin.kind}"')
+
+
+def as_data(seen: Seen) -> dict[str, Any]:
+    """Return a frame for programs."""
+    frame, figures = seen.frame, seen.figures
+    data: dict[str, Any] = {
+        "stamp": frame.stamp,
+        "sequence": frame.sequence,
+        "values": frame.values.round(1).tolist(),
+        "trusted": frame.trusted.tolist(),
+    }
+    if figures is not None:
+        plain = {name: _finite(value) for name, value in asdict(figures).items() if name != "temperature"}
+        data["figures"] = plain | {"temperature": [_finite(value) for value in figures.temperature.tolist()]}
+    return data
+
+
+def fingers(seen: Seen, layout: Layout) -> Group:
+    """Return both fingers for a terminal, each taxel where it is, with a line on how well the skin is heard."""
+    frame, figures = seen.frame, seen.figures
+    table = Table(show_edge=False, pad_edge=False)
+    for name in FINGER_NAMES:
+        table.add_column(f"{name} finger (counts; x: not trusted)", no_wrap=True)
+    places = finger_positions(layout)
+    table.add_row(*(_finger(places[k], frame.values[k], frame.trusted[k]) for k in range(FINGERS)))
+    line = f"frame {frame.sequence}  {int(frame.trusted.sum())} of {frame.trusted.size} taxels trusted"
+    if figures is not None:
+        heat = " ".join("-" if np.isnan(value) else f"{value:.0f}" for value in figures.temperature)
+        line += f"  {figures.rate:.1f} Hz  {figures.lost} lost  {figures.refused} refused  temperature {heat}"
+    return Group(table, Text(line))
+
+
+def draw(frame: TaxelFrame, layout: Layout, path: Path) -> None:
+    """Save a picture of both fingers."""
+    figure = Figure(figsize=(10, 4), layout="constrained")
+    places = finger_positions(layout) * 1e3
+    for number, axes in enumerate(figure.subplots(1, FINGERS, sharex=True, sharey=True)):
+        x, y = places[number].T
+        good = frame.trusted[number]
+        shown = axes.scatter(
+            x[good],
+            y[good],
+            c=frame.values[number][good],
+            s=400,
+            cmap="viridis",
+            vmin=0.0,
+            vmax=BRIGHT,
+            edgecolors="#888888",
+        )
+        axes.scatter(x[~good], y[~good], marker="x", s=200, color="#ee6677")
+        axes.set_title(f"{FINGER_NAMES[number]} finger, frame {frame.sequence}")
+        axes.set_xlabel("x along the finger (mm)")
+        axes.set_aspect("equal")
+        axes.margins(0.15)
+        if number == 0:
+            axes.set_ylabel("y (mm)")
+    figure.colorbar(shown, ax=figure.axes, label="counts above the baseline; cross: not trusted")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(path, dpi=110)
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"--out {path}: cannot be written: {error}") from None
+
+
+class _PlayClock:
+    """Time for a recording that has none of its own: it passes as it is waited for."""
+
+    def __init__(self, at_pace: bool) -> None:
+        self._time, self._at_pace = 0.0, at_pace
+
+    def now(self) -> float:
+        return self._time
+
+    def wait_until(self, stamp: float) -> None:
+        if self._at_pace:
+            time.sleep(max(stamp - self._time, 0.0))
+        self._time = max(stamp, self._time)
+
+
+class _Paced:
+    """A playback's own clock, made as slow as it was."""
+
+    def __init__(self, clock: Clock, at_pace: bool) -> None:
+        self._clock, self._at_pace = clock, at_pace
+
+    def now(self) -> float:
+        return self._clock.now()
+
+    def wait_until(self, stamp: float) -> None:
+        before = self._clock.now()
+        self._clock.wait_until(stamp)
+        if self._at_pace:
+            time.sleep(max(self._clock.now() - before, 0.0))
+
+
+def _watch(skin: Skin, clock: Clock, period: float, seconds: float, show: Show, stop: Event) -> None:
+    end = clock.now() + seconds
+    shown = -1
+    while True:
+        frame = skin.read()
+        if frame.sequence != shown:
+            shown = frame.sequence
+            show(Seen(frame, _figures(skin)))
+        if stop.is_set() or clock.now() >= end:
+            return
+        clock.wait_until(clock.now() + period)
+
+
+def _play(skin: Skin, clock: Clock, period: float, seconds: float, show: Show, stop: Event) -> None:
+    """Show what is not silence."""
+    shown = -1
+    reason = "nothing in it"
+    try:
+        skin.open()
+        end = clock.now() + seconds
+        while clock.now() <= end and not stop.is_set():
+            try:
+                frame = skin.read()
+                if frame.sequence != shown:
+                    shown = frame.sequence
+                    show(Seen(frame, _figures(skin)))
+            except CellError as error:
+                reason = str(error)
+                if isinstance(skin, RecordedSkin):
+                    break
+            clock.wait_until(clock.now() + period)
+    except TrafficEndedError:
+        pass
+    finally:
+        skin.close()
+    if shown < 0:
+        raise ConfigError(f"recording: no frame: {reason}")
+
+
+def _require_wire(path: Path, found: str, wanted: str) -> None:
+    if found != wanted:
+        raise ConfigError(f'{path}: traffic of a wire of kind "{found}"; skin.kind = "{wanted}"')
+
+
+def _figures(skin: Skin) -> SkinFigures | None:
+    skin = skin.skin if isinstance(skin, CalibratedSkin) else skin
+    return skin.figures() if isinstance(skin, CanSkin | SerialSkin) else None
+
+
+def _finite(value: float) -> float | None:
+    return value if np.isfinite(value) else None
+
+
+def _finger(places: Vector, values: Vector, trusted: Mask) -> Text:
+    """Return one finger, a line for every row of taxels."""
+    x, y = places.T * 1e3
+    columns = np.rint((x - x.min()) / _MM_PER_CHARACTER).astype(int)
+    rows = sorted(set(y.round(3)), reverse=True)
+    text = Text()
+    for row in rows:
+        at = 0
+        for k in sorted(np.flatnonzero(y.round(3) == row), key=lambda k: int(columns[k])):
+            text.append(" " * max(int(columns[k]) - at, 0))
+            at = max(int(columns[k]), at) + _CELL
+            shade = 232 + int(np.clip(values[k] / BRIGHT, 0.0, 1.0) * 23)
+            ink = "black" if shade > 243 else "white"
+            text.append(
+                f"{values[k]:6.0f} " if trusted[k] else "     x ", f"{ink} on color({shade})" if trusted[k] else "red"
+            )
+        text.append("\n")
+    return text

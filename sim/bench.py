@@ -1,0 +1,36 @@
+"""A bench without an arm: a rod held between the pads at any angle, and time that passes when somebody waits."""
+
+from sim.pads import PadLoad
+
+GRIP_FORCE = 30.0
+"""N."""
+
+
+class Bench:
+    """Clock and source of pad loads, for calibration."""
+
+    def __init__(self, diameter: float, half_length: float) -> None:
+        """Lay a rod of this size, m, beside the open fingers."""
+        self._time = 0.0
+        self._diameter, self._half = diameter, half_length
+        self._load: PadLoad | None = None
+
+    def now(self) -> float:
+        """Return the time, s."""
+        return self._time
+
+    def wait_until(self, stamp: float) -> None:
+        """Let time pass until `stamp`."""
+        self._time = max(self._time, stamp)
+
+    def hold(self, theta: float) -> None:
+        """Close the fingers about the middle of the rod at this in-hand angle, rad."""
+        self._load = PadLoad(theta, 0.0, GRIP_FORCE, 0.0, 0.0, self._half, self._half, self._diameter)
+
+    def release(self) -> None:
+        """Open the fingers."""
+        self._load = None
+
+    def pad_load(self) -> PadLoad | None:
+        """Return what the pads hold now."""
+        return self._load

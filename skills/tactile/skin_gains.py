@@ -1,0 +1,109 @@
+"""Gains of the taxels and point spread of the pads out of a sweep: a long rod held at known angles; pure.
+
+The model is that of the templates: at every angle each finger carries a load along the rod, a constant and a part
+that rises along it, and a taxel reads its gain times what the template of that angle says. For one point spread,
+loads and gains are fitted in turn, each a linear least-squares problem; the point spread is the one that leaves least.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from drivers.parts import Peg
+from drivers.quantities import FINGERS, TAXELS, Mask, Vector
+from drivers.skin_layout import Layout, positions
+from skills.tactile.templates import TemplateParams, make_templates
+
+SPREADS = np.arange(0.6e-3, 2.41e-3, 0.2e-3)
+"""Point spreads that are tried, m."""
+ROUNDS = 20
+LEAST_SIGNAL = 0.3
+"""A taxel's gain is measured when, at its best angle, it should read this share of the brightest taxel's best."""
+
+END = 3e-3
+"""Taxels so near to the pad's ends see the end of the rod's groove, m."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Gains:
+    """What a sweep tells."""
+
+    gains: Vector
+    """Of each taxel, shape (2, 20); the mean of those that were measured is 1 on each finger, the others are 1."""
+    measured: Mask
+    """Which gains were measured, shape (2, 20)."""
+    point_spread: float
+    """m."""
+    residual: float
+    """Root mean square of what is not explained, share of that of the readings."""
+
+
+def rod_angles(step: float) -> Vector:
+    """Return angles over half a turn, rad, that are multiples of `step`, rad."""
+    angles: Vector = np.arange(round(np.pi / step), dtype=np.float64) * step - np.pi / 2
+    return angles
+
+
+def fit_gains(
+    angles: Sequence[float], readings: Vector, trusted: Mask, rod: Peg, layout: Layout, spreads: Vector = SPREADS
+) -> Gains:
+    """Return gains and point spread.
+
+    Args:
+        angles: Of the rod in the hand, rad, n of them; multiples of the templates' step of half a degree.
+        readings: Mean of some frames at each angle, counts above the baseline, shape (n, 2, 20).
+        trusted: Taxels that could be trusted all the while, shape (2, 20).
+        rod: Long enough to lie across the whole pad, in its middle.
+        layout: Of the fingers.
+        spreads: Point spreads to try, evenly spaced, m.
+
+    Raises:
+        ValueError: Fewer than four angles, or no touch.
+    """
+    if len(angles) < 4 or not (readings[:, trusted] > 0.0).any():
+        raise ValueError(f"{len(angles)} angles, no touch in them or fewer than 4: no sweep")
+    fits = [_fit(np.asarray(angles), readings, trusted, rod, layout, float(spread)) for spread in spreads]
+    left = np.array([residual for _, _, residual in fits])
+    best = int(left.argmin())
+    spread = float(spreads[best])
+    if 0 < best < len(fits) - 1:
+        # The lowest point of the parabola through the best and its neighbours.
+        before, at, after = left[best - 1 : best + 2] ** 2
+        spread += 0.5 * float((before - after) / (before - 2 * at + after)) * float(spreads[1] - spreads[0])
+    gains, measured, residual = fits[best]
+    # Where the pad ends the model is least sure, alike on both ends and fingers: there only differences are believed.
+    along = np.abs(positions(layout)[:, 0])
+    at_end = measured & (along > along.max() - END)
+    if at_end.any():
+        gains[at_end] /= gains[at_end].mean()
+    return Gains(gains, measured, spread, float(residual))
+
+
+def _fit(
+    angles: Vector, readings: Vector, trusted: Mask, rod: Peg, layout: Layout, spread: float
+) -> tuple[Vector, Mask, float]:
+    params = TemplateParams(blur=spread, offset_step=2e-3, offset_reach=4e-3)
+    templates = make_templates(layout, rod, params)
+    centre = int(np.abs(templates.offset).argmin())
+    step = float(templates.theta[1] - templates.theta[0])
+    index = np.rint((angles - templates.theta[0]) / step).astype(int) % len(templates.theta)
+    shape = (len(angles), FINGERS, TAXELS)
+    model = np.stack([templates.even[index, centre].reshape(shape), templates.rising[index, centre].reshape(shape)])
+    signal = model[0].max(axis=0)
+    measured = trusted & (signal > LEAST_SIGNAL * signal.max())
+    gains = np.ones((FINGERS, TAXELS))
+    predicted = np.zeros(shape)
+    for _ in range(ROUNDS):
+        for finger in range(FINGERS):
+            use = measured[finger]
+            for k in range(len(angles)):
+                basis = (model[:, k, finger] * gains[finger])[:, use].T
+                load = np.linalg.lstsq(basis, readings[k, finger, use], rcond=None)[0]
+                predicted[k, finger] = load @ model[:, k, finger]
+            power = (predicted[:, finger] ** 2).sum(axis=0)
+            fitted = (predicted[:, finger] * readings[:, finger]).sum(axis=0) / np.maximum(power, 1e-9)
+            gains[finger, use] = fitted[use] / fitted[use].mean()
+    missed = (readings - gains * predicted)[:, measured]
+    scale = np.linalg.norm(readings[:, measured])
+    return gains, measured, float(np.linalg.norm(missed) / scale)

@@ -1,0 +1,124 @@
+"""What can stand behind each protocol: the fake, the stand-in, the emulated board, and, when asked for, hardware."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cell.assembly import assemble
+from cell.config import load
+from drivers.errors import SkinSilentError
+from drivers.protocols import Clock
+from sim.config import SimSkinConfig
+from sim.skin import SimSkin
+from tests.fakes import FakeArm, FakeClock, FakeGripper, FakeSkin, FakeSwitch
+from tests.skins import WIRED, BoardRig, ScriptedWorld
+
+
+@dataclass
+class Bench:
+    """One device on the bench, with the clock that it keeps, and what can be done to it."""
+
+    device: Any
+    clock: Clock
+    silence: Callable[[], None] | None = None
+    """Make it fall silent; None where the test cannot."""
+    clear: Callable[[], None] = lambda: None
+    """Clear the bench when all is done."""
+
+
+def _hardware(request, name):
+    file = request.config.getoption("--hardware")
+    if file is None:
+        pytest.skip("no hardware: --hardware FILE names the config of a cell")
+    cell = assemble(load(file).cell)
+    return Bench(getattr(cell, name), cell.clock)
+
+
+@pytest.fixture(params=["fake", "sim", *WIRED, "can over python-can", "serial over pyserial", "hardware"])
+def skin_bench(request) -> Iterator[Bench]:
+    """Yield an untouched skin, not yet open."""
+    if request.param == "hardware":
+        bench = _hardware(request, "skin")
+    elif request.param == "fake":
+        clock = FakeClock()
+        skin = FakeSkin(clock)
+        bench = Bench(skin, clock, lambda: setattr(skin, "fault", SkinSilentError("told so")))
+    elif request.param == "sim":
+        world, lost = ScriptedWorld(), []
+        config = SimSkinConfig(kind="sim")
+        skin = SimSkin(config, world, np.random.default_rng(0), lambda counts: None if lost else counts)
+        bench = Bench(skin, world, lambda: lost.append(True))
+    else:
+        kind, _, really = request.param.partition(" over ")
+        rig = BoardRig(WIRED[kind])
+        if really:
+            rig.connect_really(WIRED[kind])
+        silence = (lambda: rig.hub.replace_modules(())) if really else (lambda: rig.unplug(1e4))
+        bench = Bench(rig.skin, rig.clock, silence, rig.close)
+    yield bench
+    bench.device.close()
+    bench.clear()
+
+
+@pytest.fixture(scope="module")
+def simulated_cell():
+    """Return one simulated cell for all tests of a file."""
+    return assemble(load(sets=["sim.pace=max"]).cell)
+
+
+@pytest.fixture(params=["fake", "sim", "hardware"])
+def arm_bench(request) -> Iterator[Bench]:
+    """Yield an arm that stands still in free space, not yet open."""
+    if request.param == "hardware":
+        bench = _hardware(request, "arm")
+    elif request.param == "fake":
+        clock = FakeClock()
+        bench = Bench(FakeArm(clock), clock)
+    else:
+        cell = request.getfixturevalue("simulated_cell")
+        bench = Bench(cell.arm, cell.clock)
+    yield bench
+    bench.device.close()
+
+
+@pytest.fixture(params=["fake", "sim", "hardware"])
+def gripper_bench(request) -> Iterator[Bench]:
+    """Yield a gripper with nothing between its fingers, not yet open."""
+    if request.param == "hardware":
+        bench = _hardware(request, "gripper")
+    elif request.param == "fake":
+        gripper = FakeGripper(0.008)
+        gripper.has_peg = False
+        bench = Bench(gripper, FakeClock())
+    else:
+        cell = request.getfixturevalue("simulated_cell")
+        bench = Bench(cell.gripper, cell.clock)
+    yield bench
+    bench.device.close()
+
+
+@pytest.fixture(params=["fake", "sim", "hardware"])
+def switch_bench(request) -> Iterator[Bench]:
+    """Yield a switch with nothing on it, not yet open."""
+    if request.param == "hardware":
+        bench = _hardware(request, "switch")
+    elif request.param == "fake":
+        bench = Bench(FakeSwitch(), FakeClock())
+    else:
+        cell = request.getfixturevalue("simulated_cell")
+        bench = Bench(cell.switch, cell.clock)
+    yield bench
+    bench.device.close()
+
+
+@pytest.fixture(params=["fake", "sim", "board"])
+def clock(request) -> Clock:
+    """Return a clock."""
+    if request.param == "fake":
+        return FakeClock()
+    if request.param == "sim":
+        return request.getfixturevalue("simulated_cell").clock
+    return BoardRig(WIRED["can"]).clock

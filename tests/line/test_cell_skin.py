@@ -1,0 +1,175 @@
+"""The technician's commands about the skin: what they show, and what they say is wrong and how to mend it."""
+
+import json
+import logging
+import os
+import pty
+from datetime import date
+
+import numpy as np
+import pytest
+
+from cell.assembly import bench_skin
+from cell.calibrate import ROD_HALF, calibrate_skin
+from cell.cli import FAULT, GOOD, WRONG_USE, main
+from cell.config import load
+
+FAST = ["--set", "sim.pace=max"]
+CAN = [*FAST, "--set", "skin.kind=can"]
+SERIAL = [*FAST, "--set", "skin.kind=serial"]
+
+
+@pytest.fixture(autouse=True)
+def _quiet():
+    root = logging.getLogger()
+    level = root.level
+    yield
+    root.handlers.clear()
+    root.setLevel(level)
+
+
+def told(capsys, *arguments, status=GOOD):
+    """Return what a command that asks for JSON says."""
+    assert main([*arguments, "--json"]) == status
+    return json.loads(capsys.readouterr().out)
+
+
+def complaint(capsys, *arguments):
+    """Return the one line that wrong use is told in."""
+    assert main(list(arguments)) == WRONG_USE
+    return capsys.readouterr().err
+
+
+def checked(capsys, *arguments, status=FAULT):
+    """Return what `check` finds about the skin."""
+    return next(line["found"] for line in told(capsys, "check", *arguments, status=status) if line["device"] == "skin")
+
+
+def test_calibration_is_written_with_its_date_and_can_be_used(capsys, tmp_path):
+    found = told(capsys, "calibrate", "skin", *CAN, "--out", str(tmp_path))
+    assert found["file"] == str(tmp_path / f"skin_{found['date']}.toml")
+    assert found["point_spread"] == pytest.approx(1.2e-3, abs=0.1e-3)
+    assert told(capsys, "skin", *CAN, "--set", f"calibration.skin={found['file']}")["figures"]["lost"] == 0
+
+
+def test_calibration_brings_the_taxels_together():
+    """Gains are compared with those that the stand-in drew."""
+    config = load(sets=["skin.kind=can"]).cell
+    skin, _, _ = bench_skin(config, ROD_HALF)
+    drawn = skin._port.link.board.hub.measure.__self__.taxels._gain
+    found = calibrate_skin(config, date(2026, 3, 2), lambda done, of: None)
+    remaining = drawn / np.array([found.left, found.right])
+    before, after = (values.std() / values.mean() for values in (drawn, remaining))
+    assert before > 0.045
+    assert after < 0.6 * before
+
+
+def test_real_skin_cannot_be_calibrated_on_the_simulated_bench(capsys):
+    assert "simulated skin or an emulated board" in complaint(
+        capsys, "calibrate", "skin", *CAN, "--set", "skin.channel=can0"
+    )
+
+
+@pytest.mark.parametrize("kind", ["sim", "can", "serial"])
+def test_both_fingers_are_shown_and_a_picture_is_saved(kind, capsys, tmp_path):
+    picture = tmp_path / "new" / "skin.png"
+    assert main(["skin", *FAST, "--set", f"skin.kind={kind}", "--out", str(picture)]) == GOOD
+    out = capsys.readouterr().out
+    assert "left finger" in out
+    assert "40 of 40 taxels trusted" in out
+    assert ("10.0 Hz  0 lost" in out) == (kind != "sim")
+    assert picture.read_bytes()[1:4] == b"PNG"
+
+
+def test_recorded_traffic_plays_back_to_the_same_last_frame(capsys, tmp_path):
+    file = str(tmp_path / "traffic")
+    live = told(capsys, "skin", *SERIAL, "--record", file)
+    again = told(capsys, "skin", *SERIAL, "--replay", file)
+    assert {**again, "figures": None} == {**live, "figures": None}
+
+
+def test_traffic_of_another_wire_is_told(capsys, tmp_path):
+    file = str(tmp_path / "traffic")
+    told(capsys, "skin", *SERIAL, "--record", file)
+    assert 'skin.kind = "can"' in complaint(capsys, "skin", *CAN, "--replay", file)
+    assert 'skin.kind = "can" or "serial" needed, not "sim"' in complaint(capsys, "skin", *FAST, "--replay", file)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--replay", "no_such_file"], "cannot be read"),
+        (["--replay", __file__], "no recording"),
+        (["--record", "traffic"], "skin.record: unknown key; creep, "),
+        ([*CAN, "--set", "skin.rate=200"], "skin.rate = 200: a number from 1 to 100 allowed"),
+        (["--set", "skin.kind=usb"], '\'usb\': "can", "serial", "sim" allowed'),
+        ([*CAN, "--set", "skin.board.kind=ican"], '"cyskin", "icub" allowed'),
+        ([*SERIAL, "--set", "skin.board.wire.crc.polynomial=6"], "lets single flipped bits through"),
+        ([*CAN, "--out", "/proc/picture.png"], "cannot be written"),
+    ],
+)
+def test_wrong_use_is_told_in_one_line(arguments, said, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    line = complaint(capsys, "skin", *arguments)
+    assert line.count("\n") == 1
+    assert said in line
+
+
+def test_sound_skin_is_ok(capsys):
+    for wire in (CAN, SERIAL):
+        assert checked(capsys, *wire, status=GOOD) == "ok"
+
+
+def test_dead_module_is_named_with_its_finger_and_taxels(capsys):
+    found = checked(capsys, *CAN, "--set", "boards.skin.dead_modules=1")
+    assert "right finger, module 1 (taxels 10 to 19): dead" in found
+    assert found.startswith("fault 1002")
+
+
+def test_dead_taxels_are_named(capsys):
+    assert "finger, taxels " in checked(capsys, *FAST, "--set", "skin.dead_taxels=2")
+
+
+def test_silent_board_is_named(capsys):
+    away = ["--set", "boards.skin.faults.unplugged=[[0.0, 100.0]]"]
+    assert "hub 1 does not answer" in checked(capsys, *CAN, *away)
+    assert "no such port: plug it in" in checked(capsys, *SERIAL, *away)
+
+
+def test_wire_that_is_too_slow_is_named(capsys):
+    slow = ["--set", "skin.rate=100", "--set", "skin.baud_rate=57600"]
+    assert "80% of skin.rate" in checked(capsys, *SERIAL, *slow)
+
+
+def test_wire_that_loses_data_is_named(capsys):
+    found = checked(capsys, *SERIAL, "--set", "boards.skin.faults.corrupt=0.003")
+    assert "messages refused: mend the wiring" in found
+
+
+def test_port_that_is_not_there_is_named(capsys):
+    found = checked(capsys, *SERIAL, "--set", "skin.port=/dev/ttyNO7")
+    assert found == "fault 1007: serial port /dev/ttyNO7: no such port: plug it in, or name another one"
+
+
+def test_line_on_which_nobody_answers_is_named(capsys):
+    far, near = pty.openpty()
+    try:
+        found = checked(capsys, *SERIAL, "--set", f"skin.port={os.ttyname(near)}", "--set", "skin.open_timeout=0.2")
+    finally:
+        os.close(far)
+        os.close(near)
+    assert found == "fault 1001: skin: hub 1 does not answer"
+
+
+def test_bus_on_which_nobody_answers_is_named(capsys):
+    found = checked(
+        capsys,
+        *CAN,
+        "--set",
+        "skin.interface=virtual",
+        "--set",
+        "skin.channel=nobody",
+        "--set",
+        "skin.open_timeout=0.2",
+    )
+    assert found == "fault 1001: skin: hub 1 does not answer"

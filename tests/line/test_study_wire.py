@@ -1,0 +1,18 @@
+"""The study of the wires: what it measures must be possible."""
+
+from cell.studies.wire import decode_rates, latencies
+
+
+def test_every_wire_is_decoded_faster_than_it_can_carry():
+    lines = decode_rates(300)
+    assert {line.wire for line in lines} == {"can", "serial", "icub"}
+    assert all(line.decoded > line.limit for line in lines)
+
+
+def test_frames_are_seen_within_a_scan_and_their_way_and_lost_boards_come_back():
+    lines = {line.wire: line for line in latencies(2, 1.0)}
+    for line in lines.values():
+        assert 0.0 < line.age_p50 <= line.age_p99 < 0.02
+        assert 0.0 < line.recovery_p50 <= line.recovery_max < 1.0
+    assert lines["can"].age_p99 < 0.0115
+    assert lines["serial"].age_p50 > 0.0095
