@@ -157,4 +157,6 @@ def _with_port(text: str, default: int) -> tuple[str, int]:
 
 
 def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split()) or type(error).__name__
+    said = " ".join(str(error).split()) or type(error).__name__
+    cause = " ".join(str(error.__cause__ or "").split())
+    return said if cause in said else f"{said}: {cause}"

@@ -81,7 +81,7 @@ def test_socketcand_is_named_by_host_port_and_channel(fake):
         ("udp_multicast", "239.1.2.3:x", "1 to 65535"),
         ("socketcan", "no-such-can", ""),
         ("slcan", "/dev/no-such-port", ""),
-        ("udp_multicast", "127.0.0.1", ""),
+        ("udp_multicast", "127.0.0.1", "Invalid argument"),
     ],
 )
 def test_a_bus_that_cannot_be_opened_is_said_in_one_line(interface, channel, said):
