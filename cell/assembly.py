@@ -12,8 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cell.checks import check_clock, verdict
 from cell.config import CellConfig
 from drivers.can_bus import CanBus
+from drivers.clock import WallClock
 from drivers.errors import CellError, ConfigError
 from drivers.parts import Job
 from drivers.protocols import Arm, Clock, Device, Gripper, Skin, SuccessSwitch
@@ -21,6 +23,7 @@ from drivers.skin import EMULATED, CanSkin, CanSkinConfig, SerialSkin, SerialSki
 from drivers.skin_calibration import CalibratedSkin, read_calibration
 from drivers.skin_health import require_trust
 from drivers.skin_port import ByteLink, CanLink
+from drivers.switch import SerialSuccessSwitch, SerialSwitchConfig
 from drivers.traffic import RecordedCan, RecordedLine, Recorder
 from drivers.transport import SerialLine
 from skills.contract import Estimator, SkillContext
@@ -32,6 +35,7 @@ from skills.tactile.robust import RobustEstimator
 if TYPE_CHECKING:
     from sim.bench import Bench
     from sim.boards import SkinSource
+    from sim.switch import SwitchSource
     from sim.world import Truth
 
 SEARCH_STREAM = 3
@@ -52,6 +56,8 @@ class Cell:
     """Stand a fresh peg in the rack: simulated cells do, on hardware it is the operator's affair."""
     truth: "Callable[[], Truth] | None" = None
     """What no sensor tells; simulated cells only."""
+    boards: tuple[Device, ...] = ()
+    """Emulated boards that are powered before the devices are opened."""
 
     def devices(self) -> tuple[tuple[str, Device], ...]:
         """Return the devices by name, in the order in which they are opened."""
@@ -94,10 +100,9 @@ def make_estimator(config: CellConfig) -> Estimator:
 
 def assemble(config: CellConfig) -> Cell:
     """Return the cell that a config describes; nothing is opened yet."""
-    # Arm, gripper and switch are simulated so far: a config of another kind does not get here.
+    # Arm and gripper are simulated so far: a config of another kind does not get here.
     from sim.arm import SimArm
     from sim.gripper import SimGripper
-    from sim.switch import SimSwitch
     from sim.world import World
 
     assert config.sim is not None
@@ -105,15 +110,17 @@ def assemble(config: CellConfig) -> Cell:
     assert config.grip is not None
     world = World(config.sim, config.contact, config.grip, config.skin.layout, config.job())
     skin, clock = _skin(config, world, world.draw.skin)
+    switch, clock, boards = _switch(config, world, clock)
     return Cell(
         config=config,
         clock=clock,
         arm=SimArm(world),
         gripper=SimGripper(world),
         skin=skin,
-        switch=SimSwitch(world),
+        switch=switch,
         restock=world.restock,
         truth=world.truth,
+        boards=boards,
     )
 
 
@@ -172,6 +179,24 @@ def bench_skin(config: CellConfig, rod_half: float) -> "tuple[Skin, Clock, Bench
     return (*_bare_skin(config, bench, drawn.skin), bench)
 
 
+def _switch(
+    config: CellConfig, source: "SwitchSource", clock: Clock
+) -> tuple[SuccessSwitch, Clock, tuple[Device, ...]]:
+    """Return the switch, the clock that its board, where it is emulated, keeps step with, and that board."""
+    from sim.board_clock import BoardClock
+    from sim.switch import SimSwitch
+    from sim.switch_board import EmulatedSwitchBoard
+
+    wired = config.switch
+    if not isinstance(wired, SerialSwitchConfig):
+        return SimSwitch(source), clock, ()
+    if wired.port != EMULATED:
+        return SerialSuccessSwitch(wired, clock), clock, ()
+    board = EmulatedSwitchBoard(source)
+    clock = BoardClock(clock, (board,))
+    return SerialSuccessSwitch(wired.model_copy(update={"port": board.port}), clock), clock, (board,)
+
+
 @contextmanager
 def opened(cell: Cell) -> Iterator[Cell]:
     """Open every device; on the way out halt the arm and close them in reverse order.
@@ -180,6 +205,9 @@ def opened(cell: Cell) -> Iterator[Cell]:
         CellError: A device cannot be opened; those opened before it are closed again.
     """
     with ExitStack() as stack:
+        for board in cell.boards:
+            stack.callback(board.close)
+            board.open()
         for name, device in cell.devices():
             stack.callback(device.close)
             device.open()
@@ -189,7 +217,22 @@ def opened(cell: Cell) -> Iterator[Cell]:
 
 
 def check(cell: Cell) -> list[tuple[str, str]]:
-    """Open each device, read it once, close it; return the name of each with "ok" or what is wrong."""
+    """Open each device, read it once, close it; return the name of each with "ok" or what is wrong.
+
+    Raises:
+        DeviceNotOpenedError: An emulated board cannot be powered.
+    """
+    with ExitStack() as stack:
+        for board in cell.boards:
+            stack.callback(board.close)
+            board.open()
+        found = _check_devices(cell)
+    if isinstance(cell.clock, WallClock):
+        found.append(("clock", check_clock(cell.clock, 1.0 / cell.config.scan_rate)))
+    return found
+
+
+def _check_devices(cell: Cell) -> list[tuple[str, str]]:
     readers: dict[str, Callable[[], object]] = {
         "arm": cell.arm.read,
         "gripper": cell.gripper.read,
@@ -200,8 +243,7 @@ def check(cell: Cell) -> list[tuple[str, str]]:
     for name, device in cell.devices():
         try:
             device.open()
-            readers[name]()
-            found.append((name, "ok"))
+            found.append((name, verdict(readers[name]())))
         except CellError as error:
             found.append((name, f"fault {error.code.value}: {error}"))
         finally:

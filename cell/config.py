@@ -14,6 +14,7 @@ from cell.config_errors import explain
 from drivers.errors import ConfigError
 from drivers.parts import ConfigModel, FilePath, Hole, Job, Peg, Rack
 from drivers.skin import EMULATED, CanSkinConfig, SerialSkinConfig
+from drivers.switch import SerialSwitchConfig
 from plc_bridge.config import PlcConfig
 from sim.config import (
     BoardsConfig,
@@ -95,7 +96,7 @@ class CellConfig(ConfigModel):
     ml: LikelihoodParams = LikelihoodParams()
     robust: RobustParams = RobustParams()
     smoothing: Smoothing = Smoothing()
-    switch: SimSwitchConfig
+    switch: Annotated[SimSwitchConfig | SerialSwitchConfig, Field(discriminator="kind")]
     plc: PlcConfig
     journal: JournalConfig = JournalConfig()
     contact: ContactConfig | None = None
@@ -129,6 +130,8 @@ class CellConfig(ConfigModel):
                 raise ValueError(f'[{name}]: missing; needed because {simulated[0]}.kind = "sim"')
         if not simulated and self.is_skin_emulated():
             raise ValueError(f'skin.kind = "{self.skin.kind}": its board is "{EMULATED}", which needs a simulated arm')
+        if not simulated and isinstance(self.switch, SerialSwitchConfig) and self.switch.port == EMULATED:
+            raise ValueError(f'switch.port = "{EMULATED}": needs a simulated cell; the name of a port allowed')
         if simulated and self.peg.shape != "round":
             raise ValueError(f'peg.shape = "{self.peg.shape}": the simulated cell has round pegs; "round" allowed')
         return self

@@ -110,6 +110,8 @@ def _walk(loc: tuple[int | str, ...], root: Mapping[str, Any], tree: Any) -> tup
         if known is not None:
             schema = _follow(known[step], root)
         elif not (isinstance(value, Mapping) and step in value):
+            tags = schema.get("discriminator", {}).get("mapping", {})
+            schema = _follow({"$ref": tags[step]}, root) if step in tags else schema
             continue
         place.append(step)
         value = value.get(step) if isinstance(value, Mapping) else None

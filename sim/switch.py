@@ -1,13 +1,24 @@
 """The simulated switch under the hole as a SuccessSwitch."""
 
+from typing import Protocol
+
 from drivers.quantities import SwitchState
-from sim.world import World
+
+
+class SwitchSource(Protocol):
+    """The world, as far as the switch under the hole sees it."""
+
+    def now(self) -> float:
+        """Return the time, s."""
+
+    def is_switch_pressed(self) -> bool:
+        """Whether something presses the lever."""
 
 
 class SimSwitch:
     """Closes when the peg's end reaches the seated depth."""
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: SwitchSource) -> None:
         """Attach to the world that has the hole."""
         self._world = world
 

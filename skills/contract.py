@@ -1,6 +1,7 @@
 """What a skill is: typed parameters and a context in, a typed result out."""
 
 import math
+from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from enum import Enum, IntEnum, StrEnum
@@ -9,7 +10,7 @@ from typing import Annotated, NoReturn, Protocol
 import numpy as np
 from pydantic import Field
 
-from drivers.errors import SkinUntrustedError
+from drivers.errors import ScanOverrunError, SkinUntrustedError
 from drivers.frames import end_point
 from drivers.parts import ConfigModel, Job
 from drivers.protocols import Arm, Clock, Gripper, Skin, SuccessSwitch
@@ -149,6 +150,10 @@ class Smoothing(ConfigModel):
 
 
 AS_IT_COMES = Smoothing()
+OVERRUN_WINDOW = 100
+"""Scans that overruns are counted over."""
+MOST_OVERRUNS = 5
+"""So many scans of the window may take longer than two periods; a scan that slips once is made up for."""
 LEAST_TRUSTED = 20
 """Taxels of both fingers without which no skill goes on: half of them, one module of each finger."""
 
@@ -257,7 +262,8 @@ class SkillContext:
             Interrupted: Stop request, force limit, workspace limit or a lost grasp; the arm is halted.
             CellError: A device is silent, stopped or not to be believed.
         """
-        elapsed = 0.0
+        elapsed, due = 0.0, math.inf
+        overruns: deque[bool] = deque(maxlen=OVERRUN_WINDOW)
         while elapsed < timeout:
             request = self.poll()
             if request is Request.STOP:
@@ -265,6 +271,13 @@ class SkillContext:
             if request is Request.HOLD:
                 self.arm.halt()
             seen = self.observe(elapsed)
+            overruns.append(seen.stamp > due + self.scan_period)
+            due = seen.stamp + self.scan_period
+            if sum(overruns) > MOST_OVERRUNS:
+                raise ScanOverrunError(
+                    f"scan: {sum(overruns)} of the last {len(overruns)} took longer than "
+                    f"{2e3 * self.scan_period:g} ms; {MOST_OVERRUNS} allowed: stop other programs, or lower scan_rate"
+                )
             if limited:
                 self._check(seen)
             self.record(seen, self.held)
@@ -273,7 +286,7 @@ class SkillContext:
             if request is Request.RUN:
                 yield seen
                 elapsed += self.scan_period
-            self.clock.wait_until(seen.stamp + self.scan_period)
+            self.clock.wait_until(due)
 
     def _check(self, seen: Observation) -> None:
         force = seen.arm.wrench.force

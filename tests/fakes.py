@@ -37,6 +37,8 @@ class FakeClock:
 
     def __init__(self) -> None:
         self.time = 0.0
+        self.lag = 0.0
+        """Every wait takes so much longer, as on a busy computer, s."""
         self.at: list[tuple[float, Callable[[], None]]] = []
         self.every: list[Callable[[], None]] = []
 
@@ -44,7 +46,7 @@ class FakeClock:
         return self.time
 
     def wait_until(self, stamp: float) -> None:
-        self.time = max(self.time, stamp)
+        self.time = max(self.time, stamp) + self.lag
         for action in self.every:
             action()
         due = [entry for entry in self.at if entry[0] <= self.time]

@@ -11,8 +11,14 @@ from cell.assembly import assemble
 from cell.config import load
 from drivers.errors import SkinSilentError
 from drivers.protocols import Clock
+from drivers.quantities import SwitchState
+from drivers.switch import SerialSuccessSwitch, SerialSwitchConfig
+from sim.board_clock import BoardClock
 from sim.config import SimSkinConfig
 from sim.skin import SimSkin
+from sim.switch import SimSwitch
+from sim.switch_board import EmulatedSwitchBoard
+from tests.emulation import emulated_or_skip
 from tests.fakes import FakeArm, FakeClock, FakeGripper, FakeSkin, FakeSwitch
 from tests.skins import WIRED, BoardRig, ScriptedWorld
 
@@ -25,6 +31,8 @@ class Bench:
     clock: Clock
     silence: Callable[[], None] | None = None
     """Make it fall silent; None where the test cannot."""
+    press: Callable[[bool], None] | None = None
+    """Press or release a switch; None where the test cannot."""
     clear: Callable[[], None] = lambda: None
     """Clear the bench when all is done."""
 
@@ -100,18 +108,47 @@ def gripper_bench(request) -> Iterator[Bench]:
     bench.device.close()
 
 
-@pytest.fixture(params=["fake", "sim", "hardware"])
+class Lever:
+    """The world, as far as the switch under the hole sees it."""
+
+    def __init__(self, clock: Clock) -> None:
+        self.is_pressed = False
+        self.now = clock.now
+
+    def is_switch_pressed(self) -> bool:
+        return self.is_pressed
+
+
+@pytest.fixture(params=["fake", "sim", "firmware", "hardware"])
 def switch_bench(request) -> Iterator[Bench]:
     """Yield a switch with nothing on it, not yet open."""
+    clock = FakeClock()
+    lever = Lever(clock)
+
+    def press(pressed: bool) -> None:
+        lever.is_pressed = pressed
+
     if request.param == "hardware":
         bench = _hardware(request, "switch")
     elif request.param == "fake":
-        bench = Bench(FakeSwitch(), FakeClock())
+        switch = FakeSwitch()
+
+        def tell(pressed: bool) -> None:
+            switch.state = SwitchState.CLOSED if pressed else SwitchState.OPEN
+
+        bench = Bench(switch, clock, press=tell)
+    elif request.param == "sim":
+        bench = Bench(SimSwitch(lever), clock, press=press)
     else:
-        cell = request.getfixturevalue("simulated_cell")
-        bench = Bench(cell.switch, cell.clock)
+        emulated_or_skip()
+        board = EmulatedSwitchBoard(lever)
+        board.open()
+        both = BoardClock(clock, (board,))
+        config = SerialSwitchConfig(kind="serial", port=board.port)
+        bench = Bench(SerialSuccessSwitch(config, both), both, press=press, clear=board.close)
     yield bench
     bench.device.close()
+    bench.clear()
 
 
 @pytest.fixture(params=["fake", "sim", "board"])

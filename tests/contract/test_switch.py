@@ -1,11 +1,50 @@
-"""What holds for every success switch; nothing presses the one on the bench."""
+"""What holds for every success switch; nothing presses the one on the bench at first."""
+
+import pytest
 
 from drivers.quantities import SwitchState
+
+ANSWER_TIME = 0.05
+"""Longest time from the edge to the answer, s: five scans."""
+
+
+def wait(bench, time):
+    """Let so much time pass, s, read in every scan, and return what is read last."""
+    end = bench.clock.now() + time
+    while bench.clock.now() < end:
+        bench.clock.wait_until(min(bench.clock.now() + 0.01, end))
+        bench.device.read()
+    return bench.device.read()
+
+
+def press(bench, pressed):
+    if bench.press is None:
+        pytest.skip("needs a hand at the lever")
+    bench.press(pressed)
 
 
 def test_switch_that_nothing_presses_is_open(switch_bench):
     switch_bench.device.open()
     assert switch_bench.device.read() is SwitchState.OPEN
+
+
+def test_pressed_is_closed_and_released_is_open_again(switch_bench):
+    switch_bench.device.open()
+    for pressed, state in ((True, SwitchState.CLOSED), (False, SwitchState.OPEN), (True, SwitchState.CLOSED)):
+        press(switch_bench, pressed)
+        assert wait(switch_bench, ANSWER_TIME) is state
+
+
+def test_switch_that_is_pressed_from_the_start_is_closed(switch_bench):
+    press(switch_bench, True)
+    wait(switch_bench, ANSWER_TIME)
+    switch_bench.device.open()
+    assert wait(switch_bench, ANSWER_TIME) is SwitchState.CLOSED
+
+
+def test_switch_at_rest_does_not_change(switch_bench):
+    switch_bench.device.open()
+    assert {wait(switch_bench, ANSWER_TIME) for _ in range(20)} == {SwitchState.OPEN}
 
 
 def test_reading_never_waits(switch_bench):
@@ -20,4 +59,4 @@ def test_closing_twice_and_opening_again_are_harmless(switch_bench):
     switch_bench.device.close()
     switch_bench.device.close()
     switch_bench.device.open()
-    assert switch_bench.device.read() in SwitchState
+    assert switch_bench.device.read() is SwitchState.OPEN

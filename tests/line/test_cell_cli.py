@@ -14,6 +14,7 @@ from cell.config import DEFAULT
 from drivers.errors import FAULTS
 from plc_bridge.peer import Peer
 from plc_bridge.registers import Diagnostics
+from tests.emulation import emulated_or_skip
 from tests.fakes import Rig
 from tests.serving import serving
 
@@ -73,6 +74,18 @@ def test_a_defect_is_one_line_too(capsys, monkeypatch):
     monkeypatch.setitem(cli._COMMANDS, "map", lambda args: 1 / 0)
     assert main(["map"]) == FAULT
     assert capsys.readouterr().err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("port", "told"), [("/dev/no-such-port", "no such port"), ("/dev/null", "/dev/null"), ("emulated", "ok")]
+)
+def test_check_says_what_is_wrong_with_the_switch(capsys, port, told):
+    if port == "emulated":
+        emulated_or_skip()
+    status = main(["check", "--json", "--set", f"switch={{kind='serial', port='{port}'}}", "--set", "sim.pace=max"])
+    found = {entry["device"]: entry["found"] for entry in json.loads(capsys.readouterr().out)}
+    assert told in found["switch"]
+    assert (status == GOOD) == (told == "ok")
 
 
 def test_check_reads_every_device(capsys):

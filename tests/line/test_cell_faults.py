@@ -43,6 +43,7 @@ PROVOKE = {
     FaultCode.SKIN_UNTRUSTED: (GRASP, lambda rig: faulty(rig, rig.skin, SkinUntrustedError("skin: 3 taxels"))),
     FaultCode.ARM_STOPPED: (GRASP, lambda rig: faulty(rig, rig.arm, ArmStoppedError("arm: emergency stop"))),
     FaultCode.ARM_REFLEX: (GRASP, lambda rig: faulty(rig, rig.arm, ArmReflexError("arm: reflex"))),
+    FaultCode.SCAN_OVERRUN: (GRASP, lambda rig: rig.at(0.5, lambda: setattr(rig.clock, "lag", 0.02))),
     FaultCode.SOFTWARE: (GRASP, lambda rig: faulty(rig, rig.arm, ZeroDivisionError("a\ndefect"))),
     FaultCode.SWITCH_UNKNOWN: (ADJUST, lambda rig: switch_says(rig, SwitchState.UNKNOWN)),
     FaultCode.SWITCH_DISAGREES: (ADJUST, lambda rig: switch_says(rig, SwitchState.CLOSED)),
@@ -65,7 +66,7 @@ def test_after_a_fault_clear_and_reset_re_arm(rig, code):
     command, provoke = PROVOKE[code]
     provoke(rig)
     rig.command(command)
-    rig.skin.fault, rig.switch.state, rig.plc.is_alive = None, SwitchState.OPEN, True
+    rig.skin.fault, rig.switch.state, rig.plc.is_alive, rig.clock.lag = None, SwitchState.OPEN, True, 0.0
     rig.scan(2)
     if code is FaultCode.PLC_LOST:
         rig.plc.trigger(0)  # the first number after a loss is adopted, never run
@@ -79,6 +80,12 @@ def test_reset_alone_re_arms_too(rig):
     faulty(rig, rig.arm, ArmReflexError("arm: reflex"))
     rig.command(GRASP)
     assert rig.command(Control.RESET).state == State.IDLE
+
+
+def test_a_scan_that_slips_now_and_then_is_made_up_for(rig):
+    for slip in range(5):
+        rig.at(0.1 + 0.1 * slip, lambda: setattr(rig.clock, "time", rig.clock.time + 0.05))
+    assert rig.command(GRASP).result == Result.SUCCESS
 
 
 def test_a_reset_that_does_not_mend_the_device_leaves_the_fault(rig):

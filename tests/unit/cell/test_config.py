@@ -115,3 +115,22 @@ def test_certificates_are_looked_for_beside_the_config_file(tmp_path):
         found = config.plc.tls
         assert (found.certificate, found.authority) == (tmp_path / "cell.pem", tmp_path / "ca/root.pem")
         assert str(found.key) == "/keys/cell.key"
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        ("switch={kind='modem'}", ["switch.kind = 'modem'", '"serial", "sim" allowed']),
+        ("switch={}", ["switch.kind", "missing", '"serial", "sim" needed']),
+        ("switch={kind='serial'}", ["switch.port", "missing"]),
+        (
+            "switch={kind='serial', port='/dev/ttyUSB0', baud=9600}",
+            ["switch.baud", "unknown key", "kind, port allowed"],
+        ),
+    ],
+)
+def test_a_wrong_kind_of_device_is_told_in_one_line(wrong, told, tmp_path):
+    path = tmp_path / "cell.toml"
+    path.write_text(DEFAULT.read_text().replace('[switch]\nkind = "sim"\n', ""))
+    line = line_about(wrong, path=path)
+    assert all(word in line for word in told), line

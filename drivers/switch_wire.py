@@ -1,0 +1,126 @@
+"""The switch board's packet and bytes; pure, no I/O.
+
+Ten bytes at 38400 baud, 8N1, from the board alone. Only the first has its highest bit set, so that a reader which
+lost bytes finds its place at the next packet:
+
+| byte | content |
+| --- | --- |
+| 0 | 0xD1 |
+| 1 | version of the firmware, 1 to 127 |
+| 2 | bits 0-1: debounced contacts (`Contacts`); bit 2, 3: normally open, normally closed contact conducts now |
+| 3 | bit 0: memory broken; 1: program broken; 2, 3: restarted by watchdog, by low supply |
+| 4-6 | time since its reset, ms, modulo 2**21, low seven bits first |
+| 7-9 | CRC-16/CCITT (polynomial 0x1021, start 0xFFFF) of bytes 0 to 6, low seven bits first |
+"""
+
+from binascii import crc_hqx
+from dataclasses import dataclass
+from enum import IntEnum
+
+BAUD_RATE = 38400
+LENGTH = 10
+TIME_RANGE = 2**21
+"""The board's time starts anew after so many ms."""
+_START = 0xD1
+_CRC_START = 0xFFFF
+_MEMORY, _PROGRAM, _WATCHDOG, _LOW_SUPPLY = 1, 2, 4, 8
+_NORMALLY_OPEN, _NORMALLY_CLOSED = 4, 8
+
+
+class Contacts(IntEnum):
+    """What the board makes of its two contacts."""
+
+    UNKNOWN = 0
+    """Not yet debounced since the reset, or the board does not trust itself."""
+    OPEN = 1
+    CLOSED = 2
+    DISAGREE = 3
+    """Both conduct, or neither, for longer than the lever travels."""
+
+
+@dataclass(frozen=True, slots=True)
+class SwitchReport:
+    """One packet."""
+
+    firmware: int
+    """Version, 0 to 127."""
+    contacts: Contacts
+    time: int
+    """Since the board's reset, ms, modulo `TIME_RANGE`."""
+    normally_open: bool = False
+    """The contact conducts now."""
+    normally_closed: bool = False
+    """The contact conducts now."""
+    is_memory_broken: bool = False
+    is_program_broken: bool = False
+    was_hung: bool = False
+    """The watchdog restarted it."""
+    was_starved: bool = False
+    """Its supply fell too low and it restarted."""
+
+
+def encode(report: SwitchReport) -> bytes:
+    """Return the packet."""
+    contacts = report.contacts | _NORMALLY_OPEN * report.normally_open | _NORMALLY_CLOSED * report.normally_closed
+    health = (
+        _MEMORY * report.is_memory_broken
+        | _PROGRAM * report.is_program_broken
+        | _WATCHDOG * report.was_hung
+        | _LOW_SUPPLY * report.was_starved
+    )
+    head = bytes([_START, report.firmware, contacts, health, *_septets(report.time % TIME_RANGE)])
+    return head + bytes(_septets(crc_hqx(head, _CRC_START)))
+
+
+def decode(packet: bytes) -> SwitchReport | None:
+    """Return what a packet says; None when its length, bits or CRC are wrong."""
+    if len(packet) != LENGTH or packet[0] != _START or any(byte & 0x80 for byte in packet[1:]):
+        return None
+    if packet[7:] != bytes(_septets(crc_hqx(packet[:7], _CRC_START))):
+        return None
+    contacts, health = packet[2], packet[3]
+    return SwitchReport(
+        firmware=packet[1],
+        contacts=Contacts(contacts & 3),
+        time=packet[4] | packet[5] << 7 | packet[6] << 14,
+        normally_open=bool(contacts & _NORMALLY_OPEN),
+        normally_closed=bool(contacts & _NORMALLY_CLOSED),
+        is_memory_broken=bool(health & _MEMORY),
+        is_program_broken=bool(health & _PROGRAM),
+        was_hung=bool(health & _WATCHDOG),
+        was_starved=bool(health & _LOW_SUPPLY),
+    )
+
+
+class Decoder:
+    """Takes bytes as they come, in pieces of any size, and finds the packets in them."""
+
+    def __init__(self) -> None:
+        """Expect the start of a packet."""
+        self._packet = bytearray()
+        self.refused = 0
+        """Bytes that belonged to no valid packet."""
+
+    def feed(self, data: bytes) -> list[SwitchReport]:
+        """Return the packets that `data` completes, oldest first."""
+        reports = []
+        for byte in data:
+            if byte & 0x80:
+                self.refused += len(self._packet)
+                self._packet.clear()
+            elif not self._packet:
+                self.refused += 1
+                continue
+            self._packet.append(byte)
+            if len(self._packet) == LENGTH:
+                report = decode(bytes(self._packet))
+                if report is None:
+                    self.refused += LENGTH
+                else:
+                    reports.append(report)
+                self._packet.clear()
+        return reports
+
+
+def _septets(value: int) -> tuple[int, int, int]:
+    return value & 0x7F, value >> 7 & 0x7F, value >> 14

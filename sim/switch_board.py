@@ -1,0 +1,136 @@
+"""The switch board behind a wire: its real firmware on an emulated ATmega328P, its UART on a pseudo-terminal."""
+
+import ctypes
+import math
+import subprocess
+import tempfile
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+import drivers
+from drivers.errors import DeviceNotOpenedError
+from sim.switch import SwitchSource
+from sim.terminal import Terminal
+
+FREQUENCY = 16_000_000
+"""Cycles of the emulated chip in one second."""
+FIRMWARE = Path(drivers.__file__).parent / "switch_firmware" / "switch.hex"
+_SOURCE = Path(__file__).with_suffix(".c")
+_COMPILE = ("cc", "-O2", "-shared", "-fPIC", "-I/usr/include/simavr", str(_SOURCE), "-lsimavr", "-lelf", "-o")
+
+
+@cache
+def _library() -> ctypes.CDLL:
+    """Compile the emulator, once in a process, and load it."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "switch_board.so"
+        try:
+            subprocess.run([*_COMPILE, str(path)], check=True, capture_output=True)
+        except (OSError, subprocess.CalledProcessError) as error:
+            raise DeviceNotOpenedError(
+                "emulated switch board: cannot be compiled: apt-get install gcc libc6-dev libsimavr-dev libelf-dev"
+            ) from error
+        library = ctypes.CDLL(str(path))
+    library.chip_new.restype = ctypes.c_void_p
+    library.chip_bytes.restype = ctypes.POINTER(ctypes.c_uint8)
+    library.chip_cycles.restype = ctypes.POINTER(ctypes.c_uint64)
+    return library
+
+
+class Chip:
+    """An ATmega328P that runs when it is told to."""
+
+    def __init__(self, firmware: Path = FIRMWARE) -> None:
+        """Power the chip up.
+
+        Raises:
+            DeviceNotOpenedError: No compiler, no libsimavr, or no such firmware.
+        """
+        self._library = _library()
+        self._chip = ctypes.c_void_p(self._library.chip_new(bytes(firmware)))
+        if not self._chip:
+            raise DeviceNotOpenedError(f"emulated switch board: {firmware} is no program for this chip")
+        self.run(0, True, False)
+
+    def stop(self) -> None:
+        """Take the power away, once."""
+        self._library.chip_free(self._chip)
+
+    def run(self, cycle: int, normally_open: bool, normally_closed: bool) -> list[tuple[int, int]]:
+        """Run until `cycle` with these levels, True is high, at the two pins.
+
+        Returns:
+            Bytes that left the UART meanwhile, each after the cycle at which its last bit ends.
+        """
+        count = self._library.chip_run(self._chip, ctypes.c_uint64(cycle), normally_open, normally_closed)
+        if count < 0:
+            raise DeviceNotOpenedError("emulated switch board: the firmware ran into something that is no program")
+        cycles, sent = self._library.chip_cycles(self._chip), self._library.chip_bytes(self._chip)
+        return list(zip(cycles[:count], sent[:count], strict=True))
+
+    def reset(self) -> None:
+        """Pull the reset pin."""
+        self._library.chip_reset(self._chip)
+
+    def spoil_data(self, address: int, value: int) -> None:
+        """Overwrite one byte of memory or a register, as an error inside the chip would."""
+        self._library.chip_spoil_data(self._chip, address, value)
+
+    def spoil_program(self, address: int) -> None:
+        """Flip one bit of the program."""
+        self._library.chip_spoil_program(self._chip, address)
+
+
+class EmulatedSwitchBoard:
+    """The chip wired to the simulated hole, in step with the simulated time; faults on demand.
+
+    The lever is looked at once in every step of the cell's clock, and the chip sees it in the step after.
+    """
+
+    def __init__(self, source: SwitchSource, firmware: Path = FIRMWARE) -> None:
+        """Describe the board; nothing runs yet."""
+        self._source, self._firmware = source, firmware
+        self._terminal = Terminal("switch-board")
+        self.port = self._terminal.port
+        """Name of its serial port."""
+        self.spoil: Callable[[bytes], bytes] = bytes
+        """What the cable does to the bytes of one step; nothing at first."""
+        self._chip: Chip | None = None
+        self._start = 0.0
+        self.is_pressed = False
+        """The chip sees the lever pressed in the step to come."""
+
+    def open(self) -> None:
+        """Plug the board in, which powers it up; does nothing when it is."""
+        if self._chip is None:
+            self._chip = Chip(self._firmware)
+            self._start = self._source.now()
+            self.is_pressed = self._source.is_switch_pressed()
+            self._terminal.plug_in()
+
+    def close(self) -> None:
+        """Unplug it; may be called again."""
+        self._terminal.unplug()
+        if self._chip is not None:
+            self._chip.stop()
+            self._chip = None
+
+    @property
+    def chip(self) -> Chip:
+        """The chip, while the board is plugged in."""
+        assert self._chip is not None
+        return self._chip
+
+    def due(self) -> float:
+        """Return when the chip has to see the lever next, s: whenever the cell's clock steps."""
+        return math.inf
+
+    def advance(self) -> None:
+        """Run the chip until now and send what it says."""
+        if self._chip is None:
+            return
+        cycle = round((self._source.now() - self._start) * FREQUENCY)
+        sent = self._chip.run(cycle, not self.is_pressed, self.is_pressed)
+        self.is_pressed = self._source.is_switch_pressed()
+        self._terminal.send(self.spoil(bytes(byte for _, byte in sent)))

@@ -1,0 +1,14 @@
+"""Tests that need the emulated chip skip where it cannot be built."""
+
+import pytest
+
+from drivers.errors import DeviceNotOpenedError
+from sim.switch_board import Chip
+
+
+def emulated_or_skip() -> None:
+    """Skip the test, with the reason, when the chip cannot be emulated here."""
+    try:
+        Chip().stop()
+    except DeviceNotOpenedError as error:
+        pytest.skip(str(error))
