@@ -8,15 +8,17 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from cell.checks import check_clock, verdict
 from cell.config import CellConfig
+from drivers.arm import FrankaArm, FrankaArmConfig
 from drivers.can_bus import CanBus
 from drivers.clock import WallClock
 from drivers.errors import CellError, ConfigError
+from drivers.gripper import FrankaGripper, FrankaGripperConfig
 from drivers.parts import Job
 from drivers.protocols import Arm, Clock, Device, Gripper, Skin, SuccessSwitch
 from drivers.skin import EMULATED, CanSkin, CanSkinConfig, SerialSkin, SerialSkinConfig
@@ -100,7 +102,8 @@ def make_estimator(config: CellConfig) -> Estimator:
 
 def assemble(config: CellConfig) -> Cell:
     """Return the cell that a config describes; nothing is opened yet."""
-    # Arm and gripper are simulated so far: a config of another kind does not get here.
+    if isinstance(config.arm, FrankaArmConfig):
+        return _hardware(config, config.arm)
     from sim.arm import SimArm
     from sim.gripper import SimGripper
     from sim.world import World
@@ -124,6 +127,24 @@ def assemble(config: CellConfig) -> Cell:
     )
 
 
+def _hardware(config: CellConfig, arm: FrankaArmConfig) -> Cell:
+    """Return a cell around a real arm, whose other devices are then real as well."""
+    assert isinstance(config.gripper, FrankaGripperConfig)
+    assert isinstance(config.switch, SerialSwitchConfig)
+    clock = WallClock()
+    # Behind a real wire is a real board, which needs of a world no more than the time.
+    skin, _ = _skin(config, cast("SkinSource", clock), np.random.default_rng(0))
+    return Cell(
+        config=config,
+        clock=clock,
+        arm=FrankaArm(arm, clock),
+        gripper=FrankaGripper(config.gripper),
+        skin=skin,
+        switch=SerialSuccessSwitch(config.switch, clock),
+        restock=lambda job, seed: None,
+    )
+
+
 def _skin(config: CellConfig, source: "SkinSource", rng: np.random.Generator) -> tuple[Skin, Clock]:
     """Return the skin between the pads of `source`, and the clock that its board, where it is emulated, keeps step with."""
     skin, clock = _bare_skin(config, source, rng)
@@ -137,8 +158,7 @@ def _bare_skin(config: CellConfig, source: "SkinSource", rng: np.random.Generato
     from sim.board_links import emulated_can, emulated_line
     from sim.skin import SimSkin
 
-    assert config.sim is not None
-    skin, model, seed = config.skin, config.boards.skin, config.sim.seed
+    skin, model, seed = config.skin, config.boards.skin, config.sim.seed if config.sim is not None else 0
     clock: Clock = source
     if isinstance(skin, CanSkinConfig):
         bus: CanLink = CanBus(skin.interface, skin.channel, skin.bitrate)

@@ -11,7 +11,9 @@ from pydantic import Field, ValidationError, model_validator
 
 import config as shipped
 from cell.config_errors import explain
+from drivers.arm import FrankaArmConfig
 from drivers.errors import ConfigError
+from drivers.gripper import FrankaGripperConfig
 from drivers.parts import ConfigModel, FilePath, Hole, Job, Peg, Rack
 from drivers.skin import EMULATED, CanSkinConfig, SerialSkinConfig
 from drivers.switch import SerialSwitchConfig
@@ -88,8 +90,8 @@ class CellConfig(ConfigModel):
     adjust: SpiralAdjustParams
     release: ReleaseAndRetractParams
     recover: RecoverParams
-    arm: SimArmConfig
-    gripper: SimGripperConfig
+    arm: Annotated[SimArmConfig | FrankaArmConfig, Field(discriminator="kind")]
+    gripper: Annotated[SimGripperConfig | FrankaGripperConfig, Field(discriminator="kind")]
     skin: Annotated[SimSkinConfig | CanSkinConfig | SerialSkinConfig, Field(discriminator="kind")]
     image: ImageParams = ImageParams()
     pca: PcaParams = PcaParams()
@@ -132,6 +134,12 @@ class CellConfig(ConfigModel):
             raise ValueError(f'skin.kind = "{self.skin.kind}": its board is "{EMULATED}", which needs a simulated arm')
         if not simulated and isinstance(self.switch, SerialSwitchConfig) and self.switch.port == EMULATED:
             raise ValueError(f'switch.port = "{EMULATED}": needs a simulated cell; the name of a port allowed')
+        if self.arm.kind == "franka" and simulated:
+            raise ValueError(f'{simulated[0]}.kind = "sim": needs a simulated arm, and arm.kind = "franka" is none')
+        if self.arm.kind == "sim" and self.gripper.kind != "sim":
+            raise ValueError(
+                f'gripper.kind = "{self.gripper.kind}": needs the real arm; "sim" allowed with a simulated one'
+            )
         if simulated and self.peg.shape != "round":
             raise ValueError(f'peg.shape = "{self.peg.shape}": the simulated cell has round pegs; "round" allowed')
         return self

@@ -149,6 +149,18 @@ class SwitchDisagreesError(CellError):
     code = FaultCode.SWITCH_DISAGREES
 
 
+class ArmSilentError(CellError):
+    """The arm's state is too old, or its connection is gone."""
+
+    code = FaultCode.ARM_SILENT
+
+
+class GripperSilentError(CellError):
+    """The gripper does not answer, or refuses."""
+
+    code = FaultCode.GRIPPER_SILENT
+
+
 class ArmStoppedError(CellError):
     """Emergency or protective stop."""
 

@@ -41,6 +41,7 @@ class Arm(Device, Protocol):
         Raises:
             ArmStoppedError: Emergency or protective stop.
             ArmReflexError: The arm stopped itself; `reset` is needed.
+            ArmSilentError: The newest state is too old, or the connection is gone.
         """
 
     def halt(self) -> None:
@@ -60,7 +61,11 @@ class Gripper(Device, Protocol):
         """Open to `width`, m."""
 
     def read(self) -> GripperState:
-        """Return the newest state."""
+        """Return the newest state.
+
+        Raises:
+            GripperSilentError: It is too old, or the hand refused a command.
+        """
 
 
 class Skin(Device, Protocol):

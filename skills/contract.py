@@ -10,7 +10,7 @@ from typing import Annotated, NoReturn, Protocol
 import numpy as np
 from pydantic import Field
 
-from drivers.errors import ScanOverrunError, SkinUntrustedError
+from drivers.errors import ScanOverrunError, SkinUntrustedError, TrackingError
 from drivers.frames import end_point
 from drivers.parts import ConfigModel, Job
 from drivers.protocols import Arm, Clock, Gripper, Skin, SuccessSwitch
@@ -154,6 +154,8 @@ OVERRUN_WINDOW = 100
 """Scans that overruns are counted over."""
 MOST_OVERRUNS = 5
 """So many scans of the window may take longer than two periods; a scan that slips once is made up for."""
+TRACKING_LIMIT = 0.1
+"""Between the controlled point and its setpoint, m: what skills push with stays below half of it."""
 LEAST_TRUSTED = 20
 """Taxels of both fingers without which no skill goes on: half of them, one module of each finger."""
 
@@ -278,6 +280,8 @@ class SkillContext:
                     f"scan: {sum(overruns)} of the last {len(overruns)} took longer than "
                     f"{2e3 * self.scan_period:g} ms; {MOST_OVERRUNS} allowed: stop other programs, or lower scan_rate"
                 )
+            if request is Request.RUN and self.held is not None:
+                _require_tracking(seen.arm, self.held)
             if limited:
                 self._check(seen)
             self.record(seen, self.held)
@@ -300,3 +304,20 @@ class SkillContext:
     def _interrupt(self, reason: Reason) -> NoReturn:
         self.arm.halt()
         raise Interrupted(reason)
+
+
+def _require_tracking(arm: ArmState, held: ImpedanceSetpoint) -> None:
+    """Make sure that the arm is about where it shall be.
+
+    Raises:
+        TrackingError: It is blocked, or was told to be somewhere else altogether.
+    """
+    point = arm.tcp.position
+    if held.in_hand is not None:
+        point, _ = end_point(arm.tcp, held.in_hand.theta, held.in_hand.length)
+    lag = float(np.linalg.norm(point - held.tip))
+    if lag > TRACKING_LIMIT:
+        raise TrackingError(
+            f"arm: controlled point {lag * 1e3:.0f} mm from its setpoint > {TRACKING_LIMIT * 1e3:.0f} mm limit; "
+            "it is blocked, or the setpoint cannot be reached"
+        )

@@ -64,6 +64,7 @@ class FakeArm:
         self.force = np.zeros(3)
         self.floor = -math.inf
         self.fault: Exception | None = None
+        self.is_blocked = False
         self.is_open = self.is_halted = False
         self.resets = 0
 
@@ -75,6 +76,8 @@ class FakeArm:
 
     def follow(self, setpoint: ImpedanceSetpoint) -> None:
         self.is_halted = False
+        if self.is_blocked:
+            return
         theta, length = (0.0, 0.0) if setpoint.in_hand is None else (setpoint.in_hand.theta, setpoint.in_hand.length)
         roll = self.tcp.rotation[:, 2] if setpoint.roll is None else setpoint.roll
         closing = roll - (roll @ setpoint.axis) * setpoint.axis
@@ -104,6 +107,7 @@ class FakeGripper:
     def __init__(self, width: float) -> None:
         self.peg_width = width
         self.has_peg = True
+        self.fault: Exception | None = None
         self.force = 0.0
         self.width = 0.04
 
@@ -118,6 +122,8 @@ class FakeGripper:
         self.force, self.width = 0.0, width
 
     def read(self) -> GripperState:
+        if self.fault is not None:
+            raise self.fault
         return GripperState(self.width, self.force > 0.0 and self.has_peg, False)
 
 

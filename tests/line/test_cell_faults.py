@@ -14,8 +14,10 @@ from cell.states import State
 from cell.supervisor import Supervisor
 from drivers.errors import (
     ArmReflexError,
+    ArmSilentError,
     ArmStoppedError,
     FaultCode,
+    GripperSilentError,
     SkinSilentError,
     SkinUntrustedError,
 )
@@ -43,6 +45,9 @@ PROVOKE = {
     FaultCode.SKIN_UNTRUSTED: (GRASP, lambda rig: faulty(rig, rig.skin, SkinUntrustedError("skin: 3 taxels"))),
     FaultCode.ARM_STOPPED: (GRASP, lambda rig: faulty(rig, rig.arm, ArmStoppedError("arm: emergency stop"))),
     FaultCode.ARM_REFLEX: (GRASP, lambda rig: faulty(rig, rig.arm, ArmReflexError("arm: reflex"))),
+    FaultCode.ARM_SILENT: (GRASP, lambda rig: faulty(rig, rig.arm, ArmSilentError("arm: no new state"))),
+    FaultCode.GRIPPER_SILENT: (GRASP, lambda rig: faulty(rig, rig.gripper, GripperSilentError("gripper: silent"))),
+    FaultCode.TRACKING: (GRASP, lambda rig: rig.at(0.5, lambda: setattr(rig.arm, "is_blocked", True))),
     FaultCode.SCAN_OVERRUN: (GRASP, lambda rig: rig.at(0.5, lambda: setattr(rig.clock, "lag", 0.02))),
     FaultCode.SOFTWARE: (GRASP, lambda rig: faulty(rig, rig.arm, ZeroDivisionError("a\ndefect"))),
     FaultCode.SWITCH_UNKNOWN: (ADJUST, lambda rig: switch_says(rig, SwitchState.UNKNOWN)),
@@ -67,6 +72,7 @@ def test_after_a_fault_clear_and_reset_re_arm(rig, code):
     provoke(rig)
     rig.command(command)
     rig.skin.fault, rig.switch.state, rig.plc.is_alive, rig.clock.lag = None, SwitchState.OPEN, True, 0.0
+    rig.gripper.fault, rig.arm.is_blocked = None, False
     rig.scan(2)
     if code is FaultCode.PLC_LOST:
         rig.plc.trigger(0)  # the first number after a loss is adopted, never run

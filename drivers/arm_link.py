@@ -1,0 +1,98 @@
+"""What the cell and the arm's torque loop share: one block of memory, each direction behind a sequence counter."""
+
+import math
+import mmap
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers import impedance
+from drivers.quantities import Vector
+
+CYCLES_KEPT = 60_000
+"""The loop's last cycles whose times are kept: one minute."""
+TEXT = 400
+"""Longest message, bytes."""
+
+HALT_STIFFNESS = (400.0, 400.0, 400.0, 20.0, 20.0, 20.0)
+HALT_DAMPING = (60.0, 60.0, 60.0, 4.0, 4.0, 4.0)
+"""While holding still: compliant, N/m and N·m/rad, N·s/m and N·m·s/rad."""
+
+_LAYOUT = np.dtype(
+    [
+        ("setpoint_sequence", np.int64),
+        ("words", np.float64, impedance.WORDS),
+        ("resets", np.int64),
+        ("state_sequence", np.int64),
+        ("time", np.float64),
+        ("q", np.float64, 7),
+        ("dq", np.float64, 7),
+        ("force", np.float64, 3),
+        ("torque", np.float64, 3),
+        ("phase", np.int64),
+        ("resets_done", np.int64),
+        ("text", f"S{TEXT}"),
+        ("is_realtime", np.int64),
+        ("cycles", np.int64),
+        ("missed", np.int64),
+        ("busy", np.float32, CYCLES_KEPT),
+        ("spacing", np.float32, CYCLES_KEPT),
+    ]
+)
+SIZE = _LAYOUT.itemsize
+
+
+class Phase(IntEnum):
+    """What the loop does."""
+
+    CONNECTING = 0
+    RUNNING = 1
+    REFLEX = 2
+    """The arm stopped itself; a reset is needed."""
+    STOPPED = 3
+    """Emergency stop, protective stop, or somebody guides the arm by hand."""
+    LOST = 4
+    """The connection is gone; a reset connects again."""
+
+
+def holding_words() -> Vector:
+    """Return the words of "hold still where the arm is, compliant", shape (WORDS,)."""
+    words = np.zeros(impedance.WORDS)
+    words[impedance.STIFFNESS : impedance.STIFFNESS + 6] = HALT_STIFFNESS
+    words[impedance.DAMPING : impedance.DAMPING + 6] = HALT_DAMPING
+    words[impedance.HAS_ROLL] = 1.0
+    words[impedance.VALID_UNTIL] = -math.inf
+    return words
+
+
+class Link:
+    """One end of the shared block.
+
+    Writer and reader are one process each. A writer makes its counter odd, writes, and makes it even; a reader
+    takes a copy only between two equal even counts, so that it never sees half of a setpoint.
+    """
+
+    def __init__(self, handle: int) -> None:
+        """Map the block behind a file handle."""
+        self._map = mmap.mmap(handle, SIZE)
+        # A view of one record; scalars of a field are written through index 0.
+        self.block: NDArray[np.void] = np.frombuffer(self._map, _LAYOUT, 1)
+        self._fields = {name: self.block[name] for name in _LAYOUT.names or ()}
+
+    def __getitem__(self, name: str) -> NDArray[np.float64]:
+        """Return a view of a field, shape (1, ...)."""
+        field: NDArray[np.float64] = self._fields[name]
+        return field
+
+    def begin(self, counter: str) -> None:
+        """Begin to write what `counter` guards."""
+        self._fields[counter][0] += 1
+
+    end = begin
+    """Both count up: odd while under way, even when done."""
+
+    def is_settled(self, counter: str) -> int | None:
+        """Return the count when nobody is writing, else None."""
+        count = int(self._fields[counter][0])
+        return None if count % 2 else count

@@ -1,0 +1,266 @@
+"""An FR3 and its hand as their maker's client sees them: franka-sim's protocol server around this project's own world.
+
+Needs an environment of its own, `.franka-sim` at the root of the repository, because franka-sim pins older packages:
+
+    python3.11 -m venv .franka-sim
+    .franka-sim/bin/python -m pip install -c constraints.txt -e '.[franka,dev]'
+    .franka-sim/bin/python -m pip install --no-deps franka-sim==1.1.7
+
+One published state is one millisecond of the world: the server waits for the client's torques, the world steps with
+them, and the next state shows the result. A busy machine makes everything slower and changes nothing else.
+"""
+
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from franka_sim.control_modes import ControlMode
+from franka_sim.franka_protocol import RobotMode
+from franka_sim.franka_sim_server import FrankaSimServer
+from franka_sim.gripper.backend import GripperBackend, GripperStateData
+
+from cell.config import CellConfig
+from drivers import impedance, panda
+from drivers.quantities import Vector
+from sim.gripper import SimGripper
+from sim.world import World
+
+HOLD_STIFFNESS = np.array([600.0, 600.0, 600.0, 250.0, 60.0, 30.0, 10.0])
+"""With which the arm's own controller holds its place while nobody commands torques, N·m/rad."""
+HOLD_DAMPING = np.array([40.0, 40.0, 40.0, 20.0, 4.0, 2.0, 1.0])
+"""N·m·s/rad."""
+NEVER = 2**40
+PATIENCE = 0.2
+"""Longest wait for the client's torques when lateness shall not count, s of wall time."""
+PAUSE = 0.03
+"""Longest that the world stands still for the cell's own computing, s of wall time: the states must not grow old."""
+
+
+class TorqueWorld(World):
+    """The cell's world, whose arm is moved by torques from outside instead of by its own law."""
+
+    def __init__(self, config: CellConfig) -> None:
+        assert config.sim is not None
+        assert config.contact is not None
+        assert config.grip is not None
+        sim = config.sim.model_copy(update={"pace": "max"})
+        super().__init__(sim, config.contact, config.grip, config.skin.layout, config.job())
+        self._law_every = NEVER
+
+    def step(self, torque: Vector) -> None:
+        """Advance by one control period with these joint torques, N·m."""
+        self._data.qfrc_applied[:7] = torque
+        self.wait_until(self.now() + panda.CONTROL_PERIOD)
+
+
+@dataclass
+class Arm:
+    """The world as franka-sim wants its physics; also the cell's clock."""
+
+    world: TorqueWorld
+    enable_vis: bool = False
+    is_running: bool = True
+    horizon: float = float("inf")
+    """The world goes no further than this while the cell computes, s."""
+    lock: threading.Condition = field(default_factory=lambda: threading.Condition(threading.RLock()))
+    mode: ControlMode = ControlMode.POSITION
+    torques: Vector = field(default_factory=lambda: np.zeros(7))
+    held: Vector = field(default_factory=lambda: np.zeros(7))
+    stopped: threading.Event = field(default_factory=threading.Event)
+    largest_rate: float = 0.0
+    """Largest change of a torque command within one millisecond so far, N·m/s."""
+
+    def __post_init__(self) -> None:
+        self.world.step(np.zeros(7))  # compiles, before a client waits for states
+        self.held = self.world.q
+
+    # What franka-sim calls.
+
+    def initialize_simulation(self) -> None: ...
+
+    def start(self) -> None:
+        self.stopped.wait()
+
+    def stop(self) -> None:
+        self.is_running = False
+        self.stopped.set()
+
+    def set_control_mode(self, mode: ControlMode) -> None:
+        self.mode = mode
+
+    def update_torques(self, torques: Any) -> None:
+        new = np.asarray(torques, dtype=float)
+        if self.mode is ControlMode.TORQUE and new.any():
+            self.largest_rate = max(self.largest_rate, float(np.abs(new - self.torques).max()) / panda.CONTROL_PERIOD)
+        self.torques = new
+
+    def update_joint_positions(self, positions: Any) -> None:
+        self.held = np.asarray(positions, dtype=float)
+
+    def update_joint_velocities(self, velocities: Any) -> None: ...
+
+    def get_robot_state(self) -> dict[str, Any]:
+        with self.lock:
+            q, dq = self.world.q, self.world.dq
+            force, torque = self.world.contact_force(), self.world.contact_torque()
+            position, rotation, _, _ = impedance.forward(q)
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = rotation, position
+        return {
+            "q": q,
+            "dq": dq,
+            "ddq": np.zeros(7),
+            "q_d": self.held,
+            "dq_d": dq,
+            "ddq_d": np.zeros(7),
+            "tau_J": self.torques,
+            "O_T_EE": pose.T.flatten(),
+            "O_dP_EE": np.zeros(3),
+            "O_J_EE": np.eye(6, 7),
+            "O_F_ext_hat_K": [*force, *torque],
+            "self_collision": None,
+        }
+
+    def step(self) -> None:
+        """Advance by one millisecond with what is commanded, once the cell lets the world go on."""
+        with self.lock:
+            self.lock.wait_for(lambda: self.world.now() < self.horizon or not self.is_running, timeout=PAUSE)
+            if self.mode is ControlMode.TORQUE:
+                torque = self.torques
+            else:
+                torque = HOLD_STIFFNESS * (self.held - self.world.q) - HOLD_DAMPING * self.world.dq
+            self.world.step(np.clip(torque, -panda.TORQUE_MAX, panda.TORQUE_MAX))
+            self.lock.notify_all()
+
+    # The clock of the cell.
+
+    def now(self) -> float:
+        return self.world.now()
+
+    def wait_until(self, stamp: float) -> None:
+        with self.lock:
+            self.horizon = stamp - 1e-6
+            self.lock.notify_all()
+            while self.world.now() < self.horizon:
+                if not self.lock.wait(timeout=5.0):
+                    return  # no states are asked for any more: whoever reads the arm will notice
+
+
+class Seen:
+    """The world as skin, switch and their boards see it, between two of its steps."""
+
+    def __init__(self, arm: Arm) -> None:
+        self._arm = arm
+
+    def now(self) -> float:
+        return self._arm.world.now()
+
+    def wait_until(self, stamp: float) -> None:
+        self._arm.wait_until(stamp)
+
+    @property
+    def draw(self) -> Any:
+        return self._arm.world.draw
+
+    def pad_load(self) -> Any:
+        with self._arm.lock:
+            return self._arm.world.pad_load()
+
+    def is_switch_pressed(self) -> bool:
+        with self._arm.lock:
+            return self._arm.world.is_switch_pressed()
+
+
+class Hand(GripperBackend):
+    """The world's hand as franka-sim wants its gripper: a command returns when the fingers rest."""
+
+    def __init__(self, arm: Arm) -> None:
+        self._arm, self._gripper = arm, SimGripper(arm.world)
+
+    def homing(self) -> bool:
+        return True
+
+    def stop(self) -> bool:
+        return True
+
+    def move(self, width: float, speed: float) -> bool:
+        with self._arm.lock:
+            self._gripper.release(width)
+        self._rest()
+        return True
+
+    def grasp(self, width: float, epsilon_inner: float, epsilon_outer: float, speed: float, force: float) -> bool:
+        with self._arm.lock:
+            self._gripper.grip(force)
+        self._rest()
+        state = self._state()
+        return width - epsilon_inner < state.width < width + epsilon_outer
+
+    def get_state(self) -> GripperStateData:
+        state = self._state()
+        return GripperStateData(state.width, panda.HAND_STROKE, state.is_gripping, 30)
+
+    def _state(self) -> Any:
+        with self._arm.lock:
+            return self._gripper.read()
+
+    def _rest(self) -> None:
+        with self._arm.lock:
+            end = self._arm.world.now() + 3.0
+            while self._gripper.read().is_moving and self._arm.world.now() < end and self._arm.is_running:
+                self._arm.lock.wait(timeout=5.0)
+
+
+class Server(FrankaSimServer):  # type: ignore[misc]  # no hints
+    """Steps the world between the client's answer and the next state."""
+
+    is_patient = True
+    """Wait for the client's torques however busy the machine is; False counts a late answer as lost, as the arm does."""
+
+    def press_stop(self) -> None:
+        """Stop the motion as the stop button does: no error, and a mode of its own."""
+        with self._motion_lock:
+            self._abort_with_error((), "stop button")
+            self.robot_state.state["robot_mode"] = RobotMode.kUserStopped.value
+
+    def cut(self) -> None:
+        """End the connection from this side, as a pulled plug does in the end."""
+        self.client_socket.shutdown(socket.SHUT_RDWR)
+
+    def _drain_gate(self, answer_deadline: float = 0.0) -> float:
+        if self.is_patient and self.comm.awaiting_answer:
+            answer_deadline = time.perf_counter() + PATIENCE
+        waited: float = super()._drain_gate(answer_deadline)
+        return waited
+
+    def _account_for_communication_cycle(self) -> None:
+        super()._account_for_communication_cycle()
+        self.physics_sim.step()
+        state = self.physics_sim.get_robot_state()
+        self.robot_state.state.update({k: v for k, v in state.items() if k not in self._server_owned_state_fields})
+
+
+@contextmanager
+def served(config: CellConfig, host: str, strict: bool = False) -> Iterator[tuple[Arm, Server]]:
+    """Serve arm and hand on `host`, an address of the loopback; `strict` lets them stop a client that is late."""
+    arm = Arm(TorqueWorld(config))
+    server = Server(
+        host=host,
+        physics_sim=arm,
+        gripper_backend=Hand(arm),
+        enforce_comm_constraints=strict,
+        enforce_motion_limits=True,
+    )
+    server.is_patient = not strict
+    thread = threading.Thread(target=server.start, daemon=True)
+    thread.start()
+    try:
+        yield arm, server
+    finally:
+        server.stop()
+        thread.join(timeout=10.0)

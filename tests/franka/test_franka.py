@@ -1,0 +1,210 @@
+"""Arm and hand through their maker's client library and protocol; `tests/franka/simulated.py` says what they run on.
+
+.franka-sim/bin/python -m pytest tests/franka
+"""
+
+import math
+import os
+import signal
+import time
+
+import numpy as np
+import pytest
+
+pytest.importorskip(
+    "franka_sim", reason="needs the environment that tests/franka/simulated.py describes", exc_type=ImportError
+)
+
+from cell.config import load
+from drivers.arm import FrankaArm, FrankaArmConfig
+from drivers.arm_link import Phase
+from drivers.errors import ArmReflexError, ArmSilentError, ArmStoppedError, DeviceNotOpenedError
+from drivers.gripper import FrankaGripper, FrankaGripperConfig
+from drivers.panda import TORQUE_RATE_MAX
+from drivers.quantities import ImpedanceSetpoint
+from tests.franka.insertion import inserted
+from tests.franka.simulated import served
+
+HOST = f"127.{os.getpid() % 200 + 2}.{os.getpid() // 200 % 250}.1"
+"""Of the loopback, and this process's own: the protocol's ports are fixed."""
+LONGEST = 20.0
+"""s."""
+
+
+@pytest.fixture(scope="module")
+def simulated():
+    """Yield the world behind the arm, and the server in between, for all tests here."""
+    with served(load().cell, HOST, strict=True) as both:
+        yield both
+
+
+@pytest.fixture
+def arm(simulated):
+    world, server = simulated
+    server.is_patient = True
+    config = FrankaArmConfig(kind="franka", host=HOST, collision_torque=60.0, collision_force=60.0, realtime="ignore")
+    made = FrankaArm(config, world)
+    world.horizon = math.inf
+    made.open()
+    yield made
+    world.horizon = math.inf
+    made.close()
+
+
+@pytest.fixture
+def gripper(arm):
+    made = FrankaGripper(FrankaGripperConfig(kind="franka", host=HOST))
+    made.open()
+    yield made
+    made.close()
+
+
+def moved(world, arm, rise, valid=10.0):
+    """Ask for a tip so much higher, m, and return what the arm then is to follow."""
+    state = arm.read()
+    setpoint = ImpedanceSetpoint(
+        id=1,
+        tip=state.tcp.position + np.array([0.0, 0.0, rise]),
+        axis=-state.tcp.rotation[:, 0],
+        stiffness=np.array([1500.0, 1500.0, 1500.0, 60.0, 60.0, 60.0]),
+        damping=np.array([90.0, 90.0, 90.0, 6.0, 6.0, 6.0]),
+        valid_until=world.now() + valid,
+    )
+    arm.follow(setpoint)
+    return setpoint
+
+
+def until(world, condition):
+    """Let the world go on until something holds, and say whether it came to that."""
+    end = world.now() + LONGEST
+    while not condition() and world.now() < end:
+        world.wait_until(world.now() + 0.01)
+    world.horizon = math.inf
+    return condition()
+
+
+def comes_to(condition):
+    """Wait, in wall time, for what happens while the world stands still, and say whether it did."""
+    end = time.monotonic() + LONGEST
+    while not condition() and time.monotonic() < end:
+        os.sched_yield()
+    return condition()
+
+
+def raises(arm, error):
+    def does():
+        try:
+            arm.read()
+        except error:
+            return True
+        return False
+
+    return does
+
+
+def test_the_arm_follows_within_the_permitted_torque_rate(simulated, arm):
+    world, _ = simulated
+    world.largest_rate = 0.0
+    wanted = moved(world, arm, 0.03)
+    assert until(world, lambda: np.linalg.norm(arm.read().tcp.position - wanted.tip) < 0.004)
+    assert 0.0 < world.largest_rate < TORQUE_RATE_MAX
+    assert arm.figures().missed == 0
+
+
+def test_a_setpoint_past_its_validity_makes_the_arm_hold_still(simulated, arm):
+    world, _ = simulated
+    start = arm.read().tcp.position
+    moved(world, arm, 0.05, valid=0.05)
+    world.wait_until(world.now() + 1.0)
+    held = arm.read().tcp.position
+    world.wait_until(world.now() + 1.0)
+    assert 0.0001 < held[2] - start[2] < 0.03
+    assert np.linalg.norm(arm.read().tcp.position - held) < 1e-3
+    assert arm.read().setpoint_age == math.inf
+
+
+def test_a_loop_that_stalls_is_a_reflex_that_only_a_reset_leaves(simulated, arm):
+    world, server = simulated
+    server.is_patient = False
+    os.kill(arm.process_id, signal.SIGSTOP)
+    world.wait_until(world.now() + 0.05)
+    os.kill(arm.process_id, signal.SIGCONT)
+    server.is_patient = True
+    assert until(world, raises(arm, ArmReflexError))
+    with pytest.raises(ArmReflexError, match="communication_constraints_violation"):
+        arm.read()
+    before = world.world.tcp().position
+    arm.follow(
+        ImpedanceSetpoint(
+            id=2,
+            tip=before + 0.03,
+            axis=np.array([0.0, 0.0, 1.0]),
+            stiffness=np.full(6, 100.0),
+            damping=np.full(6, 10.0),
+            valid_until=world.now() + 5.0,
+        )
+    )
+    world.wait_until(world.now() + 0.5)
+    world.horizon = math.inf
+    assert np.linalg.norm(world.world.tcp().position - before) < 1e-3
+    arm.reset()
+    assert arm.phase is Phase.RUNNING
+    wanted = moved(world, arm, 0.02)
+    assert until(world, lambda: np.linalg.norm(arm.read().tcp.position - wanted.tip) < 0.004)
+
+
+def test_a_pressed_stop_is_told_apart_from_a_reflex(simulated, arm):
+    world, server = simulated
+    server.press_stop()
+    assert until(world, raises(arm, ArmStoppedError))
+    arm.reset()
+    assert arm.read().setpoint_age == math.inf
+
+
+def test_a_lost_connection_is_a_silent_arm_until_a_reset_connects_again(simulated, arm):
+    _, server = simulated
+    server.cut()
+    assert comes_to(raises(arm, ArmSilentError))
+    arm.reset()
+    assert arm.phase is Phase.RUNNING
+
+
+def test_a_killed_loop_is_a_silent_arm(simulated, arm):
+    os.kill(arm.process_id, signal.SIGKILL)
+    assert comes_to(raises(arm, ArmSilentError))
+    arm.close()
+    arm.open()
+    assert arm.phase is Phase.RUNNING
+
+
+def test_no_arm_at_an_address_is_told(simulated):
+    world, _ = simulated
+    config = FrankaArmConfig(
+        kind="franka", host="127.254.254.254", collision_torque=60.0, collision_force=60.0, realtime="ignore"
+    )
+    with pytest.raises(DeviceNotOpenedError, match=r"^arm at 127\.254\.254\.254: [^\n]+$"):
+        FrankaArm(config, world).open()
+
+
+def test_a_grasp_that_closes_on_nothing_grips_nothing(simulated, gripper):
+    world, _ = simulated
+    gripper.release(0.02)
+    assert until(world, lambda: not gripper.read().is_moving)
+    assert gripper.read().width == pytest.approx(0.02, abs=1e-3)
+    gripper.grip(30.0)
+    assert gripper.read().is_moving
+    assert until(world, lambda: not gripper.read().is_moving)
+    state = gripper.read()
+    assert (state.is_gripping, state.width) == (False, pytest.approx(0.0, abs=1e-3))
+
+
+def test_a_whole_insertion_runs_through_the_clients(simulated):
+    told = inserted(HOST.removesuffix("1") + "2", 2)
+    assert told["fault"] == ""
+    assert {name: stage[0] for name, stage in told["stages"].items()} == dict.fromkeys(
+        ("grasp_from_rack", "spray_search", "tactile_insert", "spiral_adjust", "release_and_retract"), "success"
+    )
+    assert told["switch_closed"]
+    assert not told["is_void"]
+    assert told["loop"]["missed"] == 0
+    assert told["largest_torque_rate"] < TORQUE_RATE_MAX

@@ -1,0 +1,49 @@
+"""A cell of hardware: what its config makes of it, without any hardware."""
+
+import pytest
+
+from cell.assembly import assemble, check
+from cell.config import load
+from drivers.arm import FrankaArm
+from drivers.clock import WallClock
+from drivers.errors import ConfigError
+from drivers.gripper import FrankaGripper
+from drivers.skin import CanSkin, SerialSkin
+from drivers.switch import SerialSuccessSwitch
+
+ARM = "arm={kind='franka', host='127.0.0.1', collision_torque=40.0, collision_force=40.0}"
+GRIPPER = "gripper={kind='franka', host='127.0.0.1'}"
+SWITCH = "switch={kind='serial', port='/dev/no-such-switch'}"
+LINE, BUS = "skin={kind='serial', port='/dev/no-such-skin'}", "skin={kind='can', channel='no-such-bus'}"
+
+
+@pytest.mark.parametrize(("skin", "kind"), [(LINE, SerialSkin), (BUS, CanSkin)])
+def test_a_real_arm_comes_with_real_devices_and_wall_time(skin, kind):
+    cell = assemble(load(sets=[ARM, GRIPPER, SWITCH, skin]).cell)
+    kinds = [type(device) for _, device in cell.devices()]
+    assert (kinds, type(cell.clock)) == ([FrankaArm, FrankaGripper, kind, SerialSuccessSwitch], WallClock)
+
+
+@pytest.mark.parametrize(
+    ("sets", "told"),
+    [
+        ([ARM], "needs a simulated arm"),
+        ([ARM, GRIPPER, SWITCH], "skin.kind"),
+        ([GRIPPER], "gripper.kind"),
+        ([ARM, GRIPPER, LINE, "switch={kind='serial', port='emulated'}"], "switch.port"),
+        ([ARM.replace("40.0", "400.0")], "collision_torque = 400.0"),
+    ],
+)
+def test_what_does_not_go_together_is_told_in_one_line(sets, told):
+    with pytest.raises(ConfigError) as caught:
+        load(sets=sets)
+    assert told in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_check_names_every_device_that_is_not_there():
+    config = load(sets=[ARM.replace("127.0.0.1", "127.254.254.254"), GRIPPER, SWITCH, LINE]).cell
+    found = dict(check(assemble(config)))
+    assert set(found) == {"arm", "gripper", "skin", "switch", "clock"}
+    assert "no such port" in found["switch"]
+    assert all("fault" in found[name] for name in ("arm", "gripper", "skin", "switch"))
