@@ -116,7 +116,8 @@ class FrankaArm:
             text = self._text() or "no answer"
             self.close()
             raise DeviceNotOpenedError(
-                f"arm at {self._config.host}: {text}; check address, cable and its control interface"
+                f"arm at {self._config.host}: {text}; check address, cable, its control interface, "
+                "and that this computer runs a real-time kernel"
             )
 
     def close(self) -> None:

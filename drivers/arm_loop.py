@@ -147,7 +147,9 @@ class TorqueLoop:
         self._link["phase"][0] = phase
 
     def _phase_of_stop(self) -> Phase:
-        """Return what kind of stop the arm is in; a connection that is gone too counts as lost."""
+        """Return what kind of stop the arm is in; without a connection there is none to ask for."""
+        if self._robot is None:
+            return Phase.LOST
         stops = (pylibfranka.RobotMode.UserStopped, pylibfranka.RobotMode.Guiding)
         try:
             return Phase.STOPPED if self._robot.read_once().robot_mode in stops else Phase.REFLEX

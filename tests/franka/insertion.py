@@ -7,7 +7,7 @@ import argparse
 import json
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -21,8 +21,13 @@ from skills.flow import StageRecord
 from tests.franka.simulated import Seen, served
 
 
-def inserted(host: str, seed: int, sets: Sequence[str] = ()) -> dict[str, Any]:
-    """Run `insert_peg` with arm and hand on `host`, an address of the loopback; return what `main` prints."""
+def inserted(
+    host: str, seed: int, sets: Sequence[str] = (), disturb: Callable[[str, FrankaArm], None] = lambda stage, arm: None
+) -> dict[str, Any]:
+    """Run `insert_peg` with arm and hand on `host`, an address of the loopback; return what `main` prints.
+
+    `disturb` is called in every scan with the stage and the arm.
+    """
     config = load(sets=["sim.pace=max", f"sim.seed={seed}", "switch.kind=serial", "switch.port=emulated", *sets]).cell
     franka = FrankaArmConfig(kind="franka", host=host, collision_torque=60.0, collision_force=60.0, realtime="ignore")
     with served(config, host) as (world, _):
@@ -35,7 +40,9 @@ def inserted(host: str, seed: int, sets: Sequence[str] = ()) -> dict[str, Any]:
         records: list[StageRecord] = []
         with opened(cell):
             try:
-                records = CATALOGUE["insert_peg"].run(config.skill_set(), cell.context(seed))
+                ctx = cell.context(seed)
+                ctx.record = lambda seen, setpoint: disturb(ctx.stage, arm)
+                records = CATALOGUE["insert_peg"].run(config.skill_set(), ctx)
             except CellError as error:
                 fault = f"{error.code.name}: {error}"
             figures, truth = asdict(arm.figures()), world.world.truth()

@@ -7,6 +7,7 @@ import math
 import os
 import signal
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -196,6 +197,24 @@ def test_a_grasp_that_closes_on_nothing_grips_nothing(simulated, gripper):
     assert until(world, lambda: not gripper.read().is_moving)
     state = gripper.read()
     assert (state.is_gripping, state.width) == (False, pytest.approx(0.0, abs=1e-3))
+
+
+@pytest.mark.skipif(Path("/sys/kernel/realtime").exists(), reason="this kernel is a real-time kernel")
+def test_a_kernel_that_is_not_real_time_is_told(simulated):
+    world, _ = simulated
+    config = FrankaArmConfig(kind="franka", host=HOST, collision_torque=60.0, collision_force=60.0)
+    with pytest.raises(DeviceNotOpenedError, match="kernel does not have realtime capabilities"):
+        FrankaArm(config, world).open()
+
+
+def test_a_loop_killed_in_the_middle_is_a_fault_and_no_success():
+    def kill(stage, arm):
+        if stage == "spray_search":
+            os.kill(arm.process_id, signal.SIGKILL)
+
+    told = inserted(HOST.removesuffix("1") + "3", 2, disturb=kill)
+    assert told["fault"].startswith("ARM_SILENT")
+    assert (told["stages"], told["switch_closed"]) == ({}, False)
 
 
 def test_a_whole_insertion_runs_through_the_clients(simulated):
