@@ -1,5 +1,6 @@
 """What can stand behind each protocol: the fake, the stand-in, the emulated board, and, when asked for, hardware."""
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -9,7 +10,9 @@ import pytest
 
 from cell.assembly import assemble
 from cell.config import load
+from drivers.arm import FrankaArm, FrankaArmConfig
 from drivers.errors import SkinSilentError
+from drivers.gripper import FrankaGripper, FrankaGripperConfig
 from drivers.protocols import Clock
 from drivers.quantities import SwitchState
 from drivers.switch import SerialSuccessSwitch, SerialSwitchConfig
@@ -77,7 +80,25 @@ def simulated_cell():
     return assemble(load(sets=["sim.pace=max"]).cell)
 
 
-@pytest.fixture(params=["fake", "sim", "hardware"])
+@pytest.fixture(scope="module")
+def franka():
+    """Yield the address of a simulated Franka arm and hand, and the world behind them, which is the clock."""
+    pytest.importorskip("franka_sim", reason="needs the environment that tests/franka/simulated.py describes")
+    from tests.franka.simulated import address, served
+
+    with served(load().cell, address(2)) as (world, _):
+        yield address(2), world
+        world.horizon = math.inf
+
+
+def _franka_arm(franka) -> Bench:
+    host, world = franka
+    world.horizon = math.inf
+    config = FrankaArmConfig(kind="franka", host=host, collision_torque=60.0, collision_force=60.0, realtime="ignore")
+    return Bench(FrankaArm(config, world), world, clear=lambda: setattr(world, "horizon", math.inf))
+
+
+@pytest.fixture(params=["fake", "sim", "franka", "hardware"])
 def arm_bench(request) -> Iterator[Bench]:
     """Yield an arm that stands still in free space, not yet open."""
     if request.param == "hardware":
@@ -85,14 +106,17 @@ def arm_bench(request) -> Iterator[Bench]:
     elif request.param == "fake":
         clock = FakeClock()
         bench = Bench(FakeArm(clock), clock)
+    elif request.param == "franka":
+        bench = _franka_arm(request.getfixturevalue("franka"))
     else:
         cell = request.getfixturevalue("simulated_cell")
         bench = Bench(cell.arm, cell.clock)
     yield bench
+    bench.clear()
     bench.device.close()
 
 
-@pytest.fixture(params=["fake", "sim", "hardware"])
+@pytest.fixture(params=["fake", "sim", "franka", "hardware"])
 def gripper_bench(request) -> Iterator[Bench]:
     """Yield a gripper with nothing between its fingers, not yet open."""
     if request.param == "hardware":
@@ -101,11 +125,18 @@ def gripper_bench(request) -> Iterator[Bench]:
         gripper = FakeGripper(0.008)
         gripper.has_peg = False
         bench = Bench(gripper, FakeClock())
+    elif request.param == "franka":
+        # The world goes on only while somebody listens to the arm.
+        host, world = request.getfixturevalue("franka")
+        arm = _franka_arm((host, world)).device
+        arm.open()
+        bench = Bench(FrankaGripper(FrankaGripperConfig(kind="franka", host=host)), world, clear=arm.close)
     else:
         cell = request.getfixturevalue("simulated_cell")
         bench = Bench(cell.gripper, cell.clock)
     yield bench
     bench.device.close()
+    bench.clear()
 
 
 class Lever:

@@ -10,6 +10,7 @@ One published state is one millisecond of the world: the server waits for the cl
 them, and the next state shows the result. A busy machine makes everything slower and changes nothing else.
 """
 
+import os
 import socket
 import threading
 import time
@@ -243,6 +244,11 @@ class Server(FrankaSimServer):  # type: ignore[misc]  # no hints
         self.physics_sim.step()
         state = self.physics_sim.get_robot_state()
         self.robot_state.state.update({k: v for k, v in state.items() if k not in self._server_owned_state_fields})
+
+
+def address(number: int) -> str:
+    """Return one of this process's own addresses of the loopback: the protocol's ports are fixed."""
+    return f"127.{os.getpid() % 200 + 2}.{os.getpid() // 200 % 250}.{number}"
 
 
 @contextmanager

@@ -24,10 +24,9 @@ from drivers.gripper import FrankaGripper, FrankaGripperConfig
 from drivers.panda import TORQUE_RATE_MAX
 from drivers.quantities import ImpedanceSetpoint
 from tests.franka.insertion import inserted
-from tests.franka.simulated import served
+from tests.franka.simulated import address, served
 
-HOST = f"127.{os.getpid() % 200 + 2}.{os.getpid() // 200 % 250}.1"
-"""Of the loopback, and this process's own: the protocol's ports are fixed."""
+HOST = address(1)
 LONGEST = 20.0
 """s."""
 
@@ -212,13 +211,13 @@ def test_a_loop_killed_in_the_middle_is_a_fault_and_no_success():
         if stage == "spray_search":
             os.kill(arm.process_id, signal.SIGKILL)
 
-    told = inserted(HOST.removesuffix("1") + "3", 2, disturb=kill)
+    told = inserted(address(3), 2, disturb=kill)
     assert told["fault"].startswith("ARM_SILENT")
     assert (told["stages"], told["switch_closed"]) == ({}, False)
 
 
 def test_a_whole_insertion_runs_through_the_clients(simulated):
-    told = inserted(HOST.removesuffix("1") + "2", 2)
+    told = inserted(address(4), 2)
     assert told["fault"] == ""
     assert {name: stage[0] for name, stage in told["stages"].items()} == dict.fromkeys(
         ("grasp_from_rack", "spray_search", "tactile_insert", "spiral_adjust", "release_and_retract"), "success"
