@@ -124,9 +124,10 @@ class SerialSuccessSwitch:
             data = self._line.read(0.0)
         except (LineLostError, DeviceNotOpenedError) as error:
             if not self._lost:
-                logger.warning("%s", error)
+                self._lost = f"switch on {self._port}: port lost; plug the board in again, or check its cable"
+                logger.warning("%s (%s)", self._lost, error)
             self._line.close()
-            self._lost, self._reopen_at = str(error), now + REOPEN_PERIOD
+            self._reopen_at = now + REOPEN_PERIOD
             return
         for report in self._decoder.feed(data):
             self._take(report, now)

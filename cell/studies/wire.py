@@ -1,4 +1,4 @@
-"""How good the skin's wires are: decoding beside the bus, age of frames, recovery of a lost board, and the same insertions."""
+"""How good the wires are: decoding beside the bus, age of frames, recovery of a lost board, and the same insertions."""
 
 import time
 from collections import deque
@@ -11,6 +11,8 @@ import numpy as np
 
 from cell.assembly import bench_skin
 from cell.config import CellConfig, load
+from cell.studies import switch_wire
+from cell.studies.switch_wire import SwitchLine
 from cell.trials import TrialRow, run_trials
 from drivers.can_bus import CanFrame
 from drivers.errors import SkinSilentError
@@ -31,8 +33,13 @@ WIRES = {
     "icub": ("skin.kind=can", "skin.rate=25", 'skin.board={kind="icub"}'),
 }
 """What is measured, and the keys that make a cell so."""
-TRIED = ("sim", "can", "serial")
-"""Kinds of skin that whole insertions are run with; the first is what the others are compared with."""
+TRIED = {
+    "sim": (),
+    "can": ("skin.kind=can",),
+    "serial": ("skin.kind=serial",),
+    "switch": ("switch.kind=serial", "switch.port=emulated"),
+}
+"""What whole insertions are run with, and the keys that make a cell so; the first is what the others are compared with."""
 BIT_RATE, BAUD_RATE = 1_000_000, 115_200
 AWAY = 1.0
 """A board is unplugged for so long, s."""
@@ -90,11 +97,12 @@ def measure(
     folder: Path,
     quick: bool,
     done: Callable[[TrialRow], None],
-) -> dict[str, Sequence[DecodeLine | LatencyLine | OutcomeLine]]:
+) -> dict[str, Sequence[DecodeLine | LatencyLine | OutcomeLine | SwitchLine]]:
     """Return all measures; see `outcomes` for the arguments, `quick` takes fewer samples."""
     return {
         "decoding": decode_rates(500 if quick else 5000),
         "age and recovery": latencies(3 if quick else 40, 2.0 if quick else 10.0),
+        "switch": [switch_wire.measure(20, 3) if quick else switch_wire.measure(400, 40)],
         "whole insertions": outcomes(config, seeds, workers, folder, done),
     }
 
@@ -187,10 +195,10 @@ def outcomes(
     """
     plain: dict[int, str] = {}
     lines = []
-    for kind in TRIED:
-        sets = [f"skin.kind={kind}", f"skin.rate={config.skin.rate}", f"skin.layout={config.skin.layout}"]
-        skin = load(sets=sets).cell.skin
-        rows = run_trials(config.model_copy(update={"skin": skin}), seeds, workers, folder / kind, done)
+    for kind, keys in TRIED.items():
+        cell = load(sets=[*keys, f"skin.rate={config.skin.rate}", f"skin.layout={config.skin.layout}"]).cell
+        wired = config.model_copy(update={"skin": cell.skin, "switch": cell.switch})
+        rows = run_trials(wired, seeds, workers, folder / kind, done)
         plain = plain or {row.seed: row.outcome for row in rows}
         totals = [row.total_time for row in rows if row.outcome == "success" and row.total_time is not None]
         lines.append(

@@ -1,6 +1,9 @@
 """The study of the wires: what it measures must be possible."""
 
+from cell.studies import switch_wire
 from cell.studies.wire import decode_rates, latencies
+from drivers.switch import REOPEN_PERIOD
+from tests.emulation import emulated_or_skip
 
 
 def test_every_wire_is_decoded_faster_than_it_can_carry():
@@ -16,3 +19,11 @@ def test_frames_are_seen_within_a_scan_and_their_way_and_lost_boards_come_back()
         assert 0.0 < line.recovery_p50 <= line.recovery_max < 1.0
     assert lines["can"].age_p99 < 0.0115
     assert lines["serial"].age_p50 > 0.0095
+
+
+def test_an_edge_of_the_switch_is_read_within_two_scans_and_a_lost_board_comes_back():
+    emulated_or_skip()
+    line = switch_wire.measure(20, 3)
+    assert 0.0065 < line.report_p50 <= line.report_max < 0.011
+    assert line.report_p50 < line.scan_p50 <= line.scan_p99 < 0.021
+    assert 0.02 < line.recovery_p50 <= line.recovery_max < REOPEN_PERIOD + 0.05
