@@ -69,18 +69,18 @@ def parser(formats: Sequence[str]) -> Parser:
     command = add("study", "one study", "config")
     command.add_argument(
         "name",
-        choices=["speed", "line", "wire"],
+        choices=["speed", "line", "wire", "tactile"],
         metavar="NAME",
-        help="speed of the stand-in, line to the PLC, wire of the skin",
+        help="speed of the stand-in, line to the PLC, wire of the skin, tactile",
     )
     command.add_argument("--seed", type=_natural, default=1, metavar="S", help="of the trial")
     command.add_argument("--trials", type=_positive, default=20, metavar="N", help="wire: insertions through each wire")
     command.add_argument("--workers", type=_positive, metavar="N", help="wire: processes; one for each core")
     command.add_argument("--profile", action="store_true", help="speed: where the time of a trial goes")
     command.add_argument(
-        "--out", type=Path, default=Path("out/study"), metavar="DIR", help="line, wire: where its files go"
+        "--out", type=Path, default=Path("out/study"), metavar="DIR", help="line, wire, tactile: where its files go"
     )
-    command.add_argument("--quick", action="store_true", help="line, wire: less of everything")
+    command.add_argument("--quick", action="store_true", help="line, wire, tactile: less of everything")
     command = add("runs", "the newest runs on record", "journal")
     command.add_argument("--last", type=_positive, default=20, metavar="N")
     command = add("show", "one run on record, with its plots", "journal")

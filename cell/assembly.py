@@ -28,9 +28,10 @@ from drivers.skin_port import ByteLink, CanLink
 from drivers.switch import SerialSuccessSwitch, SerialSwitchConfig
 from drivers.traffic import RecordedCan, RecordedLine, Recorder
 from drivers.transport import SerialLine
-from skills.contract import Estimator, SkillContext
+from skills.contract import Blend, Estimator, SkillContext, Tracker
 from skills.tactile.image import ImageEstimator
 from skills.tactile.likelihood import LikelihoodEstimator
+from skills.tactile.observer import Observer
 from skills.tactile.pca import PcaEstimator
 from skills.tactile.robust import RobustEstimator
 
@@ -79,7 +80,7 @@ class Cell:
             limits=config.limits,
             scan_period=1.0 / config.scan_rate,
             rng=choices(seed),
-            smoothing=config.smoothing,
+            tracker=make_tracker(config),
         )
 
 
@@ -98,6 +99,11 @@ def make_estimator(config: CellConfig) -> Estimator:
         "robust": lambda: RobustEstimator(config.robust, layout, peg),
     }
     return makers[config.insert.estimator]()
+
+
+def make_tracker(config: CellConfig) -> Tracker:
+    """Return what keeps theta from frame to frame."""
+    return Observer(config.observer) if config.smoothing.method == "observer" else Blend(config.smoothing)
 
 
 def assemble(config: CellConfig) -> Cell:

@@ -337,7 +337,8 @@ def _study_wire(args: argparse.Namespace) -> int:
 
 
 def _study(args: argparse.Namespace) -> int:
-    return {"line": _study_line, "wire": _study_wire}.get(args.name, _study_speed)(args)
+    studies = {"line": _study_line, "speed": _study_speed, "tactile": _study_tactile, "wire": _study_wire}
+    return studies[args.name](args)
 
 
 def _study_line(args: argparse.Namespace) -> int:
@@ -349,6 +350,16 @@ def _study_line(args: argparse.Namespace) -> int:
     _show(args, tables.line(lines), [asdict(each) for each in lines])
     if not args.json:
         print("written:", *written)
+    return GOOD
+
+
+def _study_tactile(args: argparse.Namespace) -> int:
+    from cell.studies import tactile_charts  # compiles; only when asked for
+
+    config = _load(args).cell
+    with _progress() as progress:
+        found = tactile_charts.run(config, _out(args.out), args.quick, progress)
+    _show(args, tables.tactile(found), found.as_data())
     return GOOD
 
 

@@ -37,6 +37,7 @@ from skills.spiral_adjust import SpiralAdjustParams
 from skills.spray_search import SpraySearchParams
 from skills.tactile.image import ImageParams
 from skills.tactile.likelihood import LikelihoodParams
+from skills.tactile.observer import ObserverParams
 from skills.tactile.pca import PcaParams
 from skills.tactile.robust import RobustParams
 from skills.tactile_insert import TactileInsertParams
@@ -98,6 +99,7 @@ class CellConfig(ConfigModel):
     ml: LikelihoodParams = LikelihoodParams()
     robust: RobustParams = RobustParams()
     smoothing: Smoothing = Smoothing()
+    observer: ObserverParams = ObserverParams()
     switch: Annotated[SimSwitchConfig | SerialSwitchConfig, Field(discriminator="kind")]
     plc: PlcConfig
     journal: JournalConfig = JournalConfig()

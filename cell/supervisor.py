@@ -8,7 +8,7 @@ from dataclasses import replace
 from threading import Event as ThreadEvent
 from typing import Protocol
 
-from cell.assembly import Cell, choices
+from cell.assembly import Cell, choices, make_estimator, make_tracker
 from cell.config import CellConfig, LoadedConfig, with_parameters
 from cell.journal import Journal, RunRow
 from cell.record import STAGE_NUMBER, RunRecord, StageClock, ending_of
@@ -226,7 +226,9 @@ class Supervisor:
             self._stocked += 1
         else:
             ctx.job = config.job(slot=ctx.job.slot)
-        ctx.limits, ctx.smoothing, ctx.stage, ctx.held = config.limits, config.smoothing, "", None
+        ctx.limits, ctx.stage, ctx.held = config.limits, "", None
+        # A recipe may bring another peg, and a preset another method.
+        ctx.estimator, ctx.tracker = make_estimator(config), make_tracker(config)
 
     def _conclude(self, records: Sequence[StageRecord], fault: CellError | None) -> None:
         """Put the ending on record and enter the state that follows."""

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
@@ -24,6 +25,7 @@ from skills.contract import Reason
 if TYPE_CHECKING:
     from cell.studies.line import Measure
     from cell.studies.speed import ProfileLine, SpeedLine
+    from cell.studies.tactile_charts import TactileStudy
 
 
 def stages(lines: Sequence[StageLine]) -> Table:
@@ -184,3 +186,22 @@ def plain(title: str, lines: Sequence[Any]) -> Table:
         values = (getattr(line, name) for name in names)
         table.add_row(*(f"{value:.4g}" if isinstance(value, float) else str(value) for value in values))
     return table
+
+
+def tactile(found: "TactileStudy") -> Group:
+    """Return how well and how fast each estimator reads theta."""
+    table = Table("layout", "pads", "frames", "estimator", "told", "RMSE (deg)", "p95", "worst", "in 1.96 sigma", "us")
+    for line in found.lines:
+        table.add_row(
+            line.layout,
+            line.model,
+            f"{line.condition}, n = {line.frames}",
+            line.estimator,
+            f"{100 * line.told:.1f} %",
+            *(f"{value:.2f}" for value in (line.rmse, line.p95, line.worst, line.covered)),
+            f"{1e6 * line.time:.0f}",
+        )
+    missed = Table("layout", "what the bed of springs leaves out, beside an elastic layer", "size")
+    for item in found.fidelity:
+        missed.add_row(item.layout, item.what, f"{100 * item.size:.1f} %")
+    return Group(table, missed, Text("written: " + " ".join(map(str, found.files))))

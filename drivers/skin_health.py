@@ -31,6 +31,8 @@ class SkinHealthConfig(ConfigModel):
     """The converter's rail, counts: from here on a reading says "at least"."""
     stuck_frames: Annotated[int, Field(ge=5, le=100_000)] = 30
     """So many equal readings in a row are no measurement; noise moves a live taxel."""
+    frozen_frames: Annotated[int, Field(ge=2, le=100_000)] = 5
+    """So many frames in a row that are equal in every taxel come from a board that no longer measures."""
     drift_time: Annotated[float, Field(ge=1.0, le=1e5)] = 30.0
     """Time constant with which the baseline follows the untouched skin, s."""
     touch: Annotated[float, Field(ge=3.0, le=20.0)] = 5.0
@@ -44,7 +46,8 @@ class SkinHealth:
 
     A taxel is masked at the start when it was dead (all zero), stuck (no change) or marked an error in most
     frames of the baseline; such a taxel stays masked until the next baseline. While running it is masked as
-    long as its reading marks an error, is saturated, has stood still, or is zero far below its baseline. The baseline follows drift only
+    long as its reading marks an error, is saturated, has stood still, or is zero far below its baseline;
+    all are while the whole frame stands still. The baseline follows drift only
     while nothing touches the skin.
     """
 
@@ -96,6 +99,8 @@ class SkinHealth:
         self._last = raw.copy()
         is_dead = (raw == 0) & (self.baseline > self._touch)
         trusted = self.usable & ~is_dead & (raw < self._config.saturation) & (self._equal < self._config.stuck_frames)
+        if (self._equal[self.usable] >= self._config.frozen_frames).all():
+            trusted = np.zeros_like(trusted)
         values = np.where(trusted, raw - self.baseline, 0.0)
         elapsed = 0.0 if self._stamp is None else max(stamp - self._stamp, 0.0)
         self._stamp = stamp

@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from enum import Enum, IntEnum, StrEnum
-from typing import Annotated, NoReturn, Protocol
+from typing import Annotated, Literal, NoReturn, Protocol
 
 import numpy as np
 from pydantic import Field
@@ -19,6 +19,7 @@ from drivers.quantities import (
     GripperState,
     ImpedanceSetpoint,
     InHandTip,
+    Pose,
     SwitchState,
     TaxelFrame,
     Vector,
@@ -105,7 +106,7 @@ class Observation:
     is_new_frame: bool
     """The skin delivered `frame` in this scan."""
     peg: PegPose
-    """The newest healthy estimate; its stamp tells the age."""
+    """What is known of the peg now; its stamp is that of the newest frame in it and tells the age."""
     tip: Vector
     """End point of the peg, shape (3,), m, base frame."""
     axis: Vector
@@ -130,9 +131,25 @@ class Interrupted(Exception):  # noqa: N818  a way to end, not an error
         self.reason = reason
 
 
+class Tracker(Protocol):
+    """Keeps the pose of the peg in the hand from frame to frame, and between them."""
+
+    def follow(self, stamp: float, tcp: Pose, length: float, new: PegPose | None) -> PegPose:
+        """Return the pose of the peg now, at every scan; not healthy as long as nothing is known.
+
+        Args:
+            stamp: Time now, s.
+            tcp: T_base_tcp now.
+            length: From the finger centre to the peg's end point, m.
+            new: A healthy estimate from a frame that has just come, if any; its stamp may lie in the past.
+        """
+
+
 class Smoothing(ConfigModel):
     """How theta is taken over from frame to frame; noise of theta would kick the tip at the skin's rate."""
 
+    method: Literal["blend", "observer"] = "blend"
+    """Blend frames and hold theta between them, or observe it at every scan: see `skills.tactile.observer`."""
     blend: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
     """Weight of a new frame in the running estimate; 1 takes each frame as it is, as [gibbons] does."""
     jump: Annotated[float, Field(gt=0.0)] = 0.15
@@ -149,7 +166,22 @@ class Smoothing(ConfigModel):
         return replace(new, theta=held.theta + (step if abs(step) > self.jump else self.blend * step))
 
 
-AS_IT_COMES = Smoothing()
+class Blend:
+    """Blends frames as `Smoothing` says, and holds theta between them."""
+
+    def __init__(self, smoothing: Smoothing) -> None:
+        """Start with nothing known."""
+        self._smoothing, self._peg = smoothing, NO_PEG
+
+    def follow(self, stamp: float, tcp: Pose, length: float, new: PegPose | None) -> PegPose:
+        """See `Tracker`."""
+        if new is not None:
+            self._peg = self._smoothing.take(self._peg, new)
+        return self._peg
+
+
+LONGEST_BLIND = 1.0
+"""A skill that holds a peg whose angle was known goes on without a new healthy frame for so long, s."""
 OVERRUN_WINDOW = 100
 """Scans that overruns are counted over."""
 MOST_OVERRUNS = 5
@@ -189,7 +221,7 @@ class SkillContext:
     scan_period: float
     rng: np.random.Generator
     """For choices that a skill makes at random, as the start of a search."""
-    smoothing: Smoothing = AS_IT_COMES
+    tracker: Tracker = field(default_factory=lambda: Blend(Smoothing()))
     poll: Callable[[], Request] = lambda: Request.RUN
     """Asked once a scan."""
     progress: Callable[[float], None] = lambda fraction: None
@@ -214,7 +246,7 @@ class SkillContext:
         self.arm.follow(setpoint)
 
     def in_hand(self) -> InHandTip:
-        """Return where the end point is in the hand by the newest healthy estimate."""
+        """Return where the end point is in the hand, as far as is known."""
         return InHandTip(self._peg.theta, self.job.peg.length, self._peg.stamp)
 
     def observe(self, elapsed: float = 0.0) -> Observation:
@@ -226,6 +258,7 @@ class SkillContext:
         arm = self.arm.read()
         frame = self.skin.read()
         is_new_frame = frame.sequence != self._sequence
+        pose: PegPose | None = None
         if is_new_frame:
             self._sequence = frame.sequence
             trusted = int(np.count_nonzero(frame.trusted))
@@ -233,9 +266,11 @@ class SkillContext:
                 raise SkinUntrustedError(
                     f"skin: {trusted} of {frame.trusted.size} taxels trusted; {LEAST_TRUSTED} needed"
                 )
-            pose = self.estimator.estimate(frame)
-            if pose.healthy:
-                self._peg = self.smoothing.take(self._peg, pose)
+            estimate = self.estimator.estimate(frame)
+            pose = estimate if estimate.healthy else None
+        known = self.tracker.follow(arm.stamp, arm.tcp, self.job.peg.length, pose)
+        if known.healthy:
+            self._peg = known
         tip, axis = end_point(arm.tcp, self._peg.theta, self.job.peg.length)
         return Observation(
             stamp=arm.stamp,
@@ -287,6 +322,9 @@ class SkillContext:
             self.record(seen, self.held)
             if holding and not seen.gripper.is_gripping:
                 self._interrupt(Reason.LOST_GRASP)
+            blind = seen.stamp - seen.peg.stamp
+            if holding and seen.peg.healthy and blind > LONGEST_BLIND:
+                raise SkinUntrustedError(f"skin: no angle of the peg for {blind:.2f} s > {LONGEST_BLIND} s limit")
             if request is Request.RUN:
                 yield seen
                 elapsed += self.scan_period

@@ -123,6 +123,8 @@ class Bank:
         self._arguments = (prior, spreads, templates.theta, templates.offset, templates.even, templates.rising)
         self.left: Vector = np.zeros(FINGERS * TAXELS)
         """Residuals of the last comparison over their standard deviations, shape (40,)."""
+        # Compiled, or fetched from the cache, now and not in the first scan.
+        self.compare(np.ones(FINGERS * TAXELS), np.ones(FINGERS * TAXELS))
 
     def compare(self, values: Vector, weights: Vector, is_wide: bool = False) -> Found:
         """Compare a frame with the templates of all angles.

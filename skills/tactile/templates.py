@@ -21,7 +21,7 @@ from drivers.skin_layout import Layout, finger_positions, pad_size
 
 HALF_LINE = 0.02
 """Distance from the finger centre at which a load that rises by 1 has risen by 1, m."""
-FAR = 36.0
+FAR = 25.0
 """Squared distance beyond which a line is not felt, in squared standard deviations of the blur."""
 
 
@@ -72,11 +72,19 @@ def make_templates(layout: Layout, peg: Peg, params: TemplateParams) -> Template
     disc_weights = np.array([0.25] + [0.125] * 6)
     groove = math.sqrt(peg.diameter * params.indentation) * math.sqrt(3.0 / 7.0) * np.array([-1.0, 0.0, 1.0])
     groove_weights = np.array([7.0, 16.0, 7.0]) / 30.0
-    taxels = np.ascontiguousarray(finger_positions(layout).reshape(-1, 2))
+    taxels = np.ascontiguousarray(finger_positions(layout)[1])
     even = np.zeros((theta.size, offset.size, FINGERS * TAXELS))
     rising = np.zeros_like(even)
     arguments = (disc, disc_weights, groove, groove_weights, params.blur)
-    _fill(theta, offset, taxels, length / 2, width / 2, peg.length, peg.overhang, *arguments, even, rising)
+    pad = (length / 2, width / 2, peg.length, peg.overhang)
+    right = slice(TAXELS, None)
+    _fill(theta, offset, taxels, *pad, *arguments, even[..., right], rising[..., right])
+    # The left finger is the right one's mirror image about the finger's axis.
+    mirrored = [np.zeros_like(even[:1, :, right]) for _ in range(2)]
+    _fill(-theta[:1], offset, taxels, *pad, *arguments, *mirrored)
+    for table, first in zip((even, rising), mirrored, strict=True):
+        table[1:, :, :TAXELS] = table[:0:-1, ::-1, right]
+        table[0, :, :TAXELS] = first[0, ::-1]
     on_axis = np.zeros((1, 1, 1))
     endless = (np.zeros(1), np.zeros(1), np.zeros((1, 2)), 0.1, 0.1, 0.1, 0.1)
     _fill(*endless, *arguments, on_axis, np.zeros_like(on_axis))

@@ -76,6 +76,21 @@ def test_taxel_that_stands_still_while_running_is_masked_at_the_limit(frames, is
     assert trusted[4] == is_trusted
 
 
+@pytest.mark.parametrize(("frames", "is_trusted"), [(CONFIG.frozen_frames - 1, True), (CONFIG.frozen_frames, False)])
+def test_no_taxel_of_a_frozen_frame_is_trusted_at_the_limit(frames, is_trusted):
+    health, frozen = _health(), _still(1)[0]
+    for _ in range(frames):
+        _, trusted = health.update(frozen, 0.1)
+    assert trusted.any() == trusted.all() == is_trusted
+
+
+def test_frozen_skin_is_trusted_again_once_it_measures():
+    health, (frozen, fresh) = _health(), _still(1)[:2]
+    for raw in [frozen] * 8 + [fresh]:
+        _, trusted = health.update(raw, 0.1)
+    assert trusted.all()
+
+
 def test_baseline_follows_an_untouched_skin():
     health = _health()
     for k, raw in enumerate(_still(1, frames=600, level=5400.0)):
