@@ -79,7 +79,7 @@ class CanConfig(ConfigModel):
     """Of the PLC, whose heartbeat is watched and whose commands count."""
     heartbeat: Annotated[float, Field(ge=0.01, le=60.0)] = 0.1
     """Period of the cell's own heartbeat, s."""
-    plc_timeout: Annotated[float, Field(ge=0.0, le=60.0)] = 0.5
+    plc_timeout: Annotated[float, Field(ge=0.0, le=60.0)] = 1.0
     """A run stops when the PLC's heartbeat, once heard, stays away for longer than this, s; 0 is no watch."""
 
     @model_validator(mode="after")

@@ -11,7 +11,7 @@ PARAMETERS = (Parameter("search.speed", "m/s", 1e-4, 0.001, 0.5, "peak speed"),)
 REGISTERS = table({PROGRAM: "insert_peg"}, PARAMETERS)
 PLACES = {register.name: register for register in REGISTERS}
 START, STOP, PRE_OPERATIONAL, RESET_NODE, RESET_COMMUNICATION = 1, 2, 128, 129, 130
-CONFIG = CanConfig(interface="virtual", channel="rig", node_id=NODE, plc_node=PLC)
+CONFIG = CanConfig(interface="virtual", channel="rig", node_id=NODE, plc_node=PLC, plc_timeout=0.5)
 
 
 class Rig:

@@ -19,6 +19,7 @@ from plc_bridge.messages import Report, Result
 from tests.can_hubs import SlcanHub, SocketcandHub
 
 PROGRAM = 100
+PATIENT = {"plc_timeout": 60.0}  # a busy computer makes a late PLC
 PATIENCE = 10.0
 
 
@@ -30,20 +31,20 @@ def two_ends(request):
         patch = pytest.MonkeyPatch()  # an adapter needs two seconds after its port opens; a hub does not
         patch.setattr(can.interfaces.slcan, "time", SimpleNamespace(sleep=lambda seconds: None, time=time.time))
         with closing(SlcanHub()) as hub:
-            yield [CanConfig(interface=interface, channel=end) for end in hub.ends]
+            yield [CanConfig(interface=interface, channel=end, **PATIENT) for end in hub.ends]
         patch.undo()
     elif interface == "socketcand":
         with closing(SocketcandHub()) as hub:
-            yield [CanConfig(interface=interface, channel=f"127.0.0.1:{hub.port}/can0")] * 2
+            yield [CanConfig(interface=interface, channel=f"127.0.0.1:{hub.port}/can0", **PATIENT)] * 2
     elif interface == "udp_multicast":
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
             probe.bind(("127.0.0.1", 0))
             port = probe.getsockname()[1]
-        yield [or_skip(CanConfig(interface=interface, channel=f"239.74.163.2:{port}"))] * 2
+        yield [or_skip(CanConfig(interface=interface, channel=f"239.74.163.2:{port}", **PATIENT))] * 2
     elif interface == "socketcan":
-        yield [or_skip(CanConfig(interface=interface, channel="vcan0"))] * 2
+        yield [or_skip(CanConfig(interface=interface, channel="vcan0", **PATIENT))] * 2
     else:
-        yield [CanConfig(interface=interface, channel=request.node.name)] * 2
+        yield [CanConfig(interface=interface, channel=request.node.name, **PATIENT)] * 2
 
 
 def or_skip(config):
@@ -90,7 +91,7 @@ def test_commands_run_over_every_interface(two_ends):
 
 def test_a_socketcand_server_may_go_and_come_back():
     hub = SocketcandHub()
-    config = CanConfig(interface="socketcand", channel=f"127.0.0.1:{hub.port}/can0")
+    config = CanConfig(interface="socketcand", channel=f"127.0.0.1:{hub.port}/can0", **PATIENT)
     with closing(Cell(config)) as cell:
         hub.close()
         hub = SocketcandHub(hub.port)

@@ -31,7 +31,7 @@ GROUP = "239.74.163.2"
 
 @pytest.fixture
 def config(request):
-    return CanConfig(interface="virtual", channel=request.node.name, node_id=NODE, plc_node=PLC)
+    return CanConfig(interface="virtual", channel=request.node.name, node_id=NODE, plc_node=PLC, plc_timeout=60.0)
 
 
 @pytest.fixture
