@@ -19,6 +19,11 @@ REST_DAMPING = 2.5
 """Damping of the resting hand over that of the search: it shall stop within a millimetre or two."""
 
 
+DESCENT = 0.04
+"""Speed at which the setpoint comes down to the surface, m/s: the blow grows with it."""
+TOUCHED = 0.5
+"""Share of the push by which the surface is felt, and for how long, s: a blow is no push."""
+TOUCHED_TIME = 0.1
 SLIP = 0.1
 """Change of theta that tells of a slip in the hand, rad."""
 RETURN_TIME = 0.4
@@ -61,7 +66,7 @@ class SpraySearchParams(SkillParams):
     height: Annotated[float, Field(gt=0.0, le=0.1)]
     """Above the surface at the end of the free-space approach, m."""
     touch_down: PositiveFloat
-    """Time to come down to the surface and let the push settle, s."""
+    """Longest time to come down to the surface, s; the path begins as soon as the push is felt."""
     trim_rate: NonNegativeFloat
     """At which the setpoint across the lanes is moved against the tip's error there, 1/s: joint friction holds the arm off."""
     trim_limit: NonNegativeFloat
@@ -133,6 +138,7 @@ def run(params: SpraySearchParams, ctx: SkillContext, near: Vector | None = None
     phase, place = Phase.COMING_DOWN, first
     resting: ImpedanceSetpoint | None = None
     leaning, facing = axis, closing
+    pressed = 0
     known_theta, push = ctx.in_hand().theta, params.push_stiffness
     depth = surface - params.push_offset
     for seen in ctx.scan(params.timeout, holding=True):
@@ -144,8 +150,10 @@ def run(params: SpraySearchParams, ctx: SkillContext, near: Vector | None = None
         point, velocity = path.at(along)
         sense = -1 if velocity[fast] < 0.0 else 1
         below = ground.below(tip, sense)
-        if phase is Phase.COMING_DOWN and elapsed >= params.touch_down:
-            phase = Phase.SLIDING
+        if phase is Phase.COMING_DOWN:
+            pressed = pressed + 1 if seen.arm.wrench.force[2] > TOUCHED * push * params.push_offset else 0
+            if pressed * ctx.scan_period >= TOUCHED_TIME or elapsed >= params.touch_down:
+                phase, since = Phase.SLIDING, -math.inf
         elif phase is Phase.SLIDING:
             if is_event if params.evidence == "skin" else below > params.dip:
                 phase, since, place, rests = Phase.RESTING, seen.stamp, tip, rests + 1
@@ -192,7 +200,7 @@ def run(params: SpraySearchParams, ctx: SkillContext, near: Vector | None = None
             along += ctx.scan_period
             target[:2], twist[:2] = middle + point + back * offset, velocity
         elif phase is Phase.COMING_DOWN:
-            share = min(2.0 * elapsed / params.touch_down, 1.0)
+            share = min(elapsed * DESCENT / (first[2] - depth), 1.0)
             target[:2], target[2] = middle + point, first[2] + (depth - first[2]) * share
         trim = trim.after(target[slow] - tip[slow], ctx.scan_period)
         target[slow] += trim.value
