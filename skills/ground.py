@@ -30,7 +30,7 @@ def nominal(hole: Hole) -> Plane:
 
 
 class Ground:
-    """The plane on which the tip slides, learnt on the way by least squares that forget; pure.
+    """The plane on which the peg slides, learnt on the way by least squares that forget; pure.
 
     z = a + b x + c y + d s, with s = +-1 the sense of the path: friction tilts the hand a little, so that the
     height differs between the two. A tilted plate would else look like an edge at every lane.
@@ -56,13 +56,13 @@ class Ground:
         self._covariance = np.diag([1.0, self.SLOPE**2, self.SLOPE**2, 4.0 * self.NOISE**2])
         self._scans = 0
 
-    def learn(self, tip: Vector, sense: int) -> None:
-        """Take the position of the sliding tip, shape (3,), m, in one scan of a pass in `sense`, -1 or 1."""
-        row = self._row(tip, sense)
+    def learn(self, edge: Vector, sense: int) -> None:
+        """Take the lowest point of the sliding peg, shape (3,), m, in one scan of a pass in `sense`, -1 or 1."""
+        row = self._row(edge, sense)
         towards = self._covariance @ row
-        noise = self.NOISE * (self.DOUBT if self.below(tip, sense) > 0.0 else 1.0)
+        noise = self.NOISE * (self.DOUBT if self.below(edge, sense) > 0.0 else 1.0)
         gain = towards / (noise**2 + row @ towards)
-        self._values = self._values + gain * (tip[2] - row @ self._values)
+        self._values = self._values + gain * (edge[2] - row @ self._values)
         self._covariance = self._covariance - np.outer(gain, towards)
         self._covariance *= 1.0 + 1.0 / self.MEMORY
         # What is forgotten must not grow beyond what was known at first.
@@ -71,26 +71,21 @@ class Ground:
         self._covariance *= np.outer(excess, excess)
         self._scans += 1
 
-    def below(self, tip: Vector, sense: int) -> float:
-        """Return how far the tip lies below the plane, less three deviations of what is known of it, m; 0 before any is."""
+    def below(self, edge: Vector, sense: int) -> float:
+        """Return how far that point lies below the plane, less three deviations of what is known of it, m; 0 before any is."""
         if self._scans == 0:
             return 0.0
-        row = self._row(tip, sense)
-        return float(row @ self._values - tip[2]) - 3.0 * math.sqrt(float(row @ self._covariance @ row))
+        row = self._row(edge, sense)
+        return float(row @ self._values - edge[2]) - 3.0 * math.sqrt(float(row @ self._covariance @ row))
 
-    def plane(self, near: Vector, standing: float) -> Plane:
-        """Return the surface as it was learnt; level before a second of sliding or so has told its slopes.
-
-        Args:
-            near: Where its point shall be, shape (2,) or more, m, base frame.
-            standing: The sliding tip stands so far above it, m.
-        """
+    def plane(self, near: Vector) -> Plane:
+        """Return the surface next to `near`, shape (2,) or more, m; level before a second of sliding has told its slopes."""
         slopes = np.clip(self._values[1:3], -3.0 * self.SLOPE, 3.0 * self.SLOPE)
         if self._scans < self.MEMORY / 2:
             slopes = np.zeros(2)
         slope: Vector = np.array([-slopes[0], -slopes[1], 1.0])
         height = self._values[:3] @ self._row(near, 0)[:3]
-        return Plane(np.array([near[0], near[1], height - standing]), slope / np.linalg.norm(slope))
+        return Plane(np.array([near[0], near[1], height]), slope / np.linalg.norm(slope))
 
-    def _row(self, tip: Vector, sense: int) -> Vector:
-        return np.array([1.0, tip[0] - self._origin[0], tip[1] - self._origin[1], sense])
+    def _row(self, edge: Vector, sense: int) -> Vector:
+        return np.array([1.0, edge[0] - self._origin[0], edge[1] - self._origin[1], sense])

@@ -35,9 +35,9 @@ class SpiralAdjustParams(SkillParams):
     push_offset: NonNegativeFloat
     """The tip's setpoint lies so far below its own height, m."""
     guided_depth: PositiveFloat
-    """Once the tip is so deep, m, the hole guides the peg better than a biased vertical does."""
+    """Once the tip is so deep, m, a growing spiral would only load its walls."""
     guided_radius: NonNegativeFloat
-    """From there on the finger centre circles about where it is, m at first, fading: torque that friction holds jams."""
+    """From there on the finger centre draws circles, m at first, fading: torque that friction holds jams."""
     guided_rate: PositiveFloat
     """Of those circles, rad/s."""
     guided_period: PositiveFloat
@@ -67,7 +67,7 @@ def run(params: SpiralAdjustParams, ctx: SkillContext, plane: Plane | None = Non
     offset, tip, guided_since, is_guided = np.zeros(2), first.tip, math.inf, False
     for seen in ctx.scan(params.timeout, holding=True):
         # The angle is frozen: an estimate fed back while the peg is wedged would chase its own bias.
-        tip, axis = end_point(seen.arm.tcp, in_hand.theta, in_hand.length)
+        tip, _ = end_point(seen.arm.tcp, in_hand.theta, in_hand.length)
         if is_seated(seen.switch, tip, hole):
             return SpiralAdjustResult(
                 Outcome.SUCCESS,
@@ -92,7 +92,7 @@ def run(params: SpiralAdjustParams, ctx: SkillContext, plane: Plane | None = Non
             ImpedanceSetpoint(
                 id=identity,
                 tip=target,
-                axis=tilted_by(offset + in_hand.length * (axis if is_guided else plane.normal)[:2], in_hand.length),
+                axis=tilted_by(offset + in_hand.length * plane.normal[:2], in_hand.length),
                 roll=roll,
                 stiffness=stiffness,
                 damping=damping,

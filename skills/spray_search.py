@@ -149,7 +149,8 @@ def run(params: SpraySearchParams, ctx: SkillContext, near: Vector | None = None
             stiffness = np.array([*stiffness[:2], push, *stiffness[3:]])
         point, velocity = path.at(along)
         sense = -1 if velocity[fast] < 0.0 else 1
-        below = ground.below(tip, sense)
+        edge = lowest_point(tip, seen.axis, ctx.job.peg.diameter / 2)
+        below = ground.below(edge, sense)
         if phase is Phase.COMING_DOWN:
             pressed = pressed + 1 if seen.arm.wrench.force[2] > TOUCHED * push * params.push_offset else 0
             if pressed * ctx.scan_period >= TOUCHED_TIME or elapsed >= params.touch_down:
@@ -159,12 +160,11 @@ def run(params: SpraySearchParams, ctx: SkillContext, near: Vector | None = None
                 phase, since, place, rests = Phase.RESTING, seen.stamp, tip, rests + 1
                 resting = _rest(seen, identity, stiffness, damping, params)
             else:
-                ground.learn(tip, sense)
+                ground.learn(edge, sense)
         elif phase is Phase.PROBING and below > params.fall:
             phase, since, resting = Phase.JUDGING, seen.stamp, _rest(seen, identity, stiffness, damping, params)
         if phase in (Phase.RESTING, Phase.JUDGING) and (params.fall == 0.0 or seen.peg.stamp >= since + params.rest):
             if below >= params.fall:
-                standing = ctx.job.peg.diameter / 2 * math.sin(params.tilt)
                 return SpraySearchResult(
                     Outcome.SUCCESS,
                     Reason.NONE,
@@ -173,7 +173,7 @@ def run(params: SpraySearchParams, ctx: SkillContext, near: Vector | None = None
                     (first[0], first[1]),
                     event.count,
                     rests,
-                    ground.plane(tip, standing),
+                    ground.plane(tip),
                 )
             is_looking = phase is Phase.RESTING and params.probe_radius > 0.0
             phase, since = Phase.PROBING if is_looking else Phase.SLIDING, seen.stamp
@@ -248,6 +248,13 @@ def _rest(
         damping=REST_DAMPING * damping,
         valid_until=seen.stamp + VALIDITY,
     )
+
+
+def lowest_point(tip: Vector, axis: Vector, radius: float) -> Vector:
+    """Return the lowest point of the peg's edge, shape (3,), m; `tip` the middle of its end face, `axis` unit, upwards."""
+    down = axis[2] * axis - np.array([0.0, 0.0, 1.0])
+    size = float(np.linalg.norm(down))
+    return tip + (radius / size) * down if size > 1e-9 else tip
 
 
 def _point(tip: Vector) -> tuple[float, float, float]:

@@ -12,6 +12,7 @@ from skills.contract import NO_PEG, PegPose, Smoothing
 from skills.motion import minimum_jerk, tilted
 from skills.seating import is_seated, require_short_of_bottom
 from skills.spiral_adjust import tilted_by
+from skills.spray_search import lowest_point
 from skills.tactile_insert import push_stiffness
 
 JOB = load().cell.job()
@@ -36,6 +37,14 @@ def test_the_closing_axis_lies_in_the_plane_of_the_tilt_and_across_the_peg() -> 
     axis, closing = tilted(0.7, 0.6)
     assert float(axis @ closing) == pytest.approx(0.0, abs=1e-15)
     assert float(np.cross(axis, closing)[2]) == pytest.approx(0.0, abs=1e-15)
+
+
+def test_the_lowest_point_of_a_leaning_peg_lies_ahead_of_its_end_and_below_it() -> None:
+    axis, _ = tilted(0.0, math.pi / 4)
+    np.testing.assert_allclose(
+        lowest_point(np.zeros(3), axis, 0.004), [0.004 / math.sqrt(2), 0.0, -0.004 / math.sqrt(2)]
+    )
+    np.testing.assert_allclose(lowest_point(np.ones(3), np.array([0.0, 0.0, 1.0]), 0.004), np.ones(3))
 
 
 def test_the_finger_centre_of_the_spiral_stands_where_it_was_drawn() -> None:

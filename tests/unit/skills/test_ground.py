@@ -31,7 +31,7 @@ def test_a_tilted_plate_is_no_edge_and_its_normal_is_known(slope: tuple[float, f
         there = tip + np.array([0.0, ahead, slope[1] * ahead])
         assert abs(ground.below(there, -1)) < 1e-4
     expected = np.array([-slope[0], -slope[1], 1.0]) / math.hypot(1.0, *slope)
-    np.testing.assert_allclose(ground.plane(tip, 0.0).normal, expected, atol=3e-3)
+    np.testing.assert_allclose(ground.plane(tip).normal, expected, atol=3e-3)
 
 
 def test_a_dip_of_half_a_millimetre_is_seen_at_once() -> None:
