@@ -26,8 +26,9 @@ from drivers.traffic import PlaybackCan, PlaybackLine, TrafficEndedError, is_tra
 
 BRIGHT = 15_000.0
 """A taxel with so many counts is shown at its brightest."""
-_CELL = 7  # characters
-_MM_PER_CHARACTER = 1.2
+_CELL = 5  # characters
+_MM_PER_CHARACTER = 1.5
+"""Both fingers fit into 80 columns."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,7 +111,7 @@ def fingers(seen: Seen, layout: Layout) -> Group:
     frame, figures = seen.frame, seen.figures
     table = Table(show_edge=False, pad_edge=False)
     for name in FINGER_NAMES:
-        table.add_column(f"{name} finger (counts; x: not trusted)", no_wrap=True)
+        table.add_column(f"{name} finger (kilocounts; x: bad)", no_wrap=True)
     places = finger_positions(layout)
     table.add_row(*(_finger(places[k], frame.values[k], frame.trusted[k]) for k in range(FINGERS)))
     line = f"frame {frame.sequence}  {int(frame.trusted.sum())} of {frame.trusted.size} taxels trusted"
@@ -250,7 +251,8 @@ def _finger(places: Vector, values: Vector, trusted: Mask) -> Text:
             shade = 232 + int(np.clip(values[k] / BRIGHT, 0.0, 1.0) * 23)
             ink = "black" if shade > 243 else "white"
             text.append(
-                f"{values[k]:6.0f} " if trusted[k] else "     x ", f"{ink} on color({shade})" if trusted[k] else "red"
+                f"{values[k] / 1e3:4.1f} " if trusted[k] else "   x ",
+                f"{ink} on color({shade})" if trusted[k] else "red",
             )
         text.append("\n")
     return text
