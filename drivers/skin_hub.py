@@ -5,6 +5,7 @@ on CAN. Both give raw scans of the two fingers.
 """
 
 import math
+from collections import deque
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
@@ -37,6 +38,9 @@ START_PERIODS = 3.0
 """A board that has been told to start is given so many periods for its first scan."""
 SLOWEST = 0.015
 """The parts of one scan may be so long under way, s: two modules and two more take 10 ms at 115 200 baud."""
+WATCHED_SCANS = 10
+LEAST_PERIOD = 0.8
+"""A board whose last so many scans came closer together than this share of its period is told again."""
 TEMPERATURE = 0
 """Name of the channel with a module's temperature."""
 FIRST_MODULE = 1
@@ -124,6 +128,7 @@ class CySkinDialogue:
         self._has_asked = self._is_started = False
         self._next = -math.inf
         self._error: int | None = None
+        self._stamps: deque[float] = deque(maxlen=WATCHED_SCANS)
         self.modules.clear()
 
     def ask(self, now: float) -> list[Message]:
@@ -205,6 +210,16 @@ class CySkinDialogue:
         self._channels, self._next = channels, -math.inf
         self._scans = ScanAssembler(len(channels), max(self._period / 2, SLOWEST))
 
+    def _keeps_period(self, stamp: float) -> bool:
+        """Whether scans come no faster than told; a board that missed it, or that started anew, has its own period."""
+        self._stamps.append(stamp)
+        if len(self._stamps) < WATCHED_SCANS:
+            return True
+        if stamp - self._stamps[0] > LEAST_PERIOD * self._period * (WATCHED_SCANS - 1):
+            return True
+        self._stamps.clear()
+        return False
+
     def _add(self, message: Message, stamp: float) -> RawScan | None:
         if self._channels is None or self._scans is None or not self._has_asked:
             return None
@@ -214,7 +229,7 @@ class CySkinDialogue:
         self.incomplete += self._scans.incomplete - incomplete
         if scan is None:
             return None
-        self._is_started = True
+        self._is_started = self._keeps_period(scan[1])
         readings = np.append(scan[0], np.uint16(0))
         temperature = np.append(scan[0].astype(float), np.nan)[self._temperatures]
         return RawScan(readings[self._taxels], temperature, scan[1], self._scans.lost - lost)

@@ -7,6 +7,7 @@ from drivers.can_bus import CanFrame
 from drivers.errors import DeviceNotOpenedError, SkinSilentError
 from drivers.skin import RECENT
 from drivers.skin_health import BASELINE_FRAMES, SkinHealth, SkinHealthConfig
+from drivers.skin_wire import Command
 from sim.boards import TEMPERATURE_COUNTS
 from sim.config import WireFaults
 from tests.skins import WIRED, BoardRig, can_config, held_peg, serial_config
@@ -249,3 +250,21 @@ def test_foreign_frames_on_the_bus_do_not_disturb():
 def test_skin_that_nobody_read_for_a_while_is_not_silent(rig):
     rig.clock.wait_until(rig.clock.now() + 5.0)
     assert rig.skin.read().stamp > rig.clock.now() - 0.15
+
+
+@pytest.mark.parametrize("command", [Command.DECLARE, Command.DETAILS, Command.PERIOD, Command.AUTO_SYNC])
+def test_what_got_lost_while_the_board_was_started_is_said_again(command):
+    rig, lost = BoardRig(can_config()), []
+    real = rig.link.write
+
+    def write(frame):
+        if frame.data[0] == command and not lost:
+            lost.append(frame)
+        else:
+            real(frame)
+
+    rig.link.write = write
+    rig.skin.open()
+    rig.scan(6.0)
+    assert lost
+    assert rig.skin.figures().rate == pytest.approx(10.0, rel=0.05)
