@@ -62,6 +62,8 @@ class LoopFigures:
     """Since the arm was opened."""
     missed: int
     """Milliseconds of the arm's time that went by without a state here, since it was opened."""
+    success_rate: float
+    """Share of the torques that the arm says came in time, mean since it was opened."""
     busy_median: float
     """From a state's arrival to the torques' departure."""
     busy_p99: float
@@ -215,6 +217,7 @@ class FrankaArm:
         return LoopFigures(
             cycles=cycles,
             missed=int(link["missed"][0]),
+            success_rate=float(link["success"][0]) / max(cycles, 1),
             busy_median=float(np.median(busy)),
             busy_p99=float(np.percentile(busy, 99)),
             busy_longest=float(busy.max()),

@@ -36,6 +36,7 @@ _LAYOUT = np.dtype(
         ("is_realtime", np.int64),
         ("cycles", np.int64),
         ("missed", np.int64),
+        ("success", np.float64),
         ("busy", np.float32, CYCLES_KEPT),
         ("spacing", np.float32, CYCLES_KEPT),
     ]

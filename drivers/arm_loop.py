@@ -104,6 +104,7 @@ class TorqueLoop:
             link["busy"][0, place], link["spacing"][0, place] = done - woke, woke - last
             last = woke
             link["cycles"][0] += 1
+            link["success"][0] += state.control_command_success_rate
             if count > 1:
                 link["missed"][0] += max(round(passed.to_sec() / panda.CONTROL_PERIOD) - 1, 0)
             self._publish(state, q, dq)

@@ -1,0 +1,47 @@
+"""How the torque loop keeps its time: `.franka-sim/bin/python -m tests.franka.hold [--seconds 60]`.
+
+The arm holds a setpoint against a server that waits for nobody: a state leaves every millisecond of wall time, as far
+as this machine can, and torques that come later count as lost. Prints one line of JSON.
+"""
+
+import argparse
+import json
+import time
+from dataclasses import asdict
+
+import numpy as np
+
+from cell.config import load
+from drivers.arm import FrankaArm, FrankaArmConfig
+from drivers.quantities import ImpedanceSetpoint
+from tests.franka.simulated import address, served
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--seconds", type=float, default=60.0, help="of wall time")
+    seconds = parser.parse_args().seconds
+    host = address(1)
+    config = FrankaArmConfig(kind="franka", host=host, collision_torque=60.0, collision_force=60.0, realtime="ignore")
+    with served(load().cell, host) as (world, server):
+        arm = FrankaArm(config, world)
+        arm.open()
+        state = arm.read()
+        arm.follow(
+            ImpedanceSetpoint(
+                id=1,
+                tip=state.tcp.position + np.array([0.0, 0.0, 0.01]),
+                axis=-state.tcp.rotation[:, 0],
+                stiffness=np.array([1500.0, 1500.0, 1500.0, 60.0, 60.0, 60.0]),
+                damping=np.array([90.0, 90.0, 90.0, 6.0, 6.0, 6.0]),
+                valid_until=world.now() + seconds,
+            )
+        )
+        server.is_patient = False
+        time.sleep(seconds)
+        print(json.dumps({"simulated": world.now(), "wall": seconds, **asdict(arm.figures())}))
+        arm.close()
+
+
+if __name__ == "__main__":
+    main()
