@@ -228,7 +228,7 @@ def test_fault_has_its_word_and_its_stage_until_a_reset(plc, served):
 
 
 def test_life_that_stands_still_stops_the_run_and_frees_the_lease(line, loaded, tmp_path):
-    hasty = line.plc.model_copy(update={"life_timeout": 0.2})
+    hasty = line.plc.model_copy(update={"life_timeout": 0.5})
     with quick_cell(loaded, hasty, tmp_path) as served, contextlib.closing(line.connect(served.bridge)) as plc:
         plc.connect()
         served.program.may_end.clear()
