@@ -3,7 +3,8 @@
     python -m tests.hostile [--frames 100000] [--seed 1]
 
 sends that many over TCP, as many over TLS, a twentieth of that where a TLS handshake should be, and a twentieth over
-RTU, where every second one is noise. Every answer is compared with what `tests.modbus_oracle` says; a bystander holds the lease and must keep it, its registers and its peace.
+RTU, where every second one is noise. Every answer is compared with what `tests.modbus_oracle` says; a bystander holds
+the lease and must keep it, its registers and its peace.
 """
 
 import argparse
