@@ -5,11 +5,11 @@ The cell is the whole product in a process of its own, in real time: bridge, sup
 
 import csv
 import json
-import random
 import threading
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,20 +17,14 @@ from matplotlib.figure import Figure
 
 from cell.config import LoadedConfig
 from cell.states import State
-from cell.studies.line_cell import PATIENCE, Scan, bare_server, cell_process
-from cell.studies.line_client import Address, Client, Load, connected, load, time_requests
-from drivers.errors import CellError
+from cell.studies.line_cell import Scan, bare_server, cell_process
+from cell.studies.line_client import Address, Load, connected, load, time_requests
+from cell.studies.line_plc import Plc, Start
 from drivers.quantities import Vector
-from plc_bridge.messages import Control, Result
-from plc_bridge.registers import VERSION, CommandImage, ReportImage
-from skills.catalogue import CATALOGUE
 
 CLIENTS, POLL_PERIOD = 50, 0.01  # s
 RATIO = 1.3
 """Most that p50 may be of the bare server's."""
-CYCLE = 0.02
-"""Between two signs of life of the PLC while its run goes on, s."""
-_INSERT, _GRASP = CATALOGUE["insert_peg"].code, CATALOGUE["grasp_from_rack"].code
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,82 +84,6 @@ class Samples:
     scan_period: float
 
 
-@dataclass(frozen=True, slots=True)
-class _Start:
-    """One command, in times of this computer, s."""
-
-    sent: float
-    written: float
-    seen: float
-    is_at_once: bool
-    """The first answer said Busy."""
-
-
-class _Plc:
-    """A PLC that starts runs, over a connection that measures."""
-
-    def __init__(self, client: Client) -> None:
-        self._client, self._rng = client, random.Random(1)
-        self._image = CommandImage(sequence=client.report().sequence, version=VERSION)
-        self.cycle()
-
-    def cycle(self, **changes: int) -> ReportImage:
-        """Count life up and write the block; return the report."""
-        life = self._image.life % 0xFFFF + 1
-        self._image = replace(self._image, life=life, life_tail=life, **changes)  # type: ignore[arg-type]
-        self._client.write(self._image)
-        return self._client.report()
-
-    def trigger(self, code: int) -> ReportImage:
-        """Send a command."""
-        return self.cycle(sequence=(self._image.sequence + 1) % 0x10000, code=code)
-
-    def until(self, is_met: Callable[[ReportImage], bool]) -> ReportImage:
-        """Cycle until the report is as wanted, and return it."""
-        deadline = time.monotonic() + PATIENCE
-        while not is_met(report := self.cycle()):
-            if time.monotonic() > deadline:
-                raise CellError(f"the cell does not get on: {report}")
-        return report
-
-    def finish(self) -> None:
-        """Stop what runs, acknowledge it, and make the cell ready."""
-        self._client.stop()
-        self.until(lambda report: report.state == State.STOPPED)
-        self.trigger(Control.RESET)
-        self.until(lambda report: report.state == State.IDLE)
-        self.cycle(acknowledge=self._image.sequence)
-
-    def time_start(self, period: float) -> _Start:
-        """Start a run, time it, and stop it."""
-        time.sleep(self._rng.uniform(0.0, period))
-        life = self._image.life % 0xFFFF + 1
-        self._image = replace(
-            self._image, life=life, life_tail=life, sequence=(self._image.sequence + 1) % 0x10000, code=_GRASP
-        )
-        sent = time.perf_counter()
-        self._client.write(self._image)
-        written = time.perf_counter()
-        is_at_once = self._client.is_busy()
-        while (report := self._client.report()).state == State.IDLE:
-            if time.perf_counter() - sent > PATIENCE:
-                raise CellError(f"the cell does not start: {report}")
-        seen = time.perf_counter()
-        self.finish()
-        return _Start(sent, written, seen, is_at_once)
-
-    def keep_running(self, is_over: threading.Event) -> None:
-        """Start insertions, one after the other, until it is over."""
-        while not is_over.is_set():
-            report = self.trigger(_INSERT)
-            while not is_over.wait(CYCLE) and (report.sequence != self._image.sequence or not report.result):
-                report = self.cycle()
-            self.cycle(acknowledge=self._image.sequence)
-            if report.result == Result.FAULT:
-                raise CellError(f"fault {report.fault} while measuring")
-        self.finish()
-
-
 def measure(loaded: LoadedConfig, effort: Effort) -> Samples:
     """Measure everything in one run.
 
@@ -186,7 +104,7 @@ def measure(loaded: LoadedConfig, effort: Effort) -> Samples:
                     into.extend(time_requests(client, effort.reads))
         flat_out = load(address, CLIENTS, effort.flat_out)
         with connected(address) as client:
-            plc = _Plc(client)
+            plc = Plc(client)
             plc.time_start(period)  # the first run of a process loads what is compiled
             starts = [plc.time_start(period) for _ in range(effort.starts)]
             polled, quiet, busy = _stretches(address, plc, effort)
@@ -207,26 +125,28 @@ def measure(loaded: LoadedConfig, effort: Effort) -> Samples:
 _Stretch = tuple[float, float]
 
 
-def _stretches(address: Address, plc: _Plc, effort: Effort) -> tuple[Load, list[_Stretch], list[_Stretch]]:
+def _stretches(address: Address, plc: Plc, effort: Effort) -> tuple[Load, list[_Stretch], list[_Stretch]]:
     """Let insertions run, by turns without and with clients that poll; return the load, and when was what."""
     is_over, quiet, busy, loads = threading.Event(), [], [], []
-    keeper = threading.Thread(target=plc.keep_running, args=(is_over,))
-    keeper.start()
-    time.sleep(2.0 * effort.window)  # the first run begins
-    for _ in range(effort.windows):
-        started = time.perf_counter()
-        time.sleep(effort.window)
-        quiet.append((started, time.perf_counter()))
-        started = time.perf_counter()
-        loads.append(load(address, CLIENTS, round(effort.window / POLL_PERIOD), POLL_PERIOD))
-        busy.append((started, time.perf_counter()))
-    is_over.set()
-    keeper.join()
+    with ThreadPoolExecutor(1) as pool:
+        running = pool.submit(plc.keep_running, is_over)
+        try:
+            time.sleep(2.0 * effort.window)  # the first run begins
+            for _ in range(effort.windows):
+                started = time.perf_counter()
+                time.sleep(effort.window)
+                quiet.append((started, time.perf_counter()))
+                started = time.perf_counter()
+                loads.append(load(address, CLIENTS, round(effort.window / POLL_PERIOD), POLL_PERIOD))
+                busy.append((started, time.perf_counter()))
+        finally:
+            is_over.set()
+        running.result()
     sums = [sum(getattr(each, name) for each in loads) for name in ("sent", "answered", "duration")]
     return Load(CLIENTS, sums[0], sums[1], sums[2]), quiet, busy
 
 
-def _idle_scans(scans: Sequence[Scan], start: _Start) -> int:
+def _idle_scans(scans: Sequence[Scan], start: Start) -> int:
     """Return how many scans began with the command in the cell and ended without it."""
     during = [(asked, state) for asked, state in scans if start.written < asked < start.seen]
     return len({asked for asked, _ in during} - {asked for asked, state in during if state != State.IDLE})
