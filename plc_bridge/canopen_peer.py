@@ -177,12 +177,12 @@ class CanPeer(PlcPeer):
             pdo.add_callback(self._take)
         self._wire.begin()
         deadline = self._now() + self._timeout
-        while not self._has_report.is_set():
+        self._node.nmt.state = "OPERATIONAL"  # also where reports come already: another may have said so
+        while not self._has_report.wait(min(_NMT_PERIOD, self._timeout)):
             if self._now() > deadline:
                 self.close()
                 raise CellSilentError(f"{self._where}: no report: is `cell serve` running there?")
-            self._node.nmt.state = "OPERATIONAL"  # said again until a report comes: the cell may be the later one
-            self._has_report.wait(min(_NMT_PERIOD, self._timeout))
+            self._node.nmt.state = "OPERATIONAL"  # said again: the cell may be the later one
 
     def _take(self, pdo: PdoMap) -> None:
         for variable in pdo:
