@@ -177,12 +177,20 @@ class CanPeer(PlcPeer):
             pdo.add_callback(self._take)
         self._wire.begin()
         deadline = self._now() + self._timeout
-        self._node.nmt.state = "OPERATIONAL"  # also where reports come already: another may have said so
-        while not self._has_report.wait(min(_NMT_PERIOD, self._timeout)):
+        while not (self._has_report.is_set() and self._is_operational()):
             if self._now() > deadline:
                 self.close()
                 raise CellSilentError(f"{self._where}: no report: is `cell serve` running there?")
-            self._node.nmt.state = "OPERATIONAL"  # said again: the cell may be the later one
+            self._node.nmt.state = "OPERATIONAL"  # said again until it is so: the cell may be the later one
+            self._has_report.wait(min(_NMT_PERIOD, self._timeout))
+
+    def _is_operational(self) -> bool:
+        """Ask the node's next heartbeat; what canopen remembers may be what was said to the node, not by it."""
+        assert self._node is not None
+        try:
+            return bool(self._node.nmt.wait_for_heartbeat(self._timeout) == "OPERATIONAL")
+        except canopen.nmt.NmtError:
+            return False
 
     def _take(self, pdo: PdoMap) -> None:
         for variable in pdo:
