@@ -26,9 +26,9 @@ MODEL_GEOM_BODYID = 2448
 MODEL_BODY_ROOTID = 1816
 DATA_GEOM_XPOS = 160896
 DATA_GEOM_XMAT = 160904
-DATA_CVEL = 161256
-DATA_SUBTREE_COM = 160912
-DATA_USERDATA = 160792
+DATA_CVEL = 161280
+DATA_SUBTREE_COM = 160960
+DATA_USERDATA = 160800
 DATA_NCON = 160560
 DATA_CONTACT = 161472
 DATA_EFC_FORCE = 162080
@@ -38,8 +38,21 @@ CONTACT_GEOM1 = 532
 CONTACT_EFC_ADDRESS = 576
 """66 doubles (dist, pos, frame, includemargin, friction, solref, solreffriction, solimp, adhesion, mu, H), then 13 ints and padding."""
 
+CONTACT_FIELDS = {
+    "pos": 8, "frame": 32, "includemargin": 104, "friction": 112, "solref": 152, "solreffriction": 168, "solimp": 184,
+    "dim": 528, "geom1": CONTACT_GEOM1, "geom2": 536, "geom": 540, "exclude": 572, "efc_address": CONTACT_EFC_ADDRESS,
+}  # fmt: skip
+"""Where the fields that `sim.contact` fills in are, bytes from the beginning of a contact."""
+
+_BALL = """<mujoco><worldbody><geom type="plane" size="1 1 1"/>
+<body pos="0 0 .09"><freejoint/><geom size=".1"/></body></worldbody></mujoco>"""
 _PROBE = """<mujoco><size nuser_geom="8" nuserdata="8"/><worldbody><geom type="ellipsoid" size="1 1 1"/>
-<body><freejoint/><geom type="cylinder" size=".1 .1"/></body></worldbody></mujoco>"""
+<camera/><light/><site name="here"/><body name="ball"><freejoint/><geom type="cylinder" size=".1 .1"/><site name="there"/>
+<body><joint name="hinge"/><geom size=".1"/></body></body><body mocap="true"/></worldbody>
+<tendon><spatial name="string"><site site="here"/><site site="there"/></spatial></tendon>
+<actuator><general joint="hinge" dyntype="filter"/></actuator><sensor><jointpos joint="hinge"/></sensor>
+<equality><connect body1="ball" anchor="0 0 0"/></equality></mujoco>"""
+"""With one of each, so that no array is empty: empty ones share their neighbour's address and would prove nothing."""
 
 
 def library_path() -> Path:
@@ -60,24 +73,49 @@ def verify_layout() -> None:
         )
     model = mujoco.MjModel.from_xml_string(_PROBE)
     data = mujoco.MjData(model)
-    expected = {
-        model._address + MODEL_GEOM_USER: model.geom_user,
-        model._address + MODEL_GEOM_SIZE: model.geom_size,
-        model._address + MODEL_GEOM_BODYID: model.geom_bodyid,
-        model._address + MODEL_BODY_ROOTID: model.body_rootid,
-        data._address + DATA_GEOM_XPOS: data.geom_xpos,
-        data._address + DATA_GEOM_XMAT: data.geom_xmat,
-        data._address + DATA_CVEL: data.cvel,
-        data._address + DATA_SUBTREE_COM: data.subtree_com,
-        data._address + DATA_USERDATA: data.userdata,
-    }
-    for address, array in expected.items():
+    for address, array in (
+        (model._address + MODEL_GEOM_USER, model.geom_user),
+        (model._address + MODEL_GEOM_SIZE, model.geom_size),
+        (model._address + MODEL_GEOM_BODYID, model.geom_bodyid),
+        (model._address + MODEL_BODY_ROOTID, model.body_rootid),
+        (data._address + DATA_GEOM_XPOS, data.geom_xpos),
+        (data._address + DATA_GEOM_XMAT, data.geom_xmat),
+        (data._address + DATA_CVEL, data.cvel),
+        (data._address + DATA_SUBTREE_COM, data.subtree_com),
+        (data._address + DATA_USERDATA, data.userdata),
+    ):
         if ctypes.c_uint64.from_address(address).value != array.ctypes.data:
             raise ImportError(f"mujoco {found}: its structs are not laid out as in sim/native.py")
-    if data.contact.dist.strides != (CONTACT_BYTES,):
-        raise ImportError(
-            f"mujoco {found}: a contact has {data.contact.dist.strides[0]} bytes, {CONTACT_BYTES} expected"
-        )
+    _verify_contacts(found)
+
+
+def _verify_contacts(found: str) -> None:
+    """Prove where contacts and their forces are, on a ball that lies on a plane."""
+    model = mujoco.MjModel.from_xml_string(_BALL)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    contact = data.contact
+    first = contact.dist.ctypes.data
+    right = (
+        ctypes.c_int32.from_address(data._address + DATA_NCON).value == data.ncon == 1
+        and ctypes.c_uint64.from_address(data._address + DATA_CONTACT).value == first
+        and ctypes.c_uint64.from_address(data._address + DATA_EFC_FORCE).value == data.efc_force.ctypes.data
+        and contact.dist.strides == (CONTACT_BYTES,)
+        and all(getattr(contact, name).ctypes.data - first == place for name, place in CONTACT_FIELDS.items())
+    )
+    if not right:
+        raise ImportError(f"mujoco {found}: its contacts are not laid out as in sim/native.py")
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Keep MuJoCo's warnings off the terminal and out of a log file, where models are pushed until they fail."""
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda text: None)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)
 
 
 def stage_times(data: mujoco.MjData) -> dict[str, float]:
