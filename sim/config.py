@@ -129,6 +129,25 @@ class GripConfig(ConfigModel):
     """How far the peg slides into the hand unnoticed when it is first pushed, m."""
 
 
+class ModelConfig(ConfigModel):
+    """How much of the physics is modelled; the defaults are what `cell study contact` argues for."""
+
+    hole: Literal["exact", "unpredicted", "flats", "boxes"] = "exact"
+    """Closed form; the same without contacts that are still apart; flats that turn with the peg; a ring of boxes."""
+    facets: Annotated[int, Field(ge=3, le=256)] = 64
+    """Of a ring."""
+    native_ccd: bool = False
+    """Whether facets collide by MuJoCo's newer path, which makes ghost contacts at seams."""
+    time_constant: Annotated[float, Field(ge=0.1, le=1e3)] = 2.0
+    """Of the contacts, in time steps."""
+    stiffness: Annotated[float, Field(ge=1e2, le=1e10)] | None = None
+    """Of the contacts instead, with critical damping, 1/s²: force by penetration and effective mass."""
+    long_steps: bool = True
+    """Whether steps are twice as long while nothing can touch the hole."""
+    grip: Literal["hinge", "pads"] = "hinge"
+    """How the hand holds the peg: on a hinge with the pads' friction, or between rigid pads in contact."""
+
+
 class SimConfig(ConfigModel):
     """The simulated world itself."""
 
@@ -138,6 +157,7 @@ class SimConfig(ConfigModel):
     """Multiple of real time that the clock keeps to, or as fast as it goes."""
     seed: Annotated[int, Field(ge=0)] = 0
     """Of the first run; every further run of a session takes the next."""
+    model: ModelConfig = ModelConfig()
 
     @model_validator(mode="after")
     def _divides(self) -> "SimConfig":

@@ -23,14 +23,17 @@ from numba import carray, types
 
 from drivers.compiled import cfunc, njit
 from drivers.quantities import Vector
-from sim import native
+from sim import flats, native
 
 PLATE_TYPE = mujoco.mjtGeom.mjGEOM_ELLIPSOID
 PEG_TYPE = mujoco.mjtGeom.mjGEOM_CYLINDER
 """A pair of geom types that nothing else in the scene uses; the plate's ellipsoid is only its bounding volume."""
 
 USER = 8
-"""Length of a plate's `geom_user`: hole radius, hole depth, friction, time step."""
+"""Length of a plate's `geom_user`: hole radius, hole depth, friction, time step, the contacts' two `solref`, mode, flats."""
+EXACT, UNPREDICTED, PROBE, NONE = 0, 1, 2, 3
+"""Modes: contacts in closed form; the same without those that are still apart; no contacts, only the penetration is
+told; nothing."""
 PENETRATION = 80
 """Index in `userdata` of the deepest penetration in the bore or at its rim since it was last set to 0, m."""
 
@@ -54,7 +57,15 @@ _COS = np.cos(_ANGLE * np.arange(SCAN))
 _SIN = np.sin(_ANGLE * np.arange(SCAN))
 
 
-def plate_user(hole_radius: float, hole_depth: float, friction: float, timestep: float) -> Vector:
+def plate_user(
+    hole_radius: float,
+    hole_depth: float,
+    friction: float,
+    timestep: float,
+    solref: tuple[float, float] | None = None,
+    mode: int = EXACT,
+    has_flats: bool = False,
+) -> Vector:
     """Return a plate's `geom_user`, shape (8,); the plate's frame has its origin at the middle of the hole's mouth, z outward.
 
     Args:
@@ -62,8 +73,12 @@ def plate_user(hole_radius: float, hole_depth: float, friction: float, timestep:
         hole_depth: Depth of the floor under the surface, m.
         friction: Coulomb coefficient between plate and peg.
         timestep: Of the model, s; contacts look ahead by it.
+        solref: Stiffness of the contacts in MuJoCo's terms; without it the stiffest that its standard form allows.
+        mode: EXACT, UNPREDICTED, PROBE or NONE.
+        has_flats: Whether the boxes of `sim.flats` follow the plate's geom.
     """
-    return np.array([hole_radius, hole_depth, max(friction, FRICTION_FLOOR), timestep, 0.0, 0.0, 0.0, 0.0])
+    first, second = solref or (2.0 * timestep, 1.0)
+    return np.array([hole_radius, hole_depth, max(friction, FRICTION_FLOOR), timestep, first, second, mode, has_flats])
 
 
 @njit(cache=True)
@@ -72,6 +87,8 @@ def _put(model, data, scratch, ids, frame, twist, user, gap, p, n, judged, band)
     origin, R = frame
     if judged and -gap > scratch[PENETRATION]:
         scratch[PENETRATION] = -gap
+    if user[6] == PROBE or (user[6] == UNPREDICTED and gap > 0.0):
+        return
     timestep = user[3]
     X0 = origin[0] + R[0, 0] * p[0] + R[0, 1] * p[1] + R[0, 2] * p[2]
     X1 = origin[1] + R[1, 0] * p[0] + R[1, 1] * p[1] + R[1, 2] * p[2]
@@ -106,7 +123,7 @@ def _put(model, data, scratch, ids, frame, twist, user, gap, p, n, judged, band)
     scratch[13] = 0.0
     scratch[14] = scratch[15] = user[2]
     scratch[16] = scratch[17] = scratch[18] = FRICTION_FLOOR
-    scratch[19], scratch[20] = 2.0 * timestep, 1.0
+    scratch[19], scratch[20] = user[4], user[5]
     scratch[21] = scratch[22] = 0.0
     scratch[23] = scratch[24] = IMPEDANCE
     scratch[25], scratch[26], scratch[27] = 1e-3, 0.5, 2.0
@@ -174,8 +191,16 @@ def collide(model, data, geom_plate, geom_peg):  # type: ignore[no-untyped-def]
         R[0, 1] * g[0] + R[1, 1] * g[1] + R[2, 1] * g[2],
         R[0, 2] * g[0] + R[1, 2] * g[1] + R[2, 2] * g[2],
     )
+    if user[7] > 0.0:
+        xpos = carray(
+            native.pointer(native.load(data + native.DATA_GEOM_XPOS)), (geom_plate + 1 + flats.FLATS, 3), np.float64
+        )
+        xmat = carray(
+            native.pointer(native.load(data + native.DATA_GEOM_XMAT)), (geom_plate + 1 + flats.FLATS, 3, 3), np.float64
+        )
+        flats.aim(c, e1, e2, v, r, hole, origin, R, xpos, xmat, geom_plate + 1)
     tilt = math.sqrt(v[0] * v[0] + v[1] * v[1])
-    if c[2] - r * tilt > 2e-3:
+    if user[6] == NONE or c[2] - r * tilt > 2e-3:
         return
 
     bodies = carray(native.pointer(native.load(model + native.MODEL_GEOM_BODYID)), (geom_peg + 1,), np.int32)

@@ -41,6 +41,11 @@ def new_meters() -> Vector:
     return np.zeros(METER_WORDS)
 
 
+def window(timestep: float) -> int:
+    """Return over how many ticks of `timestep`, s, a penetration must last to count."""
+    return math.floor(SUSTAINED_TIME / timestep + 0.5) + 1
+
+
 @njit(cache=True)
 def is_far(hole: Vector, size: Vector, middle: Vector, axes: Vector) -> bool:  # pragma: no cover
     """Whether every point of the peg's end is `FAR` from the hole's edge, sideways or above.
@@ -112,7 +117,7 @@ def advance(
     Returns:
         1 when the state is no longer finite, else 0.
     """
-    window = math.floor(SUSTAINED_TIME / timestep + 0.5) + 1
+    lasting = math.floor(SUSTAINED_TIME / timestep + 0.5) + 1
     force, torque = np.zeros(3), np.zeros(3)
     tick = 0
     while tick < ticks:
@@ -145,7 +150,7 @@ def advance(
             meters[PEAK_FORCE] = max(meters[PEAK_FORCE], math.sqrt(size))
             meters[TURN_MAX] = max(meters[TURN_MAX], abs(qpos[hinge] - meters[TURN_FROM]))
         for _ in range(stride):
-            _judge(meters, userdata[contact.PENETRATION], window)
+            judge(meters, userdata[contact.PENETRATION], lasting)
     total = 0.0
     for i in range(7):
         total += qpos[i] + qvel[i]
@@ -165,14 +170,16 @@ def _net_force(data: int, pivot: Vector, plates: int, force: Vector, torque: Vec
     for k in range(count):
         address = first + k * native.CONTACT_BYTES
         row = carray(native.pointer(address + native.CONTACT_EFC_ADDRESS), (1,), np.int32)[0]
-        geom = carray(native.pointer(address + native.CONTACT_GEOM1), (1,), np.int32)[0]
-        if row < 0 or geom >= plates:
+        pair = carray(native.pointer(address + native.CONTACT_GEOM1), (2,), np.int32)
+        if row < 0 or min(pair[0], pair[1]) >= plates:
             continue
+        # The normal points from the first geom to the second; boxes come second.
+        sign = 1.0 if pair[0] < plates else -1.0
         f = carray(native.pointer(efc + 8 * row), (3,), np.float64)
         c = carray(native.pointer(address), (13,), np.float64)
-        fx = c[4] * f[0] + c[7] * f[1] + c[10] * f[2]
-        fy = c[5] * f[0] + c[8] * f[1] + c[11] * f[2]
-        fz = c[6] * f[0] + c[9] * f[1] + c[12] * f[2]
+        fx = sign * (c[4] * f[0] + c[7] * f[1] + c[10] * f[2])
+        fy = sign * (c[5] * f[0] + c[8] * f[1] + c[11] * f[2])
+        fz = sign * (c[6] * f[0] + c[9] * f[1] + c[12] * f[2])
         rx, ry, rz = c[1] - pivot[0], c[2] - pivot[1], c[3] - pivot[2]
         force[0] += fx
         force[1] += fy
@@ -183,13 +190,13 @@ def _net_force(data: int, pivot: Vector, plates: int, force: Vector, torque: Vec
 
 
 @njit(cache=True)
-def _judge(meters: Vector, penetration: float, window: int) -> None:  # pragma: no cover
-    """Meter one tick's penetration: the least of the last `window` has lasted."""
+def judge(meters: Vector, penetration: float, ticks: int) -> None:  # pragma: no cover
+    """Meter one tick's penetration: the least of the last `ticks` has lasted."""
     at = int(meters[RING_AT])
     meters[RING + at] = penetration
-    meters[RING_AT] = float((at + 1) % window)
+    meters[RING_AT] = float((at + 1) % ticks)
     lasting = meters[RING]
-    for i in range(1, window):
+    for i in range(1, ticks):
         lasting = min(lasting, meters[RING + i])
     meters[SUSTAINED] = max(meters[SUSTAINED], lasting)
 

@@ -7,15 +7,14 @@ peg's weight applied by hand: the arm's controller compensates the arm's own exa
 """
 
 import math
-from dataclasses import dataclass
 
 import mujoco
-import numpy as np
 
 from drivers import panda
 from drivers.parts import Job
-from drivers.quantities import Vector
 from sim import contact, native, panda_inertia
+from sim.config import ModelConfig
+from sim.plate import EXACT, Plate, flags, geoms, words
 
 HINGE_RANGE = math.radians(100.0)
 """Where the peg meets the palm: beyond it the grasp is lost."""
@@ -34,21 +33,7 @@ TOLERANCE = 1e-12
 acceleration errs by less than 1e-3 rad/s². The line search need not be finer than Newton's next step makes it."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Plate:
-    """A plate with one hole as it really is."""
-
-    position: Vector
-    """Middle of the hole's mouth, shape (3,), m, base frame."""
-    rotation: Vector
-    """Axes of the plate, z outward, shape (3, 3)."""
-    radius: float
-    """m."""
-    depth: float
-    """Of the floor, m."""
-
-
-def held_model(job: Job, plate: Plate, friction: float, timestep: float) -> mujoco.MjModel:
+def held_model(job: Job, plate: Plate, friction: float, timestep: float, how: ModelConfig = EXACT) -> mujoco.MjModel:
     """Return the arm with the peg on its hinge, above one plate."""
     axis = -job.peg.length / 2 + job.peg.overhang / 2
     # The peg's frame is that of `drivers.frames.peg_in_finger(0)`: x the closing axis, z from the tip to the finger.
@@ -57,9 +42,8 @@ def held_model(job: Job, plate: Plate, friction: float, timestep: float) -> mujo
         solreffriction="{2 * timestep} 1" solimpfriction="0.9999 0.9999 0.001 0.5 2"/>
       {_peg_geom(job, axis)}</body>"""
     hand_mass = panda_inertia.HAND_MASS + 2 * panda_inertia.FINGER_MASS
-    model = _compile(
-        _plate("plate", plate, friction, timestep), _arm(timestep, hand_mass, peg), "", "disable", timestep
-    )
+    plates = "".join(geoms("plate", plate, friction, timestep, how))
+    model = _compile(plates, _arm(timestep, hand_mass, peg), "", f'island="disable" {flags(how)}', timestep)
     model.dof_invweight0[model.joint("pivot").dofadr] *= STIFFER
     return model
 
@@ -85,9 +69,9 @@ def free_model(
             contype="2" conaffinity="0" friction="{pad_friction} 0.002 0.0001" priority="1" solref="{2 * timestep} 1" solimp="0.999 0.999 0.0005"/>
         </body>"""
     peg = f"""<body name="peg"><freejoint/>{_peg_geom(job, 0.0)}</body>"""
-    plates = _plate("plate", plate, friction, timestep) + _plate("rack", rack, friction, timestep)
+    plates = "".join(geoms("plate", plate, friction, timestep) + geoms("rack", rack, friction, timestep))
     extra = f'<equality><joint joint1="left" joint2="right" solref="{2 * timestep} 1" solimp="0.999 0.999 0.0005"/></equality>'
-    return _compile(plates, _arm(timestep, panda_inertia.HAND_MASS, fingers) + peg, extra, "enable", timestep)
+    return _compile(plates, _arm(timestep, panda_inertia.HAND_MASS, fingers) + peg, extra, 'island="enable"', timestep)
 
 
 def _peg_geom(job: Job, axis: float) -> str:
@@ -98,41 +82,27 @@ def _peg_geom(job: Job, axis: float) -> str:
     )
 
 
-def _plate(name: str, plate: Plate, friction: float, timestep: float) -> str:
-    user = " ".join(repr(float(u)) for u in contact.plate_user(plate.radius, plate.depth, friction, timestep))
-    quat = np.empty(4)
-    mujoco.mju_mat2Quat(quat, plate.rotation.flatten())
-    return (
-        f'<geom name="{name}" type="ellipsoid" size="0.1 0.1 0.1" pos="{_words(plate.position)}" quat="{_words(quat)}" '
-        f'contype="1" conaffinity="0" user="{user}"/>'
-    )
-
-
 def _arm(timestep: float, hand_mass: float, in_hand: str) -> str:
     inner = f"""<body name="hand" pos="0 0 {panda.FLANGE_D}" euler="0 0 {panda.HAND_TURN}">
-      <inertial mass="{hand_mass}" pos="{_words(panda_inertia.HAND_COM)}" diaginertia="{_words(panda_inertia.HAND_INERTIA)}"/>
+      <inertial mass="{hand_mass}" pos="{words(panda_inertia.HAND_COM)}" diaginertia="{words(panda_inertia.HAND_INERTIA)}"/>
       {in_hand}</body>"""
     for i in range(panda.JOINTS - 1, -1, -1):
         a, d, alpha = panda.DH_A[i], panda.DH_D[i], panda.DH_ALPHA[i]
         mass, com, inertia = panda_inertia.LINKS[i]
         inner = f"""<body name="link{i + 1}" pos="{a} {-d * math.sin(alpha)} {d * math.cos(alpha)}" euler="{alpha} 0 0">
-          <inertial mass="{mass}" pos="{_words(com)}" fullinertia="{_words(inertia)}"/>
+          <inertial mass="{mass}" pos="{words(com)}" fullinertia="{words(inertia)}"/>
           <joint name="joint{i + 1}" type="hinge" axis="0 0 1" limited="true" range="{panda.Q_MIN[i]} {panda.Q_MAX[i]}"
             frictionloss="{panda.FRICTION[i]}" solreffriction="{2 * timestep} 1" solimpfriction="0.9999 0.9999 0.001 0.5 2"/>
           {inner}</body>"""
     return inner
 
 
-def _compile(plates: str, bodies: str, extra: str, islands: str, timestep: float) -> mujoco.MjModel:
+def _compile(plates: str, bodies: str, extra: str, options: str, timestep: float) -> mujoco.MjModel:
     return mujoco.MjModel.from_xml_string(
         f"""<mujoco model="cell">
         <compiler angle="radian" autolimits="false" fusestatic="true"/>
         <option timestep="{timestep}" gravity="0 0 0" cone="elliptic" impratio="10" solver="Newton" iterations="60" tolerance="{TOLERANCE}" ls_tolerance="0.1" jacobian="dense">
-          <flag island="{islands}" autoreset="disable"/></option>
+          <flag {options} autoreset="disable"/></option>
         <size nuser_geom="{contact.USER}" nuserdata="{native.NUSERDATA}" memory="4M"/>
         <worldbody>{plates}{bodies}</worldbody>{extra}</mujoco>"""
     )
-
-
-def _words(values: object) -> str:
-    return " ".join(repr(float(v)) for v in np.asarray(values).ravel())

@@ -23,6 +23,7 @@ from sim import contact, engine, scene
 from sim.config import ContactConfig, GripConfig, SimConfig
 from sim.disturb import Draw, draw
 from sim.pads import PadLoad, breakaway_torque_of
+from sim.plate import Plate
 
 GRAVITY = 9.81
 HOME: Vector = np.array([-0.45, -0.2, 0.05, -2.45, 0.0, 2.25, 0.785])
@@ -103,10 +104,10 @@ class World:
             np.array([-math.sin(drawn.tilt_direction), math.cos(drawn.tilt_direction), 0.0]), self.job.hole.tilt
         )
         hole, rack = self.job.hole, self.job.rack
-        self.plate = scene.Plate(drawn.hole, lean, hole.diameter / 2, hole.depth + FLOOR_MARGIN)
+        self.plate = Plate(drawn.hole, lean, hole.diameter / 2, hole.depth + FLOOR_MARGIN)
         slot = np.array(rack.first) + np.array([0.0, rack.pitch * (self.job.slot % rack.slots), 0.0])
         # The hand comes with its closing axis along y, so the slot leans about y.
-        self.rack = scene.Plate(
+        self.rack = Plate(
             slot,
             frames.rotation_about(np.array([0.0, 1.0, 0.0]), -drawn.grasp_angle),
             self.job.peg.diameter / 2 + scene.RACK_CLEARANCE,
@@ -114,16 +115,15 @@ class World:
         )
         dt = self._sim.timestep
         self._models = {
-            Peg.HELD: scene.held_model(self.job, self.plate, drawn.friction, dt),
+            Peg.HELD: scene.held_model(self.job, self.plate, drawn.friction, dt, self._sim.model),
             Peg.FREE: scene.free_model(
                 self.job, self.plate, self.rack, drawn.friction, drawn.pad_friction, self._pad, dt
             ),
         }
         # The held model once more with a longer step; both step the same data.
-        has_coarse = self._law_every % engine.COARSE == 0
-        self._coarse = (
-            scene.held_model(self.job, self.plate, drawn.friction, engine.COARSE * dt) if has_coarse else None
-        )
+        self._coarse = None
+        if self._sim.model.long_steps and self._law_every % engine.COARSE == 0:
+            self._coarse = scene.held_model(self.job, self.plate, drawn.friction, engine.COARSE * dt, self._sim.model)
         self._hole = np.array([*self.plate.position, *self.plate.rotation[:, 2], self.plate.radius])
         self._datas = {which: mujoco.MjData(model) for which, model in self._models.items()}
         body = self._models[Peg.HELD].body("peg")
@@ -186,7 +186,7 @@ class World:
             self.meters,
             self.drive,
             7 if self.peg is Peg.HELD else -1,
-            1 if self.peg is Peg.HELD else 2,
+            self._peg_geom if self.peg is Peg.HELD else 2,
             self.now(),
             self._sim.timestep,
             steps,
@@ -206,11 +206,11 @@ class World:
             if abs(self._data.qpos[7]) > LOST_TURN:
                 self._drop()
             elif self.finger_force <= 0.0:
-                self._enter_free(width=self.job.peg.diameter, peg=self._peg_pose())
+                self._enter_free(width=self.job.peg.diameter, peg=self.peg_pose())
         elif self.peg is Peg.FREE:
             clear = self._lowest() > self.rack.position[2] + 1e-3
             if clear and self.pad_force() > 0.5 * self.finger_force > 0.0:
-                if self.now() - self._held_since > SETTLED_GRIP:
+                if self._sim.model.grip == "hinge" and self.now() - self._held_since > SETTLED_GRIP:
                     self._enter_held()
             else:
                 self._held_since = self.now()
@@ -222,6 +222,14 @@ class World:
         self._steppers = [self._model, *([self._coarse] if key is Peg.HELD and self._coarse is not None else [])]
         mujoco.mj_resetData(self._model, self._data)
         self._data.qpos[:7], self._data.qvel[:7] = self._q, self._dq
+
+    def hold(self, theta: float) -> None:
+        """Put the peg into the hand at this in-hand angle, rad, as after a grasp; with pads they must still close."""
+        reach = frames.compose(self.tcp(), frames.peg_in_finger(theta, self.job.peg.length))
+        middle = Pose(reach.position + self._half * reach.rotation[:, 2], reach.rotation)
+        self._enter_free(width=self.job.peg.diameter, peg=middle)
+        if self._sim.model.grip == "hinge":
+            self._enter_held()
 
     def _leave(self) -> None:
         self._q, self._dq = self._data.qpos[:7].copy(), self._data.qvel[:7].copy()
@@ -241,7 +249,7 @@ class World:
 
     def _enter_held(self) -> None:
         T_base_tcp = self.tcp()
-        peg = self._peg_pose()
+        peg = self.peg_pose()
         axis = T_base_tcp.rotation.T @ peg.rotation[:, 2]
         theta = math.atan2(-axis[1], -axis[0])
         # The nearest point of the peg's axis to the finger centre is where the pads hold it.
@@ -356,7 +364,7 @@ class World:
 
     def _pad_load(self) -> PadLoad:
         """Return the load of the pads: grip, and the reaction of what pushes the held peg; its inertia is too small to count."""
-        tcp, pose = self.tcp(), self._peg_pose()
+        tcp, pose = self.tcp(), self.peg_pose()
         axis = tcp.rotation.T @ pose.rotation[:, 2]
         theta = math.atan2(-axis[1], -axis[0])
         way = pose.position - tcp.position
@@ -375,15 +383,18 @@ class World:
             diameter=self.job.peg.diameter,
         )
 
+    def _feels_plates(self) -> bool:
+        return self.peg is Peg.HELD or (self.peg is Peg.FREE and self._sim.model.grip == "pads")
+
     def contact_force(self) -> Vector:
         """Return the net force of the plates on the held peg, 5 ms low-pass, shape (3,), N, base frame."""
-        if self.peg is not Peg.HELD:
+        if not self._feels_plates():
             return np.zeros(3)
         return self.meters[engine.FORCE : engine.FORCE + 3].copy()
 
     def contact_torque(self) -> Vector:
         """Return its torque about the finger centre, shape (3,), N·m, base frame."""
-        if self.peg is not Peg.HELD:
+        if not self._feels_plates():
             return np.zeros(3)
         return self.meters[engine.TORQUE : engine.TORQUE + 3].copy()
 
@@ -417,19 +428,19 @@ class World:
         up = self.rack.rotation[:, 2]
         return Pose(self.rack.position + up * (self._half - self.job.rack.depth), self.rack.rotation)
 
-    def _peg_pose(self) -> Pose:
+    def peg_pose(self) -> Pose:
         """Return the pose of the peg's middle, z from its end upward."""
         return Pose(
             self._data.geom_xpos[self._peg_geom].copy(), self._data.geom_xmat[self._peg_geom].reshape(3, 3).copy()
         )
 
     def _end(self) -> Vector:
-        pose = self._peg_pose()
+        pose = self.peg_pose()
         end: Vector = pose.position - self._half * pose.rotation[:, 2]
         return end
 
     def _lowest(self) -> float:
-        axis = self._peg_pose().rotation[:, 2]
+        axis = self.peg_pose().rotation[:, 2]
         return float(self._end()[2] - self.job.peg.diameter / 2 * math.hypot(axis[0], axis[1]))
 
     def _depth(self) -> tuple[float, bool]:

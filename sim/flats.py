@@ -1,0 +1,79 @@
+"""Few tangent flats that turn with the peg: a hole of eight boxes, each where the peg is nearest the wall.
+
+Every half-plane beyond a tangent of the hole is solid plate, so flats moved each step can only leave material out,
+never add any. Sectors that are fixed to the peg's lean keep one flat each, so that no flat jumps to another's place.
+"""
+
+import math
+
+import numpy as np
+
+from drivers.compiled import njit
+
+FLATS = 8
+FLAT_SIZE = (0.05, 0.11, 0.02)
+"""Half sizes of a box: away from the hole, along the tangent, down, m."""
+SECTOR = 2.0 * math.pi / FLATS
+"""Angle between two of them where nothing touches, rad."""
+SAMPLES = 192
+"""Of the peg's rim; between two of them the nearest point is missed by less than 1 um."""
+REACH = 1e-4
+"""Points of the rim this far above the surface already count, m."""
+
+_COS = np.cos(2.0 * math.pi / SAMPLES * np.arange(SAMPLES))
+_SIN = np.sin(2.0 * math.pi / SAMPLES * np.arange(SAMPLES))
+
+
+@njit(cache=True)
+def aim(c, e1, e2, v, r, hole, origin, R, xpos, xmat, first):  # type: ignore[no-untyped-def]
+    """Turn the boxes to where the part of the peg below the surface, projected on it, is furthest from the hole's axis.
+
+    Args:
+        c: Middle of the peg's end, plate frame, m; `e1`, `e2` and `v` are its axes, v away from the end.
+        e1: See `c`.
+        e2: See `c`.
+        v: See `c`.
+        r: Radius of the peg, m.
+        hole: Radius of the hole, m.
+        origin: Place of the plate in the world, m.
+        R: Its axes as columns.
+        xpos: Places of all geoms, written.
+        xmat: Axes of all geoms, written.
+        first: The first of the boxes.
+    """
+    tilt = math.sqrt(v[0] * v[0] + v[1] * v[1])
+    ax, ay = (v[0] / tilt, v[1] / tilt) if tilt > 1e-6 else (1.0, 0.0)
+    furthest, lowest = np.zeros(FLATS), np.full(FLATS, REACH)
+    U = np.empty((FLATS, 2))
+    for k in range(FLATS):
+        # A sector without a point of the peg keeps its flat in its middle.
+        cosine, sine = math.cos(SECTOR * k), math.sin(SECTOR * k)
+        U[k, 0], U[k, 1] = ax * cosine - ay * sine, ay * cosine + ax * sine
+    for i in range(SAMPLES):
+        pz = c[2] + r * (_COS[i] * e1[2] + _SIN[i] * e2[2])
+        if pz > REACH:
+            continue
+        px = c[0] + r * (_COS[i] * e1[0] + _SIN[i] * e2[0])
+        py = c[1] + r * (_COS[i] * e1[1] + _SIN[i] * e2[1])
+        up = -pz / v[2] if pz < 0.0 else 0.0
+        for _ in range(2):
+            square = px * px + py * py
+            angle = math.atan2(py * ax - px * ay, px * ax + py * ay)
+            k = math.floor(angle / SECTOR + 0.5) % FLATS
+            # Points below the surface come first, among them the one furthest out; else the lowest.
+            is_first = square > furthest[k] if pz < 0.0 else pz < lowest[k]
+            if is_first:
+                lowest[k] = pz
+                furthest[k] = square if pz < 0.0 else 0.0
+                distance = math.sqrt(square)
+                U[k, 0], U[k, 1] = px / distance, py / distance
+            # Then the same line of the peg's side where it leaves the surface.
+            px, py = px + v[0] * up, py + v[1] * up
+    w, _, h = FLAT_SIZE
+    for k in range(FLATS):
+        x, y = U[k, 0], U[k, 1]
+        for i in range(3):
+            xpos[first + k, i] = origin[i] + (hole + w) * (R[i, 0] * x + R[i, 1] * y) - h * R[i, 2]
+            xmat[first + k, i, 0] = R[i, 0] * x + R[i, 1] * y
+            xmat[first + k, i, 1] = R[i, 1] * x - R[i, 0] * y
+            xmat[first + k, i, 2] = R[i, 2]

@@ -1,0 +1,117 @@
+"""A plate with one hole, and its models: closed form, or facets for MuJoCo's own collision to work on.
+
+A ring of boxes tangent to the hole leaves a gap at every corner, R (1/cos(pi/N) - 1); flats that turn with the peg
+leave none. Facets make contacts by MuJoCo's box against cylinder; beside them the closed form can go along as a
+probe, which makes no contacts and only tells the penetration.
+"""
+
+import math
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from drivers.quantities import Vector
+from sim import contact, flats
+from sim.config import ModelConfig
+
+SIMP = "0.9999 0.9999 0.00001"
+"""`solimp` of facets: MuJoCo's stiffest, within 10 um."""
+RING_WIDTH = 0.05
+"""Half the width of a box of the ring, radially, m."""
+FLOOR = 0.01
+"""Half the thickness of the floor under facets, m."""
+EXACT = ModelConfig()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plate:
+    """A plate with one hole as it really is."""
+
+    position: Vector
+    """Middle of the hole's mouth, shape (3,), m, base frame."""
+    rotation: Vector
+    """Axes of the plate, z outward, shape (3, 3)."""
+    radius: float
+    """m."""
+    depth: float
+    """Of the floor, m."""
+
+
+def geoms(
+    name: str, plate: Plate, friction: float, timestep: float, model: ModelConfig = EXACT, is_judged: bool = True
+) -> list[str]:
+    """Return the plate as geoms in MuJoCo's XML, the one of the closed form first.
+
+    Args:
+        name: Of the first geom.
+        plate: Where it is, and its hole.
+        friction: Coulomb coefficient against the peg.
+        timestep: s.
+        model: How the hole is modelled.
+        is_judged: Whether the penetration is told also where facets make the contacts.
+    """
+    solref = stiffness(model, timestep)
+    has_facets = model.hole in ("flats", "boxes")
+    has_flats = model.hole == "flats"
+    mode = contact.UNPREDICTED if model.hole == "unpredicted" else contact.EXACT
+    if has_facets:
+        mode = contact.PROBE if is_judged else contact.NONE
+    user = contact.plate_user(plate.radius, plate.depth, friction, timestep, solref, mode, has_flats)
+    shapes = [
+        f'<geom name="{name}" type="ellipsoid" size="0.1 0.1 0.1" {_pose(plate, np.zeros(3), 0.0)} '
+        f'contype="1" conaffinity="0" user="{words(user)}"/>'
+    ]
+    if not has_facets:
+        return shapes
+    boxes = [(flats.FLAT_SIZE, flats.SECTOR * k) for k in range(flats.FLATS)]
+    if not has_flats:
+        side = (plate.radius + 2.0 * RING_WIDTH) * math.tan(math.pi / model.facets)
+        angles = 2.0 * math.pi / model.facets * np.arange(model.facets)
+        boxes = [((RING_WIDTH, side, plate.depth / 2), float(angle)) for angle in angles]
+    for size, angle in boxes:
+        reach = plate.radius + size[0]
+        at = np.array([reach * math.cos(angle), reach * math.sin(angle), -size[2]])
+        shapes.append(_box(size, _pose(plate, at, angle), solref, friction))
+    shapes.append(
+        _box((0.02, 0.02, FLOOR), _pose(plate, np.array([0.0, 0.0, -plate.depth - FLOOR]), 0.0), solref, friction)
+    )
+    return shapes
+
+
+def stiffness(model: ModelConfig, timestep: float) -> tuple[float, float]:
+    """Return the contacts' `solref`: a time constant, s, and a damping ratio, or -k and -b where k is given."""
+    if model.stiffness is not None:
+        return -model.stiffness, -2.0 * math.sqrt(model.stiffness)
+    return model.time_constant * timestep, 1.0
+
+
+def flags(model: ModelConfig) -> str:
+    """Return MuJoCo's flags for this model of the hole."""
+    if model.hole in ("exact", "unpredicted"):
+        return ""
+    # Without the mid-phase the first geom is dealt with before the flats that it turns.
+    path = "enable" if model.native_ccd else "disable"
+    return f'nativeccd="{path}" multiccd="disable" midphase="disable"'
+
+
+def words(values: object) -> str:
+    """Return numbers as XML has them, to the last digit."""
+    return " ".join(repr(float(v)) for v in np.asarray(values).ravel())
+
+
+def _pose(plate: Plate, at: Vector, angle: float) -> str:
+    turned = plate.rotation @ np.array(
+        [[math.cos(angle), -math.sin(angle), 0.0], [math.sin(angle), math.cos(angle), 0.0], [0.0, 0.0, 1.0]]
+    )
+    quat = np.empty(4)
+    mujoco.mju_mat2Quat(quat, turned.flatten())
+    return f'pos="{words(plate.position + plate.rotation @ at)}" quat="{words(quat)}"'
+
+
+def _box(size: tuple[float, float, float], pose: str, solref: tuple[float, float], friction: float) -> str:
+    friction = max(friction, contact.FRICTION_FLOOR)
+    return (
+        f'<geom type="box" size="{words(size)}" {pose} friction="{friction} 0.001 0.00001" priority="1" '
+        f'solref="{words(solref)}" solimp="{SIMP}" contype="1" conaffinity="0"/>'
+    )
