@@ -20,8 +20,8 @@ class Parser(argparse.ArgumentParser):
         raise ConfigError(message)
 
 
-def parser(formats: Sequence[str]) -> Parser:
-    """Return the parser of all commands; `formats` are those of the register map."""
+def parser(formats: Sequence[str], studies: Sequence[str]) -> Parser:
+    """Return the parser of all commands; `formats` are those of the register map, `studies` the names of the studies."""
     whole = Parser(
         prog="cell", description="Inserts a loosely held peg by touch. Without --config: the simulated cell."
     )
@@ -67,20 +67,13 @@ def parser(formats: Sequence[str]) -> Parser:
     command.add_argument("device", choices=["skin"], metavar="DEVICE", help="skin")
     command.add_argument("--out", type=Path, metavar="DIR", help="instead of calibration/ beside the config file")
     command = add("study", "one study", "config")
-    command.add_argument(
-        "name",
-        choices=["speed", "line", "wire", "tactile"],
-        metavar="NAME",
-        help="speed of the stand-in, line to the PLC, wire of the skin, tactile",
-    )
-    command.add_argument("--seed", type=_natural, default=1, metavar="S", help="of the trial")
+    command.add_argument("name", choices=studies, metavar="NAME", help=", ".join(studies))
+    command.add_argument("--out", type=Path, default=Path("out/study"), metavar="DIR", help="where its files go")
+    command.add_argument("--quick", action="store_true", help="less of everything")
+    command.add_argument("--seed", type=_natural, default=1, metavar="S", help="of the first trial")
     command.add_argument("--trials", type=_positive, default=20, metavar="N", help="wire: insertions through each wire")
-    command.add_argument("--workers", type=_positive, metavar="N", help="wire: processes; one for each core")
+    command.add_argument("--workers", type=_positive, metavar="N", help="processes; one for each core")
     command.add_argument("--profile", action="store_true", help="speed: where the time of a trial goes")
-    command.add_argument(
-        "--out", type=Path, default=Path("out/study"), metavar="DIR", help="line, wire, tactile: where its files go"
-    )
-    command.add_argument("--quick", action="store_true", help="line, wire, tactile: less of everything")
     command = add("runs", "the newest runs on record", "journal")
     command.add_argument("--last", type=_positive, default=20, metavar="N")
     command = add("show", "one run on record, with its plots", "journal")

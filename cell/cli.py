@@ -29,6 +29,7 @@ from cell.line import PARAMETERS, PROGRAMS, TerminalLine
 from cell.plots import Point, plot_run, plot_speed_accuracy
 from cell.samples import export_csv, read_samples
 from cell.statistics import stage_table
+from cell.studies.command import STUDIES
 from cell.supervisor import Supervisor
 from cell.trials import TrialRow, run_trials
 from drivers.errors import FAULTS, CellError, ConfigError
@@ -50,7 +51,7 @@ _FORMATS = {"md": as_markdown, "csv": as_csv, "json": as_json, "eds": as_eds, "s
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status."""
     try:
-        args = parser(list(_FORMATS)).parse_args(arguments)
+        args = parser(list(_FORMATS), list(STUDIES)).parse_args(arguments)
         _log_to_stderr(logging.DEBUG if args.verbose else logging.INFO if args.command == "serve" else logging.ERROR)
         with _signals(args.command) as args.stop:
             return _COMMANDS[args.command](args)
@@ -320,59 +321,14 @@ def _calibrate(args: argparse.Namespace) -> int:
     return GOOD
 
 
-def _study_wire(args: argparse.Namespace) -> int:
-    from cell.studies import wire
-
-    config, folder = _load(args, default_pace="max").cell, _out(args.out)
-    seeds = range(args.seed, args.seed + (2 if args.quick else args.trials))
-    with _progress() as progress:
-        bar = progress.add_task("insertions", total=len(wire.TRIED) * len(seeds))
-        measures = wire.measure(
-            config, seeds, args.workers or os.cpu_count() or 1, folder, args.quick, lambda row: progress.advance(bar)
-        )
-    data = {name: [asdict(line) for line in lines] for name, lines in measures.items()}
-    (folder / "wire.json").write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
-    _show(args, Group(*(tables.plain(name, lines) for name, lines in measures.items())), data)
-    return GOOD
-
-
 def _study(args: argparse.Namespace) -> int:
-    studies = {"line": _study_line, "speed": _study_speed, "tactile": _study_tactile, "wire": _study_wire}
-    return studies[args.name](args)
-
-
-def _study_line(args: argparse.Namespace) -> int:
-    from cell.studies import line
-
-    samples = line.measure(_load(args), line.QUICK if args.quick else line.FULL)
-    lines = line.measures(samples)
-    written = line.write(samples, lines, _out(args.out))
-    _show(args, tables.line(lines), [asdict(each) for each in lines])
-    if not args.json:
-        print("written:", *written)
-    return GOOD
-
-
-def _study_tactile(args: argparse.Namespace) -> int:
-    from cell.studies import tactile_charts  # compiles; only when asked for
-
-    config = _load(args).cell
+    study = STUDIES[args.name]
+    loaded = _load(args, default_pace=study.pace)
     with _progress() as progress:
-        found = tactile_charts.run(config, _out(args.out), args.quick, progress)
-    _show(args, tables.tactile(found), found.as_data())
-    return GOOD
-
-
-def _study_speed(args: argparse.Namespace) -> int:
-    from cell.studies import speed  # compiles; only when asked for
-
-    config = _load(args, default_pace="max").cell
-    if args.profile:
-        parts = speed.profile(config, args.seed)
-        _show(args, tables.profile(parts), [asdict(part) for part in parts])
-    else:
-        lines = speed.measure(config, args.seed)
-        _show(args, tables.speed(lines), [asdict(line) for line in lines])
+        shown = study.run(args, loaded, progress)
+    _show(args, Group(*shown.tables), shown.result)
+    if shown.written and not args.json:
+        print("written:", *shown.written)
     return GOOD
 
 

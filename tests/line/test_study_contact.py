@@ -1,0 +1,98 @@
+"""The ladder of models in its smallest form: everything is measured, marked and drawn, and nothing is dropped."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+from cell.config import CellConfig, load
+from cell.studies import contact, contact_pictures
+from cell.studies.boundaries import boundary_bouncing, boundary_bound
+from cell.studies.contact import Findings
+from cell.studies.ladder import SHIPPED, Plan, Rung, model
+from cell.studies.needs import needed
+
+EXACT = Rung(SHIPPED, "closed form", model(), 5e-4)
+SEAMS = Rung(
+    "16 boxes, native, 1 ms", "ring of boxes, native CCD", model(facets=16, hole="boxes", native_ccd=True), 1e-3
+)
+EXPLODES = Rung("far too stiff", "closed form", model(stiffness=1e9), 5e-4)
+IMPOSSIBLE = Rung("no time step", "closed form", model(), 0.0)
+SMALL = Plan((EXACT, SEAMS, EXPLODES, IMPOSSIBLE), (0.3,), (2.5e-4, 1e-3), (1e5, 1e6, 1e8), 0, 1)
+
+
+@pytest.fixture(scope="module")
+def config() -> CellConfig:
+    return load(sets=('sim.pace="max"',)).cell
+
+
+@pytest.fixture(scope="module")
+def found(config: CellConfig) -> Findings:
+    return contact.run(config, SMALL, 1)
+
+
+def verdicts(found: Findings) -> dict[str, str]:
+    return {row.name: contact_pictures.verdict(row) for row in found.rungs}
+
+
+def test_the_shipped_model_is_good(found):
+    row = found.rungs[0]
+    assert contact_pictures.verdict(row) == "good"
+    assert row.error < 0.003
+    assert row.penetration < 1e-6
+
+
+def test_models_that_cannot_work_are_marked_and_kept(found):
+    told = verdicts(found)
+    assert list(told) == [rung.name for rung in SMALL.rungs]
+    assert "void" in told[SEAMS.name]
+    assert "does not rest" in told[EXPLODES.name]
+    assert "Error" in told[IMPOSSIBLE.name]
+
+
+def test_integration_fails_beyond_the_boundary_of_theory_and_not_below(found):
+    for row in found.integration:
+        if row.stiffness > boundary_bound(row.timestep):
+            assert row.verdict == "unstable"
+        elif row.hole == "exact":
+            assert row.verdict != "unstable"
+
+
+def test_the_boundaries_are_those_of_the_linear_maps():
+    """Eigenvalues of a bound contact, and the speed after a bounce, at the boundary."""
+    dt = 1e-3
+    k = boundary_bound(dt)
+    b = 2.0 * math.sqrt(k)
+    # v' = v - (b v + k r) dt, r' = r + v' dt: trace 2 - (b + k dt) dt, determinant 1 - b dt.
+    trace, determinant = 2.0 - (b + k * dt) * dt, 1.0 - b * dt
+    root = (trace - math.sqrt(trace**2 - 4.0 * determinant)) / 2.0
+    assert root == pytest.approx(-1.0)
+    k = boundary_bouncing(dt)
+    assert k * dt**2 + 2.0 * math.sqrt(k) * dt - 1.0 == pytest.approx(1.0)
+
+
+def test_the_full_arm_stays_where_friction_holds_it_and_simpler_ones_do_not(found):
+    left = {row.name: row.left for row in found.hands}
+    assert left["full arm, hinge"] > 1e-3
+    assert left["rigid mover"] == 0.0
+    assert left["Cartesian inertia, hinge"] < 1e-4
+
+
+def test_every_skill_gets_the_shipped_models_from_them(found):
+    for need in needed(found):
+        assert (need.hole, need.shipped) == (SHIPPED, "yes")
+
+
+def test_tables_and_pictures_are_written(found, tmp_path: Path):
+    written = contact.write(found, tmp_path) + contact_pictures.draw(found, tmp_path)
+    assert all(path.stat().st_size > 0 for path in written if path.name != "outcomes.csv")
+    assert len((tmp_path / "contact.csv").read_text().splitlines()) == 1 + len(SMALL.rungs)
+    assert len(contact_pictures.tables(found)) == 3
+
+
+@pytest.mark.parametrize("hole", ["unpredicted", "flats", "boxes"])
+def test_whole_trials_run_on_other_models(config, hole):
+    short = config.model_copy(update={"search": config.search.model_copy(update={"timeout": 1.0})})
+    row, _ = contact._trial(short, Rung(hole, "", model(hole=hole, facets=16), 5e-4), 1)
+    assert row.stage == "spray_search"
+    assert row.peak_contact_force > 1.0
