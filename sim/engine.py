@@ -83,6 +83,7 @@ def advance(
     meters: Vector,
     drive: Vector,
     hinge: int,
+    lost: float,
     plates: int,
     start: float,
     timestep: float,
@@ -107,6 +108,7 @@ def advance(
         meters: What is metered, see the indices of this module; updated.
         drive: Command of the hand's drive.
         hinge: Index of the peg's hinge in `qpos`, or -1.
+        lost: Angle of the hinge beyond which the peg is no longer held, rad.
         plates: How many of the first geoms are plates.
         start: Time before the first tick, s.
         timestep: Of one tick, s.
@@ -115,7 +117,7 @@ def advance(
         phase: Ticks since the last control period began.
 
     Returns:
-        1 when the state is no longer finite, else 0.
+        How many were taken: fewer when the peg got lost, none when the state is no longer finite.
     """
     lasting = math.floor(SUSTAINED_TIME / timestep + 0.5) + 1
     force, torque = np.zeros(3), np.zeros(3)
@@ -151,10 +153,12 @@ def advance(
             meters[TURN_MAX] = max(meters[TURN_MAX], abs(qpos[hinge] - meters[TURN_FROM]))
         for _ in range(stride):
             judge(meters, userdata[contact.PENETRATION], lasting)
+        if hinge >= 0 and abs(qpos[hinge]) > lost:
+            break
     total = 0.0
     for i in range(7):
         total += qpos[i] + qvel[i]
-    return 0 if math.isfinite(total) and abs(total) < 1e4 else 1
+    return tick if math.isfinite(total) and abs(total) < 1e4 else 0
 
 
 @njit(cache=True)

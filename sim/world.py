@@ -145,9 +145,7 @@ class World:
         """
         steps = round((stamp - self.now()) / self._sim.timestep)
         while steps > 0:
-            chunk = min(steps, self._law_every * 10)
-            self._advance(chunk)
-            steps -= chunk
+            steps -= self._advance(min(steps, self._law_every * 10))
         if self._sim.pace != "max":
             self._keep_pace(self._sim.pace)
 
@@ -164,14 +162,14 @@ class World:
 
     # The physics.
 
-    def _advance(self, steps: int) -> None:
+    def _advance(self, steps: int) -> int:
         data = self._data
         if self.peg is Peg.HELD:
             slips_at = self.breakaway()
             for model in self._steppers:
                 model.dof_frictionloss[self._pivot_dof] = slips_at
         addresses = [model._address for model in self._steppers]
-        broken = engine.advance(
+        taken: int = engine.advance(
             (addresses[0], addresses[-1] if len(addresses) > 1 else 0),
             data._address,
             data.qpos,
@@ -186,6 +184,7 @@ class World:
             self.meters,
             self.drive,
             7 if self.peg is Peg.HELD else -1,
+            LOST_TURN,
             self._peg_geom if self.peg is Peg.HELD else 2,
             self.now(),
             self._sim.timestep,
@@ -193,12 +192,13 @@ class World:
             self._law_every,
             self._ticks % self._law_every,
         )
-        self._ticks += steps
-        if broken:
+        if not taken:
             raise SimulationUnstableError(
                 f"simulation at {self.now():.3f} s: state not finite (time step {self._sim.timestep} s); reduce gains or sim.timestep"
             )
+        self._ticks += taken
         self._pass_on()
+        return taken
 
     def _pass_on(self) -> None:
         """Change the peg's situation when what happened asks for it."""
