@@ -58,7 +58,7 @@ class LikelihoodParams(ConfigModel):
     """Beyond this misfit the peg is looked for at all offsets."""
     least_load: Annotated[float, Field(ge=0.0, le=43e3)] = 2000.0
     """A mean load that gives fewer counts right under the peg is no peg."""
-    most_sigma: Annotated[float, Field(gt=0.0, le=1.6)] = 0.15
+    most_sigma: Annotated[float, Field(gt=0.0, le=1.6)] = 0.1
     """An angle less certain than this is not told, rad."""
     most_misfit: Annotated[float, Field(ge=1.0, le=1000.0)] = 12.0
     """A frame whose squared residuals are this many times what was expected shows something else."""
