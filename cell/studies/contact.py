@@ -99,6 +99,10 @@ class TrialsRow:
     """How many end otherwise than on the finest rung."""
     penetration: float
     """Deepest of all that lasted longer than 2 ms, m."""
+    force: float
+    """Mean of the trials' peak contact forces, N."""
+    force_error: float
+    """Of it, relative to the finest rung's."""
     real_time: float
     """Multiples of real time, one core, everything included."""
 
@@ -244,6 +248,7 @@ def _trial(config: CellConfig, rung: Rung, seed: int) -> tuple[TrialRow, float]:
 
 def _tried(name: str, results: Sequence[tuple[TrialRow, float]], finest: Sequence[tuple[TrialRow, float]]) -> TrialsRow:
     outcomes = [row.outcome for row, _ in results]
+    force, exact = (sum(row.peak_contact_force for row, _ in each) / len(each) for each in (results, finest))
     return TrialsRow(
         name=name,
         trials=len(results),
@@ -252,6 +257,8 @@ def _tried(name: str, results: Sequence[tuple[TrialRow, float]], finest: Sequenc
         outcomes=" ".join(outcomes),
         changed=sum(outcome != row.outcome for outcome, (row, _) in zip(outcomes, finest, strict=True)),
         penetration=max(row.max_penetration for row, _ in results),
+        force=force,
+        force_error=force / exact - 1.0,
         real_time=sum(row.sim_time for row, _ in results) / sum(spent for _, spent in results),
     )
 

@@ -92,6 +92,7 @@ def tables(found: Findings) -> list[Table]:
         "Wilson 95 %",
         "void",
         "penetration",
+        "peak force",
         f"end otherwise than {FINEST}",
         "x real time",
         title="Whole trials, full arm with control and skin",
@@ -104,6 +105,7 @@ def tables(found: Findings) -> list[Table]:
             f"{100 * low:.0f} to {100 * high:.0f} %",
             str(tried.voids),
             f"{1e6 * tried.penetration:.1f} um",
+            f"{tried.force:.1f} N ({100 * tried.force_error:+.0f} %)",
             f"{tried.changed}/{tried.trials}",
             f"{tried.real_time:.1f}",
         )
