@@ -11,6 +11,7 @@ from pydantic import Field, ValidationError, model_validator
 
 import config as shipped
 from cell.config_errors import explain
+from cell.margins import MARGIN, STEERED, too_high
 from drivers.arm import FrankaArmConfig
 from drivers.errors import ConfigError
 from drivers.gripper import FrankaGripperConfig
@@ -124,6 +125,17 @@ class CellConfig(ConfigModel):
         for low, high, axis in zip(self.limits.low, self.limits.high, "xyz", strict=True):
             if low >= high:
                 raise ValueError(f"limits.low = {low} along {axis}: less than limits.high = {high} allowed")
+        return self
+
+    @model_validator(mode="after")
+    def _is_stable(self) -> Self:
+        for name in STEERED:
+            found = too_high(getattr(self, name).gains, self.skin.rate)
+            if found is not None:
+                raise ValueError(
+                    f"{name}.gains.{found.kind} = {found.gain:g}: unstable from {found.limit:.4g} with this damping and"
+                    f" frames at {self.skin.rate:g} Hz; at most {found.limit / MARGIN:.4g} allowed"
+                )
         return self
 
     @model_validator(mode="after")

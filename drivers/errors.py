@@ -18,6 +18,7 @@ class FaultCode(IntEnum):
     ARM_STOPPED = 2001
     ARM_REFLEX = 2002
     TRACKING = 2003
+    NOT_PASSIVE = 2004
     SWITCH_DISAGREES = 3001
     SIMULATION_UNSTABLE = 4001
     SCAN_OVERRUN = 4002
@@ -84,6 +85,11 @@ FAULTS: dict[FaultCode, FaultText] = {
         "the arm is too far from its setpoint",
         "it is blocked, or the setpoint cannot be reached",
         "clear the way, check the poses in the config, then reset",
+    ),
+    FaultCode.NOT_PASSIVE: FaultText(
+        "the held setpoint pumps energy into the arm",
+        "gains too high for the age of what the skin tells",
+        "lower the gains or raise their damping, see `cell study stability`, then reset",
     ),
     FaultCode.SWITCH_DISAGREES: FaultText(
         "the switch and the depth of the tip disagree",
@@ -177,6 +183,12 @@ class TrackingError(CellError):
     """The arm is too far from its setpoint."""
 
     code = FaultCode.TRACKING
+
+
+class NotPassiveError(CellError):
+    """The held setpoint puts more energy into the arm than a stable loop can."""
+
+    code = FaultCode.NOT_PASSIVE
 
 
 class PlcLostError(CellError):

@@ -10,7 +10,7 @@ from typing import Annotated, Literal, NoReturn, Protocol
 import numpy as np
 from pydantic import Field
 
-from drivers.errors import ScanOverrunError, SkinUntrustedError, TrackingError
+from drivers.errors import NotPassiveError, ScanOverrunError, SkinUntrustedError, TrackingError
 from drivers.frames import end_point
 from drivers.parts import ConfigModel, Job
 from drivers.protocols import Arm, Clock, Gripper, Skin, SuccessSwitch
@@ -24,6 +24,7 @@ from drivers.quantities import (
     TaxelFrame,
     Vector,
 )
+from skills.passivity import SOFTENED, STOP, PassivityGuard, Verdict
 
 
 class SkillParams(ConfigModel):
@@ -234,6 +235,8 @@ class SkillContext:
     _peg: PegPose = field(default=NO_PEG, init=False)
     _sequence: int = field(default=-1, init=False)
     _next_id: int = field(default=0, init=False)
+    _soft: int | None = field(default=None, init=False)
+    """Id of the setpoint that is followed softly."""
 
     def new_id(self) -> int:
         """Return a setpoint id that was not used before, which resets the arm's integral."""
@@ -241,7 +244,9 @@ class SkillContext:
         return self._next_id
 
     def follow(self, setpoint: ImpedanceSetpoint) -> None:
-        """Hand `setpoint` to the arm and remember it for the record."""
+        """Hand `setpoint` to the arm and remember it for the record; softly once its motion was found to pump."""
+        if setpoint.id == self._soft:
+            setpoint = replace(setpoint, stiffness=SOFTENED * setpoint.stiffness)
         self.held = setpoint
         self.arm.follow(setpoint)
 
@@ -297,10 +302,12 @@ class SkillContext:
 
         Raises:
             Interrupted: Stop request, force limit, workspace limit or a lost grasp; the arm is halted.
+            NotPassiveError: The held setpoint pumps energy into the arm; the arm is halted.
             CellError: A device is silent, stopped or not to be believed.
         """
         elapsed, due = 0.0, math.inf
         overruns: deque[bool] = deque(maxlen=OVERRUN_WINDOW)
+        guard = PassivityGuard(self.limits.force)
         while elapsed < timeout:
             request = self.poll()
             if request is Request.STOP:
@@ -319,6 +326,7 @@ class SkillContext:
                 _require_tracking(seen.arm, self.held)
             if limited:
                 self._check(seen)
+                self._keep_passive(guard, seen, request)
             self.record(seen, self.held)
             if holding and not seen.gripper.is_gripping:
                 self._interrupt(Reason.LOST_GRASP)
@@ -338,6 +346,19 @@ class SkillContext:
         low, high = self.limits.low, self.limits.high
         if not (low[0] <= x <= high[0] and low[1] <= y <= high[1] and low[2] <= z <= high[2]):
             self._interrupt(Reason.WORKSPACE)
+
+    def _keep_passive(self, guard: PassivityGuard, seen: Observation, request: Request) -> None:
+        held = self.held if request is Request.RUN else None
+        verdict = guard.update(held, seen.arm.tcp, seen.stamp)
+        if held is None or verdict is Verdict.PASSIVE:
+            return
+        if verdict is Verdict.STOP:
+            self.arm.halt()
+            raise NotPassiveError(
+                f"{self.stage or 'skill'}: {guard.share:.1f} times the energy that presses with {self.limits.force:g} N,"
+                f" at {held.stiffness[:3].max():g} N/m and {held.stiffness[3:].max():g} N·m/rad; less than {STOP:g} allowed"
+            )
+        self._soft = held.id
 
     def _interrupt(self, reason: Reason) -> NoReturn:
         self.arm.halt()

@@ -1,5 +1,6 @@
 """What tests share."""
 
+import logging
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -20,6 +21,14 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def loaded() -> LoadedConfig:
     """Return the cell that ships with the program."""
     return load()
+
+
+@pytest.fixture(autouse=True)
+def _level_of_the_log() -> Iterator[None]:
+    """Set the level back that a command may have changed: other tests read the log."""
+    before = logging.getLogger().level
+    yield
+    logging.getLogger().setLevel(before)
 
 
 @pytest.fixture

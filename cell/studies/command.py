@@ -100,6 +100,16 @@ def tactile(args: argparse.Namespace, loaded: LoadedConfig, progress: Progress) 
     return Shown([tactile(found)], found.as_data())
 
 
+def stability(args: argparse.Namespace, loaded: LoadedConfig, progress: Progress) -> Shown:
+    """Where the loop through the skin goes unstable."""
+    from cell.studies import stability_report as study  # compiles; only when asked for
+
+    folder, workers = _out_folder(args.out), args.workers or os.cpu_count() or 1
+    bar = progress.add_task("cases", total=study.cases(args.quick))
+    found = study.run(loaded.cell, args.quick, workers, folder, lambda n: progress.advance(bar, n))
+    return Shown([study.table(found)], found.data, found.files)
+
+
 def _finite(value: Any) -> Any:
     """Return the same with null for what JSON cannot say: a model that failed has no figure."""
     if isinstance(value, dict):
@@ -137,4 +147,5 @@ STUDIES = {
     "line": Study(line, None),
     "wire": Study(wire, "max"),
     "tactile": Study(tactile, None),
+    "stability": Study(stability, "max"),
 }

@@ -1,6 +1,7 @@
 """Trials on a real Dask scheduler with real workers on loopback, and on processes that are killed."""
 
 import json
+import logging
 import os
 import select
 import signal
@@ -133,6 +134,7 @@ def test_an_address_where_nobody_schedules_is_told_in_one_line(capsys, monkeypat
     monkeypatch.setattr(workers, "CONNECT", 0.2)
     address = f"tcp://127.0.0.1:{free_port()}"
     assert main(["trials", "--trials", "1", "--scheduler", address, "--out", str(tmp_path)]) == FAULT
+    logging.getLogger().handlers.clear()
     told = capsys.readouterr()
     assert (told.out, told.err.count("\n")) == ("", 1)
     assert f"scheduler {address}: no answer" in told.err

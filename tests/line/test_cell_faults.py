@@ -3,6 +3,7 @@
 import math
 import socket
 
+import numpy as np
 import pytest
 
 from cell.assembly import assemble, opened
@@ -18,12 +19,14 @@ from drivers.errors import (
     ArmStoppedError,
     FaultCode,
     GripperSilentError,
+    NotPassiveError,
     SkinSilentError,
     SkinUntrustedError,
 )
-from drivers.quantities import SwitchState
+from drivers.quantities import Pose, SwitchState
 from plc_bridge.messages import Command, Control, Result
 from sim.world import World
+from tests.fakes import HAND_DOWN
 
 GRASP, ADJUST = 101, 104
 
@@ -35,8 +38,10 @@ def faulty(rig, device, error):
 
 def switch_says(rig, state):
     """Let the switch change half a second from now, while the hand holds the peg on the plate."""
-    rig.gripper.grip(rig.loaded.cell.grasp.force)
-    rig.arm.floor = rig.loaded.cell.hole.centre[2]
+    config = rig.loaded.cell
+    rig.gripper.grip(config.grasp.force)
+    rig.arm.floor = config.hole.centre[2]
+    rig.arm.tcp = Pose(np.array(config.hole.centre) + np.array([0.0, 0.0, config.peg.length]), HAND_DOWN)
     rig.at(0.5, lambda: setattr(rig.switch, "state", state))
 
 
@@ -49,6 +54,7 @@ PROVOKE = {
     FaultCode.GRIPPER_SILENT: (GRASP, lambda rig: faulty(rig, rig.gripper, GripperSilentError("gripper: silent"))),
     FaultCode.TRACKING: (GRASP, lambda rig: rig.at(0.5, lambda: setattr(rig.arm, "is_blocked", True))),
     FaultCode.SCAN_OVERRUN: (GRASP, lambda rig: rig.at(0.5, lambda: setattr(rig.clock, "lag", 0.02))),
+    FaultCode.NOT_PASSIVE: (GRASP, lambda rig: faulty(rig, rig.arm, NotPassiveError("arm: pumped"))),
     FaultCode.SOFTWARE: (GRASP, lambda rig: faulty(rig, rig.arm, ZeroDivisionError("a\ndefect"))),
     FaultCode.SWITCH_UNKNOWN: (ADJUST, lambda rig: switch_says(rig, SwitchState.UNKNOWN)),
     FaultCode.SWITCH_DISAGREES: (ADJUST, lambda rig: switch_says(rig, SwitchState.CLOSED)),

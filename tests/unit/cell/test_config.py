@@ -1,3 +1,6 @@
+import re
+import shutil
+
 import pytest
 
 from cell.assembly import make_estimator
@@ -134,3 +137,30 @@ def test_a_wrong_kind_of_device_is_told_in_one_line(wrong, told, tmp_path):
     path.write_text(DEFAULT.read_text().replace('[switch]\nkind = "sim"\n', ""))
     line = line_about(wrong, path=path)
     assert all(word in line for word in told), line
+
+
+def test_gains_beyond_the_sampled_loops_margin_are_refused_with_the_figure():
+    with pytest.raises(ConfigError) as refused:
+        load(sets=["insert.gains.translation=20000"])
+    found = re.fullmatch(
+        r"--set: insert\.gains\.translation = 20000: unstable from (\S+) with this damping and frames at 10 Hz; at most (\S+) allowed",
+        str(refused.value),
+    )
+    assert found
+    limit, allowed = map(float, found.groups())
+    assert limit == pytest.approx(1.2 * allowed, rel=0.01)
+    load(sets=[f"insert.gains.translation={0.99 * allowed}"])
+    with pytest.raises(ConfigError, match="at most"):
+        load(sets=[f"insert.gains.translation={1.01 * allowed}"])
+
+
+def test_a_faster_skin_allows_what_a_slow_one_does_not():
+    load(sets=["insert.gains.translation=20000", "insert.gains.translation_damping=500", "skin.rate=100"])
+
+
+def test_a_preset_beyond_the_margin_is_refused_by_its_own_file(tmp_path):
+    shutil.copy(DEFAULT, tmp_path / "cell.toml")
+    (tmp_path / "presets").mkdir()
+    (tmp_path / "presets" / "stiff.toml").write_text("[search]\ngains = { rotation = 400.0 }\n")
+    with pytest.raises(ConfigError, match=r"stiff\.toml: search\.gains\.rotation = 400: unstable from"):
+        load(tmp_path / "cell.toml", preset="stiff")

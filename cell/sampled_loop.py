@@ -1,0 +1,113 @@
+"""Where an impedance loop whose error is as old as a frame goes unstable: exact discretisation; pure.
+
+The tip obeys M x'' = -K x(t_k) - C x - D x', as in [gibbons], Eq. (6), with the error of Eq. (5) measured every
+`period` seconds, late by `delay` periods and held in between; C x is the part that is measured without delay. Between
+two frames that is a linear system under a constant force, so one period is one matrix, and the loop is stable where
+that matrix's eigenvalues lie inside the unit circle.
+"""
+
+import math
+
+import numpy as np
+
+from drivers.quantities import Vector
+
+TAYLOR_TERMS = 12
+"""Of the exponential series, for a matrix scaled below 1/16."""
+GROWTH = 1.25
+"""From one gain to the next in the search for the limit."""
+MOST = 1e6
+"""Factor beyond which a gain is taken for unlimited."""
+FINENESS = 1e-4
+"""Of the limit, relative."""
+
+
+def one_period(
+    inertia: Vector, held: Vector, continuous: Vector, damping: Vector, period: float, delay: float
+) -> Vector:
+    """Return the matrix that takes the loop from one frame to the next.
+
+    Args:
+        inertia: M, shape (n, n), kg and kg·m².
+        held: K, stiffness on the error that is held from frame to frame, shape (n, n), N/m and N·m/rad.
+        continuous: C, stiffness on the error as it is now, shape (n, n).
+        damping: D, shape (n, n), N·s/m and N·m·s/rad.
+        period: Time between frames, s.
+        delay: Age of a frame when it is first used, in periods, >= 0, fractions included.
+
+    Returns:
+        Shape (m, m), over position, velocity and the positions of earlier frames.
+    """
+    n = len(inertia)
+    flow = np.zeros((3 * n, 3 * n))
+    flow[:n, n : 2 * n] = np.eye(n)
+    flow[n : 2 * n] = np.linalg.solve(inertia, -np.hstack([continuous, damping, held]))
+    whole = math.floor(delay)
+    early, late = (exponential(flow * part * period) for part in (delay - whole, 1.0 - (delay - whole)))
+    # Position and velocity, then the positions at frame k-1, k-2, ...
+    places = [slice(0, n), *(slice((2 + j) * n, (3 + j) * n) for j in range(whole + 1))]
+    step = np.zeros(((3 + whole) * n,) * 2)
+    moving = slice(0, 2 * n)
+    step[moving, moving] = late[moving, moving] @ early[moving, moving]
+    step[moving, places[whole + 1]] += late[moving, moving] @ early[moving, 2 * n :]
+    step[moving, places[whole]] += late[moving, 2 * n :]
+    for older, newer in zip(places[1:], places, strict=False):
+        step[older, newer] = np.eye(n)
+    return step
+
+
+def radius(step: Vector) -> float:
+    """Return the largest magnitude of the eigenvalues: below 1 the loop is stable."""
+    return float(np.abs(np.linalg.eigvals(step)).max())
+
+
+def largest_factor(
+    inertia: Vector, held: Vector, continuous: Vector, damping: Vector, period: float, delay: float, power: float = 0.0
+) -> float:
+    """Return by how much the held stiffness may be multiplied before the loop goes unstable.
+
+    Args:
+        inertia: As in `one_period`, like the next five.
+        held: Stiffness at factor 1.
+        continuous: Stiffness that is left as it is.
+        damping: At factor 1.
+        period: s.
+        delay: In periods.
+        power: The damping of the held directions goes with this power of the factor: 0 leaves it, 0.5 keeps the
+            damping ratio.
+
+    Returns:
+        The first such factor above the smallest one looked at, MOST when there is none, 0 when no gain is stable.
+    """
+    share = (np.diag(held) > 0.0).astype(float)
+
+    def is_stable(factor: float) -> bool:
+        scaled = damping * np.where(share > 0.0, factor**power, 1.0)[:, None]
+        return radius(one_period(inertia, factor * held, continuous, scaled, period, delay)) < 1.0
+
+    high = 1e-3
+    if not is_stable(high):
+        return 0.0
+    while is_stable(high):
+        high *= GROWTH
+        if high > MOST:
+            return MOST
+    low = high / GROWTH
+    while high / low > 1.0 + FINENESS:
+        middle = math.sqrt(low * high)
+        low, high = (middle, high) if is_stable(middle) else (low, middle)
+    return low
+
+
+def exponential(matrix: Vector) -> Vector:
+    """Return the exponential of a square matrix by scaling, a Taylor series and squaring."""
+    size = float(np.abs(matrix).sum(axis=1).max())
+    halvings = max(0, math.ceil(math.log2(max(size, 1e-300))) + 4)
+    scaled = matrix / 2.0**halvings
+    term = total = np.eye(len(matrix))
+    for k in range(1, TAYLOR_TERMS + 1):
+        term = term @ scaled / k
+        total = total + term
+    for _ in range(halvings):
+        total = total @ total
+    return total

@@ -1,0 +1,37 @@
+"""Gains beyond the boundary pump energy into the arm: the guard ends that before the force limit is reached."""
+
+import pytest
+
+from cell.config import load
+from cell.trials import run_trial
+from skills.motion import Gains
+
+PUMPING = {
+    "stiff_search": ("search", Gains(translation=40e3, rotation=40.0, translation_damping=60.0, rotation_damping=5.0)),
+    "twisting_search": (
+        "search",
+        Gains(translation=1500.0, rotation=1000.0, translation_damping=90.0, rotation_damping=5.0),
+    ),
+    "stiff_insertion": (
+        "insert",
+        Gains(translation=100e3, rotation=40.0, translation_damping=60.0, rotation_damping=8.0),
+    ),
+}
+"""Far beyond what a config may ask for: so they are put in behind the check."""
+
+
+def with_gains(config, section, gains):
+    skill = getattr(config, section).model_copy(update={"gains": gains})
+    return config.model_copy(update={section: skill})
+
+
+@pytest.mark.parametrize("name", PUMPING)
+def test_a_gain_beyond_the_boundary_trips_the_guard_before_the_force_limit(name):
+    config = load().cell
+    row = run_trial(with_gains(config, *PUMPING[name]), 9002)
+    assert (row.outcome, row.reason) == ("failure", "not_passive")
+    assert row.peak_contact_force < config.limits.force
+
+
+def test_the_shipped_gains_do_not_trip_it():
+    assert "not_passive" not in [run_trial(load().cell, seed).reason for seed in (9001, 9005)]
