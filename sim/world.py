@@ -193,6 +193,8 @@ class World:
             self._ticks % self._law_every,
         )
         if not taken:
+            # Time goes on all the same: whoever reports the fault waits for the end of the scan.
+            self._ticks += steps
             raise SimulationUnstableError(
                 f"simulation at {self.now():.3f} s: state not finite (time step {self._sim.timestep} s); reduce gains or sim.timestep"
             )
