@@ -71,7 +71,9 @@ def parser(formats: Sequence[str], studies: Sequence[str]) -> Parser:
     command.add_argument("--out", type=Path, default=Path("out/study"), metavar="DIR", help="where its files go")
     command.add_argument("--quick", action="store_true", help="less of everything")
     command.add_argument("--seed", type=_natural, default=1, metavar="S", help="of the first trial")
-    command.add_argument("--trials", type=_positive, default=20, metavar="N", help="wire: insertions through each wire")
+    command.add_argument(
+        "--trials", type=_positive, metavar="N", help="wire: through each, 20; frontier: a variant, 40"
+    )
     command.add_argument("--workers", type=_positive, metavar="N", help="processes; one for each core")
     command.add_argument("--profile", action="store_true", help="speed: where the time of a trial goes")
     command = add("runs", "the newest runs on record", "journal")

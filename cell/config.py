@@ -290,7 +290,7 @@ def _merge(
     preset = {**tree, **part, **{keyed[0]: value for keyed, value in keys if len(keyed) == 1}}.get("preset", "")
     _lay_over(merged, tree, str(path), source)
     if preset != "":
-        file = _find_preset(path.parent, preset)
+        file = _find_preset(path, preset)
         _lay_over(merged, read_toml(file), str(file), source)
     _lay_over(merged, part, str(recipe), source)
     merged["preset"] = preset
@@ -315,13 +315,18 @@ def _nested(place: tuple[str, ...], value: Any) -> dict[str, Any]:
     return nested
 
 
-def _find_preset(folder: Path, name: Any) -> Path:
-    folders = [folder / "presets", SHIPPED / "presets"]
-    known = sorted({file.stem for place in folders for file in place.glob("*.toml")})
+def presets(path: Path | None = None) -> dict[str, Path]:
+    """Return the presets that a cell's file may name, and their files: those beside it, then those that are shipped."""
+    folders = [SHIPPED / "presets", (path or DEFAULT).parent / "presets"]
+    return {file.stem: file for place in folders for file in sorted(place.glob("*.toml"))}
+
+
+def _find_preset(path: Path, name: Any) -> Path:
+    known = presets(path)
     if name not in known:
-        allowed = ", ".join(f'"{k}"' for k in known) or "none"
+        allowed = ", ".join(f'"{k}"' for k in sorted(known)) or "none"
         raise ConfigError(f"preset = {name!r}: no such file in presets/; {allowed} allowed")
-    return next(place / f"{name}.toml" for place in folders if (place / f"{name}.toml").is_file())
+    return known[name]
 
 
 def _lay_over(

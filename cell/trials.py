@@ -251,6 +251,30 @@ def write_table(rows: Sequence[TrialRow], path: Path) -> None:
         writer.writerows([_cell(getattr(row, name)) for name in COLUMNS] for row in rows)
 
 
+def read_table(path: Path) -> list[TrialRow]:
+    """Read what `write_table` wrote.
+
+    Raises:
+        OSError: No such file, or not readable.
+        ValueError: Not such a table.
+    """
+    with path.open(newline="", encoding="utf-8") as file:
+        table = csv.DictReader(file)
+        if tuple(table.fieldnames or ()) != COLUMNS:
+            raise ValueError(f"{path}: other columns than this program writes")
+        return [TrialRow(**{f.name: _READERS[f.type](row[f.name]) for f in fields(TrialRow)}) for row in table]
+
+
+_READERS: dict[Any, Callable[[str], Any]] = {
+    int: int,
+    float: float,
+    str: str,
+    bool: "true".__eq__,
+    float | None: lambda text: float(text) if text else None,
+}
+"""How a cell of each type is read."""
+
+
 def _cell(value: object) -> object:
     if value is None:
         return ""

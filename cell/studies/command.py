@@ -76,7 +76,7 @@ def wire(args: argparse.Namespace, loaded: LoadedConfig, progress: Progress) -> 
     from cell.tables import plain
 
     folder = _out_folder(args.out)
-    seeds = range(args.seed, args.seed + (2 if args.quick else args.trials))
+    seeds = range(args.seed, args.seed + (2 if args.quick else args.trials or 20))
     bar = progress.add_task("insertions", total=len(study.TRIED) * len(seeds))
     measures = study.measure(
         loaded.cell,
@@ -108,6 +108,18 @@ def stability(args: argparse.Namespace, loaded: LoadedConfig, progress: Progress
     bar = progress.add_task("cases", total=study.cases(args.quick))
     found = study.run(loaded.cell, args.quick, workers, folder, lambda n: progress.advance(bar, n))
     return Shown([study.table(found)], found.data, found.files)
+
+
+def frontier(args: argparse.Namespace, loaded: LoadedConfig, progress: Progress) -> Shown:
+    """Speed against accuracy: presets, settings, and each step from the paper's method."""
+    from cell.studies import frontier_charts as study
+    from cell.tables import frontier
+
+    seeds = range(args.seed, args.seed + (args.trials or (2 if args.quick else 40)))
+    workers = args.workers or os.cpu_count() or 1
+    found = study.run(args.config, args.set, seeds, workers, _out_folder(args.out), args.quick, progress)
+    result = {"title": found.title, "lines": [asdict(line) for line in found.lines]}
+    return Shown([frontier(found.lines, found.title)], _finite(result), found.files)
 
 
 def _finite(value: Any) -> Any:
@@ -148,4 +160,5 @@ STUDIES = {
     "wire": Study(wire, "max"),
     "tactile": Study(tactile, None),
     "stability": Study(stability, "max"),
+    "frontier": Study(frontier, "max"),
 }

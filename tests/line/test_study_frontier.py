@@ -1,0 +1,106 @@
+"""The study of the frontier, with a few short trials: every variant is shown, and what was run is not run again."""
+
+import csv
+import io
+import json
+from contextlib import redirect_stdout
+from dataclasses import replace
+from itertools import pairwise
+
+import pytest
+
+from cell.cli import main
+from cell.config import load, presets
+from cell.studies import frontier
+from cell.studies.frontier import CHAIN, PRESET, START, Variant, chain, measure, variants
+from cell.trials import TABLE, read_table
+
+QUICK = ["study", "frontier", "--quick", "--json", "--trials", "1", "--set", "search.timeout=1.0"]
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    """Return what the command printed, and its folder."""
+    folder = tmp_path_factory.mktemp("frontier")
+    with redirect_stdout(io.StringIO()) as printed:
+        assert main([*QUICK, "--out", str(folder)]) == 0
+    return json.loads(printed.getvalue()), folder
+
+
+def test_every_variant_has_a_row_of_its_own_trials(study):
+    found, folder = study
+    with (folder / "frontier.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["variant"] for row in rows] == [line["variant"] for line in found["lines"]]
+    for line in found["lines"]:
+        trials = read_table(folder / line["folder"] / TABLE)
+        assert line["trials"] == len(trials) == 1
+        assert line["successes"] == sum(row.outcome == "success" for row in trials)
+
+
+def test_variants_of_the_same_config_share_their_trials(study):
+    found, _ = study
+    first = {line["family"]: line for line in reversed(found["lines"])}
+    last = found["lines"][-1]
+    assert last["family"] == CHAIN
+    assert last["is_base"]
+    assert last["folder"] == first[PRESET]["folder"]
+
+
+def test_both_charts_are_drawn(study):
+    _, folder = study
+    for name in ("frontier.png", "chain.png"):
+        assert (folder / name).read_bytes()[:4] == b"\x89PNG"
+
+
+def test_what_was_run_is_taken_up(study, monkeypatch):
+    found, folder = study
+    monkeypatch.setattr(frontier, "run_trials", None)  # calling it would be an error in the lines
+    sets = ["search.timeout=1.0"]
+    lines = measure(None, sets, variants(None, sets, True), range(1, 2), 1, folder, lambda count: None)
+    assert [line.error for line in lines] == [""] * len(found["lines"])
+    assert [line.endings for line in lines] == [line["endings"] for line in found["lines"]]
+
+
+def test_other_seeds_are_run_anew(study, monkeypatch):
+    _, folder = study
+    monkeypatch.setattr(frontier, "run_trials", None)
+    sets = ["search.timeout=1.0"]
+    lines = measure(None, sets, variants(None, sets, True), range(2, 3), 1, folder, lambda count: None)
+    assert all("TypeError" in line.error for line in lines)
+
+
+def test_a_variant_that_faults_or_is_refused_is_shown_and_the_others_go_on(tmp_path):
+    tried = [
+        Variant("tried", "refused", None, ("skin.rate=0",)),
+        Variant("tried", "blind", None, ("skin.dead_taxels=40",)),
+    ]
+    done: list[int] = []
+    refused, blind = measure(None, (), tried, range(1, 2), 1, tmp_path, done.append)
+    assert "skin.rate" in refused.error
+    assert refused.trials == 0
+    assert (blind.trials, blind.faults, blind.successes) == (1, 1, 0)
+    assert "skin_untrusted" in blind.endings
+    assert sum(done) == 2
+
+
+def test_the_chain_ends_in_the_shipped_cell():
+    start, end = load(preset=START).cell, load().cell
+    steps = chain(start, end)
+    assert load(preset=START, sets=steps[0].sets).cell == start
+    assert load(preset=START, sets=steps[-1].sets).cell == end.model_copy(update={"preset": START})
+
+
+def test_each_step_of_the_chain_adds_keys_and_keeps_those_before():
+    steps = chain(load(preset=START).cell, load().cell)
+    for before, after in pairwise(steps):
+        assert after.sets[: len(before.sets)] == before.sets
+        assert len(after.sets) > len(before.sets)
+        assert after == replace(before, name=after.name, sets=after.sets)
+
+
+def test_every_preset_and_every_swept_value_is_a_cell():
+    tried = variants(None, (), False)
+    assert {v.preset for v in tried if v.family == PRESET} == {None, *presets()}
+    for variant in tried:
+        load(None, variant.preset, variant.sets)
