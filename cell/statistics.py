@@ -65,7 +65,8 @@ def wilson(successes: int, attempts: int, z: float = Z95) -> tuple[float, float]
     share, n = successes / attempts, attempts
     middle = (share + z * z / (2 * n)) / (1 + z * z / n)
     half = z / (1 + z * z / n) * math.sqrt(share * (1 - share) / n + z * z / (4 * n * n))
-    return max(middle - half, 0.0), min(middle + half, 1.0)
+    # Rounding may leave the rate itself just outside, where all or none succeeded.
+    return max(min(middle - half, share), 0.0), min(max(middle + half, share), 1.0)
 
 
 def stage_table(trials: Sequence[Tried]) -> list[StageLine]:

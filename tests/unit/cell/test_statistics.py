@@ -42,3 +42,10 @@ def test_spread_of_nothing_is_nothing():
 
 def test_spread_tells_the_tail():
     assert spread([1.0] * 99 + [100.0])["p95"] == 1.0
+
+
+def test_the_interval_holds_the_rate_itself_however_it_rounds():
+    for attempts in range(1, 400):
+        for successes in (0, 1, attempts - 1, attempts):
+            low, high = wilson(successes, attempts)
+            assert 0.0 <= low <= successes / attempts <= high <= 1.0
