@@ -45,29 +45,32 @@ class Ground:
     SLOPE = 0.02
     """Standard deviation of the plate's slopes before anything is known; three times as much is taken for no plate."""
 
-    def __init__(self, origin: Vector) -> None:
-        """Know nothing but that the plate is about level.
+    HEIGHT = 1e-3
+    """Most that the height may be in doubt, m."""
 
-        Args:
-            origin: Where x and y are counted from, shape (2,), m.
-        """
-        self._origin = origin
+    def __init__(self) -> None:
+        """Know nothing but that the plate is about level."""
+        self._origin = np.zeros(2)
         self._values = np.zeros(4)
-        self._covariance = np.diag([1.0, self.SLOPE**2, self.SLOPE**2, 4.0 * self.NOISE**2])
+        self._doubt = np.array([self.HEIGHT, self.SLOPE, self.SLOPE, 2.0 * self.NOISE])
+        self._covariance = np.diag(self._doubt**2)
         self._scans = 0
 
     def learn(self, edge: Vector, sense: int) -> None:
         """Take the lowest point of the sliding peg, shape (3,), m, in one scan of a pass in `sense`, -1 or 1."""
+        if self._scans == 0:
+            self._origin, self._values[0] = np.array(edge[:2]), edge[2]
         row = self._row(edge, sense)
         towards = self._covariance @ row
         noise = self.NOISE * (self.DOUBT if self.below(edge, sense) > 0.0 else 1.0)
         gain = towards / (noise**2 + row @ towards)
         self._values = self._values + gain * (edge[2] - row @ self._values)
-        self._covariance = self._covariance - np.outer(gain, towards)
+        # Joseph's form keeps the covariance positive where the plain one loses it to rounding.
+        left = np.eye(4) - np.outer(gain, row)
+        self._covariance = left @ self._covariance @ left.T + noise**2 * np.outer(gain, gain)
         self._covariance *= 1.0 + 1.0 / self.MEMORY
         # What is forgotten must not grow beyond what was known at first.
-        limit = np.array([1.0, self.SLOPE, self.SLOPE, 2.0 * self.NOISE])
-        excess = np.minimum(limit / np.sqrt(np.diag(self._covariance)), 1.0)
+        excess = np.minimum(self._doubt / np.sqrt(np.diag(self._covariance)), 1.0)
         self._covariance *= np.outer(excess, excess)
         self._scans += 1
 

@@ -55,7 +55,7 @@ def test_solid_plate_near_the_hole_is_smooth(degrees: int, beside: float) -> Non
     # The edge that slides is ahead of the end's middle by r cos t.
     start = beside * across - 0.015 * way - np.array([0.004 * math.cos(tilt), 0.0])
     data.qpos[:] = [*start, 0.004 * math.sin(tilt)]
-    ground = Ground(start)
+    ground = Ground()
     forces, dip = [], 0.0
     for step in range(int(0.030 / speed / DT)):
         target = start + way * speed * step * DT

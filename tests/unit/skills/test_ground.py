@@ -13,7 +13,7 @@ NOISE = np.random.default_rng(5).normal(0.0, 3e-5, 4000)
 
 def slid_over(slope: tuple[float, float], lag: float = 0.0, lanes: int = 6) -> tuple[Ground, np.ndarray]:
     """Return what is learnt on lanes of 60 mm, 5 mm apart, and the last tip; the hand sinks by `lag` with the sense."""
-    ground, scan = Ground(np.zeros(2)), 0
+    ground, scan = Ground(), 0
     for lane in range(lanes):
         sense = 1 if lane % 2 == 0 else -1
         for share in np.linspace(-0.5, 0.5, 58):
@@ -45,11 +45,11 @@ def test_a_height_that_follows_the_sense_of_the_path_is_no_edge() -> None:
 
 
 def test_nothing_is_below_a_ground_that_nobody_has_felt() -> None:
-    assert Ground(np.zeros(2)).below(np.array([0.0, 0.0, -1.0]), 1) == 0.0
+    assert Ground().below(np.array([0.0, 0.0, -1.0]), 1) == 0.0
 
 
 def test_a_first_scan_tells_of_the_place_and_little_of_its_surroundings() -> None:
-    ground = Ground(np.zeros(2))
+    ground = Ground()
     ground.learn(np.array([0.0, 0.0, 0.1]), 1)
     assert ground.below(np.array([0.02, 0.0, 0.0995]), 1) < 0.0
 
@@ -57,3 +57,10 @@ def test_a_first_scan_tells_of_the_place_and_little_of_its_surroundings() -> Non
 def test_depth_counts_along_the_normal_from_the_surface() -> None:
     hole = Hole(diameter=0.0081, centre=(0.5, 0.0, 0.1), area=(0.06, 0.06), depth=0.02)
     assert nominal(hole).depth(np.array([0.6, 0.1, 0.098])) == pytest.approx(0.002)
+
+
+def test_hours_of_standing_still_leave_it_as_sure_as_its_noise() -> None:
+    ground = Ground()
+    for height in np.tile(NOISE, 5):
+        ground.learn(np.array([0.01, 0.02, 0.1 + height]), 1)
+    assert ground.below(np.array([0.01, 0.02, 0.0995]), 1) == pytest.approx(5e-4, abs=1.5e-4)
