@@ -4,7 +4,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from drivers.parts import ConfigModel
-from drivers.quantities import Vector
 from skills import grasp_from_rack, recover, release_and_retract, spiral_adjust, spray_search, tactile_insert
 from skills.contract import Outcome, Reason, SkillContext
 from skills.flow import StageRecord, in_order, run_stage
@@ -89,27 +88,25 @@ def insert_peg(skills: SkillSet, ctx: SkillContext) -> list[StageRecord]:
     The run's outcome is that of its first stage that neither succeeded nor was tried again, or success.
     """
     records = grasp(skills, ctx)
-    near: Vector | None = None
     for left in reversed(range(skills.retries + 1)):
         if records[-1].result.outcome is not Outcome.SUCCESS and not records[-1].retried:
             break
-        records += find_and_seat(skills, ctx, near)
+        records += find_and_seat(skills, ctx)
         last = records[-1].result
         if last.outcome is Outcome.SUCCESS:
             records += release(skills, ctx)
             break
         if left and last.reason in RETRIED:
             records[-1] = replace(records[-1], retried=True)
-            near = ctx.observe().tip
     last = records[-1].result
     if last.outcome is Outcome.FAILURE and last.reason is not Reason.STOPPED:
         records += recover_cell(skills, ctx)
     return records
 
 
-def find_and_seat(skills: SkillSet, ctx: SkillContext, near: Vector | None) -> list[StageRecord]:
+def find_and_seat(skills: SkillSet, ctx: SkillContext) -> list[StageRecord]:
     """Find the hole, align and seat the peg, on the surface that the search has felt, until a stage does not succeed."""
-    found = run_stage("spray_search", lambda c: spray_search.run(skills.search, c, near), ctx)
+    found = run_stage("spray_search", lambda c: spray_search.run(skills.search, c), ctx)
     plane = found.result.plane if isinstance(found.result, spray_search.SpraySearchResult) else None
     if found.result.outcome is not Outcome.SUCCESS:
         return [found]

@@ -108,16 +108,14 @@ class SpraySearchResult(SkillResult):
     """The plate's surface as the tip felt it on the way; None where no hole was found."""
 
 
-def run(params: SpraySearchParams, ctx: SkillContext, near: Vector | None = None) -> SpraySearchResult:
-    """Search from a random point of the area, or from next to `near`, shape (2,) or more, m, base frame."""
+def run(params: SpraySearchParams, ctx: SkillContext) -> SpraySearchResult:
+    """Search from a random point of the area."""
     hole = ctx.job.hole
     surface = hole.centre[2]
     middle = np.array(hole.centre[:2])
     half = (hole.area[0] / 2 + params.margin, hole.area[1] / 2 + params.margin)
     start = ctx.rng.uniform(-np.array(hole.area) / 2, np.array(hole.area) / 2)
     fast = 0 if params.fast_axis == "x" else 1
-    if near is not None:
-        start = np.clip(near[:2] - middle, -np.array(hole.area) / 2, np.array(hole.area) / 2)
     path: Lanes | SprayPaint
     if params.path == "lanes":
         path = lanes(
@@ -134,6 +132,12 @@ def run(params: SpraySearchParams, ctx: SkillContext, near: Vector | None = None
         ahead = ctx.job.peg.diameter / 2 * math.cos(params.tilt)
         middle = middle - ahead * np.array([math.cos(params.lean), math.sin(params.lean)])
     first = np.array([*(middle + start), surface + params.height])
+    here = ctx.observe()
+    if here.tip[2] < first[2]:
+        # It may stand in the hole: out of it straight, before anything else.
+        out = Goal(np.array([*here.tip[:2], first[2]]), here.axis, here.arm.tcp.rotation[:, 2])
+        for _ in move(out, params.transfer, ctx, ctx.in_hand()):
+            pass
     for _ in move(Goal(first, axis, closing), params.transfer, ctx, ctx.in_hand()):
         pass
 

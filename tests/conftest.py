@@ -9,6 +9,8 @@ import pytest
 from cell.config import LoadedConfig, load
 from tests.fakes import Rig
 
+LEVEL = logging.getLogger().level
+
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Let the contracts be checked on real devices."""
@@ -25,10 +27,10 @@ def loaded() -> LoadedConfig:
 
 @pytest.fixture(autouse=True)
 def _level_of_the_log() -> Iterator[None]:
-    """Set the level back that a command may have changed: other tests read the log."""
-    before = logging.getLogger().level
+    """Set the level back that a command may have changed, in a test or in what several share: others read the log."""
+    logging.getLogger().setLevel(LEVEL)
     yield
-    logging.getLogger().setLevel(before)
+    logging.getLogger().setLevel(LEVEL)
 
 
 @pytest.fixture

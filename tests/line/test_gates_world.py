@@ -10,13 +10,14 @@ import pytest
 
 from cell.assembly import Cell, assemble
 from cell.config import load
+from cell.record import ending_of
 from drivers.frames import rotation_about
 from drivers.quantities import Pose
 from sim import engine, world
 from sim.world import Peg, World
-from skills import grasp_from_rack, spiral_adjust, spray_search, tactile_insert
+from skills import grasp_from_rack
+from skills.catalogue import CATALOGUE
 from skills.contract import Outcome, Reason
-from skills.flow import in_order
 
 FAST = ('sim.pace="max"',)
 
@@ -117,17 +118,9 @@ def test_a_peg_that_is_stuck_in_its_slot_slips_through_the_pads() -> None:
 def outcome_of(seed: int, timestep: float) -> str:
     """Return how a whole insertion ends with the hole within 10 x 10 mm, as outcome and void."""
     cell, physics = cell_of(seed, f"sim.timestep={timestep}", "hole.area=[0.01, 0.01]")
-    config = cell.config
-    stages = in_order(
-        [
-            ("grasp_from_rack", lambda c: grasp_from_rack.run(config.grasp, c)),
-            ("spray_search", lambda c: spray_search.run(config.search, c)),
-            ("tactile_insert", lambda c: tactile_insert.run(config.insert, c)),
-            ("spiral_adjust", lambda c: spiral_adjust.run(config.adjust, c)),
-        ],
-        cell.context(seed),
-    )
-    return f"{stages[-1].name} {stages[-1].result.outcome} void={physics.truth().is_void}"
+    stages = CATALOGUE["insert_peg"].run(cell.config.skill_set(), cell.context(seed))
+    ending = ending_of(stages, None, "")
+    return f"{ending.stage} {ending.outcome} void={physics.truth().is_void}"
 
 
 def test_half_the_time_step_changes_no_outcome() -> None:
