@@ -16,7 +16,7 @@ from cell.states import Event, State, after, is_permitted
 from cell.statistics import PUBLISHED
 from drivers.errors import CellError, ConfigError, FaultCode, PlcLostError
 from drivers.quantities import ImpedanceSetpoint
-from plc_bridge.messages import Command, Control, Refusal, Report, Result
+from plc_bridge.messages import Command, Control, Refusal, Report, Result, Transition
 from skills.catalogue import CATALOGUE, STAGES, Entry
 from skills.contract import Observation, Outcome, Request
 from skills.flow import StageRecord
@@ -143,7 +143,7 @@ class Supervisor:
         self._enter(_EVENT[control])
         is_stop = control in (Control.STOP, Control.ABORT)
         if self._run is None and not is_stop:
-            self.report = Report(sequence=command.sequence, fault=self.report.fault, run=self.report.run)
+            self.report = self._fresh(command, fault=self.report.fault)
         if control is Control.CLEAR:
             self._cell.arm.reset()
             self.report = replace(self.report, fault=FaultCode.NONE)
@@ -193,7 +193,7 @@ class Supervisor:
             self._enter(Event.RESET)
             self._enter(Event.FINISHED)
         self._enter(Event.START)
-        self.report = Report(sequence=command.sequence, run=self.report.run)
+        self.report = self._fresh(command)
         self._publish()
         self._execute(command, entry, config)
 
@@ -309,7 +309,12 @@ class Supervisor:
     # States.
 
     def _enter(self, event: Event) -> None:
-        self.state = after(self.state, event)
+        before, self.state = self.state, after(self.state, event)
+        if self.state is not before and event is not Event.FINISHED:
+            self.report = replace(self.report, transition=Transition[event.name])
+
+    def _fresh(self, command: Command, fault: int = 0) -> Report:
+        return Report(sequence=command.sequence, fault=fault, run=self.report.run, transition=self.report.transition)
 
     def _publish(self) -> None:
         if self.report.state != self.state:

@@ -122,7 +122,12 @@ class Bridge:
     def diagnostics(self) -> Diagnostics:
         """Counts since the start."""
         counts = self._handshake.counts
-        total = Diagnostics(refusals=counts.refusals, torn=counts.torn, lost=counts.lost)
+        total = Diagnostics(
+            refusals=counts.refusals,
+            torn=counts.torn,
+            lost=counts.lost,
+            transition=self._handshake.transition or 0,
+        )
         for server in self._servers:
             total = total + server.counts
         return total

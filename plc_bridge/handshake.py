@@ -24,7 +24,7 @@ from dataclasses import dataclass, field, replace
 
 from plc_bridge.lease import CellLease
 from plc_bridge.links import Link
-from plc_bridge.messages import FIRST_PROGRAM, Command, Control, LeaseState, Refusal, Report, Result
+from plc_bridge.messages import FIRST_PROGRAM, Command, Control, LeaseState, Refusal, Report, Result, Transition
 from plc_bridge.registers import VERSION_MAJOR, CommandImage, Lease, Parameter
 from plc_bridge.watchdog import Watchdog
 
@@ -230,6 +230,11 @@ class Handshake:
         return self._lease.holder.source if self._lease.holder is not None else ""
 
     @property
+    def transition(self) -> Transition | None:
+        """Why the cell's state last changed."""
+        return self._report.transition
+
+    @property
     def is_busy(self) -> bool:
         """A program or skill is accepted and has not ended."""
         return self._current is not None and self._current.is_busy
@@ -241,7 +246,7 @@ class Handshake:
         lease = self._lease.state_for(link)
         report = replace(self._report, holder=self.holder)
         if current is not None and not current.is_taken_up:
-            report = Report(state=report.state, fault=report.fault, holder=report.holder)
+            report = Report(state=report.state, fault=report.fault, holder=report.holder, transition=report.transition)
         if link.own is not None:
             sequence, code, result = link.own
             return Answer(sequence, result, answered, refusal, code, False, lease, report)

@@ -4,6 +4,18 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 
 
+class Transition(IntEnum):
+    """What made the cell's state change, but for a state's having done what it does."""
+
+    RESET = 1
+    START = 2
+    STOP = 3
+    HOLD = 4
+    UNHOLD = 5
+    ABORT = 6
+    CLEAR = 7
+
+
 class Result(IntEnum):
     """How the acknowledged command ended."""
 
@@ -85,6 +97,8 @@ class Report:
     fault: int = 0
     stage: int = 0
     """Number of the skill under way or reached last, 0 before the first."""
+    transition: Transition | None = None
+    """Why the state last changed; None before it did."""
     reason: int = 0
     """Reason of the outcome, as in `skills.contract.Reason`, by number."""
     progress: int = 0

@@ -19,10 +19,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import Literal
 
-from plc_bridge.messages import FIRST_PROGRAM, Control, LeaseState, Refusal, Result
+from plc_bridge.messages import FIRST_PROGRAM, Control, LeaseState, Refusal, Result, Transition
 
 VERSION_MAJOR = 1
-VERSION_MINOR = 2
+VERSION_MINOR = 3
 VERSION = VERSION_MAJOR * 256 + VERSION_MINOR
 VERSION_DATE = "2026-11-21"
 """On which this version was made."""
@@ -161,12 +161,13 @@ class Diagnostics:
     forbidden: int = 0
     unauthorised: int = 0
     bad_frames: int = 0
+    transition: int = 0
 
     def __add__(self, other: "Diagnostics") -> "Diagnostics":
         return Diagnostics(*(getattr(self, n.name) + getattr(other, n.name) for n in fields(Diagnostics)))
 
 
-def _numbers(words: type[Result] | type[Refusal] | type[LeaseState]) -> str:
+def _numbers(words: type[Result] | type[Refusal] | type[LeaseState] | type[Transition]) -> str:
     return ", ".join(f"{word.value} {word.name}" for word in words)
 
 
@@ -282,6 +283,7 @@ def _diagnostics_block() -> list[Register]:
     block.add(
         "bad_frames", "u32", "serial frames with a wrong check sum, over CAN what was no frame, or could not be sent"
     )
+    block.add("transition", "u32", f"why the state last changed, 0 not yet: {_numbers(Transition)}")
     return block.registers
 
 
