@@ -33,7 +33,7 @@ from tests.modbus_oracle import Oracle
 PATIENCE = 20.0  # s
 BATCH = 40
 """Well-framed requests that are sent before the first answer is read."""
-EDGES = (0, 1, 2, 3, 4, 39, 40, 41, 42, 45, 46, 47, 99, 100, 123, 124, 999, 1000, 1045, 1046, 1123, 1124, 32768, 65535)
+EDGES = (0, 1, 2, 3, 4, 39, 40, 41, 42, 45, 46, 47, 99, 100, 125, 126, 999, 1000, 1045, 1046, 1125, 1126, 32768, 65535)
 COUNTS = (
     0,
     1,
