@@ -83,7 +83,7 @@ def simulated_cell():
 @pytest.fixture(scope="module")
 def franka():
     """Yield the address of a simulated Franka arm and hand, and the world behind them, which is the clock."""
-    pytest.importorskip("franka_sim", reason="needs the environment that tests/franka/simulated.py describes")
+    pytest.importorskip("franka_sim", reason="needs the packages that tests/franka/simulated.py names")
     from tests.franka.simulated import address, served
 
     with served(load().cell, address(2)) as (world, _):

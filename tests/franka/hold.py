@@ -1,4 +1,4 @@
-"""How the torque loop keeps its time: `.franka-sim/bin/python -m tests.franka.hold [--seconds 60]`.
+"""How the torque loop keeps its time: `python -m tests.franka.hold [--seconds 60]`.
 
 The arm holds a setpoint against a server that waits for nobody: a state leaves every millisecond of wall time, as far
 as this machine can, and torques that come later count as lost. Prints one line of JSON.

@@ -1,4 +1,4 @@
-"""A whole insertion through the maker's client library and protocol: `.franka-sim/bin/python -m tests.franka.insertion`.
+"""A whole insertion through the maker's client library and protocol: `python -m tests.franka.insertion`.
 
 Prints one line of JSON: how it ended by the cell and in truth, and how the torque loop kept its time.
 """

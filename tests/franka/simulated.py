@@ -1,10 +1,9 @@
 """An FR3 and its hand as their maker's client sees them: franka-sim's protocol server around this project's own world.
 
-Needs an environment of its own, `.franka-sim` at the root of the repository, because franka-sim pins older packages:
+Needs franka-sim and the client in a folder of their own, without the older packages that franka-sim asks for:
 
-    python3.11 -m venv .franka-sim
-    .franka-sim/bin/python -m pip install -c constraints.txt -e '.[franka,dev]'
-    .franka-sim/bin/python -m pip install --no-deps franka-sim==1.1.7
+    python3 -m pip install --no-deps --target build/franka -c constraints.txt franka-sim pylibfranka
+    PYTHONPATH=build/franka .venv/bin/pytest tests/franka
 
 One published state is one millisecond of the world: the server waits for the client's torques, the world steps with
 them, and the next state shows the result. A busy machine makes everything slower and changes nothing else.

@@ -1,7 +1,4 @@
-"""Arm and hand through their maker's client library and protocol; `tests/franka/simulated.py` says what they run on.
-
-.franka-sim/bin/python -m pytest tests/franka
-"""
+"""Arm and hand through their maker's client library and protocol; `tests/franka/simulated.py` says what they run on."""
 
 import math
 import os
@@ -13,7 +10,7 @@ import numpy as np
 import pytest
 
 pytest.importorskip(
-    "franka_sim", reason="needs the environment that tests/franka/simulated.py describes", exc_type=ImportError
+    "franka_sim", reason="needs the packages that tests/franka/simulated.py names", exc_type=ImportError
 )
 
 from cell.config import load
