@@ -175,10 +175,12 @@ def _serve(args: argparse.Namespace) -> int:
     loaded = _load(args)
     bridge = Bridge(loaded.cell.plc, PROGRAMS, PARAMETERS)
     with _journal(args, loaded.cell.journal.folder) as journal, opened(assemble(loaded.cell)) as cell:
+        supervisor = Supervisor(cell, loaded, bridge, journal, args.stop)
+        supervisor.scan()  # the first one compiles; nobody shall meet a cell that cannot answer yet
         try:
             bridge.start()
             print(f"serving on {bridge.address[0]}:{bridge.address[1]}", flush=True)
-            Supervisor(cell, loaded, bridge, journal, args.stop).serve()
+            supervisor.serve()
         finally:
             bridge.close()
     return GOOD

@@ -1,7 +1,6 @@
 """The ways from a PLC to the cell, one for each bus; what is written against `PlcLine` runs over all of them."""
 
 import tempfile
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -38,15 +37,14 @@ def _patient(**buses: object) -> PlcConfig:
     return PlcConfig(life_timeout=60.0, lease_timeout=60.0, **{"modbus": ModbusConfig(port=0), **buses})
 
 
-def a_moment(seconds: float = 0.0) -> None:
-    """Let the cell's threads have their turn; a PLC that asks flat out in the same process would take it from them."""
-    threading.Event().wait(0.001)
+def at_once(seconds: float) -> None:
+    """Wait for nothing: a PLC that asks flat out, in the same process, must not keep the cell from its work."""
 
 
 @contextmanager
 def modbus_tcp() -> Iterator[PlcLine]:
     """Modbus TCP."""
-    yield PlcLine(_patient(), lambda bridge: Peer(*bridge.address, timeout=TIMEOUT, wait=a_moment), "127.0.0.1:")
+    yield PlcLine(_patient(), lambda bridge: Peer(*bridge.address, timeout=TIMEOUT, wait=at_once), "127.0.0.1:")
 
 
 @contextmanager
@@ -63,7 +61,7 @@ def modbus_tls() -> Iterator[PlcLine]:
         def connect(bridge: Bridge) -> Peer:
             assert bridge.secure_address is not None
             host, port = bridge.secure_address
-            peer = Peer(host, port, wait=a_moment)
+            peer = Peer(host, port, wait=at_once)
             peer._client = ModbusTlsClient(host, port=port, sslctx=context, timeout=TIMEOUT, retries=0)
             return peer
 
@@ -76,7 +74,7 @@ def modbus_rtu() -> Iterator[PlcLine]:
     with Cable() as cable:
 
         def connect(bridge: Bridge) -> Peer:
-            peer = Peer(cable.ends[1], 0, wait=a_moment)
+            peer = Peer(cable.ends[1], 0, wait=at_once)
             peer._client = ModbusSerialClient(
                 cable.ends[1], framer=FramerType.RTU, baudrate=115200, timeout=TIMEOUT, retries=0
             )
@@ -90,7 +88,7 @@ def modbus_rtu() -> Iterator[PlcLine]:
 def canopen() -> Iterator[PlcLine]:
     """CANopen, on a bus of its own within this process."""
     can = CanConfig(interface="virtual", channel=str(uuid4()), plc_timeout=0.0)
-    yield PlcLine(_patient(can=can), lambda bridge: CanPeer(can, timeout=TIMEOUT, wait=a_moment), "node 1")
+    yield PlcLine(_patient(can=can), lambda bridge: CanPeer(can, timeout=TIMEOUT, wait=at_once), "node 1")
 
 
 PLC_LINES = {"modbus_tcp": modbus_tcp, "modbus_tls": modbus_tls, "modbus_rtu": modbus_rtu, "canopen": canopen}

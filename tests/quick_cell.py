@@ -75,10 +75,14 @@ def quick_cell(loaded: LoadedConfig, plc: PlcConfig, folder: Path) -> Iterator[Q
     made = Cell(config, clock, *devices, lambda *job: None)
     bridge, program, stop = Bridge(plc, PROGRAMS, PARAMETERS), QuickProgram(), threading.Event()
 
-    def serve() -> None:
-        with Journal(folder) as journal:
-            Supervisor(made, loaded, bridge, journal, stop).serve()
+    journal = Journal(folder)
+    supervisor = Supervisor(made, loaded, bridge, journal, stop)
 
+    def serve() -> None:
+        with journal:
+            supervisor.serve()
+
+    supervisor.scan()
     bridge.start()
     table = cell.supervisor.BY_CODE
     before, table[CODE] = table[CODE], Entry("insert_peg", CODE, program, starts_empty=True)

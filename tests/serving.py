@@ -24,13 +24,14 @@ def serving(
     """
     plc = loaded.cell.plc
     bridge = Bridge(plc.model_copy(update={"modbus": plc.modbus.model_copy(update={"port": 0})}), PROGRAMS, PARAMETERS)
-    stop = threading.Event()
+    journal, stop = Journal(folder), threading.Event()
+    supervisor = Supervisor(cell, loaded, bridge, journal, stop)
 
     def serve() -> None:
         if begin is not None:
             begin.wait()
-        with Journal(folder) as journal:
-            Supervisor(cell, loaded, bridge, journal, stop).serve()
+        with journal:
+            supervisor.serve()
 
     bridge.start()
     thread = threading.Thread(target=serve)

@@ -81,10 +81,12 @@ def _serve(loaded: LoadedConfig, connections: int, pipe: Connection) -> None:
         Journal(Path(folder)) as journal,
         opened(assemble(loaded.cell)) as cell,
     ):
+        stopwatch = _Stopwatch(bridge, cell.clock)
+        supervisor = Supervisor(replace(cell, clock=stopwatch), loaded, stopwatch, journal, stop)
+        supervisor.scan()
         bridge.start()
         pipe.send(bridge.address)
-        stopwatch = _Stopwatch(bridge, cell.clock)
-        Supervisor(replace(cell, clock=stopwatch), loaded, stopwatch, journal, stop).serve()
+        supervisor.serve()
         bridge.close()
     pipe.send(stopwatch.scans)
 

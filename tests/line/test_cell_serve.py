@@ -8,6 +8,7 @@ from contextlib import closing, contextmanager
 import pytest
 
 from cell.journal import Journal
+from cell.states import State
 from plc_bridge.peer import Peer
 from skills.catalogue import CATALOGUE
 
@@ -32,6 +33,11 @@ def test_a_signal_ends_an_idle_cell(tmp_path, number):
     with served(tmp_path) as (process, _):
         process.send_signal(number)
         assert process.wait(30) == 0
+
+
+def test_whoever_connects_first_meets_a_cell_that_has_scanned(tmp_path):
+    with served(tmp_path) as (_, address), closing(Peer(*address)) as peer:
+        assert peer.look().state == State.IDLE
 
 
 def test_a_signal_in_the_middle_of_a_run_stops_it_first(tmp_path):

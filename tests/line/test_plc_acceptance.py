@@ -12,7 +12,7 @@ from plc_bridge.messages import Control, LeaseState, Refusal, Result, Transition
 from plc_bridge.peer import CellSilentError
 from plc_bridge.registers import VERSION, VERSION_MAJOR, CommandImage
 from skills.contract import Outcome, Reason
-from tests.plc_lines import PLC_LINES, a_moment
+from tests.plc_lines import PLC_LINES
 from tests.quick_cell import CODE, STAGE, quick_cell
 
 PATIENCE = 10.0  # s
@@ -44,7 +44,6 @@ def until(ask, is_met):
     deadline = time.monotonic() + PATIENCE
     while not is_met(report := ask()):
         assert time.monotonic() < deadline, report
-        a_moment()
     return report
 
 
