@@ -98,9 +98,10 @@ class Supervisor:
             if self.state in (State.IDLE, State.COMPLETE):
                 self._context.observe()
             else:
-                # A board that was lost comes back only while somebody listens to it.
-                with suppress(CellError):
-                    self._cell.skin.read()
+                # What was lost comes back only while somebody listens to it.
+                for device in (self._cell.gripper, self._cell.skin, self._cell.switch):
+                    with suppress(CellError):
+                        device.read()
             self._take_all()
         except CellError as error:
             self._fault(error)

@@ -82,6 +82,7 @@ class FrankaArm:
         self._config, self._clock = config, clock
         self._process: subprocess.Popen[bytes] | None = None
         self._link: Link | None = None
+        self._is_open = False
         self._handed = self._valid_until = -math.inf
         self._seen, self._seen_at = -1, -math.inf
 
@@ -90,12 +91,16 @@ class FrankaArm:
 
         An arm in reflex or stopped is opened too: `read` says so, and a reset can bring it back.
         """
-        if self._process is not None:
+        if self._is_open:
             return
         if find_spec("pylibfranka") is None:
             raise DeviceNotOpenedError(
                 "arm: pylibfranka is not installed: pip install 'tactile-insertion-cell[franka]'"
             )
+        self._start()
+        self._is_open = True
+
+    def _start(self) -> None:
         options = {
             "host": self._config.host,
             "realtime": self._config.realtime,
@@ -116,7 +121,7 @@ class FrankaArm:
         self._wait_while(Phase.CONNECTING, CONNECT_TIME)
         if self.phase in (Phase.CONNECTING, Phase.LOST):
             text = self._text() or "no answer"
-            self.close()
+            self._end()
             raise DeviceNotOpenedError(
                 f"arm at {self._config.host}: {text}; check address, cable, its control interface, "
                 "and that this computer runs a real-time kernel"
@@ -124,6 +129,10 @@ class FrankaArm:
 
     def close(self) -> None:
         """End the motion and the loop."""
+        self._is_open = False
+        self._end()
+
+    def _end(self) -> None:
         if self._process is not None:
             assert self._process.stdin is not None
             self._process.stdin.close()
@@ -148,7 +157,10 @@ class FrankaArm:
         self._hand_over(holding_words())
 
     def reset(self) -> None:
-        """Leave a reflex or a released stop, or connect again; then hold still."""
+        """Leave a reflex or a released stop, connect again, or start a loop anew that has ended; then hold still."""
+        if self._is_open and not self._is_alive():
+            self._end()
+            self._start()
         link = self._opened()
         self.halt()
         before = self.phase
@@ -238,7 +250,7 @@ class FrankaArm:
 
     def _require_running(self) -> None:
         if not self._is_alive():
-            raise ArmSilentError(f"arm at {self._config.host}: its torque loop has ended; open the cell again")
+            raise ArmSilentError(f"arm at {self._config.host}: its torque loop has ended; a reset starts it again")
         if self.phase in _ERRORS:
             raise _ERRORS[self.phase](f"arm at {self._config.host}: {self._text()}")
 

@@ -1,73 +1,114 @@
-"""A whole insertion through the maker's client library and protocol: `python -m tests.franka.insertion`.
+"""Whole insertions with every device behind its wire: `python -m tests.franka.insertion [--seed 2] [--seeds 1]`.
 
-Prints one line of JSON: how it ended by the cell and in truth, and how the torque loop kept its time.
+Skin hub on a CAN bus of python-can, switch firmware on an emulated chip behind a serial port, arm and hand through
+their maker's client library and protocol. Prints one line of JSON a seed: how it ended by the cell, in truth, and with
+the plain stand-ins, and how the torque loop kept its time; and one that counts them where there are several.
 """
 
 import argparse
 import json
 import math
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
 from typing import Any
 
-from cell.assembly import Cell, _skin, _switch, opened
-from cell.config import load
+from cell.assembly import Cell
+from cell.assembly import opened as cell_opened
+from cell.config import CellConfig, load
+from cell.trials import run_trial
 from drivers.arm import FrankaArm, FrankaArmConfig
 from drivers.errors import CellError
 from drivers.gripper import FrankaGripper, FrankaGripperConfig
 from skills.catalogue import CATALOGUE
+from skills.contract import Outcome
 from skills.flow import StageRecord
-from tests.franka.simulated import Seen, served
+from tests.franka.simulated import Arm, Seen, Server, served
+from tests.wired import Wires
 
 
-def inserted(
-    host: str, seed: int, sets: Sequence[str] = (), disturb: Callable[[str, FrankaArm], None] = lambda stage, arm: None
-) -> dict[str, Any]:
-    """Run `insert_peg` with arm and hand on `host`, an address of the loopback; return what `main` prints.
+@dataclass
+class WiredCell:
+    """An opened cell, and what is behind its wires."""
 
-    `disturb` is called in every scan with the stage and the arm.
-    """
-    config = load(sets=["sim.pace=max", f"sim.seed={seed}", "switch.kind=serial", "switch.port=emulated", *sets]).cell
+    cell: Cell
+    wires: Wires
+    arm: FrankaArm
+    gripper: FrankaGripper
+    world: Arm
+    server: Server
+
+
+@contextmanager
+def opened(config: CellConfig, host: str) -> Iterator[WiredCell]:
+    """Yield a cell with arm and hand on `host`, an address of the loopback, and skin and switch on emulated boards."""
     franka = FrankaArmConfig(kind="franka", host=host, collision_torque=60.0, collision_force=60.0, realtime="ignore")
-    with served(config, host) as (world, _):
+    with served(config, host) as (world, server):
         seen: Any = Seen(world)
-        skin, clock = _skin(config, seen, seen.draw.skin)
-        switch, clock, boards = _switch(config, seen, clock)
-        arm, gripper = FrankaArm(franka, clock), FrankaGripper(FrankaGripperConfig(kind="franka", host=host))
-        cell = Cell(config, clock, arm, gripper, skin, switch, world.world.restock, boards=boards)
+        wires = Wires(config, seen, seen.draw.skin)
+        arm, gripper = FrankaArm(franka, wires.clock), FrankaGripper(FrankaGripperConfig(kind="franka", host=host))
+        cell = Cell(config, wires.clock, arm, gripper, wires.skin, wires.switch, world.restock, boards=(wires,))
+        with cell_opened(cell):
+            try:
+                yield WiredCell(cell, wires, arm, gripper, world, server)
+            finally:
+                world.horizon = math.inf
+
+
+def inserted(host: str, seed: int, sets: Sequence[str] = ()) -> dict[str, Any]:
+    """Run `insert_peg` with arm and hand on `host`, an address of the loopback; return what `main` prints."""
+    config = load(sets=["sim.pace=max", f"sim.seed={seed}", *sets]).cell
+    with opened(config, host) as wired:
         began, fault = time.monotonic(), ""
         records: list[StageRecord] = []
-        with opened(cell):
-            try:
-                ctx = cell.context(seed)
-                ctx.record = lambda seen, setpoint: disturb(ctx.stage, arm)
-                records = CATALOGUE["insert_peg"].run(config.skill_set(), ctx)
-            except CellError as error:
-                fault = f"{error.code.name}: {error}"
-            figures, truth = asdict(arm.figures()), world.world.truth()
-            world.horizon = math.inf
+        try:
+            records = CATALOGUE["insert_peg"].run(config.skill_set(), wired.cell.context(seed))
+        except CellError as error:
+            fault = f"{error.code.name}: {error}"
+        figures, truth = asdict(wired.arm.figures()), wired.world.world.truth()
         return {
-            "stages": {r.name: [r.result.outcome, r.result.reason.name, r.result.elapsed] for r in records},
+            "seed": seed,
+            "outcome": _outcome(records, fault),
+            "stages": [[r.name, r.result.outcome, r.result.reason.name, r.result.elapsed] for r in records],
             "fault": fault,
             "depth": truth.depth,
             "switch_closed": bool(truth.switch_closed),
             "is_void": bool(truth.is_void),
-            "simulated": world.now(),
+            "simulated": wired.world.now(),
             "wall": time.monotonic() - began,
-            "largest_torque_rate": world.largest_rate,
+            "largest_torque_rate": wired.world.largest_rate,
             "loop": figures,
         }
 
 
+def _outcome(records: Sequence[StageRecord], fault: str) -> str:
+    failed = [r for r in records if r.result.outcome is not Outcome.SUCCESS and not r.retried]
+    return "failure" if fault or failed or not records else "success"
+
+
 def main() -> None:
-    """Print what came of one insertion."""
+    """Print what came of the insertions."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--host", default="127.0.0.1", help="address of the loopback that arm and hand get")
-    parser.add_argument("--seed", type=int, default=2)
+    parser.add_argument("--seed", type=int, default=2, help="of the first insertion")
+    parser.add_argument("--seeds", type=int, default=1, help="how many, one insertion each")
     parser.add_argument("--set", action="append", default=[])
     args = parser.parse_args()
-    print(json.dumps(inserted(args.host, args.seed, args.set)))
+    counts = {"seeds": 0, "success": 0, "success_of_the_plain_cell": 0, "same": 0, "void": 0, "wrong_success": 0}
+    plain = load(sets=["sim.pace=max", *args.set]).cell
+    for seed in range(args.seed, args.seed + args.seeds):
+        told, row = inserted(args.host, seed, args.set), run_trial(plain, seed)
+        told["plain"] = row.outcome
+        counts["seeds"] += 1
+        counts["success"] += told["outcome"] == "success"
+        counts["success_of_the_plain_cell"] += row.outcome == "success"
+        counts["same"] += told["outcome"] == row.outcome
+        counts["void"] += told["is_void"]
+        counts["wrong_success"] += told["outcome"] == "success" and not told["switch_closed"]
+        print(json.dumps(told), flush=True)
+    if args.seeds > 1:
+        print(json.dumps(counts))
 
 
 if __name__ == "__main__":

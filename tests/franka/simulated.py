@@ -26,6 +26,7 @@ from franka_sim.gripper.backend import GripperBackend, GripperStateData
 
 from cell.config import CellConfig
 from drivers import impedance, panda
+from drivers.parts import Job
 from drivers.quantities import Vector
 from sim.gripper import SimGripper
 from sim.world import World
@@ -136,6 +137,11 @@ class Arm:
                 torque = HOLD_STIFFNESS * (self.held - self.world.q) - HOLD_DAMPING * self.world.dq
             self.world.step(np.clip(torque, -panda.TORQUE_MAX, panda.TORQUE_MAX))
             self.lock.notify_all()
+
+    def restock(self, job: Job, seed: int) -> None:
+        """Stand a fresh peg in the rack; the arm's controller holds it where it is."""
+        with self.lock:
+            self.world.restock(job, seed)
 
     # The clock of the cell.
 

@@ -166,11 +166,10 @@ def test_a_lost_connection_is_a_silent_arm_until_a_reset_connects_again(simulate
     assert arm.phase is Phase.RUNNING
 
 
-def test_a_killed_loop_is_a_silent_arm(simulated, arm):
+def test_a_killed_loop_is_a_silent_arm_until_a_reset_starts_it_again(simulated, arm):
     os.kill(arm.process_id, signal.SIGKILL)
     assert comes_to(raises(arm, ArmSilentError))
-    arm.close()
-    arm.open()
+    arm.reset()
     assert arm.phase is Phase.RUNNING
 
 
@@ -203,22 +202,10 @@ def test_a_kernel_that_is_not_real_time_is_told(simulated):
         FrankaArm(config, world).open()
 
 
-def test_a_loop_killed_in_the_middle_is_a_fault_and_no_success():
-    def kill(stage, arm):
-        if stage == "spray_search":
-            os.kill(arm.process_id, signal.SIGKILL)
-
-    told = inserted(address(3), 2, disturb=kill)
-    assert told["fault"].startswith("ARM_SILENT")
-    assert (told["stages"], told["switch_closed"]) == ({}, False)
-
-
 def test_a_whole_insertion_runs_through_the_clients(simulated):
     told = inserted(address(4), 2)
     assert told["fault"] == ""
-    assert {name: stage[0] for name, stage in told["stages"].items()} == dict.fromkeys(
-        ("grasp_from_rack", "spray_search", "tactile_insert", "spiral_adjust", "release_and_retract"), "success"
-    )
+    assert told["outcome"] == "success"
     assert told["switch_closed"]
     assert not told["is_void"]
     assert told["loop"]["missed"] == 0

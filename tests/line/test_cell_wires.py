@@ -1,0 +1,69 @@
+"""Skin and switch behind their wires, killed and revived in the middle of runs: a fault each time, never a success."""
+
+from dataclasses import replace
+
+import pytest
+
+from cell.assembly import assemble, opened
+from cell.config import load
+from cell.states import State
+from drivers.errors import FaultCode
+from plc_bridge.messages import Result
+from tests.emulation import emulated_or_skip
+from tests.wired import Rehearsal, Wires
+
+
+@pytest.fixture
+def wired(tmp_path):
+    """Yield the cell at work, its boards, and the truth."""
+    emulated_or_skip()
+    loaded = load(sets=["sim.pace=max", "sim.seed=4"])
+    plain = assemble(loaded.cell)
+    wires = Wires(loaded.cell, plain.clock, plain.clock.draw.skin)
+    cell = replace(plain, clock=wires.clock, skin=wires.skin, switch=wires.switch, boards=(wires,))
+    with opened(cell), Rehearsal(cell, loaded, tmp_path) as rehearsal:
+        yield rehearsal, wires, cell.truth
+
+
+def test_killed_and_revived_boards_end_runs_in_their_fault_and_never_in_a_success(wired):
+    rehearsal, wires, truth = wired
+
+    def pull_both():
+        wires.unplug_skin()
+        wires.switch_board.close()
+
+    def put_back():
+        wires.plug_in_skin()
+        wires.switch_board.open()
+        rehearsal.wait(1.0)
+
+    for stage, kill, fault in [
+        ("spray_search", wires.unplug_skin, FaultCode.SKIN_SILENT),
+        ("spiral_adjust", wires.switch_board.close, FaultCode.SWITCH_UNKNOWN),
+        ("tactile_insert", pull_both, FaultCode.SWITCH_UNKNOWN),
+    ]:
+        report = rehearsal.insert(stage, 0.2, kill)
+        assert (report.result, report.fault, report.state) == (Result.FAULT, fault, State.ABORTED)
+        put_back()
+        assert rehearsal.reset().state == State.IDLE
+    assert rehearsal.insert().result is Result.SUCCESS
+    assert truth().switch_closed
+
+
+def test_a_reset_while_the_boards_are_away_does_not_arm_the_cell(wired):
+    rehearsal, wires, _ = wired
+    wires.unplug_skin()
+    rehearsal.wait(1.0)
+    report = rehearsal.reset()
+    assert (report.state, report.fault) == (State.ABORTED, FaultCode.SKIN_SILENT)
+
+
+def test_boards_that_are_back_in_time_serve_a_true_success(wired):
+    rehearsal, wires, truth = wired
+
+    def replug():
+        wires.switch_board.close()
+        wires.switch_board.open()
+
+    assert rehearsal.insert("spray_search", 0.2, replug).result is Result.SUCCESS
+    assert truth().switch_closed
