@@ -194,6 +194,50 @@ def _net_force(data: int, pivot: Vector, plates: int, force: Vector, torque: Vec
 
 
 @njit(cache=True)
+def pad_force(data: int, left: int, right: int) -> float:  # pragma: no cover
+    """Return the smaller of the forces between two geoms, the pads, and whatever they touch, N."""
+    count = carray(native.pointer(data + native.DATA_NCON), (1,), np.int32)[0]
+    if count == 0:
+        return 0.0
+    first = native.load(data + native.DATA_CONTACT)
+    efc = native.load(data + native.DATA_EFC_FORCE)
+    on_left = on_right = 0.0
+    for k in range(count):
+        address = first + k * native.CONTACT_BYTES
+        row = carray(native.pointer(address + native.CONTACT_EFC_ADDRESS), (1,), np.int32)[0]
+        if row < 0:
+            continue
+        pair = carray(native.pointer(address + native.CONTACT_GEOM1), (2,), np.int32)
+        normal = carray(native.pointer(efc + 8 * row), (1,), np.float64)[0]
+        if pair[0] == left or pair[1] == left:
+            on_left += normal
+        if pair[0] == right or pair[1] == right:
+            on_right += normal
+    return min(on_left, on_right)
+
+
+@njit(cache=True)
+def below_mouth(
+    half: float, middle: Vector, axes: Vector, mouth: Vector, plate: Vector
+) -> tuple[float, float]:  # pragma: no cover
+    """Return how far the middle of a peg's end lies below a hole's mouth and beside its axis, m.
+
+    Args:
+        half: Half the length of the peg, m.
+        middle: Of the peg, shape (3,), m, base frame.
+        axes: Of the peg, shape (3, 3), z from its end upward.
+        mouth: Middle of the hole's mouth, shape (3,), m, base frame.
+        plate: Axes of the plate, shape (3, 3), z outward.
+    """
+    x = middle[0] - half * axes[0, 2] - mouth[0]
+    y = middle[1] - half * axes[1, 2] - mouth[1]
+    z = middle[2] - half * axes[2, 2] - mouth[2]
+    across = plate[0, 0] * x + plate[1, 0] * y + plate[2, 0] * z
+    along = plate[0, 1] * x + plate[1, 1] * y + plate[2, 1] * z
+    return -(plate[0, 2] * x + plate[1, 2] * y + plate[2, 2] * z), math.hypot(across, along)
+
+
+@njit(cache=True)
 def judge(meters: Vector, penetration: float, ticks: int) -> None:  # pragma: no cover
     """Meter one tick's penetration: the least of the last `ticks` has lasted."""
     at = int(meters[RING_AT])

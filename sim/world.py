@@ -126,6 +126,7 @@ class World:
             self._coarse = scene.held_model(self.job, self.plate, drawn.friction, engine.COARSE * dt, self._sim.model)
         self._hole = np.array([*self.plate.position, *self.plate.rotation[:, 2], self.plate.radius])
         self._datas = {which: mujoco.MjData(model) for which, model in self._models.items()}
+        self._pads = tuple(int(self._models[Peg.FREE].geom(name).id) for name in ("left", "right"))
         body = self._models[Peg.HELD].body("peg")
         self._pivot_dof = int(self._models[Peg.HELD].joint("pivot").dofadr[0])
         self._weight = body.mass[0] * GRAVITY
@@ -210,8 +211,8 @@ class World:
             elif self.finger_force <= 0.0:
                 self._enter_free(width=self.job.peg.diameter, peg=self.peg_pose())
         elif self.peg is Peg.FREE:
-            clear = self._lowest() > self.rack.position[2] + 1e-3
-            if clear and self.pad_force() > 0.5 * self.finger_force > 0.0:
+            is_squeezed = self.pad_force() > 0.5 * self.finger_force > 0.0
+            if is_squeezed and self._lowest() > self.rack.position[2] + 1e-3:
                 if self._sim.model.grip == "hinge" and self.now() - self._held_since > SETTLED_GRIP:
                     self._enter_held()
             else:
@@ -334,15 +335,8 @@ class World:
             return self.finger_force
         if self.peg is Peg.GONE:
             return 0.0
-        sums = {"left": 0.0, "right": 0.0}
-        ids = {self._model.geom(name).id: name for name in sums}
-        wrench = np.empty(6)
-        for k, pair in enumerate(self._data.contact.geom):
-            for geom in pair:
-                if geom in ids:
-                    mujoco.mj_contactForce(self._model, self._data, k, wrench)
-                    sums[ids[geom]] += wrench[0]
-        return min(sums.values())
+        squeezed: float = engine.pad_force(self._data._address, *self._pads)
+        return squeezed
 
     def breakaway(self) -> float:
         """Return the torque at which the pivot slips, N·m; the held peg's axis goes through the finger centre."""
@@ -446,5 +440,6 @@ class World:
         return float(self._end()[2] - self.job.peg.diameter / 2 * math.hypot(axis[0], axis[1]))
 
     def _depth(self) -> tuple[float, bool]:
-        inside = self.plate.rotation.T @ (self._end() - self.plate.position)
-        return float(-inside[2]), bool(inside[2] < 0.0 and math.hypot(inside[0], inside[1]) < self.plate.radius)
+        _, middle, axes = self._peg_views
+        depth, beside = engine.below_mouth(self._half, middle, axes, self.plate.position, self.plate.rotation)
+        return depth, depth > 0.0 and beside < self.plate.radius

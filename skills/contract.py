@@ -374,7 +374,7 @@ def _require_tracking(arm: ArmState, held: ImpedanceSetpoint) -> None:
     point = arm.tcp.position
     if held.in_hand is not None:
         point, _ = end_point(arm.tcp, held.in_hand.theta, held.in_hand.length)
-    lag = float(np.linalg.norm(point - held.tip))
+    lag = math.dist(point, held.tip)
     if lag > TRACKING_LIMIT:
         raise TrackingError(
             f"arm: controlled point {lag * 1e3:.0f} mm from its setpoint > {TRACKING_LIMIT * 1e3:.0f} mm limit; "

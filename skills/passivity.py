@@ -8,13 +8,11 @@ the guard acts before the limit does. The classical observer sums force times ve
 is wrong for a fast oscillation, while kinetic energy shows in any two samples.
 """
 
+import math
 from dataclasses import dataclass
 from enum import IntEnum
 
-import numpy as np
-
-from drivers.frames import end_point
-from drivers.quantities import ImpedanceSetpoint, Pose, Vector
+from drivers.quantities import ImpedanceSetpoint, Pose
 
 WRIST = 0.15
 """So far behind the finger centre the arm's inertia falls into a mass and a moment that hardly know of each other, m."""
@@ -48,20 +46,29 @@ def share_of_limit(setpoint: ImpedanceSetpoint, before: Pose, after: Pose, perio
         period: s.
         force_limit: N.
     """
-    wrist = [tcp.position - WRIST * tcp.rotation[:, 0] for tcp in (before, after)]
-    linear = (wrist[1] - wrist[0]) / period
-    turn = after.rotation @ before.rotation.T
-    angular = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]) / (2.0 * period)
+    # Plain numbers: at every scan, arrays of three would cost ten times as much.
+    p, q = before.position.tolist(), after.position.tolist()
+    (ax, ay, az), (bx, by, bz), (cx, cy, cz) = before.rotation.tolist()
+    (dx, dy, dz), (ex, ey, ez), (fx, fy, fz) = after.rotation.tolist()
+    wrist = (q[0] - WRIST * dx, q[1] - WRIST * ex, q[2] - WRIST * fx)
+    vx = (wrist[0] - p[0] + WRIST * ax) / period
+    vy = (wrist[1] - p[1] + WRIST * bx) / period
+    vz = (wrist[2] - p[2] + WRIST * cx) / period
+    # Of after·before' the part that is no symmetric one.
+    wx = (fx * bx + fy * by + fz * bz - ex * cx - ey * cy - ez * cz) / (2.0 * period)
+    wy = (dx * cx + dy * cy + dz * cz - fx * ax - fy * ay - fz * az) / (2.0 * period)
+    wz = (ex * ax + ey * ay + ez * az - dx * bx - dy * by - dz * bz) / (2.0 * period)
     if setpoint.twist is not None:
         theta, length = (0.0, 0.0) if setpoint.in_hand is None else (setpoint.in_hand.theta, setpoint.in_hand.length)
-        tip, _ = end_point(after, theta, length)
-        linear = linear - setpoint.twist.linear - np.cross(setpoint.twist.angular, wrist[1] - tip)
-        angular = angular - setpoint.twist.angular
-    K: Vector = setpoint.stiffness
-    return float(
-        MASS * (K[:3] * linear**2).sum() / force_limit**2
-        + INERTIA * (K[3:] * angular**2).sum() / (LEVER * force_limit) ** 2
-    )
+        c, s = length * math.cos(theta), length * math.sin(theta)
+        lx, ly, lz = (-WRIST * x - c * x - s * y for x, y in ((dx, dy), (ex, ey), (fx, fy)))
+        (tx, ty, tz), (ox, oy, oz) = setpoint.twist.linear.tolist(), setpoint.twist.angular.tolist()
+        vx, vy, vz = vx - tx - oy * lz + oz * ly, vy - ty - oz * lx + ox * lz, vz - tz - ox * ly + oy * lx
+        wx, wy, wz = wx - ox, wy - oy, wz - oz
+    kx, ky, kz, rx, ry, rz = setpoint.stiffness.tolist()
+    pushing = MASS * (kx * vx * vx + ky * vy * vy + kz * vz * vz) / force_limit**2
+    turning = INERTIA * (rx * wx * wx + ry * wy * wy + rz * wz * wz) / (LEVER * force_limit) ** 2
+    return float(pushing + turning)
 
 
 @dataclass(slots=True)

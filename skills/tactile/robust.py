@@ -6,15 +6,16 @@ likeliest wins, and readings that still do not fit are left out.
 """
 
 import math
+from dataclasses import replace
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
 from drivers.parts import Peg
-from drivers.quantities import TaxelFrame, Vector
+from drivers.quantities import Mask, TaxelFrame, Vector
 from drivers.skin_layout import MODULE_OF, Layout
-from skills.contract import PegPose
+from skills.contract import NO_PEG, PegPose
 from skills.tactile.likelihood import Bank, Found, LikelihoodParams, pose_of, weights_of
 from skills.tactile.templates import make_templates
 
@@ -24,6 +25,7 @@ SILENT = 4.0
 """A module none of whose readings exceeds so many standard deviations may be dead."""
 MEDIAN_OF_NORMAL = 0.6745
 _MODULE = MODULE_OF.ravel()
+MODULES = 4
 
 
 class RobustParams(LikelihoodParams):
@@ -62,8 +64,11 @@ class RobustEstimator:
         values = frame.values.ravel()
         trusted = frame.trusted.ravel() & (values > BELOW * params.noise)
         weights = weights_of(params, values, trusted)
+        is_loud = (values > SILENT * params.noise) & (weights > 0.0)
+        if not is_loud.any():
+            return replace(NO_PEG, stamp=frame.stamp)
         found, bank = self._usual.compare(values, weights), self._usual
-        silent = self._silent(values, weights)
+        silent = self._silent(is_loud, weights)
         if found.misfit > params.doubt or silent:
             found, bank, weights = self._think_again(values, weights, silent, found)
             found, weights = self._without_outliers(values, weights, found, bank)
@@ -71,10 +76,10 @@ class RobustEstimator:
             params, found, TaxelFrame(frame.values, (weights > 0.0).reshape(frame.trusted.shape), frame.stamp, 0)
         )
 
-    def _silent(self, values: Vector, weights: Vector) -> list[int]:
+    def _silent(self, is_loud: Mask, weights: Vector) -> list[int]:
         """Return the modules that show nothing."""
-        loud = np.bincount(_MODULE, (values > SILENT * self._params.noise) & (weights > 0.0), 4)
-        present = np.bincount(_MODULE, weights > 0.0, 4)
+        loud = np.bincount(_MODULE, is_loud, MODULES)
+        present = np.bincount(_MODULE, weights > 0.0, MODULES)
         return [int(module) for module in np.flatnonzero((loud == 0) & (present > 0))]
 
     def _think_again(
