@@ -85,9 +85,10 @@ def plate_user(
 def _put(model, data, scratch, ids, frame, twist, user, gap, p, n, judged, band):  # type: ignore[no-untyped-def]
     """Add a contact where the coming steps could close `gap`; p and n in the plate's frame, n from plate to peg."""
     origin, R = frame
+    base, omega, v, reach = twist
     if judged and -gap > scratch[PENETRATION]:
         scratch[PENETRATION] = -gap
-    if user[6] == PROBE or (user[6] == UNPREDICTED and gap > 0.0):
+    if gap > band + reach or user[6] == PROBE or (user[6] == UNPREDICTED and gap > 0.0):
         return
     timestep = user[3]
     X0 = origin[0] + R[0, 0] * p[0] + R[0, 1] * p[1] + R[0, 2] * p[2]
@@ -96,7 +97,6 @@ def _put(model, data, scratch, ids, frame, twist, user, gap, p, n, judged, band)
     N0 = R[0, 0] * n[0] + R[0, 1] * n[1] + R[0, 2] * n[2]
     N1 = R[1, 0] * n[0] + R[1, 1] * n[1] + R[1, 2] * n[2]
     N2 = R[2, 0] * n[0] + R[2, 1] * n[1] + R[2, 2] * n[2]
-    base, omega, v = twist
     r0, r1, r2 = X0 - base[0], X1 - base[1], X2 - base[2]
     speed = (
         N0 * (v[0] + omega[1] * r2 - omega[2] * r1)
@@ -174,7 +174,7 @@ def collide(model, data, geom_plate, geom_peg):  # type: ignore[no-untyped-def]
     size = carray(native.pointer(native.load(model + native.MODEL_GEOM_SIZE)), (geom_peg + 1, 3), np.float64)
     origin, R, A, middle = xpos[geom_plate], xmat[geom_plate], xmat[geom_peg], xpos[geom_peg]
     r, half = size[geom_peg, 0], size[geom_peg, 1]
-    hole, depth = user[0], user[1]
+    hole = user[0]
     # The peg's end frame in the plate's frame: c the middle of the end face, v the axis away from it.
     E = np.empty((3, 3))
     for i in range(3):
@@ -208,7 +208,9 @@ def collide(model, data, geom_plate, geom_peg):  # type: ignore[no-untyped-def]
     roots = carray(native.pointer(native.load(model + native.MODEL_BODY_ROOTID)), (body + 1,), np.int32)
     cvel = carray(native.pointer(native.load(data + native.DATA_CVEL)), (body + 1, 6), np.float64)[body]
     com = carray(native.pointer(native.load(data + native.DATA_SUBTREE_COM)), (body + 1, 3), np.float64)[roots[body]]
-    twist = ((com[0], com[1], com[2]), (cvel[0], cvel[1], cvel[2]), (cvel[3], cvel[4], cvel[5]))
+    away = math.sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2])
+    reach = _reach(cvel, com, origin, g, max(r, away + hole), user[3])
+    twist = ((com[0], com[1], com[2]), (cvel[0], cvel[1], cvel[2]), (cvel[3], cvel[4], cvel[5]), reach)
     address = native.load(data + native.DATA_USERDATA)
     scratch = carray(native.pointer(address), (native.NUSERDATA,), np.float64)
     ids = carray(native.pointer(address + 8 * native.CONTACT_WORDS), (14,), np.int32)
@@ -217,7 +219,59 @@ def collide(model, data, geom_plate, geom_peg):  # type: ignore[no-untyped-def]
     frame = (origin, R)
     up = (0.0, 0.0, 1.0)
 
-    # The rim against plane, wall, edge and floor.
+    if math.sqrt(c[0] * c[0] + c[1] * c[1]) > hole + r + NEAR and c[2] - r * tilt > -NEAR:
+        # All of the rim over solid plate: only the plane is left.
+        for i in range(0, SCAN, SAMPLE_EVERY):
+            if c[2] + r * (_COS[i] * e1[2] + _SIN[i] * e2[2]) <= SAMPLE_BAND + reach:
+                p, _ = _rim(c, e1, e2, r, _COS[i], _SIN[i])
+                _put(model, data, scratch, ids, frame, twist, user, p[2], p, up, False, SAMPLE_BAND)
+        if tilt > 1e-9:
+            p = _lowest(c, e1, e2, r)
+            _put(model, data, scratch, ids, frame, twist, user, p[2], p, up, False, FEATURE_BAND)
+    else:
+        _collide_rim(model, data, scratch, ids, frame, twist, user, c, e1, e2, r, tilt)
+    # The hole's edge is nowhere above the end face, or everywhere far from the peg's axis.
+    along = -c[0] * v[0] - c[1] * v[1] - c[2] * v[2]
+    beside = math.sqrt(max(away * away - along * along, 0.0))
+    if along + hole * tilt > -1e-9 and beside <= hole + r + max(NEAR, FEATURE_BAND + reach):
+        _collide_edge(model, data, scratch, ids, frame, twist, user, c, v, r)
+
+
+@njit(cache=True)
+def _reach(cvel, com, origin, g, lever, timestep):  # type: ignore[no-untyped-def]
+    """Return how wide a gap may be, m, that a point `lever` from the middle of the peg's end approaches fast enough.
+
+    Args:
+        cvel: Angular, then linear velocity of the peg at `com`.
+        com: m, base frame.
+        origin: Of the plate, m, base frame.
+        g: The middle of the peg's end from there, m, base frame.
+        lever: m.
+        timestep: s.
+    """
+    r0, r1, r2 = g[0] + origin[0] - com[0], g[1] + origin[1] - com[1], g[2] + origin[2] - com[2]
+    x = cvel[3] + cvel[1] * r2 - cvel[2] * r1
+    y = cvel[4] + cvel[2] * r0 - cvel[0] * r2
+    z = cvel[5] + cvel[0] * r1 - cvel[1] * r0
+    turning = math.sqrt(cvel[0] * cvel[0] + cvel[1] * cvel[1] + cvel[2] * cvel[2])
+    # Some more, for rounding.
+    return 4.001 * timestep * (math.sqrt(x * x + y * y + z * z) + turning * lever) + 1e-9
+
+
+@njit(cache=True)
+def _lowest(c, e1, e2, r):  # type: ignore[no-untyped-def]
+    """Return the lowest point of a tilted rim, in closed form."""
+    cosine = -e1[2] / math.sqrt(e1[2] * e1[2] + e2[2] * e2[2])
+    sine = -e2[2] / math.sqrt(e1[2] * e1[2] + e2[2] * e2[2])
+    p, _ = _rim(c, e1, e2, r, cosine, sine)
+    return p
+
+
+@njit(cache=True)
+def _collide_rim(model, data, scratch, ids, frame, twist, user, c, e1, e2, r, tilt):  # type: ignore[no-untyped-def]
+    """Add the peg's rim against plane, wall, edge and floor."""
+    hole, depth = user[0], user[1]
+    up = (0.0, 0.0, 1.0)
     Z, W = np.empty(SCAN), np.empty(SCAN)
     for i in range(SCAN):
         p, _ = _rim(c, e1, e2, r, _COS[i], _SIN[i])
@@ -230,10 +284,7 @@ def collide(model, data, geom_plate, geom_peg):  # type: ignore[no-untyped-def]
                 _put(model, data, scratch, ids, frame, twist, user, W[i], p, _inward(p, rho), True, SAMPLE_BAND)
                 _put(model, data, scratch, ids, frame, twist, user, Z[i] + depth, p, up, False, SAMPLE_BAND)
     if tilt > 1e-9:
-        # The lowest point of the rim, in closed form.
-        cosine = -e1[2] / math.sqrt(e1[2] * e1[2] + e2[2] * e2[2])
-        sine = -e2[2] / math.sqrt(e1[2] * e1[2] + e2[2] * e2[2])
-        p, _ = _rim(c, e1, e2, r, cosine, sine)
+        p = _lowest(c, e1, e2, r)
         rho = math.sqrt(p[0] * p[0] + p[1] * p[1])
         if p[2] >= hole - rho:
             _put(model, data, scratch, ids, frame, twist, user, p[2], p, up, False, FEATURE_BAND)
@@ -295,7 +346,12 @@ def collide(model, data, geom_plate, geom_peg):  # type: ignore[no-untyped-def]
                         FEATURE_BAND,
                     )
 
-    # The hole's edge against the peg's side: distance from the peg's axis less its radius, above the end face.
+
+@njit(cache=True)
+def _collide_edge(model, data, scratch, ids, frame, twist, user, c, v, r):  # type: ignore[no-untyped-def]
+    """Add the hole's edge against the peg's side: distance from the peg's axis less its radius, above the end face."""
+    hole = user[0]
+    Z, W = np.empty(SCAN), np.empty(SCAN)
     for i in range(SCAN):
         _edge_sample(c, v, r, hole, i, Z, W)
     for i in range(SCAN):
