@@ -6,7 +6,6 @@ likeliest wins, and readings that still do not fit are left out.
 """
 
 import math
-from dataclasses import replace
 from typing import Annotated, Literal
 
 import numpy as np
@@ -15,7 +14,7 @@ from pydantic import Field
 from drivers.parts import Peg
 from drivers.quantities import Mask, TaxelFrame, Vector
 from drivers.skin_layout import MODULE_OF, Layout
-from skills.contract import NO_PEG, PegPose
+from skills.contract import PegPose
 from skills.tactile.likelihood import Bank, Found, LikelihoodParams, pose_of, weights_of
 from skills.tactile.templates import make_templates
 
@@ -66,7 +65,7 @@ class RobustEstimator:
         weights = weights_of(params, values, trusted)
         is_loud = (values > SILENT * params.noise) & (weights > 0.0)
         if not is_loud.any():
-            return replace(NO_PEG, stamp=frame.stamp)
+            return PegPose(0.0, 0.0, math.pi / 2, 1.0, False, frame.stamp)
         found, bank = self._usual.compare(values, weights), self._usual
         silent = self._silent(is_loud, weights)
         if found.misfit > params.doubt or silent:
