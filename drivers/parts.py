@@ -1,5 +1,6 @@
 """The parts and places of a job: peg, hole, rack. Lengths in m; bounds reject a length typed in mm."""
 
+import math
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -44,7 +45,7 @@ class Hole(ConfigModel):
     """Where the peg shall go."""
 
     diameter: Annotated[float, Field(ge=0.002, le=0.031)]
-    """m."""
+    """Of a round hole, or the side of a square one, m."""
     centre: Point
     """Middle of the area that contains the hole, on the plate's surface, m, base frame."""
     area: tuple[Annotated[float, Field(ge=0.0, le=0.2)], Annotated[float, Field(ge=0.0, le=0.2)]]
@@ -53,6 +54,8 @@ class Hole(ConfigModel):
     """Depth of the tip below the surface at which the peg is seated and the switch closes, m."""
     tilt: Annotated[float, Field(ge=0.0, le=0.2)] = 0.0
     """Angle between the real plate's normal and the vertical, rad; the skills do not know it."""
+    yaw: Annotated[float, Field(ge=0.0, le=math.pi / 4)] = math.radians(10.0)
+    """A square hole's sides are turned from the base frame's x and y by at most this, rad; a round one has none."""
 
 
 class Rack(ConfigModel):

@@ -17,6 +17,8 @@ class Draw:
     """Middle of the hole's mouth, shape (3,), m, base frame."""
     tilt_direction: float
     """Azimuth towards which the plate's normal leans, rad."""
+    yaw: float
+    """Of a square hole, rad."""
     friction: float
     """Coulomb coefficient between peg and plate."""
     pad_friction: float
@@ -35,6 +37,7 @@ def draw(job: Job, contact: ContactConfig, grip: GripConfig, seed: int) -> Draw:
     return Draw(
         hole=np.array(job.hole.centre) + where.uniform(-half, half),
         tilt_direction=float(where.uniform(-np.pi, np.pi)),
+        yaw=float(where.uniform(-job.hole.yaw, job.hole.yaw)),
         friction=_one(contact.friction, how),
         pad_friction=_one(grip.friction, how),
         grasp_angle=float(how.uniform(-grip.angle, grip.angle)),

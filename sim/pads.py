@@ -31,6 +31,8 @@ LIFTED_SLOPE = 1e-3
 """Stands in for the slope of a pad that is not touched, so that Newton's matrix has an inverse."""
 SMALLEST = 1e-6
 """Of a step's length, in Newton steps."""
+GAUSS = ((-math.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (math.sqrt(0.6), 5 / 18))
+"""Places, on -1 to 1, and weights of a mean by Gauss and Legendre."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +54,9 @@ class PadLoad:
     reach_back: float
     """How far it reaches the other way, m."""
     diameter: float
-    """Of the peg, m."""
+    """Of the peg, or the side of a square one, m."""
+    is_flat: bool = False
+    """The peg is square and lies in the pads with two of its faces."""
 
 
 def contact_span(load: PadLoad, length: float, width: float) -> tuple[float, float]:
@@ -80,7 +84,7 @@ def breakaway_torque(load: PadLoad, friction: float, length: float, width: float
 
     Coulomb friction of a line under uniform pressure that turns about the finger centre: each pad resists
     with mu·N·(integral of |r| ds)/l, and the two pads' N add up to twice the grip force. For a line of length
-    l with the finger centre in its middle that is mu·N·l/4 a pad.
+    l with the finger centre in its middle that is mu·N·l/4 a pad. A flat face is many such lines.
 
     Args:
         load: What the pads hold; `across` and `tilting` do not count.
@@ -97,6 +101,7 @@ def breakaway_torque(load: PadLoad, friction: float, length: float, width: float
         length / 2,
         width / 2,
         friction,
+        load.diameter if load.is_flat else 0.0,
     )
 
 
@@ -109,12 +114,17 @@ def breakaway_torque_of(
     half_length: float,
     half_width: float,
     friction: float,
+    flat: float = 0.0,
 ) -> float:
-    """Return `breakaway_torque` from scalars alone."""
-    low, high = _span(theta, offset, reach_tip, reach_back, half_length, half_width)
-    if high <= low:
-        return 0.0
-    return 2.0 * friction * grip_force * (_lever(high, offset) - _lever(low, offset)) / (high - low)
+    """Return `breakaway_torque` from scalars alone; `flat` is the width of a flat face, m, 0 the line of a round peg."""
+    lines = [(offset + flat / 2 * place, weight) for place, weight in GAUSS] if flat > 0.0 else [(offset, 1.0)]
+    lever = length = 0.0
+    for beside, weight in lines:
+        low, high = _span(theta, beside, reach_tip, reach_back, half_length, half_width)
+        if high > low:
+            lever += weight * (_lever(high, beside) - _lever(low, beside))
+            length += weight * (high - low)
+    return 2.0 * friction * grip_force * lever / length if length > 0.0 else 0.0
 
 
 def _lever(s: float, offset: float) -> float:
@@ -230,21 +240,21 @@ class Pads:
         c, s = math.cos(load.theta), math.sin(load.theta)
         along = self._cells @ np.array([c, s])
         beside = self._cells @ np.array([-s, c]) - load.offset
-        near = np.flatnonzero(
-            (np.abs(beside) < math.sqrt(load.diameter * self._config.thickness))
-            & (along > pressing.low - CELL)
-            & (along < pressing.high + CELL)
-        )
+        reach = load.diameter / 2 + CELL if load.is_flat else math.sqrt(load.diameter * self._config.thickness)
+        # The pad's edges cut a line short, but a face only where it reaches over them, and beyond them are no cells.
+        low, high = (-load.reach_back, load.reach_tip) if load.is_flat else (pressing.low, pressing.high)
+        near = np.flatnonzero((np.abs(beside) < reach) & (along > low - CELL) & (along < high + CELL))
         along, beside = along[near], beside[near]
-        inside = np.clip((along - pressing.low) / CELL + 0.5, 0.0, 1.0) * np.clip(
-            (pressing.high - along) / CELL + 0.5, 0.0, 1.0
-        )
+        inside = np.clip((along - low) / CELL + 0.5, 0.0, 1.0) * np.clip((high - along) / CELL + 0.5, 0.0, 1.0)
         taxels = np.empty(self._weights.shape[:2])
         for finger in range(FINGERS):
             depth = pressing.depth(finger, along)
-            # A cylinder leaves a groove of half width b, b² = d·depth, and depth·(1 - (y/b)²) across it.
-            square = np.maximum(load.diameter * depth, 1e-12)
-            shape = np.maximum(1.0 - beside**2 / square, 0.0) * 0.75 / np.sqrt(square)
+            if load.is_flat:
+                shape = np.clip((load.diameter / 2 - np.abs(beside)) / CELL + 0.5, 0.0, 1.0) / load.diameter
+            else:
+                # A cylinder leaves a groove of half width b, b² = d·depth, and depth·(1 - (y/b)²) across it.
+                square = np.maximum(load.diameter * depth, 1e-12)
+                shape = np.maximum(1.0 - beside**2 / square, 0.0) * 0.75 / np.sqrt(square)
             pressure = inside * shape * self.line_load(depth)
             taxels[finger] = self._weights[finger][:, near] @ pressure
         return taxels

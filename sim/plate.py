@@ -31,9 +31,9 @@ class Plate:
     position: Vector
     """Middle of the hole's mouth, shape (3,), m, base frame."""
     rotation: Vector
-    """Axes of the plate, z outward, shape (3, 3)."""
+    """Axes of the plate, z outward, x and y along the sides of a square hole, shape (3, 3)."""
     radius: float
-    """m."""
+    """Of the hole, or half the side of a square one, m."""
     depth: float
     """Of the floor, m."""
 

@@ -76,8 +76,10 @@ def free_model(
 
 def _peg_geom(job: Job, axis: float) -> str:
     half = (job.peg.length + job.peg.overhang) / 2
+    side = job.peg.diameter / 2
+    shape = f'box" size="{side} {side}' if job.peg.shape == "square" else f'cylinder" size="{side}'
     return (
-        f'<geom name="peg" type="cylinder" size="{job.peg.diameter / 2} {half}" pos="0 0 {axis}" mass="{job.peg.mass}" '
+        f'<geom name="peg" type="{shape} {half}" pos="0 0 {axis}" mass="{job.peg.mass}" '
         'contype="0" conaffinity="3" friction="0.01 0.002 0.0001"/>'
     )
 

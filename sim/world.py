@@ -19,7 +19,7 @@ from drivers.errors import SimulationUnstableError
 from drivers.parts import Job
 from drivers.quantities import Pose, Vector
 from drivers.skin_layout import Layout, pad_size
-from sim import contact, engine, scene
+from sim import contact, engine, scene, square
 from sim.config import ContactConfig, GripConfig, SimConfig
 from sim.disturb import Draw, draw
 from sim.pads import PadLoad, breakaway_torque_of
@@ -90,6 +90,7 @@ class World:
         self._q, self._dq = HOME.copy(), np.zeros(7)
         self._data: mujoco.MjData = None
         contact.install()
+        square.install()
         self.restock(job, sim.seed)
 
     def restock(self, job: Job, seed: int) -> None:
@@ -104,6 +105,9 @@ class World:
             np.array([-math.sin(drawn.tilt_direction), math.cos(drawn.tilt_direction), 0.0]), self.job.hole.tilt
         )
         hole, rack = self.job.hole, self.job.rack
+        is_square = self.job.peg.shape == "square"
+        if is_square:
+            lean = lean @ frames.rotation_about(frames.UP, drawn.yaw)
         self.plate = Plate(drawn.hole, lean, hole.diameter / 2, hole.depth + FLOOR_MARGIN)
         slot = np.array(rack.first) + np.array([0.0, rack.pitch * (self.job.slot % rack.slots), 0.0])
         # The hand comes with its closing axis along y, so the slot leans about y.
@@ -124,13 +128,15 @@ class World:
         self._coarse = None
         if self._sim.model.long_steps and self._law_every % engine.COARSE == 0:
             self._coarse = scene.held_model(self.job, self.plate, drawn.friction, engine.COARSE * dt, self._sim.model)
-        self._hole = np.array([*self.plate.position, *self.plate.rotation[:, 2], self.plate.radius])
+        reach = self.plate.radius * (math.sqrt(2.0) if is_square else 1.0)
+        self._hole = np.array([*self.plate.position, *self.plate.rotation[:, 2], reach])
         self._datas = {which: mujoco.MjData(model) for which, model in self._models.items()}
         self._pads = tuple(int(self._models[Peg.FREE].geom(name).id) for name in ("left", "right"))
         body = self._models[Peg.HELD].body("peg")
         self._pivot_dof = int(self._models[Peg.HELD].joint("pivot").dofadr[0])
         self._weight = body.mass[0] * GRAVITY
         self._half = (self.job.peg.length + self.job.peg.overhang) / 2
+        self._reach = self.job.peg.diameter / 2 * (math.sqrt(2.0) if is_square else 1.0)
 
     # The clock.
 
@@ -280,7 +286,7 @@ class World:
         self._pivot = self._data.xpos[body]
         self._peg_geom = int(self._model.geom("peg").id)
         self._peg_views = (
-            self._model.geom_size[self._peg_geom],
+            np.array([self._reach, self._half]),
             self._data.geom_xpos[self._peg_geom],
             self._data.geom_xmat[self._peg_geom].reshape(3, 3),
         )
@@ -350,6 +356,7 @@ class World:
             half_length=length / 2,
             half_width=width / 2,
             friction=self.draw.pad_friction,
+            flat=self.job.peg.diameter if self.job.peg.shape == "square" else 0.0,
         )
 
     def pad_load(self) -> PadLoad | None:
@@ -377,6 +384,7 @@ class World:
             reach_tip=reach,
             reach_back=2 * self._half - reach,
             diameter=self.job.peg.diameter,
+            is_flat=self.job.peg.shape == "square",
         )
 
     def _feels_plates(self) -> bool:
@@ -437,7 +445,7 @@ class World:
 
     def _lowest(self) -> float:
         axis = self.peg_pose().rotation[:, 2]
-        return float(self._end()[2] - self.job.peg.diameter / 2 * math.hypot(axis[0], axis[1]))
+        return float(self._end()[2] - self._reach * math.hypot(axis[0], axis[1]))
 
     def _depth(self) -> tuple[float, bool]:
         _, middle, axes = self._peg_views

@@ -99,3 +99,22 @@ def test_contact_ends_at_the_sides_of_the_pad():
 
 def test_contact_ends_with_the_peg():
     assert contact_span(replace(AT_REST, reach_back=0.005), LENGTH, WIDTH) == pytest.approx((-0.005, 0.02))
+
+
+def test_a_flat_face_presses_evenly_over_its_width_and_as_hard_as_the_grip():
+    pads = Pads(PadConfig(), "parallelogram")
+    flat = replace(AT_REST, theta=0.4, reach_tip=0.012, reach_back=0.012, is_flat=True)
+    round_ = replace(flat, is_flat=False)
+    # What all taxels see together is the load, where none of it lies at the pad's edge.
+    assert pads.pressure(flat).sum(axis=1) == pytest.approx(pads.pressure(round_).sum(axis=1), rel=0.12)
+    assert pads.pressure(flat).max() < 0.8 * pads.pressure(round_).max()
+
+
+@pytest.mark.parametrize("theta", [0.0, 0.5, 1.2])
+def test_a_flat_face_turns_in_the_pads_where_friction_over_it_says(theta):
+    flat = replace(AT_REST, theta=theta, is_flat=True)
+    x, y = np.meshgrid(np.linspace(-LENGTH / 2, LENGTH / 2, 801), np.linspace(-WIDTH / 2, WIDTH / 2, 521))
+    along, beside = x * math.cos(theta) + y * math.sin(theta), y * math.cos(theta) - x * math.sin(theta)
+    under = (np.abs(beside) < 0.004) & (along < flat.reach_tip) & (along > -flat.reach_back)
+    expected = 2.0 * 0.5 * flat.grip_force * np.hypot(x, y)[under].mean()
+    assert breakaway_torque(flat, 0.5, LENGTH, WIDTH) == pytest.approx(expected, rel=0.02)
