@@ -224,8 +224,8 @@ def _switch(
 
 
 @contextmanager
-def opened(cell: Cell) -> Iterator[Cell]:
-    """Open every device; on the way out halt the arm and close them in reverse order.
+def opened(cell: Cell, only: str = "") -> Iterator[Cell]:
+    """Open every device, or the one named `only`; on the way out halt the arm and close them in reverse order.
 
     Raises:
         CellError: A device cannot be opened; those opened before it are closed again.
@@ -235,6 +235,8 @@ def opened(cell: Cell) -> Iterator[Cell]:
             stack.callback(board.close)
             board.open()
         for name, device in cell.devices():
+            if only not in ("", name):
+                continue
             stack.callback(device.close)
             device.open()
             if name == "arm":

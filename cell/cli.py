@@ -266,6 +266,7 @@ def _watch(args: argparse.Namespace) -> int:
 
 def _trials(args: argparse.Namespace) -> int:
     config = _load(args, default_pace="max").cell
+    config.require_simulated("trials")
     seeds = range(args.seed, args.seed + args.trials)
     with _progress() as progress:
         bar = progress.add_task("trials", total=args.trials)
@@ -326,6 +327,7 @@ def _calibrate(args: argparse.Namespace) -> int:
 def _study(args: argparse.Namespace) -> int:
     study = STUDIES[args.name]
     loaded = _load(args, default_pace=study.pace)
+    loaded.cell.require_simulated(f"study {args.name}")
     with _progress() as progress:
         shown = study.run(args, loaded, progress)
     _show(args, Group(*shown.tables), shown.result)

@@ -46,6 +46,8 @@ from skills.tactile_insert import TactileInsertParams
 SHIPPED = Path(shipped.__file__).parent
 """Where the configs that come with the program are."""
 DEFAULT = SHIPPED / "sim.toml"
+NOT_INHERITED = (("limits", "force"), ("limits", "low"), ("limits", "high"), ("hole", "centre"), ("rack", "first"))
+"""What a cell says itself, whatever its base says: what it may do, and where its parts stand."""
 RECIPE_SECTIONS = frozenset(
     {"preset", "peg", "hole", "rack", "grasp", "search", "insert", "adjust", "release", "recover"}
 )
@@ -158,6 +160,15 @@ class CellConfig(ConfigModel):
             raise ValueError(f'peg.shape = "{self.peg.shape}": the simulated cell has round pegs; "round" allowed')
         return self
 
+    def require_simulated(self, what: str) -> None:
+        """Make sure that this is a simulated cell.
+
+        Raises:
+            ConfigError: It is a real one; `what` is the command that needs the other.
+        """
+        if self.arm.kind != "sim":
+            raise ConfigError(f'{what}: arm.kind = "{self.arm.kind}": runs on simulated cells alone; "sim" allowed')
+
     def is_skin_emulated(self) -> bool:
         """Whether the skin is a driver with an emulated board behind its wire."""
         skin = self.skin
@@ -194,7 +205,7 @@ class LoadedConfig:
 
 
 def load(path: Path | None = None, preset: str | None = None, sets: Iterable[str] = ()) -> LoadedConfig:
-    """Load a cell: the file, then its preset, then, for each recipe, the recipe's file, then single keys.
+    """Load a cell: what the file names as its `base`, the file, then its preset, then, for each recipe, the recipe's file, then single keys.
 
     `presets/` and `recipes/` stand beside the file; a preset that is not there is looked for among those that
     ship with the program.
@@ -208,18 +219,36 @@ def load(path: Path | None = None, preset: str | None = None, sets: Iterable[str
         ConfigError: One line with file, key, what was found and what is allowed.
     """
     path = path or DEFAULT
-    tree = read_toml(path)
+    layers = _layers(path)
     source: dict[tuple[str, ...], str] = {}
     keys = [parse_set(text) for text in sets]
     if preset is not None:
         keys.append((("preset",), preset))
-    cell = _merge(path, tree, source, None, keys)
+    cell = _merge(path, layers, source, None, keys)
     recipes = {0: cell}
     for file in sorted((path.parent / "recipes").glob("*.toml")):
         if not file.stem.isdigit() or int(file.stem) == 0:
             raise ConfigError(f"{file}: recipes are named by their number; 01.toml to 65535.toml allowed")
-        recipes[int(file.stem)] = _merge(path, tree, {}, file, keys)
+        recipes[int(file.stem)] = _merge(path, layers, {}, file, keys)
     return LoadedConfig(cell, recipes)
+
+
+def _layers(path: Path) -> list[tuple[str, dict[str, Any]]]:
+    """Return a cell's file by name, after the one that its `base` names: beside it, or shipped."""
+    tree = read_toml(path)
+    name = tree.pop("base", None)
+    if name is None:
+        return [(str(path), tree)]
+    allowed = sorted({file.name for place in (SHIPPED, path.parent) for file in place.glob("*.toml")} - {path.name})
+    if name not in allowed:
+        raise ConfigError(f"{path}: base = {name!r}: no such file; {', '.join(allowed)} allowed")
+    base = next(place / name for place in (path.parent, SHIPPED) if (place / name).is_file())
+    below = read_toml(base)
+    if "base" in below:
+        raise ConfigError(f"{path}: base = {name!r}: has a base of its own; a file without one allowed")
+    for section, key in NOT_INHERITED:
+        below.get(section, {}).pop(key, None)
+    return [(str(base), below), (str(path), tree)]
 
 
 def with_parameters(config: CellConfig, parameters: Iterable[tuple[str, Any]]) -> CellConfig:
@@ -277,7 +306,7 @@ def parse_set(text: str) -> tuple[tuple[str, ...], Any]:
 
 def _merge(
     path: Path,
-    tree: Mapping[str, Any],
+    layers: list[tuple[str, dict[str, Any]]],
     source: dict[tuple[str, ...], str],
     recipe: Path | None,
     keys: list[tuple[tuple[str, ...], Any]],
@@ -287,8 +316,9 @@ def _merge(
     for name in part:
         if name not in RECIPE_SECTIONS:
             raise ConfigError(f"{recipe}: {name}: not for a recipe; {', '.join(sorted(RECIPE_SECTIONS))} allowed")
-    preset = {**tree, **part, **{keyed[0]: value for keyed, value in keys if len(keyed) == 1}}.get("preset", "")
-    _lay_over(merged, tree, str(path), source)
+    for name, tree in layers:
+        _lay_over(merged, tree, name, source)
+    preset = {**merged, **part, **{keyed[0]: value for keyed, value in keys if len(keyed) == 1}}.get("preset", "")
     if preset != "":
         file = _find_preset(path, preset)
         _lay_over(merged, read_toml(file), str(file), source)

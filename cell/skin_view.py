@@ -46,7 +46,7 @@ def watch(config: CellConfig, seconds: float, show: Show, stop: Event) -> None:
     """Show the live skin, every new frame.
 
     Args:
-        config: Of the cell, whose arm is held still meanwhile.
+        config: Of the cell, whose other devices stay closed.
         seconds: How long, by the cell's clock, s.
         show: Given every new frame; once at least.
         stop: Ends it earlier.
@@ -54,7 +54,7 @@ def watch(config: CellConfig, seconds: float, show: Show, stop: Event) -> None:
     Raises:
         CellError: A device cannot be opened, or the skin fell silent.
     """
-    with opened(assemble(config)) as cell:
+    with opened(assemble(config), only="skin") as cell:
         _watch(cell.skin, cell.clock, 1.0 / config.scan_rate, seconds, show, stop)
 
 

@@ -3,6 +3,7 @@
 Only data frames of classic CAN with 11-bit identifiers pass; everything else on the bus is somebody else's.
 """
 
+import errno
 import socket
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,6 +20,11 @@ CONNECT_TIMEOUT = 1.0
 """Longest wait for a socketcand server, s."""
 PATIENCE = 3
 """Errors in a row after which the bus counts as lost: one undecodable frame or one full buffer does not."""
+_SOCKETCAN_TROUBLE = {
+    errno.EAFNOSUPPORT: "this computer's kernel has no CAN: load its modules (modprobe can_raw), or use another interface",
+    errno.ENODEV: "no such network interface: plug the adapter in and load its driver, or name another channel",
+    errno.ENETDOWN: "the network interface is down: ip link set NAME up type can bitrate RATE",
+}
 _SOCKETCAND_PORT, _MULTICAST_PORT = 29536, 43113
 
 
@@ -69,7 +75,7 @@ class CanBus:
         try:
             self._bus = can.Bus(**self._settings(), ignore_config=True)
         except Exception as error:  # every interface has exceptions of its own
-            raise DeviceNotOpenedError(f"CAN bus {self.name}: {_one_line(error)}") from error
+            raise DeviceNotOpenedError(f"CAN bus {self.name}: {self._why(error)}") from error
         self._read_errors = self._write_errors = 0
 
     def close(self) -> None:
@@ -120,8 +126,15 @@ class CanBus:
     def _count(self, error: Exception, before: int) -> int:
         self.bad_frames += 1
         if before + 1 >= PATIENCE:
-            raise CanLostError(f"CAN bus {self.name}: {_one_line(error)}") from error
+            raise CanLostError(f"CAN bus {self.name}: {self._why(error)}") from error
         return before + 1
+
+    def _why(self, error: Exception) -> str:
+        """Return what is wrong, and what to do where that is known."""
+        code = getattr(error, "errno", None) or getattr(error, "error_code", None)
+        if self.interface == "socketcan" and code in _SOCKETCAN_TROUBLE:
+            return _SOCKETCAN_TROUBLE[code]
+        return _one_line(error)
 
     def _opened(self) -> can.BusABC:
         if self._bus is None:

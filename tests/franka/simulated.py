@@ -38,7 +38,7 @@ HOLD_DAMPING = np.array([40.0, 40.0, 40.0, 20.0, 4.0, 2.0, 1.0])
 NEVER = 2**40
 PATIENCE = 0.2
 """Longest wait for the client's torques when lateness shall not count, s of wall time."""
-PAUSE = 0.03
+PAUSE = 0.2
 """Longest that the world stands still for the cell's own computing, s of wall time: the states must not grow old."""
 
 

@@ -1,9 +1,13 @@
 """A cell of hardware: what its config makes of it, without any hardware."""
 
+import subprocess
+import sys
+
 import pytest
 
 from cell.assembly import assemble, check
-from cell.config import load
+from cell.cli import FAULT, WRONG_USE, main
+from cell.config import SHIPPED, load
 from drivers.arm import FrankaArm
 from drivers.clock import WallClock
 from drivers.errors import ConfigError
@@ -47,3 +51,25 @@ def test_check_names_every_device_that_is_not_there():
     assert set(found) == {"arm", "gripper", "skin", "switch", "clock"}
     assert "no such port" in found["switch"]
     assert all("fault" in found[name] for name in ("arm", "gripper", "skin", "switch"))
+
+
+def test_the_shipped_file_of_a_physical_cell_needs_no_physics():
+    code = (
+        "import sys; sys.modules['mujoco'] = None\n"
+        "from cell.assembly import assemble\nfrom cell.config import SHIPPED, load\n"
+        "print(*(type(device).__name__ for _, device in assemble(load(SHIPPED / 'cell_01.toml').cell).devices()))"
+    )
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert told.split() == ["FrankaArm", "FrankaGripper", "CanSkin", "SerialSuccessSwitch"]
+
+
+@pytest.mark.parametrize("command", [["trials", "--out", "x"], ["study", "wire", "--out", "x"]])
+def test_what_needs_a_simulated_cell_leaves_a_physical_one_alone(capsys, tmp_path, monkeypatch, command):
+    monkeypatch.chdir(tmp_path)
+    assert main([*command, "--config", str(SHIPPED / "cell_01.toml")]) == WRONG_USE
+    assert 'arm.kind = "franka"' in capsys.readouterr().err
+
+
+def test_the_skin_is_shown_without_the_rest_of_the_cell(capsys):
+    assert main(["skin", "--config", str(SHIPPED / "cell_01.toml"), "--set", "skin.channel=can-none"]) == FAULT
+    assert "CAN bus socketcan can-none" in capsys.readouterr().err

@@ -4,7 +4,7 @@ import shutil
 import pytest
 
 from cell.assembly import make_estimator
-from cell.config import DEFAULT, load, parse_set, with_parameters
+from cell.config import DEFAULT, SHIPPED, load, parse_set, with_parameters
 from drivers.errors import ConfigError
 
 
@@ -164,3 +164,41 @@ def test_a_preset_beyond_the_margin_is_refused_by_its_own_file(tmp_path):
     (tmp_path / "presets" / "stiff.toml").write_text("[search]\ngains = { rotation = 400.0 }\n")
     with pytest.raises(ConfigError, match=r"stiff\.toml: search\.gains\.rotation = 400: unstable from"):
         load(tmp_path / "cell.toml", preset="stiff")
+
+
+@pytest.fixture
+def real(tmp_path):
+    """Return a file of a physical cell, which the shipped one is the base of."""
+    path = tmp_path / "cell_07.toml"
+    path.write_text((SHIPPED / "cell_01.toml").read_text())
+    return path
+
+
+def test_a_cell_takes_from_its_base_what_it_does_not_say(real):
+    cell, base = load(real).cell, load().cell
+    assert (cell.search, cell.insert, cell.adjust) == (base.search, base.insert, base.adjust)
+    assert (cell.arm.kind, base.arm.kind) == ("franka", "sim")
+
+
+def test_a_wrong_value_of_the_base_is_told_of_the_base(real):
+    shutil.copy(DEFAULT, real.parent / "sim.toml")
+    (real.parent / "sim.toml").write_text(DEFAULT.read_text().replace("timeout = 100.0", "timeout = -1.0"))
+    assert line_about(path=real).startswith(f"{real.parent / 'sim.toml'}: search.timeout")
+
+
+@pytest.mark.parametrize("key", ["force", "low", "high", "centre", "first"])
+def test_limits_and_places_are_never_those_of_the_base(real, key):
+    real.write_text("\n".join(line for line in real.read_text().splitlines() if not line.startswith(f"{key} =")))
+    line = line_about(path=real)
+    assert line.startswith(f"{real}: ")
+    assert f".{key}: missing" in line
+
+
+def test_a_base_that_is_not_there_is_told(real):
+    real.write_text(real.read_text().replace("sim.toml", "sun.toml"))
+    assert "base = 'sun.toml': no such file; cell_01.toml, sim.toml allowed" in line_about(path=real)
+
+
+def test_a_base_of_a_base_is_refused(real):
+    real.write_text('base = "cell_01.toml"')
+    assert "has a base of its own" in line_about(path=real)

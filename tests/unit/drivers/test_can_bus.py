@@ -1,3 +1,5 @@
+import errno
+import os
 import socket
 
 import can
@@ -169,3 +171,21 @@ def test_a_bus_that_was_never_opened_is_lost():
     bus.close()
     with pytest.raises(CanLostError, match="not open"):
         bus.read(0.0)
+
+
+@pytest.mark.parametrize(
+    ("code", "told"),
+    [
+        (errno.EAFNOSUPPORT, "modprobe can_raw"),
+        (errno.ENODEV, "no such network interface"),
+        (errno.ENETDOWN, "ip link set"),
+        (errno.ENOMEM, "Cannot allocate memory"),
+    ],
+)
+def test_a_bus_that_cannot_be_opened_says_how_to_put_it_right(monkeypatch, code, told):
+    def refuse(**settings):
+        raise OSError(code, os.strerror(code))
+
+    monkeypatch.setattr(can, "Bus", refuse)
+    with pytest.raises(DeviceNotOpenedError, match=told):
+        CanBus("socketcan", "can7", 1_000_000).open()
