@@ -7,8 +7,9 @@ each satisfies its protocol. The simulated ones are imported only when a config 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, TypeVar, cast
 
 import numpy as np
 
@@ -22,18 +23,19 @@ from drivers.gripper import FrankaGripper, FrankaGripperConfig
 from drivers.parts import Job
 from drivers.protocols import Arm, Clock, Device, Gripper, Skin, SuccessSwitch
 from drivers.skin import EMULATED, CanSkin, CanSkinConfig, SerialSkin, SerialSkinConfig
-from drivers.skin_calibration import CalibratedSkin, read_calibration
+from drivers.skin_calibration import CalibratedSkin, SkinCalibration, read_calibration
 from drivers.skin_health import require_trust
+from drivers.skin_layout import Layout
 from drivers.skin_port import ByteLink, CanLink
 from drivers.switch import SerialSuccessSwitch, SerialSwitchConfig
 from drivers.traffic import RecordedCan, RecordedLine, Recorder
 from drivers.transport import SerialLine
 from skills.contract import Blend, Estimator, SkillContext, Tracker
 from skills.tactile.image import ImageEstimator
-from skills.tactile.likelihood import LikelihoodEstimator
+from skills.tactile.likelihood import LikelihoodEstimator, LikelihoodParams
 from skills.tactile.observer import Observer
-from skills.tactile.pca import PcaEstimator
-from skills.tactile.robust import RobustEstimator
+from skills.tactile.pca import PcaEstimator, PcaParams
+from skills.tactile.robust import RobustEstimator, RobustParams
 
 if TYPE_CHECKING:
     from sim.bench import Bench
@@ -41,6 +43,7 @@ if TYPE_CHECKING:
     from sim.switch import SwitchSource
     from sim.world import Truth
 
+Templated = TypeVar("Templated", PcaParams, LikelihoodParams, RobustParams)
 SEARCH_STREAM = 3
 """Key of the random stream for choices of the skills; the simulated world draws from the ones before it."""
 
@@ -94,11 +97,25 @@ def make_estimator(config: CellConfig) -> Estimator:
     layout, peg = config.skin.layout, config.peg
     makers: dict[str, Callable[[], Estimator]] = {
         "image": lambda: ImageEstimator(config.image, layout),
-        "pca": lambda: PcaEstimator(config.pca, layout, peg),
-        "ml": lambda: LikelihoodEstimator(config.ml, layout, peg),
-        "robust": lambda: RobustEstimator(config.robust, layout, peg),
+        "pca": lambda: PcaEstimator(_as_measured(config.pca, config), layout, peg),
+        "ml": lambda: LikelihoodEstimator(_as_measured(config.ml, config), layout, peg),
+        "robust": lambda: RobustEstimator(_as_measured(config.robust, config), layout, peg),
     }
     return makers[config.insert.estimator]()
+
+
+def _as_measured(params: Templated, config: CellConfig) -> Templated:
+    """Return an estimator's parameters with the point spread that the skin's calibration found, where there is one."""
+    if config.calibration.skin is None:
+        return params
+    measured = _calibration(config.calibration.skin, config.skin.layout).point_spread
+    return params.model_copy(update={"templates": params.templates.model_copy(update={"blur": measured})})
+
+
+@lru_cache(maxsize=8)
+def _calibration(path: Path, layout: Layout) -> SkinCalibration:
+    """Return a file's content as it was when the cell was started: gains and point spread belong together."""
+    return read_calibration(path, layout)
 
 
 def make_tracker(config: CellConfig) -> Tracker:
@@ -155,7 +172,7 @@ def _skin(config: CellConfig, source: "SkinSource", rng: np.random.Generator) ->
     """Return the skin between the pads of `source`, and the clock that its board, where it is emulated, keeps step with."""
     skin, clock = _bare_skin(config, source, rng)
     if config.calibration.skin is not None:
-        return CalibratedSkin(skin, read_calibration(config.calibration.skin, config.skin.layout)), clock
+        return CalibratedSkin(skin, _calibration(config.calibration.skin, config.skin.layout)), clock
     return skin, clock
 
 

@@ -1,5 +1,6 @@
 """How good the wires are: decoding beside the bus, age of frames, recovery of a lost board, and the same insertions."""
 
+import math
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -37,6 +38,7 @@ TRIED = {
     "sim": (),
     "can": ("skin.kind=can",),
     "serial": ("skin.kind=serial",),
+    "icub": ("skin.kind=can", 'skin.board={kind="icub"}'),
     "switch": ("switch.kind=serial", "switch.port=emulated"),
 }
 """What whole insertions are run with, and the keys that make a cell so; the first is what the others are compared with."""
@@ -88,6 +90,10 @@ class OutcomeLine:
     """Trials that end as the plain stand-in's do with the same seed."""
     mean_total: float
     """Of the successes, s."""
+    longer: float
+    """Mean of how much longer a success takes than the plain stand-in's with the same seed, s; NaN before there are two."""
+    longer_error: float
+    """Standard error of that, s: a few long adjustments decide, and every other wire draws other noise."""
 
 
 def measure(
@@ -193,24 +199,34 @@ def outcomes(
         folder: Where the tables go.
         done: Told of every trial.
     """
-    plain: dict[int, str] = {}
+    plain: list[TrialRow] = []
     lines = []
     for kind, keys in TRIED.items():
         cell = load(sets=[*keys, f"skin.rate={config.skin.rate}", f"skin.layout={config.skin.layout}"]).cell
         wired = config.model_copy(update={"skin": cell.skin, "switch": cell.switch})
         rows = run_trials(wired, seeds, workers, folder / kind, done)
-        plain = plain or {row.seed: row.outcome for row in rows}
-        totals = [row.total_time for row in rows if row.outcome == "success" and row.total_time is not None]
-        lines.append(
-            OutcomeLine(
-                kind,
-                len(rows),
-                len(totals),
-                sum(row.outcome == plain[row.seed] for row in rows),
-                float(np.mean(totals)) if totals else float("nan"),
-            )
-        )
+        plain = plain or rows
+        lines.append(compared(kind, rows, plain))
     return lines
+
+
+def compared(kind: str, rows: Sequence[TrialRow], plain: Sequence[TrialRow]) -> OutcomeLine:
+    """Return a line about insertions on one wire beside those of the plain stand-in, both sorted by seed."""
+    totals = [row.total_time for row in rows if row.outcome == "success" and row.total_time is not None]
+    longer = [
+        row.total_time - other.total_time
+        for row, other in zip(rows, plain, strict=True)
+        if row.outcome == other.outcome == "success" and row.total_time is not None and other.total_time is not None
+    ]
+    return OutcomeLine(
+        kind,
+        len(rows),
+        len(totals),
+        sum(row.outcome == other.outcome for row, other in zip(rows, plain, strict=True)),
+        float(np.mean(totals)) if totals else math.nan,
+        float(np.mean(longer)) if len(longer) > 1 else math.nan,
+        float(np.std(longer, ddof=1) / math.sqrt(len(longer))) if len(longer) > 1 else math.nan,
+    )
 
 
 class _CanFeed:

@@ -1,7 +1,8 @@
 """The study of the wires: what it measures must be possible."""
 
 from cell.studies import switch_wire
-from cell.studies.wire import decode_rates, latencies
+from cell.studies.wire import compared, decode_rates, latencies
+from cell.trials import COLUMNS, TrialRow
 from drivers.switch import REOPEN_PERIOD
 from tests.emulation import emulated_or_skip
 
@@ -27,3 +28,17 @@ def test_an_edge_of_the_switch_is_read_within_two_scans_and_a_lost_board_comes_b
     assert 0.0065 < line.report_p50 <= line.report_max < 0.011
     assert line.report_p50 < line.scan_p50 <= line.scan_p99 < 0.021
     assert 0.02 < line.recovery_p50 <= line.recovery_max < REOPEN_PERIOD + 0.05
+
+
+def test_insertions_are_compared_seed_by_seed():
+    def rows(*endings):
+        blank = dict.fromkeys(COLUMNS, None)
+        return [
+            TrialRow(**blank | {"seed": seed, "outcome": outcome, "total_time": total})
+            for seed, (outcome, total) in enumerate(endings)
+        ]
+
+    plain = rows(("success", 5.0), ("success", 30.0), ("failure", 9.0), ("success", 6.0))
+    line = compared("can", rows(("success", 5.5), ("success", 31.0), ("success", 4.0), ("void", 6.0)), plain)
+    assert (line.trials, line.successes, line.same) == (4, 3, 2)
+    assert (line.mean_total, line.longer, line.longer_error) == (13.5, 0.75, 0.25)
