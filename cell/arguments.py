@@ -72,7 +72,7 @@ def parser(formats: Sequence[str], studies: Sequence[str]) -> Parser:
     command.add_argument("--quick", action="store_true", help="less of everything")
     command.add_argument("--seed", type=_natural, default=1, metavar="S", help="of the first trial")
     command.add_argument(
-        "--trials", type=_positive, metavar="N", help="wire: through each, 20; frontier: a variant, 40"
+        "--trials", type=_positive, metavar="N", help="wire: through each, 20; frontier: a variant, 40; events: 1000"
     )
     command.add_argument("--workers", type=_positive, metavar="N", help="processes; one for each core")
     command.add_argument("--profile", action="store_true", help="speed: where the time of a trial goes")

@@ -158,6 +158,10 @@ class CellConfig(ConfigModel):
             )
         if simulated and self.peg.shape != "round":
             raise ValueError(f'peg.shape = "{self.peg.shape}": the simulated cell has round pegs; "round" allowed')
+        if self.sim is not None and not self.hole.present and self.sim.model.hole not in ("exact", "unpredicted"):
+            raise ValueError(
+                f'sim.model.hole = "{self.sim.model.hole}": facets round a hole, and hole.present = false; "exact" allowed'
+            )
         return self
 
     def require_simulated(self, what: str) -> None:

@@ -56,6 +56,8 @@ class Hole(ConfigModel):
     """Angle between the real plate's normal and the vertical, rad; the skills do not know it."""
     yaw: Annotated[float, Field(ge=0.0, le=math.pi / 4)] = math.radians(10.0)
     """A square hole's sides are turned from the base frame's x and y by at most this, rad; a round one has none."""
+    present: bool = True
+    """Whether the real plate has the hole: without, every find is a false one; the skills do not know it."""
 
 
 class Rack(ConfigModel):

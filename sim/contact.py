@@ -49,6 +49,8 @@ SAMPLE_BAND = 2e-5
 """The same for a sample, which only spreads the load of nearly conformal surfaces, m."""
 IMPEDANCE = 0.9999
 """Largest that MuJoCo allows."""
+SOLID = -1.0
+"""Radius of a hole that is not there, m: for every point of the peg's end the plane is nearer than such a wall."""
 FRICTION_FLOOR = 1e-5
 """A contact with friction 0 vanishes in MuJoCo's elliptic cone."""
 

@@ -108,7 +108,8 @@ class World:
         is_square = self.job.peg.shape == "square"
         if is_square:
             lean = lean @ frames.rotation_about(frames.UP, drawn.yaw)
-        self.plate = Plate(drawn.hole, lean, hole.diameter / 2, hole.depth + FLOOR_MARGIN)
+        radius = hole.diameter / 2 if hole.present else contact.SOLID
+        self.plate = Plate(drawn.hole, lean, radius, hole.depth + FLOOR_MARGIN)
         slot = np.array(rack.first) + np.array([0.0, rack.pitch * (self.job.slot % rack.slots), 0.0])
         # The hand comes with its closing axis along y, so the slot leans about y.
         self.rack = Plate(

@@ -108,8 +108,10 @@ class SpraySearchResult(SkillResult):
     """The plate's surface as the tip felt it on the way; None where no hole was found."""
 
 
-def run(params: SpraySearchParams, ctx: SkillContext) -> SpraySearchResult:
-    """Search from a random point of the area."""
+def run(
+    params: SpraySearchParams, ctx: SkillContext, ground: Ground | None = None, event: HoleEvent | None = None
+) -> SpraySearchResult:
+    """Search from a random point of the area, with fresh watchers of plate and skin where none are given."""
     hole = ctx.job.hole
     surface = hole.centre[2]
     middle = np.array(hole.centre[:2])
@@ -144,7 +146,7 @@ def run(params: SpraySearchParams, ctx: SkillContext) -> SpraySearchResult:
     stiffness, damping = params.gains.stiffness(), params.gains.damping()
     stiffness[2], damping[2] = params.push_stiffness, params.push_damping
     identity = ctx.new_id()
-    event, ground = HoleEvent(params.event), Ground()
+    event, ground = event or HoleEvent(params.event, params.timeout), ground or Ground()
     tip, along, offset, since, rests = first, 0.0, np.zeros(2), 0.0, 0
     trim, slow = Trim(params.trim_rate, params.trim_limit), 1 - fast
     phase, place = Phase.COMING_DOWN, first
@@ -167,6 +169,7 @@ def run(params: SpraySearchParams, ctx: SkillContext) -> SpraySearchResult:
             pressed = pressed + 1 if seen.arm.wrench.force[2] > TOUCHED * push * params.push_offset else 0
             if pressed * ctx.scan_period >= TOUCHED_TIME or elapsed >= params.touch_down:
                 phase, since = Phase.SLIDING, -math.inf
+                event.restart()
         elif phase is Phase.SLIDING:
             if is_event if params.evidence == "skin" else below > params.dip:
                 phase, since, place, rests = Phase.RESTING, seen.stamp, tip, rests + 1
@@ -189,6 +192,7 @@ def run(params: SpraySearchParams, ctx: SkillContext) -> SpraySearchResult:
                 )
             is_looking = phase is Phase.RESTING and params.probe_radius > 0.0
             phase, since = Phase.PROBING if is_looking else Phase.SLIDING, seen.stamp
+            event.restart()
             offset, leaning, facing = (
                 tip[:2] - (place[:2] if is_looking else middle + point),
                 seen.axis,
@@ -207,6 +211,7 @@ def run(params: SpraySearchParams, ctx: SkillContext) -> SpraySearchResult:
             target[:2] = place[:2] + looked + back * offset
             if math.hypot(*looked) > params.probe_radius:
                 phase, offset, since, back = Phase.SLIDING, target[:2] - middle - point, seen.stamp, 1.0
+                event.restart()
                 leaning, facing = axis, closing
         if phase is Phase.SLIDING:
             # Pushed less, the peg falls less far in the same time.

@@ -122,6 +122,21 @@ def frontier(args: argparse.Namespace, loaded: LoadedConfig, progress: Progress)
     return Shown([frontier(found.lines, found.title)], _finite(result), found.files)
 
 
+def events(args: argparse.Namespace, loaded: LoadedConfig, progress: Progress) -> Shown:
+    """Hole events, false and true."""
+    from cell.studies import events_report as study  # compiles; only when asked for
+
+    config, trials = loaded.cell, args.trials or (4 if args.quick else 1000)
+    if args.quick:
+        timeout = min(config.search.timeout, 6.0)
+        config = config.model_copy(update={"search": config.search.model_copy(update={"timeout": timeout})})
+    seeds = range(args.seed, args.seed + trials)
+    workers = args.workers or os.cpu_count() or 1
+    found = study.run(config, seeds, min(trials, 200), workers, _out_folder(args.out), progress)
+    result = {"title": found.title, "lines": [asdict(line) for line in found.lines], "others": found.others}
+    return Shown([study.table(found)], _finite(result), found.files)
+
+
 def _finite(value: Any) -> Any:
     """Return the same with null for what JSON cannot say: a model that failed has no figure."""
     if isinstance(value, dict):
@@ -161,4 +176,5 @@ STUDIES = {
     "tactile": Study(tactile, None),
     "stability": Study(stability, "max"),
     "frontier": Study(frontier, "max"),
+    "events": Study(events, "max"),
 }

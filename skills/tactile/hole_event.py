@@ -1,10 +1,18 @@
 """The moment at which the peg falls into the hole, as the skin feels it: [gibbons], Sec. IV.
 
-While the peg is pushed on the surface, one pad carries more and the other less, and a stiffening pad gains
-more than its partner loses; when the support goes, the average over all taxels falls.
+While the peg is pushed on the surface, one pad carries more and the other less, and a stiffening pad gains more than
+its partner loses, so that the average over all taxels tells of the push. When the support goes it falls; when the
+peg's edge then meets the far wall and is turned in the hand, it rises, and that lasts: a change either way is looked
+for. Only `derivative`, as printed, waits for the fall.
+
+Where no threshold is set by hand, it follows from a stated rate of false alarms: each frame is told in standard
+deviations of the noise that the frames before it showed, by Student's t as a normal deviate, so that a noise known
+from few frames is not believed too much.
 """
 
+import math
 from collections import deque
+from statistics import NormalDist
 from typing import Annotated, Literal
 
 import numpy as np
@@ -15,35 +23,46 @@ from drivers.quantities import TaxelFrame, Vector
 
 LEAST_COMMON = 10
 """Averages of fewer taxels, trusted in all frames that are compared, are not compared."""
+LEAST_KNOWN = 3
+"""Deviations that the noise must be known from."""
+NOISE_MEMORY = 300
+"""Frames after which a deviation counts by 1/e for the noise."""
+OUTLIER = 3.0
+"""A deviation counts for the noise as at most so many standard deviations: a slip is no noise."""
 
 
 class HoleEventParams(ConfigModel):
-    """How a fall of the average is told from noise."""
+    """How a change of the average is told from noise."""
 
-    method: Literal["difference", "cusum"] = "difference"
-    """Numerical differentiation as in [gibbons], or the sum of all falls below the running average ([page], CUSUM)."""
-    threshold: Annotated[float, Field(gt=0.0, lt=1.0)]
-    """Fall that counts, fraction of the running average: over `span` frames, or what the sum reaches."""
-    span: Annotated[int, Field(ge=1, le=100)] = 1
-    """Frames from which the difference is taken; 1 in [gibbons]."""
-    memory: Annotated[int, Field(ge=1, le=1000)] = 10
+    method: Literal["derivative", "difference", "cusum"] = "cusum"
+    """The fall from one frame to the next, against `threshold`, as in [gibbons]; the difference between the mean of the
+    newest `span` frames and those before; or the sum of all deviations beyond half of `step` ([page], two-sided)."""
+    threshold: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.2
+    """For `derivative`: fall that counts, fraction of the running average, set by hand."""
+    false_alarms: Annotated[float, Field(gt=0.0, le=100.0)] = 1e-3
+    """For the others: events that noise alone may cause in a search that lasts until its timeout."""
+    span: Annotated[int, Field(ge=1, le=100)] = 3
+    """Frames that `difference` takes together."""
+    memory: Annotated[int, Field(ge=1, le=1000)] = 20
     """Frames that the running average is made of, the newest not among them."""
-    slack: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.02
-    """What the sum forgives at each frame, fraction of the running average."""
+    step: Annotated[float, Field(ge=0.5, le=10.0)] = 3.0
+    """Smallest change that the sum shall find, standard deviations of the noise."""
 
 
 class HoleEvent:
     """Watches the average of all trusted taxels, frame by frame.
 
     Frames are compared over the taxels that are trusted in all of them, so that a taxel that drops out is no
-    fall. An event is reported at the first frame that shows it; a sum starts anew after it.
+    change. An event is reported at the first frame that shows it; the sum and the running average start anew after it.
     """
 
-    def __init__(self, params: HoleEventParams) -> None:
-        """Start with nothing seen."""
-        self._params = params
-        self._frames: deque[TaxelFrame] = deque(maxlen=max(params.memory, params.span) + 1)
-        self._sum = 0.0
+    def __init__(self, params: HoleEventParams, horizon: float) -> None:
+        """Start with nothing seen; the rate of false alarms counts over `horizon`, s."""
+        self._params, self._horizon = params, horizon
+        self._span = params.span if params.method == "difference" else 1
+        self._frames: deque[TaxelFrame] = deque(maxlen=params.memory + self._span)
+        self._sums = np.zeros(2)
+        self._variance, self._known = 0.0, 0
         self._is_falling = False
         self.count = 0
         """Events so far."""
@@ -51,32 +70,110 @@ class HoleEvent:
         """Time of the frame that showed the last event, s."""
 
     def update(self, frame: TaxelFrame) -> bool:
-        """Take a new frame; return whether it shows the peg falling."""
-        self._frames.append(frame)
-        was_falling, self._is_falling = self._is_falling, self._fall() > self._params.threshold
+        """Take a new frame; return whether it shows the peg at the hole."""
+        was_falling, self._is_falling = self._is_falling, self.take(frame) > self.limit()
         is_event = self._is_falling and not was_falling
         if is_event:
-            self._sum = 0.0
             self.count += 1
             self.stamp = frame.stamp
+            if self._params.method != "derivative":
+                self.restart()
         return is_event
 
-    def _fall(self) -> float:
-        """Return the fall up to the newest frame, fraction of the running average; 0 as long as too little is known."""
-        params, averages = self._params, self._averages()
-        if averages.size <= params.span:
+    def restart(self) -> None:
+        """Forget what the average was, but not its noise: the peg goes on under another load."""
+        self._frames.clear()
+        self._sums[:] = 0.0
+        self._is_falling = False
+
+    def take(self, frame: TaxelFrame) -> float:
+        """Take a new frame; return what is held against `limit`, 0 as long as too little is known."""
+        self._frames.append(frame)
+        averages, span = self._averages(), self._span
+        if averages.size <= span:
             return 0.0
-        running = float(averages[:-1][-params.memory :].mean())
+        running = float(averages[:-span].mean())
         if running <= 0.0:
             return 0.0
-        if params.method == "difference":
-            return float(averages[-1 - params.span] - averages[-1]) / running
-        self._sum = max(0.0, self._sum + 1.0 - float(averages[-1]) / running - params.slack)
-        return self._sum
+        if self._params.method == "derivative":
+            return float(averages[-2] - averages[-1]) / running
+        deviate = self._deviate(_scaled(averages, span))
+        self._learn(_scaled(averages, 1))
+        if self._params.method == "difference":
+            return abs(deviate)
+        self._sums = np.maximum(self._sums + np.array([deviate, -deviate]) - self._params.step / 2.0, 0.0)
+        return float(self._sums.max())
+
+    def limit(self) -> float:
+        """Return what `take` must pass for an event; infinite before two frames told their distance in time."""
+        params = self._params
+        if params.method == "derivative":
+            return params.threshold
+        if len(self._frames) < 2:
+            return math.inf
+        period = (self._frames[-1].stamp - self._frames[0].stamp) / (len(self._frames) - 1)
+        return limit(params, params.false_alarms * period / self._horizon)
+
+    def _deviate(self, change: float) -> float:
+        """Return the normal deviate that is as rare as `change` is by Student's t (Wallace, 1959)."""
+        if self._known < LEAST_KNOWN or self._variance <= 0.0:
+            return 0.0
+        n = min(self._known, NOISE_MEMORY)
+        size = (8.0 * n + 1.0) / (8.0 * n + 3.0) * math.sqrt(n * math.log1p(change * change / self._variance / n))
+        return math.copysign(size, change)
+
+    def _learn(self, change: float) -> None:
+        """Let one more deviation tell of the noise."""
+        square = change * change
+        if self._known >= LEAST_KNOWN:
+            square = min(square, OUTLIER**2 * self._variance)
+        self._known += 1
+        self._variance += (square - self._variance) / min(self._known, NOISE_MEMORY)
 
     def _averages(self) -> Vector:
         trusted = np.logical_and.reduce([frame.trusted for frame in self._frames])
         if np.count_nonzero(trusted) < LEAST_COMMON:
             return np.zeros(0)
-        averages: Vector = np.array([frame.values[trusted].mean() for frame in self._frames])
+        averages: Vector = np.array([frame.values for frame in self._frames])[:, trusted].mean(axis=1)
         return averages
+
+
+def _scaled(averages: Vector, span: int) -> float:
+    """Return the newest `span` less those before, in the units of a single one's noise."""
+    before = averages[:-span]
+    return float(averages[-span:].mean() - before.mean()) / math.sqrt(1.0 / span + 1.0 / before.size)
+
+
+def limit(params: HoleEventParams, chance: float) -> float:
+    """Return what `take` must pass for an event, where noise alone may do so with this chance in each frame.
+
+    As many false alarms as stated are what comes of a sum; of overlapping differences, which pass together, fewer.
+    """
+    if params.method == "derivative":
+        return params.threshold
+    chance = min(max(chance, 1e-12), 0.5)
+    return normal_limit(chance) if params.method == "difference" else page_limit(params.step / 2.0, 2.0 / chance)
+
+
+def normal_limit(chance: float) -> float:
+    """Return the size that a normal deviate passes, either way, with this chance."""
+    return NormalDist().inv_cdf(1.0 - chance / 2.0)
+
+
+def page_limit(slack: float, run_length: float) -> float:
+    """Return the limit at which a one-sided sum of [page] over white noise has this average run length.
+
+    By the approximation of [siegmund], (exp(2 k b) - 2 k b - 1) / 2 k² with b = h + 1.166, solved for h.
+
+    Args:
+        slack: k, what the sum forgives at each frame, standard deviations, > 0.
+        run_length: Average number of frames from one false alarm to the next.
+    """
+    low, high = 0.0, math.log(2.0 * slack * slack * run_length + 2.0) + 20.0
+    for _ in range(60):
+        middle = (low + high) / 2.0
+        if math.expm1(middle) - middle < 2.0 * slack * slack * run_length:
+            low = middle
+        else:
+            high = middle
+    return max(high / (2.0 * slack) - 1.166, 0.0)
