@@ -128,7 +128,7 @@ def events(args: argparse.Namespace, loaded: LoadedConfig, progress: Progress) -
 
     config, trials = loaded.cell, args.trials or (4 if args.quick else 1000)
     if args.quick:
-        timeout = min(config.search.timeout, 6.0)
+        timeout = min(config.search.timeout, 8.0)
         config = config.model_copy(update={"search": config.search.model_copy(update={"timeout": timeout})})
     seeds = range(args.seed, args.seed + trials)
     workers = args.workers or os.cpu_count() or 1
