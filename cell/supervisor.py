@@ -8,6 +8,8 @@ from dataclasses import replace
 from threading import Event as ThreadEvent
 from typing import Protocol
 
+import numpy as np
+
 from cell.assembly import Cell, choices, make_estimator, make_tracker
 from cell.config import CellConfig, LoadedConfig, with_parameters
 from cell.journal import Journal, RunRow
@@ -15,7 +17,7 @@ from cell.record import STAGE_NUMBER, RunRecord, StageClock, ending_of
 from cell.states import Event, State, after, is_permitted
 from cell.statistics import PUBLISHED
 from drivers.errors import CellError, ConfigError, FaultCode, PlcLostError
-from drivers.quantities import ImpedanceSetpoint
+from drivers.quantities import ArmState, ImpedanceSetpoint
 from plc_bridge.messages import Command, Control, Refusal, Report, Result, Transition
 from skills.catalogue import CATALOGUE, STAGES, Entry
 from skills.contract import Observation, Outcome, Request
@@ -26,6 +28,10 @@ logger = logging.getLogger(__name__)
 BY_CODE = {entry.code: entry for entry in CATALOGUE.values()}
 COUNTED = tuple(stage.name for stage in PUBLISHED)
 """Stages whose times make up the total, as in [gibbons], Table I."""
+REST_SPEED = 0.01
+"""Of every joint of an arm that stands still, rad/s."""
+REST_TIME = 1.0
+"""Longest time for an arm to come to rest, s: the speed of a real one never reads zero."""
 _RESULT = {"success": Result.SUCCESS, "failure": Result.FAILURE, "aborted": Result.ABORTED}
 _EVENT = {
     Control.STOP: Event.STOP,
@@ -68,6 +74,7 @@ class Supervisor:
         self._context.poll, self._context.progress, self._context.record = self._poll, self._progress, self._record
         self._quit = stop or ThreadEvent()
         self._request = Request.RUN
+        self._halted = 0.0
         self._run: RunRecord | None = None
         self.state = State.IDLE
         self.report = Report(state=State.IDLE)
@@ -122,7 +129,7 @@ class Supervisor:
         if command.code in BY_CODE:
             self._start(command, BY_CODE[command.code])
         elif command.code == Control.LOST:
-            if self._run is not None:
+            if self._run is not None and self._request is not Request.STOP:
                 raise PlcLostError(
                     f"{command.source}: no sign of life: see plc.life_timeout, on CAN plc.can.plc_timeout"
                 )
@@ -154,14 +161,11 @@ class Supervisor:
             self._context.observe()
             self._enter(Event.FINISHED)
         elif is_stop:
-            self._cell.arm.halt()
-            self._request = Request.STOP
+            self._halt_now(Request.STOP)
             if self._run is None:
                 self._enter(Event.FINISHED)
         elif control is Control.HOLD:
-            self._cell.arm.halt()
-            self._request = Request.HOLD
-            self._enter(Event.FINISHED)
+            self._halt_now(Request.HOLD)
         elif control is Control.UNHOLD:
             self._request = Request.RUN
             self._enter(Event.FINISHED)
@@ -214,8 +218,31 @@ class Supervisor:
         except Exception as error:
             logger.exception("run %d: error inside this program", self.report.run)
             fault = _as_fault(error)
+        if fault is not None:
+            self._enter(Event.ABORT)
+            self._halted = self._cell.clock.now()
+            self.report = replace(self.report, fault=fault.code)
+        if self.state in (State.STOPPING, State.ABORTING):
+            later = self._come_to_rest()
+            fault = fault or later
         self._halt()
         self._conclude(records, fault)
+
+    def _come_to_rest(self) -> CellError | None:
+        """Halt the arm at every scan until it stands still; return what fails meanwhile."""
+        clock = self._cell.clock
+        try:
+            while not self._is_at_rest(self._cell.arm.read()):
+                self._publish()
+                self._cell.arm.halt()
+                clock.wait_until(clock.now() + self._context.scan_period)
+                self._take_all()
+        except CellError as error:
+            return error
+        except Exception as error:
+            logger.exception("error inside this program")
+            return _as_fault(error)
+        return None
 
     def _prepare(self, entry: Entry, config: CellConfig) -> None:
         ctx = self._context
@@ -257,6 +284,8 @@ class Supervisor:
             if self.state not in (State.STOPPING, State.ABORTING):
                 self._enter(Event.STOP)
         else:
+            if self.state is State.HOLDING:
+                self._enter(Event.FINISHED)
             if self.state is State.HELD:
                 self._enter(Event.UNHOLD)
                 self._enter(Event.FINISHED)
@@ -275,6 +304,19 @@ class Supervisor:
         if result is Result.NONE and self.report.sequence != 0:
             result = Result.FAULT
         self.report = replace(self.report, result=result, fault=error.code)
+
+    def _halt_now(self, request: Request) -> None:
+        """Halt the arm, and ask the skill to obey."""
+        self._cell.arm.halt()
+        self._request, self._halted = request, self._cell.clock.now()
+
+    def _is_at_rest(self, arm: ArmState) -> bool:
+        """Tell whether an arm that is halted at every scan stands still, or has had long enough.
+
+        A single halt would hold the place where a fast arm was, so that it swings back; many let it run out. At rest
+        the last one must hold: many would let the arm sink by what its model of gravity lacks.
+        """
+        return bool(np.max(np.abs(arm.dq)) < REST_SPEED) or arm.stamp - self._halted > REST_TIME
 
     def _halt(self) -> None:
         """Halt the arm, whatever state it is in."""
@@ -306,6 +348,9 @@ class Supervisor:
         run = self._run
         assert run is not None
         run.add(seen, setpoint)
+        if self.state is State.HOLDING and self._is_at_rest(seen.arm):
+            self._enter(Event.FINISHED)
+            self._request = Request.STAY
 
     # States.
 

@@ -120,6 +120,9 @@ class Request(Enum):
 
     RUN = "run"
     HOLD = "hold"
+    """Wait, halting the arm at every scan until it is at rest."""
+    STAY = "stay"
+    """Wait on, with the arm as it is."""
     STOP = "stop"
 
 

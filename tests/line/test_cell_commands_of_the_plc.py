@@ -5,6 +5,7 @@ import json
 import pytest
 
 from cell.states import State
+from cell.supervisor import REST_TIME
 from plc_bridge.messages import Control, Refusal, Result
 from skills.contract import Reason
 
@@ -96,6 +97,33 @@ def test_hold_keeps_the_arm_still_until_it_is_taken_back(rig):
     report = rig.command(GRASP)
     assert states == [(State.HELD, True)]
     assert report.state == State.COMPLETE
+
+
+def test_a_limit_that_is_hit_in_the_scan_of_a_hold_ends_the_run(rig):
+    rig.at(0.5, lambda: rig.plc.trigger(Control.HOLD))
+    rig.at(0.5, lambda: rig.arm.force.__setitem__(2, 1.001 * rig.loaded.cell.limits.force))
+    report = rig.command(GRASP)
+    assert (report.result, report.reason, report.state) == (Result.FAILURE, Reason.FORCE_LIMIT, State.COMPLETE)
+
+
+def test_an_arm_that_never_reads_zero_speed_counts_as_at_rest_in_time(rig):
+    rig.arm.dq[0] = 0.02
+    rig.at(0.5, lambda: rig.plc.trigger(Control.HOLD))
+    states = []
+    rig.clock.every.append(lambda: states.append(rig.plc.report.state))
+    rig.at(2.5, lambda: rig.plc.trigger(Control.STOP))
+    report = rig.command(GRASP)
+    assert (report.result, report.state) == (Result.ABORTED, State.STOPPED)
+    assert REST_TIME < states.count(State.HOLDING) * rig.supervisor._context.scan_period < REST_TIME + 0.05
+    assert REST_TIME < states.count(State.STOPPING) * rig.supervisor._context.scan_period < REST_TIME + 0.05
+
+
+def test_an_abort_while_the_arm_of_a_stop_still_moves_aborts(rig):
+    rig.arm.dq[0] = 0.02
+    rig.at(0.5, lambda: rig.plc.stop())
+    rig.at(0.7, lambda: rig.plc.trigger(Control.ABORT))
+    report = rig.command(GRASP)
+    assert (report.result, report.state, rig.journal.find(1).outcome) == (Result.ABORTED, State.ABORTED, "aborted")
 
 
 def test_a_stop_on_hold_ends_the_run(rig):

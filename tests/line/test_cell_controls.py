@@ -1,0 +1,206 @@
+"""Hold, stop and abort in the middle of every real skill, on the simulated cell; the PLC lives in the cell's own time."""
+
+import json
+import math
+import random
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from itertools import groupby
+
+import numpy as np
+import pytest
+
+from cell.assembly import assemble, opened
+from cell.config import load
+from cell.journal import Journal
+from cell.line import PARAMETERS, PROGRAMS
+from cell.record import STAGE_NUMBER
+from cell.samples import read_samples
+from cell.states import State
+from cell.supervisor import REST_SPEED, Supervisor
+from plc_bridge.bridge import Bridge
+from plc_bridge.messages import Control, Result
+from skills.catalogue import CATALOGUE
+from tests.fakes import FakePlc
+
+INSERT = CATALOGUE["insert_peg"].code
+LENGTHS = {
+    "grasp_from_rack": 320,
+    "spray_search": 700,
+    "tactile_insert": 100,
+    "spiral_adjust": 100,
+    "release_and_retract": 110,
+}
+"""Scans that a stage takes about; one that is over sooner is interrupted where it ends."""
+BRAKING = 25
+"""Scans from a command to an arm at rest, at most."""
+PAUSE = 50
+"""Scans on hold."""
+CREEP = 0.001
+"""Way of a halted arm, m: the hand goes on closing, on a peg that stands in the rack."""
+
+
+class ScanClock:
+    """The cell's clock, which tells who wants to know that a scan is over."""
+
+    def __init__(self, clock):
+        self._clock, self.every = clock, []
+
+    def now(self):
+        return self._clock.now()
+
+    def wait_until(self, stamp):
+        self._clock.wait_until(stamp)
+        for action in self.every:
+            action()
+
+
+class HeardBridge(Bridge):
+    """A bridge that remembers every state it was told of."""
+
+    def publish(self, report):
+        self.states = [*getattr(self, "states", []), State(report.state)]
+        super().publish(report)
+
+
+@dataclass
+class Braking:
+    """What an arm does from a command on."""
+
+    stage: int
+    ages: list[float] = field(default_factory=list)
+    speeds: list[float] = field(default_factory=list)
+    places: list[np.ndarray] = field(default_factory=list)
+    states: list[State] = field(default_factory=list)
+
+
+class Controlled:
+    """A simulated cell and a PLC that interferes at a chosen scan of a stage."""
+
+    def __init__(self, cell, loaded, folder):
+        self.clock = ScanClock(cell.clock)
+        self.journal = Journal(folder)
+        self.bridge = HeardBridge(loaded.cell.plc, PROGRAMS, PARAMETERS, now=self.clock.now)
+        self.cell = replace(cell, clock=self.clock)
+        self.supervisor = Supervisor(self.cell, loaded, self.bridge, self.journal)
+        self.plc = FakePlc(self.bridge, self.clock)
+        self.clock.every.append(self._look)
+        self._plan, self._scans_of_stage = {}, 0
+        self.brakings: list[Braking] = []
+        self._is_braking = False
+
+    def run(self, control, plan):
+        """Run `insert_peg`, with `control` at each scan of a stage that `plan` names, and return its record."""
+        before = self.supervisor.last
+        self._plan, self.brakings, self.bridge.states = dict(plan), [], []
+        self._control = control
+        self.plc.trigger(INSERT)
+        while self.supervisor.last is before:
+            self.supervisor.scan()
+        for _ in range(PAUSE):
+            self.supervisor.scan()
+        self._is_braking = False
+        return self.journal.find(self.supervisor.last.run)
+
+    def obey(self, control):
+        """Send a control to the cell at rest and return the report."""
+        self.plc.trigger(control)
+        for _ in range(2):
+            self.supervisor.scan()
+        return self.plc.report
+
+    @property
+    def states(self):
+        """The states of the run in their order."""
+        states = [state for state, _ in groupby(self.bridge.states)]
+        return states[states.index(State.STARTING) :]
+
+    def _look(self):
+        report = self.plc.report
+        if self._is_braking:
+            self._watch(self.brakings[-1], report)
+        elif self._plan and report.state == State.EXECUTE:
+            stage = min(self._plan)
+            self._scans_of_stage = self._scans_of_stage + 1 if report.stage == stage else 0
+            if self._scans_of_stage > self._plan[stage] or report.stage > stage:
+                del self._plan[stage]
+                self._scans_of_stage = 0
+                self._is_braking = True
+                self.brakings.append(Braking(report.stage))
+                self.plc.trigger(self._control)
+
+    def _watch(self, braking, report):
+        arm = self.cell.arm.read()
+        braking.ages.append(arm.setpoint_age)
+        braking.speeds.append(float(np.max(np.abs(arm.dq))))
+        braking.places.append(arm.tcp.position)
+        braking.states.append(State(report.state))
+        if self._control is Control.HOLD and len(braking.ages) == BRAKING + PAUSE:
+            self._is_braking = False
+            self.plc.trigger(Control.UNHOLD)
+
+
+@contextmanager
+def controlled(folder, seed):
+    loaded = load(sets=["sim.pace=max", f"sim.seed={seed}"])
+    with opened(assemble(loaded.cell)) as cell:
+        made = Controlled(cell, loaded, folder)
+        with made.journal:
+            yield made
+
+
+def moments(seed):
+    """Return a scan of each stage, by the stage's number."""
+    draw = random.Random(seed)
+    return {STAGE_NUMBER[name]: draw.randrange(length) for name, length in LENGTHS.items()}
+
+
+def assert_halted(braking, state):
+    """The arm holds no setpoint from the first scan on, is at rest before `state` is told, and stays where it is."""
+    assert set(braking.ages) == {math.inf}
+    rest = braking.states.index(state)
+    assert rest <= BRAKING, f"stage {braking.stage}"
+    assert braking.speeds[rest - 1 if rest else 0] < REST_SPEED
+    assert set(braking.states[rest:]) == {state}
+    way = np.linalg.norm(np.array(braking.places[rest:]) - braking.places[rest], axis=1)
+    assert way.max() < CREEP, f"stage {braking.stage}"
+
+
+@pytest.mark.parametrize("seed", [11, 12])
+def test_every_skill_holds_and_goes_on(tmp_path, seed):
+    with controlled(tmp_path, seed) as cell:
+        row = cell.run(Control.HOLD, moments(seed))
+    assert (row.outcome, row.fault) == ("success", 0)
+    assert len(cell.brakings) == len(LENGTHS)
+    for braking in cell.brakings:
+        assert_halted(braking, State.HELD)
+    holds = [State.EXECUTE, State.HOLDING, State.HELD] * len(LENGTHS)
+    assert cell.states == [State.STARTING, *holds, State.EXECUTE, State.COMPLETE]
+
+
+@pytest.mark.parametrize(
+    ("control", "acting", "final"),
+    [(Control.STOP, State.STOPPING, State.STOPPED), (Control.ABORT, State.ABORTING, State.ABORTED)],
+)
+def test_every_skill_is_ended_and_after_a_reset_the_next_run_starts(tmp_path, control, acting, final):
+    with controlled(tmp_path, 13) as cell:
+        for run, (stage, scan) in enumerate(moments(13).items(), 1):
+            row = cell.run(control, {stage: scan})
+            assert_halted(cell.brakings[0], final)
+            assert cell.states == [State.STARTING, State.EXECUTE, acting, final]
+            assert (row.run, row.outcome, row.reason) == (run, "aborted", "stopped")
+            assert STAGE_NUMBER[row.stage] == cell.brakings[0].stage
+            assert_complete(row, cell)
+            assert cell.plc.report.result == Result.ABORTED
+            if control is Control.ABORT:
+                assert cell.obey(Control.CLEAR).state == State.STOPPED
+            assert cell.obey(Control.RESET).state == State.IDLE
+
+
+def assert_complete(row, cell):
+    """Every stage has its time and its samples, and no scan is missing."""
+    times = dict(json.loads(row.stage_times))
+    samples = read_samples(cell.journal.samples_path(row.run))
+    assert [STAGE_NUMBER[name] for name in times] == sorted(set(samples["stage"]))
+    period = 1.0 / cell.cell.config.scan_rate
+    assert np.diff(samples["stamp"]).max() == pytest.approx(period)
