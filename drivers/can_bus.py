@@ -5,8 +5,10 @@ Only data frames of classic CAN with 11-bit identifiers pass; everything else on
 
 import errno
 import socket
+import time
+from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import can
@@ -20,6 +22,13 @@ CONNECT_TIMEOUT = 1.0
 """Longest wait for a socketcand server, s."""
 PATIENCE = 3
 """Errors in a row after which the bus counts as lost: one undecodable frame or one full buffer does not."""
+MOST_OTHERS = 1000
+"""Frames of others that one look at the bus passes over."""
+ECHO_TIME = 1.0
+"""One's own frame that has not come back after so long was lost, s."""
+LONGEST_WAIT = 10.0
+"""A frame that seems to have waited longer was stamped before somebody set the computer's clock, s."""
+_STAMPED = ("socketcan", "udp_multicast")
 _SOCKETCAN_TROUBLE = {
     errno.EAFNOSUPPORT: "this computer's kernel has no CAN: load its modules (modprobe can_raw), or use another interface",
     errno.ENODEV: "no such network interface: plug the adapter in and load its driver, or name another channel",
@@ -42,6 +51,8 @@ class CanFrame:
     """0 to 0x7FF; the lower one goes first."""
     data: bytes = b""
     """At most 8 bytes."""
+    waited: float = field(default=0.0, compare=False)
+    """So long before it was read it came, as far as the bus tells, s."""
 
 
 class CanBus:
@@ -63,6 +74,7 @@ class CanBus:
         self._channel, self._bitrate = channel, bitrate
         self._bus: can.BusABC | None = None
         self._read_errors = self._write_errors = 0
+        self._echoes: deque[tuple[float, CanFrame]] = deque(maxlen=MOST_OTHERS)
 
     def open(self) -> None:
         """Open the bus; does nothing when it is open.
@@ -77,6 +89,7 @@ class CanBus:
         except Exception as error:  # every interface has exceptions of its own
             raise DeviceNotOpenedError(f"CAN bus {self.name}: {self._why(error)}") from error
         self._read_errors = self._write_errors = 0
+        self._echoes.clear()
 
     def close(self) -> None:
         """Close the bus; may be called again."""
@@ -88,26 +101,29 @@ class CanBus:
                 self.bad_frames += 1
 
     def read(self, timeout: float) -> CanFrame | None:
-        """Return the next frame; None if none came within `timeout` s, or what came was none of ours.
+        """Return the next frame; None if none came within `timeout` s, or what came was nothing but others'.
 
         Raises:
             CanLostError: The bus is gone or was never opened.
         """
-        bus = self._opened()
-        try:
-            message = bus.recv(timeout)
-        except Exception as error:
-            self._read_errors = self._count(error, self._read_errors)
-            return None
-        self._read_errors = 0
-        if message is None:
-            return None
-        if message.is_error_frame:
-            self.bad_frames += 1
-            return None
-        if message.is_remote_frame or message.is_extended_id or message.is_fd:
-            return None
-        return CanFrame(message.arbitration_id, bytes(message.data))
+        bus, end = self._opened(), time.monotonic() + timeout
+        # Whoever reads until there is nothing left must not stop at what is not for him.
+        for _ in range(MOST_OTHERS):
+            try:
+                message = bus.recv(max(end - time.monotonic(), 0.0))
+            except Exception as error:
+                self._read_errors = self._count(error, self._read_errors)
+                return None
+            self._read_errors = 0
+            if message is None:
+                return None
+            if message.is_error_frame:
+                self.bad_frames += 1
+            elif not (message.is_remote_frame or message.is_extended_id or message.is_fd):
+                frame = CanFrame(message.arbitration_id, bytes(message.data), self._waited(message.timestamp))
+                if not self._is_echo(frame):
+                    return frame
+        return None
 
     def write(self, frame: CanFrame) -> None:
         """Send one frame; a single one that cannot be sent is dropped and counted.
@@ -120,8 +136,26 @@ class CanBus:
         try:
             bus.send(message, SEND_TIMEOUT)
             self._write_errors = 0
+            if self.interface == "udp_multicast":
+                self._echoes.append((time.monotonic(), frame))
         except Exception as error:
             self._write_errors = self._count(error, self._write_errors)
+
+    def _waited(self, stamp: float) -> float:
+        """Return how long ago the kernel stamped a frame, s; 0 on interfaces whose stamps are not its own."""
+        waited = time.time() - stamp if self.interface in _STAMPED else 0.0
+        return waited if 0.0 < waited < LONGEST_WAIT else 0.0
+
+    def _is_echo(self, frame: CanFrame) -> bool:
+        """Whether a frame is one's own come back, as the network's multicast does; they come in order."""
+        while self._echoes and self._echoes[0][0] < time.monotonic() - ECHO_TIME:
+            self._echoes.popleft()
+        for place, (_, sent) in enumerate(self._echoes):
+            if sent == frame:
+                for _ in range(place + 1):
+                    self._echoes.popleft()
+                return True
+        return False
 
     def _count(self, error: Exception, before: int) -> int:
         self.bad_frames += 1

@@ -101,7 +101,7 @@ class HubOnCan:
             if data is None:
                 continue
             try:
-                scan = self.dialogue.take(decode(data, self._wire), now)
+                scan = self.dialogue.take(decode(data, self._wire), now - part.waited)
             except WireError:
                 self._wrong += 1
                 continue
@@ -138,7 +138,7 @@ class IcubOnCan:
         """Send what is due, and return the scans that have come."""
         for part in self.dialogue.ask(now):
             self.link.write(part)
-        scans = [self.dialogue.take(part, now) for part in _waiting(self.link)]
+        scans = [self.dialogue.take(part, now - part.waited) for part in _waiting(self.link)]
         return [scan for scan in scans if scan is not None]
 
     def refused(self) -> int:

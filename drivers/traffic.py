@@ -1,7 +1,7 @@
 """Traffic of any wire captured to a file, and played back to the same driver, bit for bit.
 
 A file is text: a head line, then for every look at the wire "@" and the cell's time in s, then what came ("<") and
-what was sent (">"), in hexadecimal digits, with the id in front of a CAN frame; "!" says how the wire failed. While it plays, time passes as it did
+what was sent (">"), in hexadecimal digits, with the id in front of a CAN frame and behind it how long it had waited, s; "!" says how the wire failed. While it plays, time passes as it did
 then: every wait of the driver ends at the next look.
 """
 
@@ -116,7 +116,8 @@ class RecordedCan:
         with self._recorder.watching():
             frame = self._link.read(timeout)
         if frame is not None:
-            self._recorder.note("<", f"{frame.id:03X} {frame.data.hex()}")
+            waited = f" {frame.waited!r}" if frame.waited else ""
+            self._recorder.note("<", f"{frame.id:03X} {frame.data.hex()}{waited}")
         return frame
 
     def write(self, frame: CanFrame) -> None:
@@ -234,8 +235,8 @@ class PlaybackCan(Playback):
         text = next(self._came, None)
         if text is None:
             return None
-        number, _, data = text.partition(" ")
-        return CanFrame(int(number, 16), bytes.fromhex(data))
+        number, data, waited, *_ = [*text.split(" "), "", ""]
+        return CanFrame(int(number, 16), bytes.fromhex(data), float(waited or 0.0))
 
     def write(self, frame: CanFrame) -> None:
         """Compare what is sent with what was."""
@@ -292,5 +293,7 @@ def _read(path: Path) -> tuple[str, list[_Look]]:
 
 
 def _hexadecimal(text: str) -> str:
-    bytes.fromhex(text.rpartition(" ")[2])
+    _, data, waited, *_ = [*text.split(" "), "", ""] if " " in text else ["", text, ""]
+    bytes.fromhex(data)
+    float(waited or 0.0)
     return text.strip()

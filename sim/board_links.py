@@ -8,6 +8,7 @@ waits and nothing depends on how fast the computer is.
 import math
 from collections import deque
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -121,7 +122,9 @@ class EmulatedCan(_Link[CanFrame]):
     def read(self, timeout: float) -> CanFrame | None:
         """Return the next frame that has arrived; simulated time does not pass meanwhile."""
         self.advance()
-        return self._arrived()
+        arrival = self._to_host[0][0] if self._to_host else 0.0
+        frame = self._arrived()
+        return frame and replace(frame, waited=self._now() - arrival)
 
     def write(self, frame: CanFrame) -> None:
         """Send a frame; it is lost when nobody is there."""

@@ -19,6 +19,7 @@ def test_frames_are_seen_within_a_scan_and_their_way_and_lost_boards_come_back()
         assert 0.0 < line.age_p50 <= line.age_p99 < 0.02
         assert 0.0 < line.recovery_p50 <= line.recovery_max < 1.0
     assert lines["can"].age_p99 < 0.0115
+    assert lines["can"].stamp_error < 0.001
     assert lines["serial"].age_p50 > 0.0095
 
 

@@ -1,6 +1,7 @@
 import errno
 import os
 import socket
+import time
 
 import can
 import pytest
@@ -189,3 +190,40 @@ def test_a_bus_that_cannot_be_opened_says_how_to_put_it_right(monkeypatch, code,
     monkeypatch.setattr(can, "Bus", refuse)
     with pytest.raises(DeviceNotOpenedError, match=told):
         CanBus("socketcan", "can7", 1_000_000).open()
+
+
+def test_frames_of_others_do_not_hide_what_comes_behind_them(fake):
+    bus = CanBus("socketcan", "can0", 125_000)
+    bus.open()
+    other, ours = can.Message(arbitration_id=1), can.Message(arbitration_id=2, is_extended_id=False)
+    fake[0].incoming = [other, other, other, ours]
+    assert bus.read(0.0) == CanFrame(2)
+
+
+def test_own_frames_that_a_multicast_brings_back_are_left_out_and_equal_ones_of_others_are_not(fake):
+    bus = CanBus("udp_multicast", "239.74.163.2", 125_000)
+    bus.open()
+    for data in (b"a", b"b"):
+        bus.write(CanFrame(1, data))
+    fake[0].incoming = [
+        can.Message(arbitration_id=1, data=data, is_extended_id=False) for data in (b"a", b"x", b"b", b"a")
+    ]
+    assert [bus.read(0.0) for _ in range(3)] == [CanFrame(1, b"x"), CanFrame(1, b"a"), None]
+
+
+@pytest.mark.parametrize(
+    ("interface", "age", "waited"),
+    [
+        ("socketcan", 0.5, 0.5),
+        ("udp_multicast", 0.5, 0.5),
+        ("socketcan", -0.5, 0.0),
+        ("socketcan", 1e6, 0.0),
+        ("socketcand", 0.5, 0.0),
+    ],
+)
+def test_a_frame_tells_how_long_it_waited_where_this_computer_stamped_it(fake, monkeypatch, interface, age, waited):
+    monkeypatch.setattr(socket, "create_connection", lambda *place: socket.socket())
+    bus = CanBus(interface, "239.74.163.2" if interface == "udp_multicast" else "host/can0", 125_000)
+    bus.open()
+    fake[0].incoming = [can.Message(timestamp=time.time() - age, arbitration_id=1, is_extended_id=False)]
+    assert bus.read(0.0).waited == pytest.approx(waited, abs=0.2)

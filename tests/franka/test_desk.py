@@ -1,0 +1,26 @@
+"""The shipped file of a physical cell, in a process of its own, with every board at its wire."""
+
+import json
+
+import pytest
+
+pytest.importorskip(
+    "franka_sim", reason="needs the packages that tests/franka/simulated.py names", exc_type=ImportError
+)
+
+from tests.emulation import emulated_or_skip
+from tests.franka.desk import desk
+
+
+def test_a_cell_is_found_whole_by_its_file_and_a_board_that_is_pulled_is_named():
+    emulated_or_skip()
+    with desk(7) as boards:
+        found = {line["device"]: line["found"] for line in json.loads(boards.run("check", "--json").stdout)}
+        boards.switch.close()
+        then = {line["device"]: line["found"] for line in json.loads(boards.run("check", "--json").stdout)}
+    # How late scans start is the affair of the machine that this runs on.
+    assert {name: text for name, text in found.items() if name != "clock"} == dict.fromkeys(
+        ("arm", "gripper", "skin", "switch", "plc"), "ok"
+    )
+    assert "no such port: plug it in" in then["switch"]
+    assert then["skin"] == "ok"
