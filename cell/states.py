@@ -69,6 +69,7 @@ TRANSITIONS: dict[tuple[State, Event], State] = {
     (State.HOLDING, Event.FINISHED): State.HELD,
     (State.HELD, Event.UNHOLD): State.UNHOLDING,
     (State.UNHOLDING, Event.FINISHED): State.EXECUTE,
+    (State.UNHOLDING, Event.HOLD): State.HOLDING,
     (State.STOPPING, Event.FINISHED): State.STOPPED,
     (State.ABORTING, Event.FINISHED): State.ABORTED,
     (State.ABORTED, Event.CLEAR): State.CLEARING,

@@ -20,7 +20,7 @@ from drivers.errors import CellError, ConfigError, FaultCode, PlcLostError
 from drivers.quantities import ArmState, ImpedanceSetpoint
 from plc_bridge.messages import Command, Control, Refusal, Report, Result, Transition
 from skills.catalogue import CATALOGUE, STAGES, Entry
-from skills.contract import Observation, Outcome, Request
+from skills.contract import RESUME_TIME, Observation, Outcome, Request
 from skills.flow import StageRecord
 
 logger = logging.getLogger(__name__)
@@ -74,7 +74,8 @@ class Supervisor:
         self._context.poll, self._context.progress, self._context.record = self._poll, self._progress, self._record
         self._quit = stop or ThreadEvent()
         self._request = Request.RUN
-        self._halted = 0.0
+        self._since = 0.0
+        """When the arm began to be halted or led back, s."""
         self._run: RunRecord | None = None
         self.state = State.IDLE
         self.report = Report(state=State.IDLE)
@@ -167,8 +168,7 @@ class Supervisor:
         elif control is Control.HOLD:
             self._halt_now(Request.HOLD)
         elif control is Control.UNHOLD:
-            self._request = Request.RUN
-            self._enter(Event.FINISHED)
+            self._request, self._since = Request.RESUME, self._cell.clock.now()
         if self._run is None and not is_stop:
             self.report = replace(self.report, result=Result.SUCCESS)
 
@@ -220,7 +220,7 @@ class Supervisor:
             fault = _as_fault(error)
         if fault is not None:
             self._enter(Event.ABORT)
-            self._halted = self._cell.clock.now()
+            self._since = self._cell.clock.now()
             self.report = replace(self.report, fault=fault.code)
         if self.state in (State.STOPPING, State.ABORTING):
             later = self._come_to_rest()
@@ -288,6 +288,7 @@ class Supervisor:
                 self._enter(Event.FINISHED)
             if self.state is State.HELD:
                 self._enter(Event.UNHOLD)
+            if self.state is State.UNHOLDING:
                 self._enter(Event.FINISHED)
             self._enter(Event.FINISHED)
             self.report = replace(self.report, progress=100)
@@ -308,7 +309,7 @@ class Supervisor:
     def _halt_now(self, request: Request) -> None:
         """Halt the arm, and ask the skill to obey."""
         self._cell.arm.halt()
-        self._request, self._halted = request, self._cell.clock.now()
+        self._request, self._since = request, self._cell.clock.now()
 
     def _is_at_rest(self, arm: ArmState) -> bool:
         """Tell whether an arm that is halted at every scan stands still, or has had long enough.
@@ -316,7 +317,7 @@ class Supervisor:
         A single halt would hold the place where a fast arm was, so that it swings back; many let it run out. At rest
         the last one must hold: many would let the arm sink by what its model of gravity lacks.
         """
-        return bool(np.max(np.abs(arm.dq)) < REST_SPEED) or arm.stamp - self._halted > REST_TIME
+        return bool(np.max(np.abs(arm.dq)) < REST_SPEED) or arm.stamp - self._since > REST_TIME
 
     def _halt(self) -> None:
         """Halt the arm, whatever state it is in."""
@@ -351,6 +352,9 @@ class Supervisor:
         if self.state is State.HOLDING and self._is_at_rest(seen.arm):
             self._enter(Event.FINISHED)
             self._request = Request.STAY
+        elif self.state is State.UNHOLDING and seen.stamp - self._since >= RESUME_TIME:
+            self._enter(Event.FINISHED)
+            self._request = Request.RUN
 
     # States.
 

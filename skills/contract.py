@@ -123,6 +123,8 @@ class Request(Enum):
     """Wait, halting the arm at every scan until it is at rest."""
     STAY = "stay"
     """Wait on, with the arm as it is."""
+    RESUME = "resume"
+    """Lead the arm back to the setpoint that it was halted from."""
     STOP = "stop"
 
 
@@ -192,6 +194,8 @@ MOST_OVERRUNS = 5
 """So many scans of the window may take longer than two periods; a scan that slips once is made up for."""
 TRACKING_LIMIT = 0.1
 """Between the controlled point and its setpoint, m: what skills push with stays below half of it."""
+RESUME_TIME = 1.0
+"""From a hold back to the setpoint, s: a peg that left the plate while the arm braked comes down on it slowly."""
 LEAST_TRUSTED = 20
 """Taxels of both fingers without which no skill goes on: half of them, one module of each finger."""
 
@@ -296,7 +300,7 @@ class SkillContext:
     def scan(self, timeout: float, holding: bool = False, limited: bool = True) -> Iterator[Observation]:
         """Yield one observation a scan until `timeout` seconds of running have passed; the only loop of a skill.
 
-        A hold request halts the arm and stops the count of the timeout until it is taken back.
+        A hold request halts the arm and stops the count of the timeout until the arm is back at its setpoint.
 
         Args:
             timeout: Longest time to go on, s; time on hold does not count.
@@ -311,6 +315,7 @@ class SkillContext:
         elapsed, due = 0.0, math.inf
         overruns: deque[bool] = deque(maxlen=OVERRUN_WINDOW)
         guard = PassivityGuard(self.limits.force)
+        paused = None
         while elapsed < timeout:
             request = self.poll()
             if request is Request.STOP:
@@ -325,6 +330,10 @@ class SkillContext:
                     f"scan: {sum(overruns)} of the last {len(overruns)} took longer than "
                     f"{2e3 * self.scan_period:g} ms; {MOST_OVERRUNS} allowed: stop other programs, or lower scan_rate"
                 )
+            if request in (Request.HOLD, Request.STAY):
+                paused = seen.arm
+            elif request is Request.RESUME and paused is not None and self.held is not None:
+                self.arm.follow(_way_back(paused, self.held, seen.stamp, self.scan_period))
             if request is Request.RUN and self.held is not None:
                 _require_tracking(seen.arm, self.held)
             if limited:
@@ -366,6 +375,21 @@ class SkillContext:
     def _interrupt(self, reason: Reason) -> NoReturn:
         self.arm.halt()
         raise Interrupted(reason)
+
+
+def _way_back(paused: ArmState, held: ImpedanceSetpoint, stamp: float, scan_period: float) -> ImpedanceSetpoint:
+    """Return the setpoint at `stamp` on the straight way from where the arm was `paused` to what it held before."""
+    theta, length = (0.0, 0.0) if held.in_hand is None else (held.in_hand.theta, held.in_hand.length)
+    tip, axis = end_point(paused.tcp, theta, length)
+    share = min((stamp - paused.stamp) / RESUME_TIME, 1.0)
+    mixed = axis + share * (held.axis - axis)
+    return replace(
+        held,
+        tip=tip + share * (held.tip - tip),
+        axis=mixed / float(np.linalg.norm(mixed)),
+        twist=None,
+        valid_until=stamp + 10.0 * scan_period,
+    )
 
 
 def _require_tracking(arm: ArmState, held: ImpedanceSetpoint) -> None:

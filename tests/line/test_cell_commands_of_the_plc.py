@@ -1,7 +1,10 @@
 """What a PLC can ask of the cell, through the bridge's mailbox, against instant fakes."""
 
 import json
+from dataclasses import replace
+from itertools import groupby
 
+import numpy as np
 import pytest
 
 from cell.states import State
@@ -124,6 +127,32 @@ def test_an_abort_while_the_arm_of_a_stop_still_moves_aborts(rig):
     rig.at(0.7, lambda: rig.plc.trigger(Control.ABORT))
     report = rig.command(GRASP)
     assert (report.result, report.state, rig.journal.find(1).outcome) == (Result.ABORTED, State.ABORTED, "aborted")
+
+
+def test_after_a_hold_the_arm_is_led_back_slowly(rig):
+    def be_pushed_away():
+        rig.arm.tcp = replace(rig.arm.tcp, position=rig.arm.tcp.position + np.array([0.0, 0.0, 0.03]))
+
+    tips, follow = [], rig.arm.follow
+    rig.arm.follow = lambda setpoint: (tips.append((rig.plc.report.state, setpoint.tip)), follow(setpoint))
+    rig.at(0.5, lambda: rig.plc.trigger(Control.HOLD))
+    rig.at(1.0, be_pushed_away)
+    rig.at(1.5, lambda: rig.plc.trigger(Control.UNHOLD))
+    assert rig.command(GRASP).result == Result.SUCCESS
+    way = np.array([tip for state, tip in tips if state == State.UNHOLDING])
+    before = [tip for state, tip in tips[: len(tips) - len(way)] if state == State.EXECUTE]
+    assert np.linalg.norm(way[-1] - way[0]) == pytest.approx(0.03, rel=0.02)
+    assert np.linalg.norm(np.diff(way, axis=0), axis=1).max() == pytest.approx(0.0003)
+    assert any(np.allclose(way[-1], tip) for tip in before)
+
+
+def test_a_hold_is_obeyed_also_on_the_way_back(rig):
+    states = []
+    rig.clock.every.append(lambda: states.append(rig.plc.report.state))
+    for time, control in ((0.5, Control.HOLD), (1.0, Control.UNHOLD), (1.5, Control.HOLD), (2.0, Control.UNHOLD)):
+        rig.at(time, lambda control=control: rig.plc.trigger(control))
+    assert rig.command(GRASP).result == Result.SUCCESS
+    assert [state for state, _ in groupby(states)].count(State.HELD) == 2
 
 
 def test_a_stop_on_hold_ends_the_run(rig):
