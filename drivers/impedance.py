@@ -115,8 +115,8 @@ def forward(q: Vector) -> tuple[Vector, Vector, Vector, Vector]:  # pragma: no c
 
 
 @njit(cache=True)
-def _solve(A: Vector, b: Vector) -> Vector:  # pragma: no cover
-    """Solve a symmetric positive definite system in place, by Cholesky; A shape (n, n), b shape (n,)."""
+def solve(A: Vector, b: Vector) -> Vector:  # pragma: no cover
+    """Solve a symmetric positive definite system in place, by Cholesky; A shape (n, n), b shape (n,); return b."""
     n = b.shape[0]
     for j in range(n):
         for k in range(j):
@@ -232,7 +232,7 @@ def torque(
         A[k, k] += 1e-4
         for i in range(7):
             b[k] += J[k, i] * null[i]
-    _solve(A, b)
+    solve(A, b)
     tau = np.empty(7)
     step = _RATE_MAX * period
     for i in range(7):

@@ -12,25 +12,14 @@ from functools import lru_cache
 
 import numpy as np
 
-from drivers.quantities import FINGERS, Vector
+from drivers.quantities import Vector
 from drivers.skin_layout import Layout, finger_positions, pad_size
 from sim.config import PadConfig
+from sim.pad_solver import CELL, lie, spread
 
-CELL = 1e-3
-"""Of the grid on the pad, m."""
 LINE_POINTS = 33
 LEVER_LIMIT = 0.9
 """Loads that would lift the peg off a pad, or lever it out over its edge, are clipped to this share of the most."""
-NEWTON_STEPS = 40
-NEWTON_TOLERANCE = 1e-4
-LIGHTEST = 1e-3
-"""Loads below this share of the grip's own are as good as none: Newton's method need not resolve them."""
-FURTHEST = 0.9
-"""Share of the way to the solid pad that one step may go."""
-LIFTED_SLOPE = 1e-3
-"""Stands in for the slope of a pad that is not touched, so that Newton's matrix has an inverse."""
-SMALLEST = 1e-6
-"""Of a step's length, in Newton steps."""
 GAUSS = ((-math.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (math.sqrt(0.6), 5 / 18))
 """Places, on -1 to 1, and weights of a mean by Gauss and Legendre."""
 
@@ -188,75 +177,28 @@ class Pads:
         motions = np.concatenate([[one, one, s], [one, -one, -s]], axis=1)
         wanted = np.array([2.0 * load.grip_force, across, tilting]) / (step * self._foundation)
         if self._config.hold == "width":
-            u, phi = self._solve(motions[1:], wanted[1:], np.zeros(2), delta0)
+            u, phi = lie(motions[1:], wanted[1:], np.zeros(2), delta0, self._config.thickness)
         else:
-            delta0, u, phi = self._solve(motions, wanted, np.array([delta0, 0.0, 0.0]), 0.0)
+            delta0, u, phi = lie(motions, wanted, np.array([delta0, 0.0, 0.0]), 0.0, self._config.thickness)
         return Pressing(low, high, float(delta0), float(u), float(phi))
-
-    def _solve(self, motions: Vector, wanted: Vector, lie: Vector, rest: float) -> Vector:
-        """Return the motions' amounts at which the pads' answer, in units of the foundation, is what is `wanted`.
-
-        Args:
-            motions: Depth that a unit of each motion adds at each point of both pads, shape (m, n).
-            wanted: What the answers, each times its motion, shall add up to, shape (m,).
-            lie: Where to start, shape (m,).
-            rest: Depth that no motion changes, m.
-        """
-        thickness = self._config.thickness
-        depth = rest + lie @ motions
-        energy = self._energy(depth) - wanted @ lie
-        enough = NEWTON_TOLERANCE * max(float(np.abs(wanted).max()), LIGHTEST * float(np.maximum(depth, 0.0).sum()))
-        for _ in range(NEWTON_STEPS):
-            pressed = np.maximum(depth, 0.0)
-            room = 1.0 / (1.0 - pressed / thickness)
-            missing = wanted - motions @ (pressed * room)
-            if np.abs(missing).max() < enough:
-                break
-            slope = np.where(depth > 0.0, room * room, LIFTED_SLOPE)
-            move = np.linalg.solve((motions * slope) @ motions.T, missing)
-            change = move @ motions
-            # Most of the way to the solid pad at the furthest.
-            share = float((change / (thickness - depth)).max())
-            size = min(1.0, FURTHEST / share if share > 0.0 else 1.0)
-            gain = float(missing @ move)
-            while size > SMALLEST:
-                trial = self._energy(depth + size * change) - wanted @ (lie + size * move)
-                if trial <= energy - 1e-4 * size * gain:
-                    break
-                size /= 2
-            lie, depth, energy = lie + size * move, depth + size * change, trial
-        return lie
-
-    def _energy(self, depth: Vector) -> float:
-        """Return the energy stored at these depths, the integral of depth / (1 - depth/thickness), in its units."""
-        share = np.maximum(depth, 0.0) / self._config.thickness
-        return -float((share + np.log1p(-share)).sum()) * self._config.thickness**2
 
     def pressure(self, load: PadLoad) -> Vector:
         """Return the pressure that each taxel sees, shape (2, 20), left finger first, Pa."""
         pressing = self.press(load)
         if pressing.high <= pressing.low:
             return np.zeros(self._weights.shape[:2])
-        c, s = math.cos(load.theta), math.sin(load.theta)
-        along = self._cells @ np.array([c, s])
-        beside = self._cells @ np.array([-s, c]) - load.offset
-        reach = load.diameter / 2 + CELL if load.is_flat else math.sqrt(load.diameter * self._config.thickness)
         # The pad's edges cut a line short, but a face only where it reaches over them, and beyond them are no cells.
-        low, high = (-load.reach_back, load.reach_tip) if load.is_flat else (pressing.low, pressing.high)
-        near = np.flatnonzero((np.abs(beside) < reach) & (along > low - CELL) & (along < high + CELL))
-        along, beside = along[near], beside[near]
-        inside = np.clip((along - low) / CELL + 0.5, 0.0, 1.0) * np.clip((high - along) / CELL + 0.5, 0.0, 1.0)
-        taxels = np.empty(self._weights.shape[:2])
-        for finger in range(FINGERS):
-            depth = pressing.depth(finger, along)
-            if load.is_flat:
-                shape = np.clip((load.diameter / 2 - np.abs(beside)) / CELL + 0.5, 0.0, 1.0) / load.diameter
-            else:
-                # A cylinder leaves a groove of half width b, b² = d·depth, and depth·(1 - (y/b)²) across it.
-                square = np.maximum(load.diameter * depth, 1e-12)
-                shape = np.maximum(1.0 - beside**2 / square, 0.0) * 0.75 / np.sqrt(square)
-            pressure = inside * shape * self.line_load(depth)
-            taxels[finger] = self._weights[finger][:, near] @ pressure
+        ends = (-load.reach_back, load.reach_tip) if load.is_flat else (pressing.low, pressing.high)
+        taxels = np.zeros(self._weights.shape[:2])
+        spread(
+            ends,
+            (pressing.delta0, pressing.u, pressing.phi),
+            (load.theta, load.offset, load.diameter, load.is_flat),
+            (self._foundation, self._config.thickness),
+            self._cells,
+            self._weights,
+            taxels,
+        )
         return taxels
 
 

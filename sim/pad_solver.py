@@ -1,0 +1,144 @@
+"""How a peg settles between two pads, and what of that each taxel sees: the part of `sim.pads` that is compiled."""
+
+import math
+
+import numpy as np
+
+from drivers.compiled import njit
+from drivers.impedance import solve
+from drivers.quantities import FINGERS, Vector
+
+CELL = 1e-3
+"""Of the grid on the pad, m."""
+NEWTON_STEPS = 40
+NEWTON_TOLERANCE = 1e-4
+LIGHTEST = 1e-3
+"""Loads below this share of the grip's own are as good as none: Newton's method need not resolve them."""
+FURTHEST = 0.9
+"""Share of the way to the solid pad that one step may go."""
+LIFTED_SLOPE = 1e-3
+"""Stands in for the slope of a pad that is not touched, so that Newton's matrix has an inverse."""
+SMALLEST = 1e-6
+"""Of a step's length, in Newton steps."""
+
+
+@njit(cache=True)
+def _energy(depth: Vector, thickness: float) -> float:  # pragma: no cover
+    """Return the energy stored at these depths, the integral of depth / (1 - depth/thickness), in its units."""
+    total = 0.0
+    for k in range(depth.size):
+        share = max(depth[k], 0.0) / thickness
+        total += share + math.log1p(-share)
+    return -total * thickness**2
+
+
+@njit(cache=True)
+def lie(motions: Vector, wanted: Vector, start: Vector, rest: float, thickness: float) -> Vector:  # pragma: no cover
+    """Return the motions' amounts at which the pads' answer, in units of the foundation, is what is `wanted`.
+
+    Args:
+        motions: Depth that a unit of each motion adds at each point of both pads, shape (m, n).
+        wanted: What the answers, each times its motion, shall add up to, shape (m,).
+        start: Where to start, shape (m,).
+        rest: Depth that no motion changes, m.
+        thickness: Depth at which a pad is solid, m.
+    """
+    m, n = motions.shape
+    amounts = start.copy()
+    depth, trial, change = np.empty(n), np.empty(n), np.empty(n)
+    pressed, largest = 0.0, 0.0
+    for k in range(n):
+        depth[k] = rest
+        for i in range(m):
+            depth[k] += amounts[i] * motions[i, k]
+        pressed += max(depth[k], 0.0)
+    energy = _energy(depth, thickness)
+    for i in range(m):
+        energy -= wanted[i] * amounts[i]
+        largest = max(largest, abs(wanted[i]))
+    enough = NEWTON_TOLERANCE * max(largest, LIGHTEST * pressed)
+    matrix, missing = np.empty((m, m)), np.empty(m)
+    for _ in range(NEWTON_STEPS):
+        missing[:] = wanted
+        matrix[:] = 0.0
+        for k in range(n):
+            room = 1.0 / (1.0 - max(depth[k], 0.0) / thickness)
+            slope = room * room if depth[k] > 0.0 else LIFTED_SLOPE
+            for i in range(m):
+                missing[i] -= motions[i, k] * max(depth[k], 0.0) * room
+                for j in range(m):
+                    matrix[i, j] += motions[i, k] * slope * motions[j, k]
+        if np.abs(missing).max() < enough:
+            break
+        move = solve(matrix, missing.copy())
+        # Most of the way to the solid pad at the furthest.
+        share, gain = 0.0, 0.0
+        for k in range(n):
+            change[k] = 0.0
+            for i in range(m):
+                change[k] += move[i] * motions[i, k]
+            share = max(share, change[k] / (thickness - depth[k]))
+        for i in range(m):
+            gain += missing[i] * move[i]
+        size = min(1.0, FURTHEST / share if share > 0.0 else 1.0)
+        reached = energy
+        while size > SMALLEST:
+            trial[:] = depth + size * change
+            reached = _energy(trial, thickness)
+            for i in range(m):
+                reached -= wanted[i] * (amounts[i] + size * move[i])
+            if reached <= energy - 1e-4 * size * gain:
+                break
+            size /= 2.0
+        energy = reached
+        amounts += size * move
+        depth += size * change
+    return amounts
+
+
+@njit(cache=True)
+def spread(
+    ends: tuple[float, float],
+    pressing: tuple[float, float, float],
+    peg: tuple[float, float, float, bool],
+    pad: tuple[float, float],
+    cells: Vector,
+    weights: Vector,
+    taxels: Vector,
+) -> None:  # pragma: no cover
+    """Add up the pressure that each taxel sees.
+
+    Args:
+        ends: Of the peg on the pads, m along it from the finger centre.
+        pressing: delta0, u and phi, as in `Pressing`.
+        peg: theta, offset, diameter, and whether a face lies on the pads.
+        pad: Stiffness of its foundation, N/m², and thickness, m.
+        cells: Of the grid, shape (n, 2), m.
+        weights: Share of each cell's pressure that a taxel sees, shape (2, 20, n).
+        taxels: Shape (2, 20), Pa, at zero; filled in.
+    """
+    low, high = ends
+    delta0, u, phi = pressing
+    theta, offset, diameter, is_flat = peg
+    foundation, thickness = pad
+    c, s = math.cos(theta), math.sin(theta)
+    reach = diameter / 2.0 + CELL if is_flat else math.sqrt(diameter * thickness)
+    for k in range(cells.shape[0]):
+        along = c * cells[k, 0] + s * cells[k, 1]
+        beside = c * cells[k, 1] - s * cells[k, 0] - offset
+        if abs(beside) >= reach or along <= low - CELL or along >= high + CELL:
+            continue
+        inside = min(max((along - low) / CELL + 0.5, 0.0), 1.0) * min(max((high - along) / CELL + 0.5, 0.0), 1.0)
+        for finger in range(FINGERS):
+            move = u + phi * along
+            depth = max(delta0 + (move if finger == 0 else -move), 0.0)
+            if is_flat:
+                shape = min(max((diameter / 2.0 - abs(beside)) / CELL + 0.5, 0.0), 1.0) / diameter
+            else:
+                # A cylinder leaves a groove of half width b, b² = d·depth, and depth·(1 - (y/b)²) across it.
+                square = max(diameter * depth, 1e-12)
+                shape = max(1.0 - beside * beside / square, 0.0) * 0.75 / math.sqrt(square)
+            pressure = inside * shape * foundation * depth / (1.0 - depth / thickness)
+            if pressure != 0.0:
+                for taxel in range(taxels.shape[1]):
+                    taxels[finger, taxel] += weights[finger, taxel, k] * pressure
