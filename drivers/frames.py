@@ -7,6 +7,7 @@ import numpy as np
 from drivers.quantities import Pose, Vector
 
 UP: Vector = np.array([0.0, 0.0, 1.0])
+_ONE = np.eye(3)
 
 
 def compose(T_a_b: Pose, T_b_c: Pose) -> Pose:
@@ -49,7 +50,7 @@ def rotation_about(axis: Vector, angle: float) -> Vector:
     """Return the rotation by `angle`, rad, about the unit vector `axis`, shape (3, 3) (Rodrigues)."""
     x, y, z = axis
     K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    rotation: Vector = np.eye(3) + math.sin(angle) * K + (1.0 - math.cos(angle)) * (K @ K)
+    rotation: Vector = _ONE + math.sin(angle) * K + (1.0 - math.cos(angle)) * (K @ K)
     return rotation
 
 

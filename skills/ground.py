@@ -9,6 +9,8 @@ from drivers.frames import UP
 from drivers.parts import Hole
 from drivers.quantities import Vector
 
+_ONE = np.eye(4)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plane:
@@ -62,16 +64,18 @@ class Ground:
             self._origin, self._values[0] = np.array(edge[:2]), edge[2]
         row = self._row(edge, sense)
         towards = self._covariance @ row
-        noise = self.NOISE * (self.DOUBT if self.below(edge, sense) > 0.0 else 1.0)
-        gain = towards / (noise**2 + row @ towards)
-        self._values = self._values + gain * (edge[2] - row @ self._values)
+        spread, above = float(row @ towards), float(edge[2] - row @ self._values)
+        is_dip = self._scans > 0 and -above > 3.0 * math.sqrt(spread)
+        noise = self.NOISE * (self.DOUBT if is_dip else 1.0)
+        gain = towards / (noise**2 + spread)
+        self._values = self._values + gain * above
         # Joseph's form keeps the covariance positive where the plain one loses it to rounding.
-        left = np.eye(4) - np.outer(gain, row)
-        self._covariance = left @ self._covariance @ left.T + noise**2 * np.outer(gain, gain)
+        left = _ONE - gain[:, None] * row
+        self._covariance = left @ self._covariance @ left.T + noise**2 * (gain[:, None] * gain)
         self._covariance *= 1.0 + 1.0 / self.MEMORY
         # What is forgotten must not grow beyond what was known at first.
-        excess = np.minimum(self._doubt / np.sqrt(np.diag(self._covariance)), 1.0)
-        self._covariance *= np.outer(excess, excess)
+        excess = np.minimum(self._doubt / np.sqrt(self._covariance.diagonal()), 1.0)
+        self._covariance *= excess[:, None] * excess
         self._scans += 1
 
     def below(self, edge: Vector, sense: int) -> float:

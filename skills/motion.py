@@ -161,7 +161,7 @@ def stay(ctx: SkillContext, stamp: float) -> None:
 def between(goal: Vector, start: Vector, share: float) -> Vector:
     """Return the unit vector that stands by `share` of the way at `start` and for the rest at `goal`, shape (3,)."""
     mixed: Vector = (1.0 - share) * goal + share * start
-    return mixed / float(np.linalg.norm(mixed))
+    return mixed / math.sqrt(float(mixed @ mixed))
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,4 +177,5 @@ class Trim:
 
     def after(self, error: float, period: float) -> "Trim":
         """Return the trim after `period` seconds with this error of the tip, m."""
-        return replace(self, value=min(max(self.value + self.rate * error * period, -self.limit), self.limit))
+        value = min(max(self.value + self.rate * error * period, -self.limit), self.limit)
+        return Trim(self.rate, self.limit, value)

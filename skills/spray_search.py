@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
+from drivers.frames import UP
 from drivers.quantities import ImpedanceSetpoint, Twist, Vector
 from skills.contract import Observation, Outcome, Reason, SkillContext, SkillParams, SkillResult
 from skills.ground import Ground, Plane
@@ -271,8 +272,8 @@ def _rest(
 
 def lowest_point(tip: Vector, axis: Vector, radius: float) -> Vector:
     """Return the lowest point of the peg's edge, shape (3,), m; `tip` the middle of its end face, `axis` unit, upwards."""
-    down = axis[2] * axis - np.array([0.0, 0.0, 1.0])
-    size = float(np.linalg.norm(down))
+    down = axis[2] * axis - UP
+    size = math.sqrt(float(down @ down))
     return tip + (radius / size) * down if size > 1e-9 else tip
 
 
