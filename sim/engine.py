@@ -68,6 +68,34 @@ def is_far(hole: Vector, size: Vector, middle: Vector, axes: Vector) -> bool:  #
 
 
 @njit(cache=True)
+def pad_gap(
+    pads: tuple[int, int], sizes: Vector, places: Vector, axes: Vector, peg: tuple[Vector, Vector, Vector]
+) -> float:  # pragma: no cover
+    """Return a distance, m, that no pad is nearer to the peg than; negative where one may touch it.
+
+    Args:
+        pads: The two geoms, boxes.
+        sizes: Half the extents of all geoms, shape (n, 3), m; likewise `places` and `axes`, shape (n, 9).
+        places: Their middles, m, base frame.
+        axes: Their axes.
+        peg: Size, place and axes of the peg, see `is_far`.
+    """
+    size, middle, turned = peg
+    least = math.inf
+    for pad in pads:
+        gap = -math.inf
+        for k in range(3):
+            away = along = 0.0
+            for i in range(3):
+                away += axes[pad, 3 * i + k] * (middle[i] - places[pad, i])
+                along += axes[pad, 3 * i + k] * turned[i, 2]
+            extent = size[1] * abs(along) + size[0] * math.sqrt(max(1.0 - along * along, 0.0))
+            gap = max(gap, abs(away) - extent - sizes[pad, k])
+        least = min(least, gap)
+    return least
+
+
+@njit(cache=True)
 def advance(
     models: tuple[int, int],
     data: int,
@@ -101,7 +129,7 @@ def advance(
         qfrc: Applied generalised forces.
         pivot: View of the finger centre's position, m, base frame.
         peg: Size, and views of place and axes of the peg, see `is_far`.
-        hole: See `is_far`.
+        hole: See `is_far`; with a negative radius nothing is ever near it.
         userdata: Where the contact function leaves the penetration.
         words: The held setpoint, see `drivers.impedance`.
         state: State of the law.

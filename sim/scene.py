@@ -7,6 +7,7 @@ peg's weight applied by hand: the arm's controller compensates the arm's own exa
 """
 
 import math
+from copy import copy
 
 import mujoco
 
@@ -72,6 +73,19 @@ def free_model(
     plates = "".join(geoms("plate", plate, friction, timestep) + geoms("rack", rack, friction, timestep))
     extra = f'<equality><joint joint1="left" joint2="right" solref="{2 * timestep} 1" solimp="0.999 0.999 0.0005"/></equality>'
     return _compile(plates, _arm(timestep, panda_inertia.HAND_MASS, fingers) + peg, extra, 'island="enable"', timestep)
+
+
+def without_peg(model: mujoco.MjModel, longer: int) -> mujoco.MjModel:
+    """Return a twin of the free model in which nothing touches the peg, with a time step `longer` times as long.
+
+    A peg at rest, without its weight, then stays where it is, at no cost.
+    """
+    twin = copy(model)
+    twin.opt.timestep *= longer
+    for solref in (twin.dof_solref, twin.jnt_solref, twin.eq_solref):
+        solref[:, 0] *= longer
+    twin.geom("peg").conaffinity[:] = 0
+    return twin
 
 
 def _peg_geom(job: Job, axis: float) -> str:

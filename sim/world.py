@@ -32,6 +32,14 @@ SETTLED_GRIP = 0.05
 """The pads must have held the peg clear of the rack for so long before it is taken for held, s."""
 FLOOR_MARGIN = 0.5e-3
 """The hole's floor lies so far below the depth at which the switch closes, m."""
+SETTLING = 0.02
+"""A peg in nobody's hand must have had so much time to settle before it is left at rest, s."""
+AT_REST = (1e-4, 1e-2)
+"""Speeds of a peg that lies still, m/s and rad/s; one that fell would be at 0.2 m/s by then."""
+OUT_OF_REACH = 0.01
+"""Gap between pads and peg that no hand closes in the 10 ms until it is looked at again, m."""
+NOWHERE: Vector = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0, -math.inf])
+"""A hole that nothing is near."""
 LOST_TURN = scene.HINGE_RANGE - math.radians(2.0)
 """Hinge angle at which the peg meets the palm and drops out, rad."""
 VOID_PENETRATION = 10e-6
@@ -86,7 +94,8 @@ class World:
         self.words = np.zeros(impedance.WORDS)
         self.law_state = np.zeros(impedance.STATE_WORDS)
         self.drive = np.array([0.0, panda.HAND_STROKE])
-        self._held_since = 0.0
+        self._held_since = self._loose_since = self._load = 0.0
+        self._is_resting, self._peg_body = False, 0
         self._q, self._dq = HOME.copy(), np.zeros(7)
         self._data: mujoco.MjData = None
         contact.install()
@@ -127,8 +136,10 @@ class World:
         }
         # The held model once more with a longer step; both step the same data.
         self._coarse = None
+        self._resting = None
         if self._sim.model.long_steps and self._law_every % engine.COARSE == 0:
             self._coarse = scene.held_model(self.job, self.plate, drawn.friction, engine.COARSE * dt, self._sim.model)
+            self._resting = scene.without_peg(self._models[Peg.FREE], engine.COARSE)
         reach = self.plate.radius * (math.sqrt(2.0) if is_square else 1.0)
         self._hole = np.array([*self.plate.position, *self.plate.rotation[:, 2], reach])
         self._datas = {which: mujoco.MjData(model) for which, model in self._models.items()}
@@ -172,7 +183,9 @@ class World:
 
     def _advance(self, steps: int) -> int:
         data = self._data
-        if self.peg is Peg.HELD:
+        if self.peg is not Peg.HELD:
+            self._let_rest()
+        else:
             slips_at = self.breakaway()
             for model in self._steppers:
                 model.dof_frictionloss[self._pivot_dof] = slips_at
@@ -185,7 +198,7 @@ class World:
             data.qfrc_applied,
             self._pivot,
             self._peg_views,
-            self._hole,
+            self._near,
             data.userdata,
             self.words,
             self.law_state,
@@ -210,6 +223,25 @@ class World:
         self._pass_on()
         return taken
 
+    def _let_rest(self) -> None:
+        """Leave a peg that lies still, out of the pads' reach, out of the physics; take it in again before they reach it."""
+        if self._resting is None:
+            return
+        data, model = self._data, self._model
+        is_clear = (
+            engine.pad_gap(self._pads, model.geom_size, data.geom_xpos, data.geom_xmat, self._peg_views) > OUT_OF_REACH
+        )
+        if self._is_resting and not is_clear:
+            self._is_resting, self._loose_since = False, self.now()
+            self._steppers, self._near = [model], self._hole
+            data.xfrc_applied[self._peg_body, 2] = self._load
+        elif is_clear and not self._is_resting and self.now() - self._loose_since >= SETTLING:
+            speeds = np.abs(data.qvel[9:15])
+            if speeds[:3].max() < AT_REST[0] and speeds[3:].max() < AT_REST[1]:
+                self._is_resting, self._load = True, float(data.xfrc_applied[self._peg_body, 2])
+                self._steppers, self._near = [model, self._resting], NOWHERE
+                data.xfrc_applied[self._peg_body, 2] = data.qvel[9:15] = 0.0
+
     def _pass_on(self) -> None:
         """Change the peg's situation when what happened asks for it."""
         if self.peg is Peg.HELD:
@@ -230,6 +262,8 @@ class World:
         key = Peg.HELD if which is Peg.HELD else Peg.FREE
         self._model, self._data = self._models[key], self._datas[key]
         self._steppers = [self._model, *([self._coarse] if key is Peg.HELD and self._coarse is not None else [])]
+        self._near, self._is_resting, self._loose_since = self._hole, False, self.now()
+        self._peg_body = int(self._model.body("peg").id)
         mujoco.mj_resetData(self._model, self._data)
         self._data.qpos[:7], self._data.qvel[:7] = self._q, self._dq
 
@@ -298,7 +332,7 @@ class World:
     def physics(self) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """Return the model that the next step takes, and the data, for measurements."""
         coarse = self._steppers[-1]
-        return (coarse if engine.is_far(self._hole, *self._peg_views) else self._model), self._data
+        return (coarse if engine.is_far(self._near, *self._peg_views) else self._model), self._data
 
     @property
     def is_held(self) -> bool:

@@ -137,3 +137,24 @@ def test_the_law_knows_the_arm_that_the_physics_moves() -> None:
     body = physics._model.body("peg").id
     mujoco.mj_forward(physics._model, physics._data)
     assert np.linalg.norm(physics.tcp().position - physics._data.xpos[body]) < 1e-12
+
+
+def test_a_peg_that_nobody_can_touch_costs_nothing_and_stays() -> None:
+    _, physics = cell_of(4)
+    _, watched = cell_of(4, "sim.model.long_steps=false")
+    for each in (physics, watched):
+        each.wait_until(0.5)
+    assert physics.physics()[1].ncon == 0 < watched.physics()[1].ncon
+    np.testing.assert_allclose(physics.peg_pose().position, watched.peg_pose().position, atol=1e-7)
+
+
+def test_a_peg_at_rest_is_back_before_the_pads_reach_it() -> None:
+    cell, physics = cell_of(5)
+    seen: list[tuple[bool, float]] = []
+    ctx = cell.context(5)
+    ctx.record = lambda scan, setpoint: seen.append((physics.physics()[1].ncon > 0, physics.pad_force()))
+    assert grasp_from_rack.run(cell.config.grasp, ctx).outcome is Outcome.SUCCESS
+    asleep = [awake for awake, _ in seen].index(False)
+    woken = [awake for awake, _ in seen].index(True, asleep)
+    touched = next(k for k, (_, force) in enumerate(seen) if force > 0.0)
+    assert asleep < woken < touched - 3
