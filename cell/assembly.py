@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, TypeVar, cast
 
 import numpy as np
 
-from cell.checks import check_clock, verdict
+from cell.checks import LOOP_TIME, check_clock, loop_verdict, remedy, verdict
 from cell.config import CellConfig
 from drivers.arm import FrankaArm, FrankaArmConfig
 from drivers.can_bus import CanBus
@@ -288,9 +288,13 @@ def _check_devices(cell: Cell) -> list[tuple[str, str]]:
     for name, device in cell.devices():
         try:
             device.open()
-            found.append((name, verdict(readers[name]())))
+            told = verdict(readers[name]())
+            if isinstance(device, FrankaArm):
+                cell.clock.wait_until(cell.clock.now() + LOOP_TIME)
+                told = loop_verdict(device.figures())
+            found.append((name, told))
         except CellError as error:
-            found.append((name, f"fault {error.code.value}: {error}"))
+            found.append((name, remedy(error)))
         finally:
             device.close()
     return found

@@ -32,6 +32,7 @@ _STAMPED = ("socketcan", "udp_multicast")
 _SOCKETCAN_TROUBLE = {
     errno.EAFNOSUPPORT: "this computer's kernel has no CAN: load its modules (modprobe can_raw), or use another interface",
     errno.ENODEV: "no such network interface: plug the adapter in and load its driver, or name another channel",
+    errno.ENOBUFS: "nobody acknowledges what is sent: see supply, wires, a terminator at both ends, and the bit rate",
     errno.ENETDOWN: "the network interface is down: ip link set NAME up type can bitrate RATE",
 }
 _SOCKETCAND_PORT, _MULTICAST_PORT = 29536, 43113
@@ -168,6 +169,8 @@ class CanBus:
         code = getattr(error, "errno", None) or getattr(error, "error_code", None)
         if self.interface == "socketcan" and code in _SOCKETCAN_TROUBLE:
             return _SOCKETCAN_TROUBLE[code]
+        if self.interface == "socketcan" and "Transmit buffer full" in str(error):
+            return _SOCKETCAN_TROUBLE[errno.ENOBUFS]
         return _one_line(error)
 
     def _opened(self) -> can.BusABC:

@@ -10,6 +10,9 @@ from drivers.skin_wire import LONGEST, CanAssembler, WireError, decode, encode, 
 MOST_FRAMES = 1000
 """Taken from a bus in one go: a bus that babbles must not hold up the scan."""
 
+NOTHING_ON_BUS = ": check its supply, the wires with a terminator at both ends, and that the bus runs at its bit rate"
+NOTHING_ON_LINE = ": check its supply and cable, whether this is its port, and skin.baud_rate"
+
 
 class CanLink(Protocol):
     """A CAN bus; `drivers.can_bus.CanBus` is one."""
@@ -119,7 +122,7 @@ class HubOnCan:
             return f"all {self._wrong} messages of hub {self._wire.hub} have a wrong check sum: see board.wire.crc"
         if not self._frames.frames and self._others:
             return f"{self._others} frames on the bus, none of hub {self._wire.hub}: see board.wire.hub"
-        return self.dialogue.trouble()
+        return self.dialogue.trouble() + ("" if self._frames.frames else NOTHING_ON_BUS)
 
 
 class IcubOnCan:
@@ -147,7 +150,7 @@ class IcubOnCan:
 
     def trouble(self) -> str:
         """Return why no scan comes."""
-        return self.dialogue.trouble()
+        return self.dialogue.trouble() + ("" if self.dialogue.heard else NOTHING_ON_BUS)
 
 
 class HubOnSerial:
@@ -198,7 +201,7 @@ class HubOnSerial:
             return f"{self._frames.bytes} bytes heard and no frame among them: another baud rate than skin.baud_rate?"
         if not self.dialogue.heard and self._wrong:
             return f"all {self._wrong} messages have a wrong check sum: see board.wire.crc"
-        return self.dialogue.trouble()
+        return self.dialogue.trouble() + ("" if self._frames.bytes else NOTHING_ON_LINE)
 
 
 def _pieces(data: bytes) -> list[bytes]:

@@ -227,3 +227,13 @@ def test_a_frame_tells_how_long_it_waited_where_this_computer_stamped_it(fake, m
     bus.open()
     fake[0].incoming = [can.Message(timestamp=time.time() - age, arbitration_id=1, is_extended_id=False)]
     assert bus.read(0.0).waited == pytest.approx(waited, abs=0.2)
+
+
+def test_a_bus_on_which_nobody_acknowledges_says_what_to_look_at(fake):
+    bus = CanBus("socketcan", "can0", 125_000)
+    bus.open()
+    fake[0].fails = True
+    for _ in range(PATIENCE - 1):
+        bus.write(CanFrame(1))
+    with pytest.raises(CanLostError, match=r"nobody acknowledges.*bit rate"):
+        bus.write(CanFrame(1))
