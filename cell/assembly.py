@@ -28,6 +28,7 @@ from drivers.skin_health import require_trust
 from drivers.skin_layout import Layout
 from drivers.skin_port import ByteLink, CanLink
 from drivers.switch import SerialSuccessSwitch, SerialSwitchConfig
+from drivers.switch_wire import BAUD_RATE
 from drivers.traffic import RecordedCan, RecordedLine, Recorder
 from drivers.transport import SerialLine
 from skills.contract import Blend, Estimator, SkillContext, Tracker
@@ -163,7 +164,7 @@ def _hardware(config: CellConfig, arm: FrankaArmConfig) -> Cell:
         arm=FrankaArm(arm, clock),
         gripper=FrankaGripper(config.gripper),
         skin=skin,
-        switch=SerialSuccessSwitch(config.switch, clock),
+        switch=_serial_switch(config.switch, clock),
         restock=lambda job, seed: None,
     )
 
@@ -234,10 +235,17 @@ def _switch(
     if not isinstance(wired, SerialSwitchConfig):
         return SimSwitch(source), clock, ()
     if wired.port != EMULATED:
-        return SerialSuccessSwitch(wired, clock), clock, ()
-    board = EmulatedSwitchBoard(source)
+        return _serial_switch(wired, clock), clock, ()
+    board = EmulatedSwitchBoard(source, faults=config.boards.switch.faults, seed=config.sim.seed if config.sim else 0)
     clock = BoardClock(clock, (board,))
-    return SerialSuccessSwitch(wired.model_copy(update={"port": board.port}), clock), clock, (board,)
+    return _serial_switch(wired.model_copy(update={"port": board.port}), clock), clock, (board,)
+
+
+def _serial_switch(config: SerialSwitchConfig, clock: Clock) -> SerialSuccessSwitch:
+    if not config.record:
+        return SerialSuccessSwitch(config, clock)
+    recorder = Recorder(Path(config.record), "serial", clock)
+    return SerialSuccessSwitch(config, recorder, RecordedLine(SerialLine(config.port, BAUD_RATE), recorder))
 
 
 @contextmanager

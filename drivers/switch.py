@@ -9,6 +9,7 @@ from drivers.errors import DeviceNotOpenedError
 from drivers.parts import ConfigModel
 from drivers.protocols import Clock
 from drivers.quantities import SwitchState
+from drivers.skin_port import ByteLink
 from drivers.switch_wire import BAUD_RATE, TIME_RANGE, Contacts, Decoder, SwitchReport
 from drivers.transport import LineLostError, SerialLine
 
@@ -35,6 +36,8 @@ class SerialSwitchConfig(ConfigModel):
     kind: Literal["serial"]
     port: Annotated[str, Field(min_length=1)]
     """As the operating system has it, best a name that stays, as those of /dev/serial/by-id."""
+    record: str = ""
+    """File that all traffic of the line goes to; empty is none."""
 
 
 class SerialSuccessSwitch:
@@ -44,9 +47,10 @@ class SerialSuccessSwitch:
     back or repeats them, they are as stale as reports that do not come at all. A lost port is opened again by itself.
     """
 
-    def __init__(self, config: SerialSwitchConfig, clock: Clock) -> None:
-        """Describe the board; `clock` is the cell's."""
-        self._line, self._clock = SerialLine(config.port, BAUD_RATE), clock
+    def __init__(self, config: SerialSwitchConfig, clock: Clock, line: ByteLink | None = None) -> None:
+        """Describe the board; `clock` is the cell's, `line` stands in for the port where traffic is recorded or played."""
+        self._line: ByteLink = line or SerialLine(config.port, BAUD_RATE)
+        self._clock = clock
         self._port = config.port
         self._is_open = False
         self._forget()

@@ -100,10 +100,17 @@ class SkinBoardConfig(SkinModel):
     faults: WireFaults = WireFaults()
 
 
+class SwitchBoardConfig(ConfigModel):
+    """[boards.switch]: the emulated switch board, where the port of [switch] is "emulated"."""
+
+    faults: WireFaults = WireFaults()
+
+
 class BoardsConfig(ConfigModel):
     """[boards]: emulated boards."""
 
     skin: SkinBoardConfig = SkinBoardConfig()
+    switch: SwitchBoardConfig = SwitchBoardConfig()
 
 
 Coefficient = Annotated[float, Field(ge=0.0, le=2.0)]

@@ -4,15 +4,21 @@ import ctypes
 import math
 import subprocess
 import tempfile
-from collections.abc import Callable
+from collections import deque
 from functools import cache
 from pathlib import Path
 
+import numpy as np
+
 import drivers
 from drivers.errors import DeviceNotOpenedError
+from sim.config import WireFaults
 from sim.switch import SwitchSource
 from sim.terminal import Terminal
 
+FAULT_STREAM = 5
+"""Key of the random stream for what goes wrong on the line."""
+SOUND = WireFaults()
 FREQUENCY = 16_000_000
 """Cycles of the emulated chip in one second."""
 FIRMWARE = Path(drivers.__file__).parent / "switch_firmware" / "switch.hex"
@@ -88,14 +94,18 @@ class EmulatedSwitchBoard:
     The lever is looked at once in every step of the cell's clock, and the chip sees it in the step after.
     """
 
-    def __init__(self, source: SwitchSource, firmware: Path = FIRMWARE) -> None:
+    def __init__(
+        self, source: SwitchSource, firmware: Path = FIRMWARE, faults: WireFaults = SOUND, seed: int = 0
+    ) -> None:
         """Describe the board; nothing runs yet."""
-        self._source, self._firmware = source, firmware
+        self._source, self._firmware, self._faults = source, firmware, faults
+        self._rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(FAULT_STREAM,)))
+        self._late: deque[tuple[float, bytes]] = deque()
+        self._seen = -math.inf
+        self._is_away = False
         self._terminal = Terminal("switch-board")
         self.port = self._terminal.port
         """Name of its serial port."""
-        self.spoil: Callable[[bytes], bytes] = bytes
-        """What the cable does to the bytes of one step; nothing at first."""
         self._chip: Chip | None = None
         self._start = 0.0
         self.is_pressed = False
@@ -128,9 +138,34 @@ class EmulatedSwitchBoard:
 
     def advance(self) -> None:
         """Run the chip until now and send what it says."""
+        self._suffer()
         if self._chip is None:
             return
         cycle = round((self._source.now() - self._start) * FREQUENCY)
         sent = self._chip.run(cycle, not self.is_pressed, self.is_pressed)
         self.is_pressed = self._source.is_switch_pressed()
-        self._terminal.send(self.spoil(bytes(byte for _, byte in sent)))
+        self._late.append((self._source.now() + self._faults.delay, bytes(byte for _, byte in sent)))
+        while self._late and self._late[0][0] <= self._source.now():
+            self._terminal.send(self._worn(self._late.popleft()[1]))
+
+    def _suffer(self) -> None:
+        """Unplug, plug in or reset the board where its faults say so."""
+        now, faults = self._source.now(), self._faults
+        is_away = any(start <= now < end for start, end in faults.unplugged)
+        if is_away != self._is_away:
+            self._is_away = is_away
+            self._late.clear()
+            (self.close if is_away else self.open)()
+        if self._chip is not None and any(self._seen < instant <= now for instant in faults.resets):
+            self._chip.reset()
+        self._seen = now
+
+    def _worn(self, data: bytes) -> bytes:
+        """Return what a bad cable leaves of some bytes."""
+        faults = self._faults
+        if not faults.drop and not faults.corrupt:
+            return data
+        kept = [byte for byte in data if self._rng.random() >= faults.drop]
+        return bytes(
+            byte ^ (1 << int(self._rng.integers(8)) if self._rng.random() < faults.corrupt else 0) for byte in kept
+        )

@@ -1,11 +1,11 @@
 """The switch board's real firmware on an emulated chip: its timing, its faults, and what the driver makes of them."""
 
-import math
 import random
 import shutil
 import subprocess
-from itertools import pairwise
+from itertools import groupby, pairwise
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -14,11 +14,16 @@ from cell.assembly import assemble, opened
 from cell.config import load
 from cell.trials import run_trial
 from drivers.errors import SwitchUnknownError
-from drivers.switch_wire import Contacts, Decoder, SwitchReport
-from sim.switch_board import FREQUENCY, Chip
+from drivers.quantities import SwitchState
+from drivers.switch import SerialSuccessSwitch, SerialSwitchConfig
+from drivers.switch_wire import BAUD_RATE, Contacts, Decoder, SwitchReport
+from drivers.traffic import PlaybackLine, RecordedLine, Recorder, TrafficEndedError
+from drivers.transport import SerialLine
+from sim.board_clock import BoardClock
+from sim.switch_board import FREQUENCY, Chip, EmulatedSwitchBoard
 from skills.catalogue import CATALOGUE
-from skills.contract import Outcome
 from tests.emulation import emulated_or_skip
+from tests.fakes import FakeClock
 
 SOURCES = Path(drivers.__file__).parent / "switch_firmware"
 MILLISECOND = FREQUENCY // 1000
@@ -151,60 +156,58 @@ def test_a_whole_insertion_runs_through_the_firmware():
     assert (row.outcome, row.reason, row.switch_closed) == ("success", "", True)
 
 
-def insertion(action, stage="spiral_adjust", delay=0.0):
-    """Run a whole insertion; `action(board)` happens so long, s, after a stage begins.
-
-    Returns:
-        The last outcome and whether the peg truly presses the switch then.
-    """
+def test_a_board_unplugged_while_the_peg_is_seated_is_a_fault():
     config = load(sets=[*SERIAL, "sim.seed=2"]).cell
     cell = assemble(config)
-    (board,) = cell.boards
-    due = []
     with opened(cell):
         ctx = cell.context(2)
-        pressed = []
-
-        def watch(seen, setpoint):
-            if ctx.stage == "spiral_adjust":
-                pressed.append(board.is_pressed)
-            if ctx.stage == stage and not due:
-                due.append(seen.stamp + delay)
-            if due and seen.stamp >= due[0]:
-                due[0] = math.inf
-                action(board)
-
-        ctx.record = watch
-        records = CATALOGUE["insert_peg"].run(config.skill_set(), ctx)
-        assert due == [math.inf]
-    seated = next(record.result.outcome for record in records if record.name == "spiral_adjust")
-    return seated, pressed[-1]
+        ctx.record = lambda seen, setpoint: cell.boards[0].close() if ctx.stage == "spiral_adjust" else None
+        with pytest.raises(SwitchUnknownError):
+            CATALOGUE["insert_peg"].run(config.skill_set(), ctx)
 
 
-def test_a_board_unplugged_while_the_peg_is_seated_is_a_fault():
-    with pytest.raises(SwitchUnknownError):
-        insertion(lambda board: board.close())
+@pytest.mark.parametrize(
+    ("fault", "reason"),
+    [
+        ("corrupt=0.01", ""),
+        ("resets=[12.0, 14.0, 16.0]", ""),
+        ("unplugged=[[9.0, 11.0]]", ""),
+        ("unplugged=[[9.0, 1e6]]", "switch_unknown"),
+        ("delay=0.5", ""),
+    ],
+)
+def test_what_a_technician_lets_go_wrong_ends_in_a_true_success_or_in_its_fault(fault, reason):
+    row = run_trial(load(sets=[*SERIAL, f"boards.switch.faults.{fault}"]).cell, 2)
+    assert (row.outcome, row.reason) == ("failure" if reason else "success", reason)
+    assert row.switch_closed or reason
 
 
-def test_a_board_unplugged_and_plugged_in_again_during_the_search_serves_the_insertion():
-    def replug(board):
-        board.close()
-        board.open()
+def test_recorded_traffic_of_the_switch_is_played_back_bit_for_bit(tmp_path):
+    path, clock = tmp_path / "traffic", FakeClock()
+    lever = SimpleNamespace(now=clock.now, is_switch_pressed=lambda: clock.now() % 2.0 > 1.0)
+    board = EmulatedSwitchBoard(lever)
+    board.open()
+    both = BoardClock(clock, (board,))
+    config = SerialSwitchConfig(kind="serial", port=board.port)
+    recorder = Recorder(path, "serial", both)
+    live = states(
+        SerialSuccessSwitch(config, recorder, RecordedLine(SerialLine(board.port, BAUD_RATE), recorder)), both
+    )
+    board.close()
+    play = PlaybackLine(path)
+    assert states(SerialSuccessSwitch(config, play, play), play) == live
+    assert [state for state, _ in groupby(live)] == [SwitchState.OPEN, SwitchState.CLOSED] * 2 + [SwitchState.OPEN]
 
-    assert insertion(replug, "spray_search") == (Outcome.SUCCESS, True)
 
-
-def test_a_reset_in_the_middle_does_not_harm():
-    assert insertion(lambda board: board.chip.reset(), delay=0.3) == (Outcome.SUCCESS, True)
-
-
-def test_a_cable_that_spoils_every_hundredth_byte_does_not_harm():
-    chance = random.Random(5)
-
-    def spoil(data):
-        return bytes(byte ^ (1 << chance.randrange(8) if chance.random() < 0.01 else 0) for byte in data)
-
-    def wear(board):
-        board.spoil = spoil
-
-    assert insertion(wear, "grasp_from_rack") == (Outcome.SUCCESS, True)
+def states(switch, clock):
+    """Read a switch in every scan for 4.5 s, or until its recording ends."""
+    read = []
+    switch.open()
+    while clock.now() < 4.5:
+        try:
+            clock.wait_until(clock.now() + 0.01)
+        except TrafficEndedError:
+            break
+        read.append(switch.read())
+    switch.close()
+    return read
