@@ -128,7 +128,7 @@ def test_certificates_are_looked_for_beside_the_config_file(tmp_path):
         ("switch={kind='serial'}", ["switch.port", "missing"]),
         (
             "switch={kind='serial', port='/dev/ttyUSB0', baud=9600}",
-            ["switch.baud", "unknown key", "kind, port allowed"],
+            ["switch.baud", "unknown key", "kind, port, record allowed"],
         ),
     ],
 )
