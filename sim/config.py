@@ -151,6 +151,8 @@ class ModelConfig(ConfigModel):
     """Of the contacts instead, with critical damping, 1/s²: force by penetration and effective mass."""
     long_steps: bool = True
     """Whether steps are twice as long while nothing can touch the hole."""
+    arm: Literal["full", "inertia"] = "full"
+    """The whole arm, or what it is without the friction of its joints: an inertia at the tool that the law moves."""
     grip: Literal["hinge", "pads"] = "hinge"
     """How the hand holds the peg: on a hinge with the pads' friction, or between rigid pads in contact."""
 

@@ -44,7 +44,7 @@ def held_model(job: Job, plate: Plate, friction: float, timestep: float, how: Mo
       {_peg_geom(job, axis)}</body>"""
     hand_mass = panda_inertia.HAND_MASS + 2 * panda_inertia.FINGER_MASS
     plates = "".join(geoms("plate", plate, friction, timestep, how))
-    model = _compile(plates, _arm(timestep, hand_mass, peg), "", f'island="disable" {flags(how)}', timestep)
+    model = _compile(plates, _arm(timestep, hand_mass, peg, how), "", f'island="disable" {flags(how)}', timestep)
     model.dof_invweight0[model.joint("pivot").dofadr] *= STIFFER
     return model
 
@@ -57,6 +57,7 @@ def free_model(
     pad_friction: float,
     pad: tuple[float, float],
     timestep: float,
+    how: ModelConfig = EXACT,
 ) -> mujoco.MjModel:
     """Return the arm with two moving fingers, pads of length and width `pad`, and the peg as a body of its own."""
     length, width = pad
@@ -72,7 +73,9 @@ def free_model(
     peg = f"""<body name="peg"><freejoint/>{_peg_geom(job, 0.0)}</body>"""
     plates = "".join(geoms("plate", plate, friction, timestep) + geoms("rack", rack, friction, timestep))
     extra = f'<equality><joint joint1="left" joint2="right" solref="{2 * timestep} 1" solimp="0.999 0.999 0.0005"/></equality>'
-    return _compile(plates, _arm(timestep, panda_inertia.HAND_MASS, fingers) + peg, extra, 'island="enable"', timestep)
+    return _compile(
+        plates, _arm(timestep, panda_inertia.HAND_MASS, fingers, how) + peg, extra, 'island="enable"', timestep
+    )
 
 
 def without_peg(model: mujoco.MjModel, longer: int) -> mujoco.MjModel:
@@ -98,7 +101,7 @@ def _peg_geom(job: Job, axis: float) -> str:
     )
 
 
-def _arm(timestep: float, hand_mass: float, in_hand: str) -> str:
+def _arm(timestep: float, hand_mass: float, in_hand: str, how: ModelConfig) -> str:
     inner = f"""<body name="hand" pos="0 0 {panda.FLANGE_D}" euler="0 0 {panda.HAND_TURN}">
       <inertial mass="{hand_mass}" pos="{words(panda_inertia.HAND_COM)}" diaginertia="{words(panda_inertia.HAND_INERTIA)}"/>
       {in_hand}</body>"""
@@ -108,7 +111,7 @@ def _arm(timestep: float, hand_mass: float, in_hand: str) -> str:
         inner = f"""<body name="link{i + 1}" pos="{a} {-d * math.sin(alpha)} {d * math.cos(alpha)}" euler="{alpha} 0 0">
           <inertial mass="{mass}" pos="{words(com)}" fullinertia="{words(inertia)}"/>
           <joint name="joint{i + 1}" type="hinge" axis="0 0 1" limited="true" range="{panda.Q_MIN[i]} {panda.Q_MAX[i]}"
-            frictionloss="{panda.FRICTION[i]}" solreffriction="{2 * timestep} 1" solimpfriction="0.9999 0.9999 0.001 0.5 2"/>
+            frictionloss="{panda.FRICTION[i] if how.arm == "full" else 0.0}" solreffriction="{2 * timestep} 1" solimpfriction="0.9999 0.9999 0.001 0.5 2"/>
           {inner}</body>"""
     return inner
 

@@ -1,6 +1,7 @@
 """How deep a tilted peg can go into a round hole: the exact test by sections, independent of any simulation."""
 
 import math
+from functools import cache
 
 import numpy as np
 
@@ -8,6 +9,7 @@ DEEPEST = 0.03
 """Where the search for the depth ends, m."""
 
 
+@cache
 def section_depth(diameter: float, hole: float, tilt: float, points: int = 40001) -> float:
     """Return the exact depth of the lowest point by the full section test, m.
 

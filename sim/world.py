@@ -131,7 +131,7 @@ class World:
         self._models = {
             Peg.HELD: scene.held_model(self.job, self.plate, drawn.friction, dt, self._sim.model),
             Peg.FREE: scene.free_model(
-                self.job, self.plate, self.rack, drawn.friction, drawn.pad_friction, self._pad, dt
+                self.job, self.plate, self.rack, drawn.friction, drawn.pad_friction, self._pad, dt, self._sim.model
             ),
         }
         # The held model once more with a longer step; both step the same data.

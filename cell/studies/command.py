@@ -54,6 +54,7 @@ def contact(args: argparse.Namespace, loaded: LoadedConfig, progress: Progress) 
         "rungs": [asdict(row) for row in found.rungs],
         "arm_and_grip": [asdict(row) for row in found.hands],
         "trials": [asdict(row) for row in found.trials],
+        "tight": [asdict(row) for row in found.tight],
         "needed": [asdict(row) for row in needs.needed(found)],
     }
     return Shown(tables, _finite(result), written)

@@ -14,9 +14,10 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from multiprocessing import get_context
 from pathlib import Path
+from statistics import mean, stdev
 
 from cell.config import CellConfig
-from cell.studies.ladder import Plan, Rung, model, on_trial
+from cell.studies.ladder import NOT_RUN, TIGHT, Plan, Rung, model, on_trial
 from cell.trials import TrialRow, run_trial
 from sim import hand_rig, native, rig
 from sim.section import section_depth
@@ -102,9 +103,13 @@ class TrialsRow:
     force: float
     """Mean of the trials' peak contact forces, N."""
     force_error: float
-    """Of it, relative to the finest rung's."""
+    """Of it, less the finest rung's, N."""
+    force_spread: float
+    """Standard deviation of the finest rung's from seed to seed, N; NaN for a single trial."""
     real_time: float
     """Multiples of real time, one core, everything included."""
+    fault: str = ""
+    """Why there are none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,6 +120,8 @@ class Findings:
     hands: list[hand_rig.HandRow]
     integration: list[MapRow]
     trials: list[TrialsRow]
+    tight: list[TrialsRow]
+    """The same in half the clearance."""
 
 
 def run(config: CellConfig, todo: Plan, seed: int, done: Callable[[str], None] = lambda name: None) -> Findings:
@@ -132,7 +139,10 @@ def run(config: CellConfig, todo: Plan, seed: int, done: Callable[[str], None] =
         rungs = [pool.submit(measure_rung, rung, todo.azimuths) for rung in todo.rungs]
         hands = [pool.submit(hand_rig.measure, kind, config.job()) for kind in hand_rig.KINDS]
         points = [pool.submit(measure_point, *cell) for cell in cells]
+        tight = [rung for rung in on_trial() if rung.name in TIGHT]
+        narrow = _in_half_the_clearance(config)
         tried = [[pool.submit(_trial, config, rung, s) for s in seeds] for rung in (on_trial() if todo.trials else ())]
+        harder = [[pool.submit(_trial, narrow, rung, seed + n) for n in range(todo.tight)] for rung in tight]
         rows = []
         for rung, future in zip(todo.rungs, rungs, strict=True):
             rows.append(future.result())
@@ -141,10 +151,22 @@ def run(config: CellConfig, todo: Plan, seed: int, done: Callable[[str], None] =
         done("arm and grip")
         integration = [future.result() for future in points]
         done("map of integration")
-        results = [[future.result() for future in futures] for futures in tried]
+        results, hard = ([[future.result() for future in futures] for futures in each] for each in (tried, harder))
         done("whole trials")
     trials = [_tried(rung.name, each, results[0]) for rung, each in zip(on_trial(), results, strict=False)]
-    return Findings(rows, ways, integration, trials)
+    trials += [_not_run(name, why) for name, why in NOT_RUN.items() if trials]
+    narrower = [_tried(rung.name, each, hard[0]) for rung, each in zip(tight, hard, strict=True) if each]
+    return Findings(rows, ways, integration, trials, narrower)
+
+
+def _not_run(name: str, why: str) -> TrialsRow:
+    return TrialsRow(name, 0, 0, 0, "", 0, math.nan, math.nan, math.nan, math.nan, math.nan, why)
+
+
+def _in_half_the_clearance(config: CellConfig) -> CellConfig:
+    """Return the cell with a hole that is half as much wider than the peg."""
+    middle = (config.peg.diameter + config.hole.diameter) / 2
+    return config.model_copy(update={"hole": config.hole.model_copy(update={"diameter": middle})})
 
 
 def measure_rung(rung: Rung, azimuths: Sequence[float]) -> RungRow:
@@ -248,7 +270,7 @@ def _trial(config: CellConfig, rung: Rung, seed: int) -> tuple[TrialRow, float]:
 
 def _tried(name: str, results: Sequence[tuple[TrialRow, float]], finest: Sequence[tuple[TrialRow, float]]) -> TrialsRow:
     outcomes = [row.outcome for row, _ in results]
-    force, exact = (sum(row.peak_contact_force for row, _ in each) / len(each) for each in (results, finest))
+    forces, exact = ([row.peak_contact_force for row, _ in each] for each in (results, finest))
     return TrialsRow(
         name=name,
         trials=len(results),
@@ -257,8 +279,9 @@ def _tried(name: str, results: Sequence[tuple[TrialRow, float]], finest: Sequenc
         outcomes=" ".join(outcomes),
         changed=sum(outcome != row.outcome for outcome, (row, _) in zip(outcomes, finest, strict=True)),
         penetration=max(row.max_penetration for row, _ in results),
-        force=force,
-        force_error=force / exact - 1.0,
+        force=mean(forces),
+        force_error=mean(forces) - mean(exact),
+        force_spread=stdev(exact) if len(exact) > 1 else math.nan,
         real_time=sum(row.sim_time for row, _ in results) / sum(spent for _, spent in results),
     )
 
@@ -270,6 +293,7 @@ def write(found: Findings, folder: Path) -> list[Path]:
         "arm_and_grip.csv": [asdict(row) for row in found.hands],
         "integration.csv": [asdict(row) for row in found.integration],
         "outcomes.csv": [asdict(row) for row in found.trials],
+        "outcomes_tight.csv": [asdict(row) for row in found.tight],
     }
     for name, rows in names.items():
         with (folder / name).open("w", newline="", encoding="utf-8") as file:

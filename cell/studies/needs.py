@@ -1,6 +1,6 @@
 """What each skill needs of the models: the fastest that give it, from what was measured."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from cell.studies.contact import EXACT_ENOUGH, SMOOTH, Findings, RungRow, TrialsRow
@@ -24,8 +24,6 @@ NEEDS: dict[str, tuple[str, Callable[[RungRow], bool]]] = {
 
 
 HELD = "full arm, hinge"
-FORCE_ALIKE = 0.15
-"""Whole trials end alike when their peak contact forces, which limits judge, agree with the finest model's to this share."""
 ALIKE = 0.1
 """The tip stays off its setpoint as with the full arm, to this share: joint friction is what a skill must bear."""
 
@@ -46,6 +44,7 @@ class NeedRow:
 def needed(found: Findings) -> list[NeedRow]:
     """Return for every skill the fastest models that give what it needs; `shipped` says whether they are those that ship."""
     whole = {row.name: row for row in found.trials}
+    asked = [rows for rows in (found.trials, found.tight) if rows]
     hands = {row.name: row for row in found.hands}
     like = [
         row
@@ -56,7 +55,7 @@ def needed(found: Findings) -> list[NeedRow]:
     hand = max(hinged, key=lambda row: row.real_time).name if hinged else ""
     lines = []
     for skill, (needs, gives) in NEEDS.items():
-        good = [row for row in found.rungs if gives(row) and (not whole or _ends_alike(whole.get(row.name)))]
+        good = [row for row in found.rungs if gives(row) and all(end_alike(row.name, rows) for rows in asked)]
         hole = max(good, key=lambda row: row.real_time).name if good else ""
         is_shipped = hole == SHIPPED and hand == HELD
         lines.append(NeedRow(skill, needs, hole, hand, "yes" if is_shipped else "no"))
@@ -73,5 +72,13 @@ def needed(found: Findings) -> list[NeedRow]:
     return lines
 
 
-def _ends_alike(row: TrialsRow | None) -> bool:
-    return row is not None and row.changed == 0 and row.voids == 0 and abs(row.force_error) <= FORCE_ALIKE
+def end_alike(name: str, rows: Sequence[TrialsRow]) -> bool:
+    """Return whether trials on a rung end as on the finest.
+
+    Each of them with the same outcome, none void, and peak forces that differ on average by less than one trial's differs
+    from the next one's anyway: what a limit or a technician makes of one trial's force is then the same.
+    """
+    row = next((row for row in rows if row.name == name), None)
+    if row is None or row.fault or row.changed or row.voids:
+        return False
+    return not abs(row.force_error) > row.force_spread

@@ -1,6 +1,7 @@
 """The ladder of models in its smallest form: everything is measured, marked and drawn, and nothing is dropped."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -8,9 +9,9 @@ import pytest
 from cell.config import CellConfig, load
 from cell.studies import contact, contact_pictures
 from cell.studies.boundaries import boundary_bouncing, boundary_bound
-from cell.studies.contact import Findings
+from cell.studies.contact import Findings, TrialsRow
 from cell.studies.ladder import SHIPPED, Plan, Rung, model
-from cell.studies.needs import needed
+from cell.studies.needs import end_alike, needed
 
 EXACT = Rung(SHIPPED, "closed form", model(), 5e-4)
 SEAMS = Rung(
@@ -18,7 +19,7 @@ SEAMS = Rung(
 )
 EXPLODES = Rung("far too stiff", "closed form", model(stiffness=1e9), 5e-4)
 IMPOSSIBLE = Rung("no time step", "closed form", model(), 0.0)
-SMALL = Plan((EXACT, SEAMS, EXPLODES, IMPOSSIBLE), (0.3,), (2.5e-4, 1e-3), (1e5, 1e6, 1e8), 0, 1)
+SMALL = Plan((EXACT, SEAMS, EXPLODES, IMPOSSIBLE), (0.3,), (2.5e-4, 1e-3), (1e5, 1e6, 1e8), 0, 0, 1)
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +86,7 @@ def test_every_skill_gets_the_shipped_models_from_them(found):
 
 def test_tables_and_pictures_are_written(found, tmp_path: Path):
     written = contact.write(found, tmp_path) + contact_pictures.draw(found, tmp_path)
-    assert all(path.stat().st_size > 0 for path in written if path.name != "outcomes.csv")
+    assert all(path.stat().st_size > 0 for path in written if "outcomes" not in path.name)
     assert len((tmp_path / "contact.csv").read_text().splitlines()) == 1 + len(SMALL.rungs)
     assert len(contact_pictures.tables(found)) == 3
 
@@ -96,3 +97,28 @@ def test_whole_trials_run_on_other_models(config, hole):
     row, _ = contact._trial(short, Rung(hole, "", model(hole=hole, facets=16), 5e-4), 1)
     assert row.stage == "spray_search"
     assert row.peak_contact_force > 1.0
+
+
+def rows_of(**changes: object) -> list[TrialsRow]:
+    """Return trials on the finest rung and on another that ends as they do, but for `changes`."""
+    finest = TrialsRow("finest", 5, 5, 0, "", 0, 1e-7, 22.0, 0.0, 2.0, 10.0)
+    return [finest, replace(finest, **{"name": "other", "force": 21.0, "force_error": -1.0, **changes})]
+
+
+def test_trials_end_alike_when_only_their_forces_differ_by_less_than_from_seed_to_seed():
+    assert end_alike("other", rows_of())
+    assert not end_alike("other", rows_of(force_error=-2.1))
+    assert not end_alike("other", rows_of(changed=1))
+    assert not end_alike("other", rows_of(voids=1))
+    assert not end_alike("another", rows_of())
+
+
+def test_what_cannot_be_run_is_told_and_is_like_nothing(found):
+    trials = [contact._not_run("mover", "not run: why")]
+    assert not end_alike("mover", trials)
+    table = contact_pictures.tables(replace(found, trials=[*rows_of(), *trials]))[2]
+    assert "not run: why" in list(table.columns[1].cells)
+
+
+def test_half_the_clearance_is_half(config):
+    assert contact._in_half_the_clearance(config).hole.diameter == pytest.approx(0.00805)
