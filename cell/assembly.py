@@ -205,6 +205,12 @@ def _bare_skin(config: CellConfig, source: "SkinSource", rng: np.random.Generato
     return SimSkin(skin, source, rng), clock
 
 
+def real_skin(config: CellConfig) -> tuple[Skin, Clock]:
+    """Return the skin of a real board as it is, without a calibration, and wall time."""
+    clock = WallClock()
+    return _bare_skin(config, cast("SkinSource", clock), np.random.default_rng(0))
+
+
 def bench_skin(config: CellConfig, rod_half: float) -> "tuple[Skin, Clock, Bench]":
     """Return the cell's skin on a bench with a rod of the peg's diameter, `rod_half` m to either side, and its clock.
 
@@ -215,9 +221,7 @@ def bench_skin(config: CellConfig, rod_half: float) -> "tuple[Skin, Clock, Bench
     from sim.disturb import draw
 
     if config.sim is None or config.contact is None or config.grip is None or not config.is_skin_simulated():
-        raise ConfigError(
-            "calibrate skin: needs a rod between real pads; a simulated skin or an emulated board allowed"
-        )
+        raise ConfigError("a bench needs a simulated skin or an emulated board")
     bench = Bench(config.peg.diameter, rod_half)
     drawn = draw(config.job(), config.contact, config.grip, config.sim.seed)
     return (*_bare_skin(config, bench, drawn.skin), bench)

@@ -3,11 +3,12 @@
 import math
 from collections.abc import Callable
 from datetime import date
+from threading import Thread
 from typing import Protocol
 
 import numpy as np
 
-from cell.assembly import bench_skin
+from cell.assembly import bench_skin, real_skin
 from cell.config import CellConfig
 from drivers.errors import ConfigError
 from drivers.parts import Peg
@@ -19,6 +20,8 @@ from skills.tactile.skin_gains import fit_gains, rod_angles
 ROD_HALF = 0.05
 """The rod lies across the whole pad, to either side of the finger centre so far, m."""
 STEP = math.radians(5.0)
+STEP_BY_HAND = math.radians(15.0)
+"""Twelve angles of a rod that somebody has to turn."""
 FRAMES = 20
 """Read at every angle; their mean counts."""
 SETTLE = 0.5
@@ -27,23 +30,37 @@ RECOVERY = 3.0
 """Time that the elastomer gets to forget the angle before, s."""
 
 
-def calibrate_skin(config: CellConfig, today: date, turned: Callable[[int, int], None]) -> SkinCalibration:
-    """Sweep a rod of the peg's diameter over half a turn on the simulated bench, and return what that tells.
+def calibrate_skin(
+    config: CellConfig, today: date, turned: Callable[[int, int], None], ask: Callable[[str], object] = input
+) -> SkinCalibration:
+    """Sweep a rod of the peg's diameter over half a turn, and return what that tells.
+
+    A simulated skin, or an emulated board, is swept on a bench; of a real one somebody has to hold the rod.
 
     Args:
-        config: Of a cell whose skin is simulated, or has an emulated board.
+        config: Of the cell.
         today: The date to write down.
         turned: Told how many of how many angles are done.
+        ask: Says what somebody shall do, and returns when it is done.
 
     Raises:
-        ConfigError: The skin is a real one.
+        ConfigError: What was swept was no rod.
         CellError: The skin cannot be opened, or fell silent.
     """
-    skin, clock, bench = bench_skin(config, ROD_HALF)
-    angles = rod_angles(STEP)
+    period = 1.0 / config.scan_rate
+    skin: Skin
+    clock: Clock
+    rod_in_hand: Rod
+    if config.is_skin_simulated():
+        skin, clock, rod_in_hand = bench_skin(config, ROD_HALF)
+        angles = rod_angles(STEP)
+    else:
+        skin, clock = real_skin(config)
+        rod_in_hand = HandHeldRod(skin, clock, period, ask)
+        angles = rod_angles(STEP_BY_HAND)
     skin.open()
     try:
-        readings, trusted = sweep(skin, clock, bench, angles, 1.0 / config.scan_rate, turned)
+        readings, trusted = sweep(skin, clock, rod_in_hand, angles, period, turned)
     finally:
         skin.close()
     rod = Peg(diameter=config.peg.diameter, length=ROD_HALF, overhang=ROD_HALF, mass=config.peg.mass)
@@ -72,6 +89,32 @@ class Rod(Protocol):
 
     def release(self) -> None:
         """Open the fingers."""
+
+
+class HandHeldRod:
+    """A rod that somebody holds, who is told what to do and presses Enter when it is done."""
+
+    def __init__(self, skin: Skin, clock: Clock, period: float, ask: Callable[[str], object]) -> None:
+        """Take the skin, which is read every `period` s meanwhile: a board that nobody hears counts as silent."""
+        self._skin, self._clock, self._period, self._ask = skin, clock, period, ask
+
+    def hold(self, theta: float) -> None:
+        """Have the rod turned and the fingers closed."""
+        self._have_done(
+            f"turn a rod as thick as the peg, 0.1 m or longer, to {math.degrees(theta):+.0f} degrees, its middle between "
+            "the pads, and close the fingers on it; then Enter: "
+        )
+
+    def release(self) -> None:
+        """Have the fingers opened."""
+        self._have_done("open the fingers, touch nothing; then Enter: ")
+
+    def _have_done(self, text: str) -> None:
+        asked = Thread(target=self._ask, args=(text,), daemon=True)
+        asked.start()
+        while asked.is_alive():
+            self._clock.wait_until(self._clock.now() + self._period)
+            self._skin.read()
 
 
 def sweep(

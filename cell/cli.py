@@ -312,13 +312,21 @@ def _skin(args: argparse.Namespace) -> int:
     return GOOD
 
 
+def _ask(text: str) -> None:
+    """Wait until somebody at the terminal has done something; standard output is for results."""
+    print(f"\n{text}", end="", file=sys.stderr, flush=True)
+    input()
+
+
 def _calibrate(args: argparse.Namespace) -> int:
     today = date.today()
     config = _load(args).cell
     path = (args.out or (args.config or DEFAULT).parent / "calibration") / f"skin_{today.isoformat()}.toml"
+    if not config.is_skin_simulated() and not sys.stdin.isatty():
+        raise ConfigError("calibrate skin: somebody has to turn a rod between the pads; a terminal needed")
     with _progress() as progress:
         bar = progress.add_task("angles")
-        found = calibrate_skin(config, today, lambda done, of: progress.update(bar, completed=done, total=of))
+        found = calibrate_skin(config, today, lambda done, of: progress.update(bar, completed=done, total=of), _ask)
     found.write(path)
     _show(args, tables.calibration(found, path), {**found.model_dump(mode="json"), "file": str(path)})
     return GOOD

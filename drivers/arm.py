@@ -27,7 +27,7 @@ from drivers.quantities import ArmState, ImpedanceSetpoint, Pose, Vector, Wrench
 
 SILENT = 0.1
 """Longest time without a new state, s on the cell's clock: the arm gives one every millisecond."""
-CONNECT_TIME = 10.0
+CONNECT_TIME = 20.0
 """Longest time until the loop runs, s of wall time: the interpreter, the compiled law, the network."""
 RESET_TIME = 5.0
 """Longest time for the arm's own error recovery, s of wall time."""

@@ -23,7 +23,7 @@ SETTLE = 0.2
 """A hand that says that it has grasped may show it in its states so much later, s of wall time: they come by themselves."""
 RESTART_PERIOD = 2.0
 """Between two attempts to start a line that has ended, s of wall time."""
-CONNECT_TIME = 10.0
+CONNECT_TIME = 20.0
 """s of wall time."""
 EMPTY_WIDTH = 0.001
 """Fingers closer than this have met each other: there is nothing between them, m."""

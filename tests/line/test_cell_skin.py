@@ -2,17 +2,26 @@
 
 import json
 import logging
+import math
 import os
 import pty
+import re
+import sys
+from contextlib import closing
 from datetime import date
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from cell.assembly import bench_skin
-from cell.calibrate import ROD_HALF, calibrate_skin
+from cell.calibrate import ROD_HALF, STEP_BY_HAND, HandHeldRod, calibrate_skin, sweep
 from cell.cli import FAULT, GOOD, WRONG_USE, main
 from cell.config import load
+from drivers.parts import Peg
+from sim.pads import PadLoad
+from skills.tactile.skin_gains import fit_gains, rod_angles
+from tests.skins import BoardRig, can_config
 
 FAST = ["--set", "sim.pace=max"]
 CAN = [*FAST, "--set", "skin.kind=can"]
@@ -64,10 +73,31 @@ def test_calibration_brings_the_taxels_together():
     assert after < 0.6 * before
 
 
-def test_real_skin_cannot_be_calibrated_on_the_simulated_bench(capsys):
-    assert "simulated skin or an emulated board" in complaint(
-        capsys, "calibrate", "skin", *CAN, "--set", "skin.channel=can0"
+def test_a_real_skin_is_calibrated_by_somebody_at_a_terminal(capsys, monkeypatch):
+    real = ["calibrate", "skin", *CAN, "--set", "skin.channel=can-none"]
+    monkeypatch.setattr(sys, "stdin", SimpleNamespace(isatty=lambda: False))
+    assert "a terminal needed" in complaint(capsys, *real)
+    monkeypatch.setattr(sys, "stdin", SimpleNamespace(isatty=lambda: True))
+    assert main(real) == FAULT
+    assert "CAN bus socketcan can-none" in capsys.readouterr().err
+
+
+def test_a_rod_held_by_hand_is_turned_as_asked_while_the_board_is_listened_to():
+    rig, angles, half = BoardRig(can_config()), rod_angles(STEP_BY_HAND), ROD_HALF
+
+    def turn(text):
+        found = re.search(r"to ([+-]\d+) degrees", text)
+        theta = math.radians(float(found[1])) if found else 0.0
+        rig.world.load = PadLoad(theta, 0.0, 30.0, 0.0, 0.0, half, half, 0.008) if found else None
+
+    with closing(rig):
+        rig.skin.open()
+        rod = HandHeldRod(rig.skin, rig.clock, 0.01, turn)
+        readings, trusted = sweep(rig.skin, rig.clock, rod, angles, 0.01, lambda done, of: None)
+    found = fit_gains(
+        angles.tolist(), readings, trusted, Peg(diameter=0.008, length=half, overhang=half, mass=0.02), "parallelogram"
     )
+    assert found.point_spread == pytest.approx(1.2e-3, abs=0.15e-3)
 
 
 @pytest.mark.parametrize("kind", ["sim", "can", "serial"])
