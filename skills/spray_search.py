@@ -29,6 +29,10 @@ TOUCHED = 0.5
 TOUCHED_TIME = 0.1
 SLIP = 0.1
 """Change of theta that tells of a slip in the hand, rad."""
+STRIDE = 2.0
+"""Diameters of the hole that the peg has gone when, had it come down right into the hole, it has climbed out."""
+CLIMBED_TIME = 0.2
+"""In which the plate is then learnt anew before the tip goes back, s."""
 RETURN_TIME = 0.4
 """In which the tip comes back to its path after a probe, s."""
 
@@ -151,6 +155,8 @@ def run(
     tip, along, offset, since, rests = first, 0.0, np.zeros(2), 0.0, 0
     trim, slow = Trim(params.trim_rate, params.trim_limit), 1 - fast
     phase, place = Phase.COMING_DOWN, first
+    landed: tuple[Vector, Vector] | None = None
+    climbed = math.inf
     resting: ImpedanceSetpoint | None = None
     leaning, facing = axis, closing
     pressed = 0
@@ -170,13 +176,27 @@ def run(
             pressed = pressed + 1 if seen.arm.wrench.force[2] > TOUCHED * push * params.push_offset else 0
             if pressed * ctx.scan_period >= TOUCHED_TIME or elapsed >= params.touch_down:
                 phase, since = Phase.SLIDING, -math.inf
+                landed = (tip, edge) if params.fall > 0.0 else None
                 event.restart()
         elif phase is Phase.SLIDING:
+            if landed is not None:
+                has_climbed = edge[2] - landed[1][2] > params.fall
+                if has_climbed:
+                    # It came down right into the hole, and the ground was learnt there.
+                    ground, below = Ground(), 0.0
+                if math.dist(edge[:2], landed[1][:2]) > STRIDE * hole.diameter:
+                    if has_climbed:
+                        climbed, place = seen.stamp, landed[0]
+                    landed = None
             if is_event if params.evidence == "skin" else below > params.dip:
                 phase, since, place, rests = Phase.RESTING, seen.stamp, tip, rests + 1
                 resting = _rest(seen, identity, stiffness, damping, params)
             else:
                 ground.learn(edge, sense)
+                if seen.stamp - climbed >= CLIMBED_TIME:
+                    phase, since, climbed = Phase.PROBING, seen.stamp, math.inf
+                    offset, leaning, facing = tip[:2] - place[:2], seen.axis, seen.arm.tcp.rotation[:, 2]
+                    event.restart()
         elif phase is Phase.PROBING and below > params.fall:
             phase, since, resting = Phase.JUDGING, seen.stamp, _rest(seen, identity, stiffness, damping, params)
         if phase in (Phase.RESTING, Phase.JUDGING) and (params.fall == 0.0 or seen.peg.stamp >= since + params.rest):
