@@ -22,6 +22,8 @@ logger = logging.getLogger(__name__)
 
 TICK = 0.01
 """How often the node looks at the report and its timers, s."""
+CATCH_UP = 1.0
+"""Frames that waited while this process did not run are read for so long before the PLC counts as silent, s."""
 FIRST_PAUSE, LONGEST_PAUSE = 0.5, 10.0
 """Pauses before a lost bus is opened again, s."""
 FIRST_QUIET, LONGEST_QUIET = 5.0, 60.0
@@ -104,6 +106,7 @@ class CanopenServer:
         self._health = BusHealth()
         self._is_open = False
         self._next_tick = self._retry = 0.0
+        self._behind_since: float | None = None
         self._thread: threading.Thread | None = None
 
     @property
@@ -168,6 +171,10 @@ class CanopenServer:
     def _turn(self) -> None:
         frame = self._bus.read(TICK)
         now = self._now()
+        if frame is None:
+            self._behind_since = None
+        elif self._behind_since is None:
+            self._behind_since = now
         if frame is not None:
             if self._health.hear(now):
                 logger.info("CANopen: %s is back", self._bus.name)
@@ -176,7 +183,7 @@ class CanopenServer:
             raise CanLostError(f"CAN bus {self._bus.name}: nobody is heard any more")
         if frame is None or now >= self._next_tick:
             self._next_tick = now + TICK
-            self._node.tick(now)
+            self._node.tick(now, self._behind_since is None or now - self._behind_since > CATCH_UP)
 
     def _lose(self, error: CellError) -> None:
         self._is_open = False

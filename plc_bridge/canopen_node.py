@@ -140,9 +140,9 @@ class CanopenNode:
         elif cob in self._rpdos:
             self._take_rpdo(cob, data, now)
 
-    def tick(self, now: float) -> None:
-        """Do what time asks for: heartbeat, watch over the PLC, emergency, reports."""
-        if self._consumer.has_lost(now):
+    def tick(self, now: float, has_read_all: bool = True) -> None:
+        """Do what time asks for: heartbeat, watch over the PLC once everything it sent was read, emergency, reports."""
+        if has_read_all and self._consumer.has_lost(now):
             self._lose_plc()
         if self.state is NmtState.INITIALISING:
             return

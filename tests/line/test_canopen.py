@@ -270,7 +270,7 @@ def test_a_run_in_another_process_stops_when_the_heartbeat_of_the_plc_ends(tmp_p
         pytest.skip(f"no multicast on this computer: {error}")
     bus.close()
     sets = ["plc.modbus.port=0", 'plc.can.interface="udp_multicast"', f'plc.can.channel="{config.channel}"']
-    sets += ["plc.life_timeout=60.0", "plc.can.plc_timeout=2.0"]  # a busy computer makes a late PLC
+    sets += ["plc.life_timeout=60.0", "plc.can.plc_timeout=60.0"]  # a busy computer makes a late PLC
     command = [sys.executable, "-m", "cell", "serve", "--journal", str(tmp_path)]
     command += [word for text in sets for word in ("--set", text)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
@@ -282,6 +282,8 @@ def test_a_run_in_another_process_stops_when_the_heartbeat_of_the_plc_ends(tmp_p
                 while peer.cycle().stage == 0:
                     pass
                 peer.end_heartbeat()
+                peer._node.sdo[0x1016][1].raw = config.plc_node << 16 | 200  # from the next beat on
+                peer._wire.send_message(0x700 + config.plc_node, b"\x05")
                 with pytest.raises(CellSilentError, match="PRE-OPERATIONAL"):
                     peer.wait_for_result(PATIENCE)
                 peer.close()

@@ -83,6 +83,25 @@ def rig():
     rig.server.close()
 
 
+def test_a_node_that_was_kept_from_reading_finds_the_heartbeat_that_waited(rig):
+    rig.run(1.0, beats=True)
+    rig.bus.now += 3.0
+    rig.bus.incoming += [CanFrame(0x200 + PLC), CanFrame(0x700 + PLC, b"\x05")]
+    rig.run(0.1)
+    assert rig.server.counts.dropped == 0
+    rig.run(CONFIG.plc_timeout + 0.1)
+    assert rig.server.counts.dropped == 1
+
+
+def test_a_flood_of_frames_does_not_hide_a_silent_plc(rig):
+    rig.run(1.0, beats=True)
+    for _ in range(2000):
+        rig.bus.now += 0.001
+        rig.bus.incoming.append(CanFrame(0x200 + PLC))
+        rig.server.step()
+    assert rig.server.counts.dropped == 1
+
+
 def test_a_lost_bus_is_opened_again_and_the_node_goes_on(rig):
     rig.run(1.0, beats=True)
     rig.bus.is_cut = True
