@@ -412,7 +412,8 @@ class Handshake:
         self._lease.hand_over(link)
         current = self._current
         if current is not None and not current.link.is_open and current.link.host == link.host:
-            link.watchdog.follow(current.link.watchdog)
+            if current.is_busy:
+                link.watchdog.follow(current.link.watchdog)
             current.link, link.own = link, None
         elif not link.has_spoken:
             link.own = (0, Control.NONE, Result.NONE)

@@ -412,6 +412,19 @@ def test_lost_plc_has_to_begin_with_a_number_that_is_adopted():
     assert line.write(life=9, sequence=3).refusal is Refusal.ADOPTED
 
 
+def test_client_without_a_life_counter_is_not_judged_by_one_that_closed_before():
+    line = Line()
+    line.run(life=1)
+    line.end()
+    line.handshake.closed("plc")
+    line.connect("another", host="plc")
+    line.run(4, "another")
+    for _ in range(4):
+        line.now += 0.9
+        line.handshake.heard("another", line.now)
+        assert line.poll() is None
+
+
 def test_client_without_a_life_counter_lives_by_its_requests():
     line = Line()
     line.run()
