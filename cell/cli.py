@@ -25,7 +25,7 @@ from cell.assembly import assemble, check, opened
 from cell.calibrate import calibrate_skin
 from cell.config import DEFAULT, LoadedConfig, load
 from cell.journal import Journal, default_folder
-from cell.line import PARAMETERS, PROGRAMS, TerminalLine
+from cell.line import PARAMETERS, PROGRAMS, WORDS, TerminalLine
 from cell.plots import Point, plot_run, plot_speed_accuracy
 from cell.samples import export_csv, read_samples
 from cell.statistics import stage_table
@@ -35,8 +35,10 @@ from cell.trials import TrialRow, run_trials
 from drivers.errors import FAULTS, CellError, ConfigError
 from plc_bridge.bridge import Bridge
 from plc_bridge.eds import as_eds
+from plc_bridge.images import Diagnostics, ReportImage
+from plc_bridge.map_formats import as_csv, as_json, as_markdown
 from plc_bridge.messages import Command, Refusal, Report, Result
-from plc_bridge.registers import Diagnostics, ReportImage, as_csv, as_json, as_markdown, table
+from plc_bridge.registers import table
 from plc_bridge.structured_text import as_structured_text
 from skills.catalogue import CATALOGUE
 
@@ -378,7 +380,7 @@ def _faults(args: argparse.Namespace) -> int:
 
 
 def _map(args: argparse.Namespace) -> int:
-    print(_FORMATS["json" if args.json else args.format](table(PROGRAMS, PARAMETERS)).rstrip("\n"))
+    print(_FORMATS["json" if args.json else args.format](table(PROGRAMS, PARAMETERS, WORDS)).rstrip("\n"))
     return GOOD
 
 

@@ -6,9 +6,9 @@ from threading import Event as ThreadEvent
 from cell.config import parse_set
 from cell.line import PARAMETERS
 from drivers.errors import CellError, ConfigError
+from plc_bridge.images import Diagnostics, ReportImage
 from plc_bridge.messages import Control
 from plc_bridge.peer import Peer
-from plc_bridge.registers import Diagnostics, ReportImage
 from skills.catalogue import CATALOGUE
 
 CONTROLS = {

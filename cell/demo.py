@@ -16,9 +16,9 @@ from cell.statistics import PUBLISHED, Tried, stage_table
 from cell.supervisor import Supervisor
 from drivers.errors import CellError
 from plc_bridge.bridge import Bridge
+from plc_bridge.images import ReportImage
 from plc_bridge.messages import Control, Result
 from plc_bridge.peer import Peer
-from plc_bridge.registers import ReportImage
 from skills.catalogue import CATALOGUE
 
 LONGEST = 3600.0

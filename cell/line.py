@@ -2,9 +2,11 @@
 
 from collections.abc import Callable
 
+from cell.states import State
 from plc_bridge.messages import Command, Refusal, Report, Result
 from plc_bridge.registers import Parameter
-from skills.catalogue import CATALOGUE
+from skills.catalogue import CATALOGUE, STAGES
+from skills.contract import Reason
 
 PROGRAMS: dict[int, str] = {entry.code: entry.name for entry in CATALOGUE.values()}
 
@@ -16,6 +18,13 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter("adjust.timeout", "s", 0.1, 1.0, 600.0, "longest adjustment"),
 )
 """Keys of the config that a command may replace for its own run."""
+
+WORDS: dict[str, dict[int, str]] = {
+    "report_state": {state.value: state.name for state in State},
+    "report_stage": dict(enumerate(STAGES, 1)),
+    "report_reason": {reason.value: reason.name for reason in Reason},
+}
+"""What the numbers in these registers mean."""
 
 
 class TerminalLine:

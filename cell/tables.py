@@ -17,8 +17,8 @@ from cell.statistics import PUBLISHED, PUBLISHED_ATTEMPTS, PUBLISHED_SUCCESSES, 
 from cell.trials import TrialRow
 from drivers.errors import FAULTS
 from drivers.skin_calibration import SkinCalibration
+from plc_bridge.images import Diagnostics, ReportImage
 from plc_bridge.messages import LeaseState, Refusal, Result
-from plc_bridge.registers import Diagnostics, ReportImage
 from skills.catalogue import STAGES
 from skills.contract import Reason
 

@@ -13,19 +13,11 @@ from drivers.transport import SerialLine
 from plc_bridge.canopen import CanopenServer
 from plc_bridge.config import PlcConfig
 from plc_bridge.handshake import Handshake
+from plc_bridge.images import CommandImage, Diagnostics, ReportImage, diagnostics_words, report_words
 from plc_bridge.messages import Command, Refusal, Report, Result
 from plc_bridge.modbus import ModbusServer
 from plc_bridge.modbus_tls import SecureModbusServer
-from plc_bridge.registers import (
-    DISCRETE_INPUTS,
-    CommandImage,
-    Diagnostics,
-    Parameter,
-    ReportImage,
-    diagnostics_words,
-    report_words,
-    table,
-)
+from plc_bridge.registers import DISCRETE_INPUTS, Parameter, table
 from plc_bridge.rtu import RtuServer
 
 _ERRORS = (Result.FAILURE, Result.FAULT, Result.REFUSED)

@@ -16,7 +16,8 @@ from drivers.can_bus import CanFrame, CanLostError
 from drivers.errors import CellError
 from plc_bridge.canopen_node import CanMailbox, CanopenNode
 from plc_bridge.config import CanConfig
-from plc_bridge.registers import Diagnostics, Register
+from plc_bridge.images import Diagnostics
+from plc_bridge.registers import Register
 
 logger = logging.getLogger(__name__)
 

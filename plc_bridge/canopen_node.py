@@ -24,6 +24,7 @@ from drivers.can_bus import CanFrame
 from plc_bridge.config import CanConfig
 from plc_bridge.emcy import BUS_RECOVERED, HEARTBEAT_LOST, NO_ERROR, PDO_TOO_SHORT, Emergency
 from plc_bridge.heartbeat import HeartbeatConsumer, HeartbeatProducer
+from plc_bridge.images import Diagnostics
 from plc_bridge.object_values import Values
 from plc_bridge.objects import (
     CONSUMER,
@@ -37,7 +38,7 @@ from plc_bridge.objects import (
     words_of,
 )
 from plc_bridge.pdo import Reports
-from plc_bridge.registers import RPDOS, Diagnostics, Register
+from plc_bridge.registers import RPDOS, Register
 from plc_bridge.sdo import ABORT, SdoServer
 from plc_bridge.station import LinkStation, LinkWords, Mailbox
 

@@ -12,18 +12,10 @@ from drivers.can_bus import CanBus, CanFrame, CanLostError
 from plc_bridge.canopen_node import NmtState
 from plc_bridge.config import CanConfig
 from plc_bridge.heartbeat import HeartbeatProducer
+from plc_bridge.images import CommandImage, Diagnostics, ReportImage, command_words
 from plc_bridge.objects import RPDO_BASES, bytes_of, dictionary
 from plc_bridge.peer import CellSilentError, PlcPeer
-from plc_bridge.registers import (
-    RPDOS,
-    STAGES,
-    CommandImage,
-    Diagnostics,
-    Register,
-    ReportImage,
-    command_words,
-    table,
-)
+from plc_bridge.registers import RPDOS, STAGES, Register, table
 
 _READ_TIMEOUT, _NMT_PERIOD = 0.01, 0.2  # s
 

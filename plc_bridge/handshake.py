@@ -22,10 +22,11 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+from plc_bridge.images import CommandImage
 from plc_bridge.lease import CellLease
 from plc_bridge.links import Link
 from plc_bridge.messages import FIRST_PROGRAM, Command, Control, LeaseState, Refusal, Report, Result, Transition
-from plc_bridge.registers import VERSION_MAJOR, CommandImage, Lease, Parameter
+from plc_bridge.registers import VERSION_MAJOR, Lease, Parameter
 from plc_bridge.watchdog import Watchdog
 
 logger = logging.getLogger(__name__)

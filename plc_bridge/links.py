@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
+from plc_bridge.images import CommandImage
 from plc_bridge.messages import Refusal, Result
-from plc_bridge.registers import CommandImage
 from plc_bridge.watchdog import Watchdog
 
 

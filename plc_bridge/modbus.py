@@ -14,8 +14,8 @@ from ipaddress import ip_address
 
 from drivers.errors import DeviceNotOpenedError
 from plc_bridge.config import ALL_RIGHTS, ModbusConfig, Right
+from plc_bridge.images import Diagnostics
 from plc_bridge.pdu import is_exception, respond
-from plc_bridge.registers import Diagnostics
 from plc_bridge.station import LinkStation, LinkWords, Mailbox
 
 logger = logging.getLogger(__name__)

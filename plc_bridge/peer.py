@@ -12,21 +12,19 @@ from pymodbus.exceptions import ModbusException
 from pymodbus.pdu import ModbusPDU
 
 from drivers.errors import CellError, FaultCode
-from plc_bridge.messages import Control, LeaseState, Result
-from plc_bridge.registers import (
-    COILS,
+from plc_bridge.images import (
     COMMAND,
     DIAGNOSTICS,
     REPORT,
-    VERSION,
     CommandImage,
     Diagnostics,
-    Lease,
     ReportImage,
     command_words,
     diagnostics_image,
     report_image,
 )
+from plc_bridge.messages import Control, LeaseState, Result
+from plc_bridge.registers import COILS, VERSION, Lease
 
 logging.getLogger("pymodbus.logging").setLevel(logging.CRITICAL)  # what it would log is raised here
 

@@ -8,16 +8,8 @@ from typing import Protocol, TypeVar
 from pymodbus.constants import ExcCodes
 
 from plc_bridge.config import ALL_RIGHTS, Right
-from plc_bridge.registers import (
-    COILS,
-    COMMAND,
-    DIAGNOSTICS,
-    MIRROR,
-    CommandImage,
-    Diagnostics,
-    Lease,
-    command_image,
-)
+from plc_bridge.images import COMMAND, DIAGNOSTICS, CommandImage, Diagnostics, command_image
+from plc_bridge.registers import COILS, MIRROR, Lease
 
 logger = logging.getLogger(__name__)
 

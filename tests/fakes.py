@@ -26,7 +26,7 @@ from drivers.quantities import (
     Wrench,
 )
 from plc_bridge.bridge import Bridge
-from plc_bridge.registers import CommandImage, ReportImage
+from plc_bridge.images import CommandImage, ReportImage
 
 HAND_DOWN = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
 """The finger frame of a hand that points down, closing along y."""

@@ -8,16 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from plc_bridge.registers import (
-    COILS,
-    COMMAND,
-    DISCRETE_INPUTS,
-    REPORT,
-    CommandImage,
-    ReportImage,
-    command_words,
-    report_image,
-)
+from plc_bridge.images import COMMAND, REPORT, CommandImage, ReportImage, command_words, report_image
+from plc_bridge.registers import COILS, DISCRETE_INPUTS
 
 Address = tuple[str, int]
 TIMEOUT = 10.0  # s

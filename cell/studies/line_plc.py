@@ -10,8 +10,9 @@ from cell.states import State
 from cell.studies.line_cell import PATIENCE
 from cell.studies.line_client import Client
 from drivers.errors import CellError
+from plc_bridge.images import CommandImage, ReportImage
 from plc_bridge.messages import Control, Result
-from plc_bridge.registers import VERSION, CommandImage, ReportImage
+from plc_bridge.registers import VERSION
 from skills.catalogue import CATALOGUE
 
 CYCLE = 0.02

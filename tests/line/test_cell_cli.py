@@ -12,8 +12,8 @@ from cell import cli, demo
 from cell.cli import FAULT, GOOD, NOT_GOOD, WRONG_USE, main
 from cell.config import DEFAULT
 from drivers.errors import FAULTS
+from plc_bridge.images import Diagnostics
 from plc_bridge.peer import Peer
-from plc_bridge.registers import Diagnostics
 from tests.emulation import emulated_or_skip
 from tests.fakes import Rig
 from tests.serving import serving
@@ -184,3 +184,9 @@ def test_no_demo_without_a_port(capsys, served, tmp_path):
     assert main(arguments) == FAULT
     assert port in capsys.readouterr().err
     assert not (tmp_path / demo.CHART).exists()
+
+
+@pytest.mark.parametrize("word", ["4 IDLE", "2 spray_search", "3 NO_HOLE", "5 NOT_HOLDER", "101 grasp_from_rack"])
+def test_the_map_says_what_every_number_means(capsys, word):
+    assert main(["map"]) == GOOD
+    assert word in capsys.readouterr().out

@@ -14,9 +14,10 @@ from cell.config import load
 from cell.journal import Journal
 from cell.states import State
 from drivers.quantities import SwitchState
+from plc_bridge.images import COMMAND, REPORT
 from plc_bridge.messages import Result
 from plc_bridge.peer import Peer
-from plc_bridge.registers import COMMAND, REPORT, Lease
+from plc_bridge.registers import Lease
 from skills.catalogue import CATALOGUE
 from tests.serving import serving
 

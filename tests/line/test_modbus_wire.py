@@ -11,10 +11,11 @@ import pytest
 from drivers.errors import DeviceNotOpenedError
 from plc_bridge.bridge import Bridge
 from plc_bridge.config import ModbusConfig, PlcConfig
+from plc_bridge.images import REPORT
 from plc_bridge.messages import FIRST_PROGRAM, Control, LeaseState, Refusal, Report, Result
 from plc_bridge.modbus import ModbusServer
 from plc_bridge.peer import CellSilentError, Peer
-from plc_bridge.registers import MIRROR, REPORT
+from plc_bridge.registers import MIRROR
 
 HEADER = struct.Struct(">HHHB")
 READ_REPORT = bytes.fromhex("04 0000 000A")

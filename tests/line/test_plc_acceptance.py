@@ -8,9 +8,10 @@ import pytest
 
 from cell.states import State
 from drivers.errors import FaultCode, SkinSilentError
+from plc_bridge.images import CommandImage
 from plc_bridge.messages import Control, LeaseState, Refusal, Result, Transition
 from plc_bridge.peer import CellSilentError
-from plc_bridge.registers import VERSION, VERSION_MAJOR, CommandImage
+from plc_bridge.registers import VERSION, VERSION_MAJOR
 from skills.contract import Outcome, Reason
 from tests.plc_lines import PLC_LINES
 from tests.quick_cell import CODE, STAGE, quick_cell

@@ -3,8 +3,8 @@ import random
 import pytest
 
 from plc_bridge.canopen_node import ANYBODY, NmtState
+from plc_bridge.images import CommandImage
 from plc_bridge.messages import Command, Control, LeaseState, Refusal, Report, Result
-from plc_bridge.registers import CommandImage
 from tests.canopen_rig import (
     NODE,
     PLACES,

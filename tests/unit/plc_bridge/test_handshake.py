@@ -3,8 +3,9 @@ from dataclasses import replace
 import pytest
 
 from plc_bridge.handshake import LATE_WINDOW, MOST_PENDING, Handshake
+from plc_bridge.images import CommandImage
 from plc_bridge.messages import Command, Control, LeaseState, Refusal, Report, Result
-from plc_bridge.registers import CommandImage, Lease, Parameter
+from plc_bridge.registers import Lease, Parameter
 
 INSERT, GRASP = 100, 101
 SPEED = Parameter("search.speed", "m/s", 1e-4, 0.001, 0.1, "how fast the search moves")

@@ -6,8 +6,9 @@ from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
 from plc_bridge.handshake import Handshake
+from plc_bridge.images import CommandImage
 from plc_bridge.messages import FIRST_PROGRAM, Command, Control, Refusal, Report, Result
-from plc_bridge.registers import CommandImage, Lease
+from plc_bridge.registers import Lease
 
 PROGRAMS = {100: "insert_peg", 101: "grasp"}
 CONTROLS = [control for control in Control if control < FIRST_PROGRAM]

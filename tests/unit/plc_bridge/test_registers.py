@@ -5,29 +5,23 @@ from dataclasses import fields
 
 import pytest
 
-from plc_bridge.messages import Refusal, Result
-from plc_bridge.registers import (
-    COILS,
+from plc_bridge.images import (
     COMMAND,
     DIAGNOSTICS,
-    DISCRETE_INPUTS,
-    MIRROR,
     REPORT,
     CommandImage,
     Diagnostics,
-    Parameter,
     ReportImage,
-    as_csv,
-    as_json,
-    as_markdown,
     command_image,
     command_words,
     diagnostics_image,
     diagnostics_words,
     report_image,
     report_words,
-    table,
 )
+from plc_bridge.map_formats import as_csv, as_json, as_markdown
+from plc_bridge.messages import Refusal, Result
+from plc_bridge.registers import COILS, DISCRETE_INPUTS, MIRROR, Parameter, table
 
 PLACES = {register.name: register for register in table()}
 

@@ -6,8 +6,9 @@ import pytest
 
 from plc_bridge.bridge import Bridge
 from plc_bridge.config import PlcConfig
+from plc_bridge.images import COMMAND, REPORT, command_image
 from plc_bridge.messages import Control, Refusal, Report, Result
-from plc_bridge.registers import COMMAND, REPORT, VERSION_MAJOR, Parameter, command_image, table
+from plc_bridge.registers import VERSION_MAJOR, Parameter, table
 from plc_bridge.structured_text import FAILURE_BASE, NO_CELL, STOP_PENDING, WRONG_VERSION, as_structured_text
 
 INSERT = 100

@@ -1,0 +1,175 @@
+"""The blocks of the register map as values, and as the words that travel."""
+
+import struct
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
+
+from plc_bridge.registers import PARAMETERS, STAGES, VERSION, Register, table
+
+Value = int | float | str
+
+
+@dataclass(frozen=True, slots=True)
+class CommandImage:
+    """The command block as values; `parameters` has the raw count of each one given, by number from 0."""
+
+    life: int = 0
+    sequence: int = 0
+    code: int = 0
+    recipe: int = 0
+    acknowledge: int = 0
+    lease: int = 0
+    version: int = 0
+    serial: str = ""
+    parameters: tuple[tuple[int, int], ...] = ()
+    life_tail: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class ReportImage:
+    """The report block as values, as one reader sees it."""
+
+    life: int = 0
+    version: int = VERSION
+    sequence: int = 0
+    answered: int = 0
+    refusal: int = 0
+    result: int = 0
+    state: int = 0
+    fault: int = 0
+    stage: int = 0
+    reason: int = 0
+    progress: int = 0
+    code: int = 0
+    run: int = 0
+    lease: int = 0
+    holder: str = ""
+    stage_times: tuple[float, ...] = (0.0,) * STAGES
+    total_time: float = 0.0
+    life_tail: int = 0
+
+
+@dataclass(slots=True)
+class Diagnostics:
+    """Counts since the start, as the diagnostics block shows them."""
+
+    requests: int = 0
+    exceptions: int = 0
+    malformed: int = 0
+    refusals: int = 0
+    torn: int = 0
+    lost: int = 0
+    connections: int = 0
+    accepted: int = 0
+    dropped: int = 0
+    forbidden: int = 0
+    unauthorised: int = 0
+    bad_frames: int = 0
+    transition: int = 0
+
+    def __add__(self, other: "Diagnostics") -> "Diagnostics":
+        return Diagnostics(*(getattr(self, n.name) + getattr(other, n.name) for n in fields(Diagnostics)))
+
+
+class Block:
+    """Registers without gaps that are read or written together: values to words and back."""
+
+    def __init__(self, registers: Sequence[Register]) -> None:
+        self.registers = tuple(registers)
+        self.start = registers[0].address
+        self.words = sum(register.words for register in registers)
+        self._bytes = struct.Struct(">" + "".join(_code(register) for register in registers))
+        self._words = struct.Struct(f">{self.words}H")
+        self._fields = [(r.name, r.type, r.scale, 2 * r.words, *_range(r)) for r in registers]
+
+    def pack(self, values: Mapping[str, Value]) -> list[int]:
+        """Return the words; values that do not fit are cut to what the register holds, those left out are 0."""
+        raw: list[int | bytes] = []
+        for name, kind, scale, size, low, high in self._fields:
+            value = values.get(name, 0)
+            if kind == "string":
+                raw.append(str(value or "").encode("ascii", "replace")[:size])
+            else:
+                assert not isinstance(value, str)
+                count = value if scale == 1.0 else value / scale
+                raw.append(min(max(round(count), low), high))
+        return list(self._words.unpack(self._bytes.pack(*raw)))
+
+    def unpack(self, words: Sequence[int]) -> dict[str, Value]:
+        """Return the value of each register, raw integers where the scale is 1."""
+        raw = self._bytes.unpack(self._words.pack(*words))
+        values: dict[str, Value] = {}
+        for (name, kind, scale, *_), value in zip(self._fields, raw, strict=True):
+            if kind == "string":
+                values[name] = value.rstrip(b"\0").decode("latin-1")
+            else:
+                values[name] = value if scale == 1.0 else value * scale
+        return values
+
+
+def _code(register: Register) -> str:
+    if register.type == "string":
+        return f"{2 * register.words}s"
+    return {"u16": "H", "i16": "h", "u32": "I", "i32": "i"}[register.type]
+
+
+def _range(register: Register) -> tuple[int, int]:
+    bits = 16 * register.words
+    return (-(1 << bits - 1), (1 << bits - 1) - 1) if register.type.startswith("i") else (0, (1 << bits) - 1)
+
+
+COMMAND = Block([register for register in table() if register.table == "holding"])
+REPORT = Block([register for register in table() if register.name.startswith("report_")])
+DIAGNOSTICS = Block([register for register in table() if register.name.startswith("diagnostics_")])
+
+
+def command_image(words: Sequence[int]) -> CommandImage:
+    """Return the command block in `words` as values."""
+    values = COMMAND.unpack(words)
+    mask = int(values["command_parameter_mask"])
+    given = tuple((n, int(values[f"command_parameter_{n + 1}"])) for n in range(16) if mask >> n & 1 and n < PARAMETERS)
+    if mask >> PARAMETERS:
+        given += ((PARAMETERS, 0),)
+    simple = ("life", "sequence", "code", "recipe", "acknowledge", "lease", "version", "life_tail")
+    numbers = {name: int(values[f"command_{name}"]) for name in simple}
+    return CommandImage(serial=str(values["command_serial"]), parameters=given, **numbers)
+
+
+def command_words(image: CommandImage) -> list[int]:
+    """Return the words of the command block."""
+    values: dict[str, Value] = {
+        f"command_{name}": value for name, value in asdict(image).items() if name != "parameters"
+    }
+    values["command_parameter_mask"] = sum(1 << number for number, _ in image.parameters)
+    values.update({f"command_parameter_{number + 1}": count for number, count in image.parameters})
+    return COMMAND.pack(values)
+
+
+_REPORT_FIELDS = [
+    (f"report_{column.name}", column.name) for column in fields(ReportImage) if column.name != "stage_times"
+]
+
+
+def report_words(image: ReportImage) -> list[int]:
+    """Return the words of the report block."""
+    values: dict[str, Value] = {register: getattr(image, name) for register, name in _REPORT_FIELDS}
+    values.update({f"report_stage_time_{n}": time for n, time in enumerate(image.stage_times, 1)})
+    return REPORT.pack(values)
+
+
+def report_image(words: Sequence[int]) -> ReportImage:
+    """Return the report block in `words` as values."""
+    values = REPORT.unpack(words)
+    times = tuple(float(values.pop(f"report_stage_time_{n}")) for n in range(1, STAGES + 1))
+    return ReportImage(stage_times=times, **{name.removeprefix("report_"): value for name, value in values.items()})  # type: ignore[arg-type]
+
+
+def diagnostics_words(counts: Diagnostics) -> list[int]:
+    """Return the words of the diagnostics block."""
+    return DIAGNOSTICS.pack({f"diagnostics_{name}": value for name, value in asdict(counts).items()})
+
+
+def diagnostics_image(words: Sequence[int]) -> Diagnostics:
+    """Return the diagnostics block in `words` as values."""
+    values = DIAGNOSTICS.unpack(words)
+    return Diagnostics(**{name.removeprefix("diagnostics_"): int(value) for name, value in values.items()})
