@@ -43,8 +43,15 @@ class Desk:
 
     world: Arm
     switch: EmulatedSwitchBoard
+    lock: threading.Lock
+    """Of the boards, which live in a thread of their own."""
     sets: list[str]
     """What a cell's file has to say of them."""
+
+    def pull_switch(self) -> None:
+        """Pull the switch board's plug."""
+        with self.lock:
+            self.switch.close()
 
     def run(self, *arguments: str) -> subprocess.CompletedProcess[str]:
         """Run a command of `cell` that takes a config with this desk's."""
@@ -63,13 +70,14 @@ def desk(number: int) -> Iterator[Desk]:
         source: Any = OnTheDesk(world)
         hub = emulated_can(described, config.boards.skin, source, source.draw.skin, 0)
         far, switch = CanBus("udp_multicast", bus, described.bitrate), EmulatedSwitchBoard(source)
-        cable, is_over = CanCable(hub, far), threading.Event()
+        cable, lock, is_over = CanCable(hub, far), threading.Lock(), threading.Event()
 
         def live() -> None:
             while not is_over.wait(STEP):
-                cable.advance()
-                hub.advance()
-                switch.advance()
+                with lock:
+                    cable.advance()
+                    hub.advance()
+                    switch.advance()
 
         far.open()
         hub.open()
@@ -81,6 +89,7 @@ def desk(number: int) -> Iterator[Desk]:
             yield Desk(
                 world,
                 switch,
+                lock,
                 [
                     f"arm.host={host}",
                     "arm.realtime=ignore",

@@ -16,7 +16,7 @@ def test_a_cell_is_found_whole_by_its_file_and_a_board_that_is_pulled_is_named()
     emulated_or_skip()
     with desk(7) as boards:
         found = {line["device"]: line["found"] for line in json.loads(boards.run("check", "--json").stdout)}
-        boards.switch.close()
+        boards.pull_switch()
         then = {line["device"]: line["found"] for line in json.loads(boards.run("check", "--json").stdout)}
     # How late scans start is the affair of the machine that this runs on.
     assert {name: text for name, text in found.items() if name != "clock"} == dict.fromkeys(
