@@ -121,7 +121,10 @@ def _calibration(path: Path, layout: Layout) -> SkinCalibration:
 
 def make_tracker(config: CellConfig) -> Tracker:
     """Return what keeps theta from frame to frame."""
-    return Observer(config.observer) if config.smoothing.method == "observer" else Blend(config.smoothing)
+    smoothing = config.smoothing
+    if config.peg.shape == "square" and config.square is not None:
+        smoothing = smoothing.model_copy(update={"blend": config.square.blend})
+    return Observer(config.observer) if smoothing.method == "observer" else Blend(smoothing)
 
 
 def assemble(config: CellConfig) -> Cell:

@@ -36,6 +36,7 @@ from skills.recover import RecoverParams
 from skills.release_and_retract import ReleaseAndRetractParams
 from skills.spiral_adjust import SpiralAdjustParams
 from skills.spray_search import SpraySearchParams
+from skills.square import SquareParams
 from skills.tactile.image import ImageParams
 from skills.tactile.likelihood import LikelihoodParams
 from skills.tactile.observer import ObserverParams
@@ -49,7 +50,7 @@ DEFAULT = SHIPPED / "sim.toml"
 NOT_INHERITED = (("limits", "force"), ("limits", "low"), ("limits", "high"), ("hole", "centre"), ("rack", "first"))
 """What a cell says itself, whatever its base says: what it may do, and where its parts stand."""
 RECIPE_SECTIONS = frozenset(
-    {"preset", "peg", "hole", "rack", "grasp", "search", "insert", "adjust", "release", "recover"}
+    {"preset", "peg", "hole", "rack", "grasp", "search", "insert", "adjust", "release", "recover", "square"}
 )
 """What a recipe may say: the part, its place and how to handle it; never the hardware."""
 
@@ -94,6 +95,8 @@ class CellConfig(ConfigModel):
     adjust: SpiralAdjustParams
     release: ReleaseAndRetractParams
     recover: RecoverParams
+    square: SquareParams | None = None
+    """What a square peg takes instead; needed where there is one."""
     arm: Annotated[SimArmConfig | FrankaArmConfig, Field(discriminator="kind")]
     gripper: Annotated[SimGripperConfig | FrankaGripperConfig, Field(discriminator="kind")]
     skin: Annotated[SimSkinConfig | CanSkinConfig | SerialSkinConfig, Field(discriminator="kind")]
@@ -119,6 +122,8 @@ class CellConfig(ConfigModel):
             raise ValueError(
                 f"peg.diameter = {peg.diameter}: thicker than the hole; less than hole.diameter = {hole.diameter} allowed"
             )
+        if peg.shape == "square" and self.square is None:
+            raise ValueError('[square]: missing; needed because peg.shape = "square"')
         for name, depth in (("hole.depth", hole.depth), ("rack.depth", rack.depth)):
             if depth >= peg.length:
                 raise ValueError(
@@ -131,8 +136,11 @@ class CellConfig(ConfigModel):
 
     @model_validator(mode="after")
     def _is_stable(self) -> Self:
-        for name in STEERED:
-            found = too_high(getattr(self, name).gains, self.skin.rate)
+        steered = {name: getattr(self, name) for name in STEERED}
+        if self.peg.shape == "square" and self.square is not None:
+            steered |= {"square.insert": self.square.insert, "square.adjust": self.square.adjust}
+        for name, params in steered.items():
+            found = too_high(params.gains, self.skin.rate)
             if found is not None:
                 raise ValueError(
                     f"{name}.gains.{found.kind} = {found.gain:g}: unstable from {found.limit:.4g} with this damping and"
@@ -156,8 +164,10 @@ class CellConfig(ConfigModel):
             raise ValueError(
                 f'gripper.kind = "{self.gripper.kind}": needs the real arm; "sim" allowed with a simulated one'
             )
-        if simulated and self.peg.shape != "round":
-            raise ValueError(f'peg.shape = "{self.peg.shape}": the simulated cell has round pegs; "round" allowed')
+        if self.sim is not None and self.peg.shape == "square" and self.sim.model.hole not in ("exact", "unpredicted"):
+            raise ValueError(
+                f'sim.model.hole = "{self.sim.model.hole}": facets round a hole, and peg.shape = "square"; "exact" allowed'
+            )
         if self.sim is not None and not self.hole.present and self.sim.model.hole not in ("exact", "unpredicted"):
             raise ValueError(
                 f'sim.model.hole = "{self.sim.model.hole}": facets round a hole, and hole.present = false; "exact" allowed'
@@ -191,6 +201,7 @@ class CellConfig(ConfigModel):
             adjust=self.adjust,
             release=self.release,
             recover=self.recover,
+            square=self.square if self.peg.shape == "square" else None,
             retries=self.retries,
         )
 

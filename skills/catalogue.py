@@ -4,9 +4,20 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from drivers.parts import ConfigModel
-from skills import grasp_from_rack, recover, release_and_retract, spiral_adjust, spray_search, tactile_insert
-from skills.contract import Outcome, Reason, SkillContext
+from skills import (
+    corner_adjust,
+    corner_insert,
+    grasp_from_rack,
+    recover,
+    release_and_retract,
+    spiral_adjust,
+    spray_search,
+    tactile_insert,
+)
+from skills.contract import Outcome, Reason, SkillContext, SkillResult
 from skills.flow import StageRecord, in_order, run_stage
+from skills.ground import Plane
+from skills.square import SquareParams
 
 
 class SkillSet(ConfigModel):
@@ -18,6 +29,8 @@ class SkillSet(ConfigModel):
     adjust: spiral_adjust.SpiralAdjustParams
     release: release_and_retract.ReleaseAndRetractParams
     recover: recover.RecoverParams
+    square: SquareParams | None
+    """Where the peg is square; its skills then stand in for those of a round one, under their names."""
     retries: int
     """So often the search begins anew when the peg turns out not to be in the hole; 0 in [gibbons]."""
 
@@ -55,17 +68,17 @@ def grasp(skills: SkillSet, ctx: SkillContext) -> list[StageRecord]:
 
 def search(skills: SkillSet, ctx: SkillContext) -> list[StageRecord]:
     """Find the hole with the peg in the hand."""
-    return [run_stage("spray_search", lambda c: spray_search.run(skills.search, c), ctx)]
+    return [run_stage("spray_search", lambda c: _search(skills, c), ctx)]
 
 
 def insert(skills: SkillSet, ctx: SkillContext) -> list[StageRecord]:
     """Align the peg whose tip is in the hole."""
-    return [run_stage("tactile_insert", lambda c: tactile_insert.run(skills.insert, c), ctx)]
+    return [run_stage("tactile_insert", lambda c: _insert(skills, c), ctx)]
 
 
 def adjust(skills: SkillSet, ctx: SkillContext) -> list[StageRecord]:
     """Seat the aligned peg."""
-    return [run_stage("spiral_adjust", lambda c: spiral_adjust.run(skills.adjust, c), ctx)]
+    return [run_stage("spiral_adjust", lambda c: _adjust(skills, c), ctx)]
 
 
 def release(skills: SkillSet, ctx: SkillContext) -> list[StageRecord]:
@@ -91,7 +104,7 @@ def insert_peg(skills: SkillSet, ctx: SkillContext) -> list[StageRecord]:
     for left in reversed(range(skills.retries + 1)):
         if records[-1].result.outcome is not Outcome.SUCCESS and not records[-1].retried:
             break
-        records += find_and_seat(skills, ctx)
+        records += find_and_seat(skills, ctx, skills.retries - left)
         last = records[-1].result
         if last.outcome is Outcome.SUCCESS:
             records += release(skills, ctx)
@@ -104,9 +117,9 @@ def insert_peg(skills: SkillSet, ctx: SkillContext) -> list[StageRecord]:
     return records
 
 
-def find_and_seat(skills: SkillSet, ctx: SkillContext) -> list[StageRecord]:
+def find_and_seat(skills: SkillSet, ctx: SkillContext, attempt: int = 0) -> list[StageRecord]:
     """Find the hole, align and seat the peg, on the surface that the search has felt, until a stage does not succeed."""
-    found = run_stage("spray_search", lambda c: spray_search.run(skills.search, c), ctx)
+    found = run_stage("spray_search", lambda c: _search(skills, c), ctx)
     plane = found.result.plane if isinstance(found.result, spray_search.SpraySearchResult) else None
     if found.result.outcome is not Outcome.SUCCESS:
         return [found]
@@ -114,12 +127,28 @@ def find_and_seat(skills: SkillSet, ctx: SkillContext) -> list[StageRecord]:
         found,
         *in_order(
             [
-                ("tactile_insert", lambda c: tactile_insert.run(skills.insert, c, plane)),
-                ("spiral_adjust", lambda c: spiral_adjust.run(skills.adjust, c, plane)),
+                ("tactile_insert", lambda c: _insert(skills, c, plane, attempt)),
+                ("spiral_adjust", lambda c: _adjust(skills, c, plane)),
             ],
             ctx,
         ),
     ]
+
+
+def _search(skills: SkillSet, ctx: SkillContext) -> SkillResult:
+    return spray_search.run(skills.search if skills.square is None else skills.square.searching(skills.search), ctx)
+
+
+def _insert(skills: SkillSet, ctx: SkillContext, plane: Plane | None = None, attempt: int = 0) -> SkillResult:
+    if skills.square is not None:
+        return corner_insert.run(skills.square.insert, ctx, plane, attempt)
+    return tactile_insert.run(skills.insert, ctx, plane)
+
+
+def _adjust(skills: SkillSet, ctx: SkillContext, plane: Plane | None = None) -> SkillResult:
+    if skills.square is not None:
+        return corner_adjust.run(skills.square.adjust, ctx, plane)
+    return spiral_adjust.run(skills.adjust, ctx, plane)
 
 
 CATALOGUE: dict[str, Entry] = {

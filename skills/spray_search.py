@@ -11,6 +11,7 @@ from pydantic import Field, NonNegativeFloat, PositiveFloat
 from drivers.frames import UP
 from drivers.quantities import ImpedanceSetpoint, Twist, Vector
 from skills.contract import Observation, Outcome, Reason, SkillContext, SkillParams, SkillResult
+from skills.corner import DIAGONAL, corner_ahead, lowest_corner
 from skills.ground import Ground, Plane
 from skills.motion import VALIDITY, Gains, Goal, Transfer, Trim, between, move, tilted
 from skills.paths import Lanes, SprayPaint, lanes, spiral_at_speed, spray_paint
@@ -134,10 +135,14 @@ def run(
         )
     else:
         path = spray_paint(half, params.pitch * hole.diameter, params.speed, fast, (start[0], start[1]))
-    axis, closing = tilted(params.lean, params.tilt)
+    peg, lean = ctx.job.peg, params.lean
+    axis, closing = tilted(lean, params.tilt)
+    ahead = peg.diameter / 2 * math.cos(params.tilt)
+    if peg.shape == "square":
+        axis, closing = corner_ahead(lean, params.tilt)
+        ahead, lean = math.sqrt(2.0) * ahead, lean + DIAGONAL
     if params.edge_leads:
-        ahead = ctx.job.peg.diameter / 2 * math.cos(params.tilt)
-        middle = middle - ahead * np.array([math.cos(params.lean), math.sin(params.lean)])
+        middle = middle - ahead * np.array([math.cos(lean), math.sin(lean)])
     first = np.array([*(middle + start), surface + params.height])
     here = ctx.observe()
     if here.tip[2] < first[2]:
@@ -170,7 +175,9 @@ def run(
             stiffness = np.array([*stiffness[:2], push, *stiffness[3:]])
         point, velocity = path.at(along)
         sense = -1 if velocity[fast] < 0.0 else 1
-        edge = lowest_point(tip, seen.axis, ctx.job.peg.diameter / 2)
+        edge = lowest_point(tip, seen.axis, peg.diameter / 2)
+        if peg.shape == "square":
+            edge = lowest_corner(tip, seen.axis, seen.arm.tcp.rotation[:, 2], peg.diameter)
         below = ground.below(edge, sense)
         if phase is Phase.COMING_DOWN:
             pressed = pressed + 1 if seen.arm.wrench.force[2] > TOUCHED * push * params.push_offset else 0

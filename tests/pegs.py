@@ -39,9 +39,9 @@ def framed(values, trusted=ALL):
     return TaxelFrame(np.where(trusted, values, 0.0), trusted, 1.5, 7)
 
 
-def pushed(rng, theta, offset):
+def pushed(rng, theta, offset, peg=LOAD):
     across = rng.uniform(-7.0, 7.0)
-    return replace(LOAD, theta=theta, offset=offset, across=across, tilting=0.045 * across)
+    return replace(peg, theta=theta, offset=offset, across=across, tilting=0.045 * across)
 
 
 def folded(angle):
@@ -49,11 +49,11 @@ def folded(angle):
     return (angle + math.pi / 2) % math.pi - math.pi / 2
 
 
-def swept(estimator, layout, spoil=lambda rng, values: (values, ALL), count=321, seed=11, offset=None):
+def swept(estimator, layout, spoil=lambda rng, values: (values, ALL), count=321, seed=11, offset=None, peg=LOAD):
     """Return error of theta, rad, its sigma, error of the offset, m, and health over the whole range of angles."""
     rng, rows = np.random.default_rng(seed), []
     for theta in np.radians(np.linspace(-80.0, 80.0, count)):
-        load = pushed(rng, theta, rng.normal(0.0, 0.7e-3) if offset is None else offset(rng))
+        load = pushed(rng, theta, rng.normal(0.0, 0.7e-3) if offset is None else offset(rng), peg)
         pose = estimator.estimate(framed(*spoil(rng, readings(layout, load, rng))))
         rows.append((folded(pose.theta - theta), pose.sigma, pose.offset - load.offset, pose.healthy))
     return np.array(rows).T

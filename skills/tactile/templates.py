@@ -2,7 +2,8 @@
 
 The peg presses a line into each pad. Its load a metre is a constant and a part that rises along the peg; its groove
 has the parabolic pressure of a bed of springs; the elastomer blurs with a Gaussian, and a taxel averages over
-its disc. Along the line the blurred load is a difference of error functions; disc and groove are small sums.
+its disc. Along the line the blurred load is a difference of error functions; disc and groove are small sums. A square
+peg presses a face, which is an even mean of lines beside each other.
 """
 
 import math
@@ -72,27 +73,49 @@ def make_templates(layout: Layout, peg: Peg, params: TemplateParams) -> Template
     disc_weights = np.array([0.25] + [0.125] * 6)
     groove = math.sqrt(peg.diameter * params.indentation) * math.sqrt(3.0 / 7.0) * np.array([-1.0, 0.0, 1.0])
     groove_weights = np.array([7.0, 16.0, 7.0]) / 30.0
+    face = np.ones(1)
+    if peg.shape == "square":
+        groove, groove_weights = np.zeros(1), np.ones(1)
+        face = _face(peg.diameter, params.offset_step)
+    lines = np.arange(-(side + face.size // 2), side + face.size // 2 + 1, dtype=np.float64) * params.offset_step
     taxels = np.ascontiguousarray(finger_positions(layout)[1])
-    even = np.zeros((theta.size, offset.size, FINGERS * TAXELS))
+    even = np.zeros((theta.size, lines.size, FINGERS * TAXELS))
     rising = np.zeros_like(even)
     arguments = (disc, disc_weights, groove, groove_weights, params.blur)
     pad = (length / 2, width / 2, peg.length, peg.overhang)
     right = slice(TAXELS, None)
-    _fill(theta, offset, taxels, *pad, *arguments, even[..., right], rising[..., right])
+    _fill(theta, lines, taxels, *pad, *arguments, even[..., right], rising[..., right])
     # The left finger is the right one's mirror image about the finger's axis.
     mirrored = [np.zeros_like(even[:1, :, right]) for _ in range(2)]
-    _fill(-theta[:1], offset, taxels, *pad, *arguments, *mirrored)
+    _fill(-theta[:1], lines, taxels, *pad, *arguments, *mirrored)
     for table, first in zip((even, rising), mirrored, strict=True):
         table[1:, :, :TAXELS] = table[:0:-1, ::-1, right]
         table[0, :, :TAXELS] = first[0, ::-1]
-    on_axis = np.zeros((1, 1, 1))
-    endless = (np.zeros(1), np.zeros(1), np.zeros((1, 2)), 0.1, 0.1, 0.1, 0.1)
-    _fill(*endless, *arguments, on_axis, np.zeros_like(on_axis))
-    made = Templates(
-        theta, offset, (even / on_axis.item()).astype(np.float32), (rising / on_axis.item()).astype(np.float32)
-    )
+    under = np.zeros((1, face.size, 1))
+    middle = lines[lines.size // 2 - face.size // 2 :][: face.size]
+    _fill(np.zeros(1), middle, np.zeros((1, 2)), 0.1, 0.1, 0.1, 0.1, *arguments, under, np.zeros_like(under))
+    whole = float(face @ under[0, :, 0])
+    made = Templates(theta, offset, _beside(even, face, whole), _beside(rising, face, whole))
     for array in (made.theta, made.offset, made.even, made.rising):
         array.flags.writeable = False
+    return made
+
+
+def _face(width: float, step: float) -> Vector:
+    """Return the shares of lines `step` apart in a face of this width, by the trapezoidal rule; an odd number, sum 1."""
+    shares = np.ones(2 * max(1, round(width / 2 / step)) + 1)
+    shares[[0, -1]] = 0.5
+    shares /= shares.sum()
+    return shares
+
+
+def _beside(lines: Vector, face: Vector, whole: float) -> NDArray[np.float32]:
+    """Return the readings under a face from those under lines, shape (n, m + face's size - 1, 40), in units of `whole`."""
+    count = lines.shape[1] - face.size + 1
+    summed = np.zeros((lines.shape[0], count, lines.shape[2]))
+    for k in range(face.size):
+        summed += face[k] * lines[:, k : k + count]
+    made: NDArray[np.float32] = (summed / whole).astype(np.float32)
     return made
 
 

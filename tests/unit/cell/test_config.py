@@ -30,7 +30,7 @@ def test_the_shipped_cell_is_a_whole_config(loaded):
         ("peg.diameter=0.0081", ["--set", "peg.diameter = 0.0081", "thicker than the hole", "0.0081"]),
         ("insert.estimator=eye", ["insert.estimator", "'eye'", '"image"']),
         ("preset=hasty", ["preset", "'hasty'", "presets/"]),
-        ("peg.shape=square", ["peg.shape", '"round" allowed']),
+        ("peg.shape=oval", ["peg.shape", "'oval'", '"square"']),
         ("hole.depth=0.06", ["hole.depth = 0.06", "peg.length"]),
         ("scan_rate=5", ["scan_rate = 5", "10 to 1000"]),
         ("contact.friction=[0.1, 3]", ["contact.friction", "[0.1, 3]", "0 to 2"]),
@@ -202,3 +202,23 @@ def test_a_base_that_is_not_there_is_told(real):
 def test_a_base_of_a_base_is_refused(real):
     real.write_text('base = "cell_01.toml"')
     assert "has a base of its own" in line_about(path=real)
+
+
+def test_facets_are_refused_for_a_square_hole():
+    line = line_about("peg.shape=square", "sim.model.hole=boxes")
+    assert all(word in line for word in ("sim.model.hole", "boxes", "square", '"exact" allowed'))
+
+
+def test_a_square_peg_without_its_section_is_refused(tmp_path):
+    shutil.copytree(SHIPPED, tmp_path / "config")
+    path = tmp_path / "config" / "sim.toml"
+    text = path.read_text()
+    path.write_text(re.sub(r"\[square\].*?(?=\[arm\])", "", text, flags=re.DOTALL))
+    load(path)
+    line = line_about("peg.shape=square", path=path)
+    assert all(word in line for word in ("[square]", "missing", "square"))
+
+
+def test_gains_of_a_square_peg_that_would_be_unstable_are_refused():
+    line = line_about("peg.shape=square", "square.adjust.gains.rotation=400")
+    assert all(word in line for word in ("square.adjust.gains.rotation", "400", "unstable"))

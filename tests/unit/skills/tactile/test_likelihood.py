@@ -117,3 +117,16 @@ def test_templates_are_what_the_blurred_groove_adds_up_to(layout, rises):
     made = (templates.rising if rises else templates.even)[i, j]
     scale = float(made @ read / (read @ read))
     assert np.abs(scale * read - made).max() < 0.02 * np.abs(made).max()
+
+
+@pytest.mark.parametrize(("layout", "rms", "worst"), [("parallelogram", 0.8, 3.0), ("base_to_base", 1.2, 5.0)])
+def test_theta_follows_a_square_peg_by_the_print_of_its_faces(layout, rms, worst):
+    peg = shipped().peg.model_copy(update={"shape": "square"})
+    error, sigma, offset, healthy = swept(
+        LikelihoodEstimator(LikelihoodParams(), layout, peg), layout, peg=replace(LOAD, is_flat=True)
+    )
+    assert healthy.all()
+    assert rms_degrees(error) < rms
+    assert np.degrees(np.abs(error).max()) < worst
+    assert np.mean(np.abs(error) < 1.96 * sigma) > 0.9
+    assert offset.std() < 0.25e-3

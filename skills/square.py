@@ -1,0 +1,42 @@
+"""What is done otherwise with a square peg: it searches with a corner, and is turned until it drops in."""
+
+from typing import Annotated
+
+from pydantic import Field, PositiveFloat
+
+from drivers.parts import ConfigModel
+from skills.corner_adjust import CornerAdjustParams
+from skills.corner_insert import CornerInsertParams
+from skills.spray_search import SpraySearchParams
+
+
+class SquareParams(ConfigModel):
+    """How a square peg is handled; where nothing is said, as a round one."""
+
+    tilt: Annotated[float, Field(gt=0.0, lt=1.4)]
+    """Of the peg in the search, rad: the closing axis is beside the plane of the tilt, so that theta's error is felt as height."""
+    speed: Annotated[float, Field(gt=0.0, le=0.5)]
+    """Peak speed of the tip along the path, m/s: a corner that has fallen in meets the wall with all of it."""
+    pitch: Annotated[float, Field(gt=0.0, le=2.0)]
+    """Largest distance between neighbouring passes, in sides of the hole."""
+    dip: PositiveFloat
+    """Of the corner below the surface, that is evidence of an edge, m."""
+    fall: PositiveFloat
+    """The resting corner must stand so far below the surface, m."""
+    blend: Annotated[float, Field(gt=0.0, le=1.0)]
+    """Instead of `smoothing.blend`, for the same reason."""
+    insert: CornerInsertParams
+    adjust: CornerAdjustParams
+
+    def searching(self, search: SpraySearchParams) -> SpraySearchParams:
+        """Return the parameters of the search with a corner."""
+        return search.model_copy(
+            update={
+                "tilt": self.tilt,
+                "speed": self.speed,
+                "pitch": self.pitch,
+                "dip": self.dip,
+                "fall": self.fall,
+                "edge_leads": True,
+            }
+        )

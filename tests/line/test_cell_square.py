@@ -1,0 +1,52 @@
+"""A square peg goes through the whole cell: grasp, search with a corner, turning, seating."""
+
+import math
+
+import pytest
+
+from cell.assembly import assemble, opened
+from cell.config import load
+from cell.trials import run_trial
+from drivers.frames import rotation_about
+from drivers.quantities import Pose
+from sim import engine, world
+from sim.world import Peg, World
+from skills import grasp_from_rack
+from skills.contract import Outcome
+
+SQUARE = ('sim.pace="max"', "peg.shape=square")
+
+
+@pytest.mark.parametrize("seed", [104, 107])
+def test_a_square_peg_is_seated_in_a_hole_that_is_turned(seed: int) -> None:
+    row = run_trial(load(sets=(*SQUARE, "hole.area=[0.01, 0.01]")).cell, seed)
+    assert (row.outcome, row.switch_closed) == ("success", True)
+    assert row.max_penetration < 5e-6
+
+
+def test_a_square_peg_is_held_by_two_of_its_faces() -> None:
+    with opened(assemble(load(sets=(*SQUARE, "sim.seed=3")).cell)) as cell:
+        physics = cell.clock
+        assert isinstance(physics, World)
+        result = grasp_from_rack.run(cell.config.grasp, cell.context(3))
+        assert result.outcome is Outcome.SUCCESS
+        assert physics.peg is Peg.HELD
+        load_now = physics.pad_load()
+        assert load_now is not None
+        assert load_now.is_flat
+        assert result.theta == pytest.approx(physics.truth().theta, abs=math.radians(3.0))
+
+
+def test_a_square_peg_at_rest_in_its_hole_stays_at_rest() -> None:
+    with opened(assemble(load(sets=(*SQUARE, "sim.seed=4")).cell)) as cell:
+        physics = cell.clock
+        assert isinstance(physics, World)
+        up = physics.plate.rotation[:, 2]
+        leaning = rotation_about(physics.plate.rotation[:, 0], math.radians(0.1)) @ physics.plate.rotation
+        physics._enter_free(width=0.08, peg=Pose(physics.plate.position + up * (physics._half - 0.019), leaning))
+        physics.wait_until(physics.now() + 2.0)
+        before = physics.truth().tip
+        assert physics.truth().switch_closed
+        physics.wait_until(physics.now() + 30.0)
+        assert math.dist(physics.truth().tip, before) < 2e-6
+        assert physics.meters[engine.SUSTAINED] < world.VOID_PENETRATION

@@ -1,0 +1,61 @@
+"""A square peg's corner, and the turns that find how its hole is turned."""
+
+import math
+
+import numpy as np
+import pytest
+
+from drivers.frames import UP, rotation_about
+from skills.corner import corner_ahead, lowest_corner
+from skills.corner_insert import lead_to, tipped, to_and_fro, turned_by
+
+SIDE = 0.008
+
+
+def test_a_peg_that_leans_over_its_corner_has_that_corner_ahead_and_lowest() -> None:
+    axis, closing = corner_ahead(0.2, 0.5)
+    assert float(axis @ closing) == pytest.approx(0.0, abs=1e-15)
+    corner = lowest_corner(np.zeros(3), axis, closing, SIDE)
+    half = SIDE / math.sqrt(2)
+    ahead = np.array([math.cos(0.2 + math.pi / 4), math.sin(0.2 + math.pi / 4)])
+    np.testing.assert_allclose(corner, [*(half * math.cos(0.5) * ahead), -half * math.sin(0.5)], atol=1e-15)
+
+
+def test_no_corner_lies_lower_than_the_lowest() -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(50):
+        turned = rotation_about(UP, rng.uniform(-3.0, 3.0)) @ rotation_about(
+            np.array([1.0, 0.0, 0.0]), rng.uniform(0, 1)
+        )
+        axis, closing = turned[:, 2], turned[:, 0]
+        beside = turned[:, 1]
+        all_four = [SIDE / 2 * (a * closing + b * beside) for a in (-1, 1) for b in (-1, 1)]
+        corner = lowest_corner(np.zeros(3), axis, closing, SIDE)
+        assert corner[2] == pytest.approx(min(each[2] for each in all_four))
+        assert min(np.linalg.norm(corner - each) for each in all_four) < 1e-15
+
+
+def test_turns_go_to_either_side_further_each_time_and_never_beyond_their_reach() -> None:
+    rate, growth, reach = 0.25, 0.035, 0.1
+    angles = np.array([to_and_fro(t, rate, growth, reach) for t in np.arange(0.0, 12.0, 0.01)])
+    assert angles[0] == 0.0
+    assert np.abs(np.diff(angles)).max() == pytest.approx(rate * 0.01)
+    assert (angles.max(), angles.min()) == (pytest.approx(reach, abs=3e-3), pytest.approx(-reach, abs=3e-3))
+    ends = angles[1:-1][np.diff(np.sign(np.diff(angles))) != 0]
+    np.testing.assert_allclose(ends[:4], [0.035, -0.07, 0.1, -0.1], atol=3e-3)
+
+
+@pytest.mark.parametrize("angle", [-0.2, 0.0, 0.15])
+def test_how_far_a_hand_has_turned_about_the_normal_does_not_depend_on_how_it_leans(angle: float) -> None:
+    _, closing = corner_ahead(0.3, 0.12)
+    turned = rotation_about(UP, angle) @ closing
+    assert turned_by(turned, closing, UP) == pytest.approx(angle)
+
+
+def test_what_is_tipped_leans_towards_where_it_was_asked_to() -> None:
+    np.testing.assert_allclose((tipped(np.array([0.01, -0.02])) @ UP)[:2], [0.01, -0.02], atol=1e-5)
+
+
+def test_the_corner_is_led_to_its_own_side_along_the_closing_axis_and_across() -> None:
+    lead = lead_to(np.array([1.0, 1.0, 0.0]) / math.sqrt(2), np.array([-1.0, 0.0, 0.1]), UP, (0.003, 0.002))
+    np.testing.assert_allclose(lead, [0.003, 0.002, 0.0], atol=1e-15)
