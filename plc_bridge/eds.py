@@ -1,5 +1,6 @@
 """The electronic data sheet of the CANopen node (CiA 306): what a PLC's configuration tool reads."""
 
+import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 
 from canopen import ObjectDictionary
@@ -12,6 +13,8 @@ from plc_bridge.registers import RPDOS, TPDOS, VERSION_DATE, VERSION_MAJOR, VERS
 _VAR, _ARRAY, _RECORD = 7, 8, 9
 _MANDATORY = (0x1000, 0x1001, 0x1018)
 _MANUFACTURER = range(0x2000, 0x6000)
+_LONGEST_COMMENT = 200
+"""CiA 306 allows lines of 255 characters."""
 _DUMMIES = 7
 """Data types that could stand for a gap in a PDO; the mapping is fixed, so none may."""
 
@@ -57,8 +60,8 @@ def as_eds(registers: Sequence[Register]) -> str:
 
 
 def _section(name: str, entries: Mapping[str, object], comment: str = "") -> Iterator[str]:
-    if comment:
-        yield f"; {comment}"
+    for line in textwrap.wrap(comment, _LONGEST_COMMENT):
+        yield f"; {line}"
     yield f"[{name}]"
     for key, value in entries.items():
         yield f"{key}={value}"

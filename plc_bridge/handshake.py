@@ -25,7 +25,17 @@ from dataclasses import dataclass, field, replace
 from plc_bridge.images import CommandImage
 from plc_bridge.lease import CellLease
 from plc_bridge.links import Link
-from plc_bridge.messages import FIRST_PROGRAM, Command, Control, LeaseState, Refusal, Report, Result, Transition
+from plc_bridge.messages import (
+    FIRST_PROGRAM,
+    UNNUMBERED,
+    Command,
+    Control,
+    LeaseState,
+    Refusal,
+    Report,
+    Result,
+    Transition,
+)
 from plc_bridge.registers import VERSION_MAJOR, Lease, Parameter
 from plc_bridge.watchdog import Watchdog
 
@@ -157,7 +167,7 @@ class Handshake:
         link = self._links[source]
         link.watchdog.heard = now
         if coils.get("stop"):
-            self._stop(Command(link.sequence or 0, Control.STOP, source=source))
+            self._stop(Command(UNNUMBERED, Control.STOP, source=source))
         image = link.image or CommandImage()
         if "execute" in coils:
             self._speak(link)
@@ -223,7 +233,8 @@ class Handshake:
             self._refuse(link, command.sequence, refusal)
         else:
             self.counts.refusals += 1
-            logger.warning("%s: command %d refused: %s", command.source, command.sequence, refusal.name)
+            what = "stop" if command.sequence == UNNUMBERED else f"command {command.sequence}"
+            logger.warning("%s: %s refused: %s", command.source, what, refusal.name)
 
     @property
     def holder(self) -> str:

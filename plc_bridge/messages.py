@@ -61,6 +61,8 @@ class Control(IntEnum):
     """Made by the handshake: the result has been read."""
 
 
+UNNUMBERED = -1
+"""Sequence of a stop that came without one: by a coil or by the stop object of CAN."""
 FIRST_PROGRAM = 100
 """Lowest command code of a program or a skill."""
 

@@ -17,7 +17,7 @@ from plc_bridge.bridge import Bridge
 from plc_bridge.canopen_node import ANYBODY
 from plc_bridge.canopen_peer import CanPeer, SdoRefusedError
 from plc_bridge.config import CanConfig, ModbusConfig, PlcConfig
-from plc_bridge.messages import Command, Control, LeaseState, Refusal, Report, Result
+from plc_bridge.messages import UNNUMBERED, Command, Control, LeaseState, Refusal, Report, Result
 from plc_bridge.objects import dictionary
 from plc_bridge.peer import CellSilentError
 from plc_bridge.registers import Parameter, table
@@ -241,7 +241,7 @@ def test_the_plc_stops_the_cell_by_the_stop_object(bridge, config):
     with closing(CanPeer(config, timeout=PATIENCE)) as peer:
         peer.connect()
         peer.stop()
-        assert next_command(bridge) == Command(0, Control.STOP, source=ANYBODY)
+        assert next_command(bridge) == Command(UNNUMBERED, Control.STOP, source=ANYBODY)
 
 
 def test_a_silent_cell_is_said_in_one_line(config):

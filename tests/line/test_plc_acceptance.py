@@ -230,6 +230,16 @@ def test_fault_has_its_word_and_its_stage_until_a_reset(plc, served):
     assert plc.run(CODE, timeout=PATIENCE).result == Result.SUCCESS
 
 
+def test_a_stop_that_finds_nothing_to_stop_leaves_the_answer_alone(plc, served):
+    served.program.fault = SkinSilentError("nothing heard")
+    plc.trigger(CODE)
+    fault = plc.wait_for_result(PATIENCE)
+    plc.stop()
+    until(plc.read_diagnostics, lambda counts: counts.refusals == 1)
+    report = plc.cycle()
+    assert (report.sequence, report.result, report.refusal) == (fault.sequence, Result.FAULT, Refusal.NONE)
+
+
 def test_life_that_stands_still_stops_the_run_and_frees_the_lease(line, loaded, tmp_path):
     hasty = line.plc.model_copy(update={"life_timeout": 0.5})
     with quick_cell(loaded, hasty, tmp_path) as served, contextlib.closing(line.connect(served.bridge)) as plc:

@@ -4,7 +4,7 @@ import pytest
 
 from plc_bridge.canopen_node import ANYBODY, NmtState
 from plc_bridge.images import CommandImage
-from plc_bridge.messages import Command, Control, LeaseState, Refusal, Report, Result
+from plc_bridge.messages import UNNUMBERED, Command, Control, LeaseState, Refusal, Report, Result
 from tests.canopen_rig import (
     NODE,
     PLACES,
@@ -224,7 +224,7 @@ def test_each_kind_of_refusal_is_logged_once_with_who_what_and_why(rig, caplog):
 def test_anybody_may_stop_in_any_state(rig, command):
     rig.nmt(command)
     rig.give(STOP_OBJECT, b"\x01")
-    assert rig.bridge.poll() == Command(0, Control.STOP, source=ANYBODY)
+    assert rig.bridge.poll() == Command(UNNUMBERED, Control.STOP, source=ANYBODY)
 
 
 def test_a_stop_object_with_0_stops_nothing(rig):

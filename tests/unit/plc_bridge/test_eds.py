@@ -11,7 +11,7 @@ from dcf.parse import parse_file
 
 from plc_bridge.eds import as_eds
 from plc_bridge.objects import dictionary
-from plc_bridge.registers import RPDOS, TPDOS, VERSION_MAJOR, VERSION_MINOR
+from plc_bridge.registers import RPDOS, TPDOS, VERSION_MAJOR, VERSION_MINOR, table
 from tests.canopen_rig import NODE, REGISTERS
 
 LISTS = ("MandatoryObjects", "OptionalObjects", "ManufacturerObjects")
@@ -87,6 +87,13 @@ def test_every_object_is_listed_once_and_where_it_belongs(sheet):
     assert all(0x1000 <= int(index, 16) < 0x2000 for index in listed["OptionalObjects"])
     found = sorted(int(index, 16) for name in LISTS for index in listed[name])
     assert found == sorted(int(section, 16) for section in sheet.sections() if len(section) == 4)
+
+
+def test_no_line_is_longer_than_the_standard_allows(tmp_path):
+    path = tmp_path / "many.eds"
+    path.write_text(as_eds(table({code: f"program_{code}" for code in range(100, 150)})), encoding="ascii")
+    assert max(map(len, path.read_text().splitlines())) <= 255
+    assert lint(parse_file(str(path)))
 
 
 def test_every_group_counts_its_members(sheet):

@@ -4,7 +4,7 @@ import pytest
 
 from plc_bridge.handshake import LATE_WINDOW, MOST_PENDING, Handshake
 from plc_bridge.images import CommandImage
-from plc_bridge.messages import Command, Control, LeaseState, Refusal, Report, Result
+from plc_bridge.messages import UNNUMBERED, Command, Control, LeaseState, Refusal, Report, Result
 from plc_bridge.registers import Lease, Parameter
 
 INSERT, GRASP = 100, 101
@@ -312,7 +312,7 @@ def test_stop_coil_stops_for_anybody():
     line = Line("a", "b")
     line.run(2, "a")
     line.coils("b", stop=True)
-    assert line.poll() == Command(0, Control.STOP, source="b")
+    assert line.poll() == Command(UNNUMBERED, Control.STOP, source="b")
 
 
 def test_command_that_was_stopped_before_the_scan_never_runs():
