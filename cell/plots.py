@@ -49,6 +49,13 @@ def plot_run(row: RunRow, samples: dict[str, Vector], path: Path) -> None:
         time, np.degrees(np.arctan2(upright, samples["axis_z"])), label="phi, to the vertical", color="#4477aa", lw=1
     )
     angles.set_ylabel("angle (degrees)")
+    age = angles.twinx()
+    known = np.where(np.isfinite(samples["theta_stamp"]), samples["stamp"] - samples["theta_stamp"], np.nan)
+    age.plot(time, 1e3 * known, color="#bbbbbb", lw=0.5)
+    age.set_ylabel("age of theta (ms), grey")
+    age.set_ylim(0.0, 500.0)
+    angles.set_zorder(age.get_zorder() + 1)
+    angles.set_frame_on(False)
     taxels.plot(time, samples["taxels"].mean(axis=1), color="#222222", lw=1, label="average of 40 taxels")
     found = _hole_event(stage)
     if found is not None:

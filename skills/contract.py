@@ -147,7 +147,8 @@ class Tracker(Protocol):
             stamp: Time now, s.
             tcp: T_base_tcp now.
             length: From the finger centre to the peg's end point, m.
-            new: A healthy estimate from a frame that has just come, if any; its stamp may lie in the past.
+            new: A healthy estimate from a frame that has just come, if any; its stamp may lie in the past, and one
+                that is no newer than what is known is left out.
         """
 
 
@@ -181,7 +182,7 @@ class Blend:
 
     def follow(self, stamp: float, tcp: Pose, length: float, new: PegPose | None) -> PegPose:
         """See `Tracker`."""
-        if new is not None:
+        if new is not None and new.stamp > self._peg.stamp:
             self._peg = self._smoothing.take(self._peg, new)
         return self._peg
 

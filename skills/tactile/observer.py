@@ -65,7 +65,8 @@ class Observer:
             new: A healthy estimate from a frame that has just come, if any; its stamp may lie in the past.
         """
         self._path.append((stamp, tcp))
-        if new is not None:
+        if new is not None and (new.stamp > self._peg.stamp or self._finger is None):
+            # An older one, overtaken on its way, has nothing to tell any more.
             self._take(new, length)
         if self._finger is None:
             return self._peg

@@ -14,10 +14,9 @@ HAND = Pose(np.array([0.5, 0.0, 0.15]), np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1
 CLOSING = HAND.rotation[:, 2]
 
 
-def turned(angle, about=HAND.position):
-    """Return the hand after a turn about the closing axis through a point."""
-    turn = rotation_about(CLOSING, angle)
-    return Pose(about + turn @ (HAND.position - about), turn @ HAND.rotation)
+def turned(angle, hand=HAND):
+    """Return the hand after a turn about the closing axis through the finger centre."""
+    return Pose(hand.position, rotation_about(CLOSING, angle) @ hand.rotation)
 
 
 @dataclass
@@ -60,6 +59,7 @@ def pivoted(grasp, rate, seconds=2.0, late_scans=0):
         seen = max(n - late_scans, 0)
         x, y, _ = hands[seen].rotation.T @ (tip - hands[seen].position)
         errors.append(grasp.scan(math.atan2(y, x), hand, late=SCAN * (n - seen)) + math.atan2(y, x) - theta)
+    grasp.hand, grasp.theta = hand, theta
     return errors
 
 
@@ -82,6 +82,18 @@ def test_peg_whose_tip_is_held_is_foreseen_between_frames():
     held = 0.4 * SCAN * PERIOD / math.sqrt(3.0)
     assert grasp.observer.pivoting > 0.8
     assert rms(errors[60:]) < 0.5 * held
+
+
+def test_peg_that_sticks_again_after_its_tip_was_held_is_told_within_a_second():
+    grasp = Grasp()
+    pivoted(grasp, rate=0.4)
+    was_pivoting = grasp.observer.pivoting
+    stuck, hand = grasp.theta, grasp.hand
+    for n in range(100):
+        grasp.scan(stuck, turned(0.004 * n, hand))
+    assert was_pivoting > 0.8
+    assert grasp.observer.pivoting < 0.2
+    assert grasp.observer.slips == 0
 
 
 def test_late_frame_counts_for_when_it_was_measured():

@@ -1,0 +1,68 @@
+"""What holds of everything that keeps theta between frames: time stamps count, and the age of theta is there to see."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from drivers.quantities import Pose
+from skills.contract import Blend, PegPose, Smoothing, Tracker
+from skills.tactile.observer import Observer, ObserverParams
+
+HAND = Pose(np.array([0.5, 0.0, 0.15]), np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]]))
+LENGTH, SIGMA = 0.05, math.radians(0.4)
+TRACKERS = [lambda: Blend(Smoothing()), lambda: Blend(Smoothing(blend=0.3)), lambda: Observer(ObserverParams())]
+
+every_tracker = pytest.mark.parametrize("make", TRACKERS, ids=["held", "blended", "observed"])
+Make = Callable[[], Tracker]
+
+
+def frame(theta: float, stamp: float) -> PegPose:
+    return PegPose(theta, 0.0, SIGMA, 0.0, True, stamp)
+
+
+def follow(tracker: Tracker, now: float, new: PegPose | None = None) -> PegPose:
+    return tracker.follow(now, HAND, LENGTH, new)
+
+
+def settled(make: Make) -> Tracker:
+    """Return one that has seen theta = 0.3 for a second, the last frame at 1.0 s."""
+    tracker = make()
+    for scan in range(101):
+        follow(tracker, 0.01 * scan, frame(0.3, 0.01 * scan) if scan % 10 == 0 else None)
+    return tracker
+
+
+@every_tracker
+def test_age_of_theta_is_that_of_its_newest_frame(make: Make) -> None:
+    tracker = settled(make)
+    for now in (1.01, 1.2, 1.5):
+        assert now - follow(tracker, now).stamp == pytest.approx(now - 1.0)
+
+
+@every_tracker
+def test_frame_that_comes_late_is_as_old_as_when_it_was_measured(make: Make) -> None:
+    assert follow(settled(make), 1.18, frame(0.3, 1.1)).stamp == pytest.approx(1.1)
+
+
+@every_tracker
+@pytest.mark.parametrize("stamp", [0.95, 1.0])
+def test_frame_that_was_overtaken_changes_nothing(make: Make, stamp: float) -> None:
+    tracker, other = settled(make), settled(make)
+    late, undisturbed = follow(tracker, 1.05, frame(0.9, stamp)), follow(other, 1.05)
+    assert (late.theta, late.stamp) == (undisturbed.theta, undisturbed.stamp)
+
+
+@every_tracker
+def test_slip_in_the_hand_is_taken_at_the_frame_that_shows_it(make: Make) -> None:
+    assert follow(settled(make), 1.1, frame(0.8, 1.1)).theta == pytest.approx(0.8, abs=2.0 * SIGMA)
+
+
+@every_tracker
+def test_peg_that_stands_still_is_known_no_worse_than_a_frame_tells(make: Make) -> None:
+    rng, tracker, errors = np.random.default_rng(4), settled(make), []
+    for scan in range(101, 1100):
+        new = frame(0.3 + SIGMA * rng.standard_normal(), 0.01 * scan) if scan % 10 == 0 else None
+        errors.append(follow(tracker, 0.01 * scan, new).theta - 0.3)
+    assert float(np.std(errors)) < 1.05 * SIGMA
