@@ -27,6 +27,8 @@ POLL_PERIOD = 0.005
 """Between two looks for the board while it is opened, s."""
 RESTART = 0.3
 """Longest that a board takes to tell of its modules, s."""
+UNHEARD = 1.0
+"""When nobody listened for so long, s, as while a program starts, a wire's full buffer may have lost what came."""
 RECENT = 50
 """Scans that the rate is measured over."""
 LEAST_RATE = 0.8
@@ -108,6 +110,7 @@ class _BoardSkin:
         self._is_connected = False
         self._lost_line = ""
         self._connect_at = self._restart_at = -math.inf
+        self._polled = self._listening_since = -math.inf
         self._scans = self._lost = 0
         self._recent: deque[float] = deque(maxlen=RECENT)
         self._temperature: Vector = np.full(BOARD_MODULES, np.nan)
@@ -148,9 +151,9 @@ class _BoardSkin:
             values, trusted = health.update(scan.counts, scan.stamp)
             frame = TaxelFrame(values, trusted, scan.stamp, frame.sequence + 1 + scan.missed)
         self._frame = frame
-        age = self._age()
-        if age > self._limit:
-            raise SkinSilentError(f"skin: no frame for {age:.3f} s > {self._limit:.3f} s limit: {self._trouble()}")
+        silence = self._silence()
+        if silence > self._limit:
+            raise SkinSilentError(f"skin: no frame for {silence:.3f} s > {self._limit:.3f} s limit: {self._trouble()}")
         if self._port.dialogue.changed:
             raise SkinSilentError(f"skin: {self._port.dialogue.changed}: open it again, for a new baseline")
         return frame
@@ -170,6 +173,10 @@ class _BoardSkin:
 
     def _age(self) -> float:
         return self._clock.now() - self._recent[-1] if self._recent else math.inf
+
+    def _silence(self) -> float:
+        """Return for how long nothing came although somebody listened, s."""
+        return min(self._age(), self._clock.now() - self._listening_since)
 
     def _take_baseline(self) -> None:
         config, clock = self._config, self._clock
@@ -197,6 +204,10 @@ class _BoardSkin:
     def _poll(self) -> list[RawScan]:
         """Say what is to be said, and return the scans that have come."""
         now = self._clock.now()
+        if now - self._polled > UNHEARD:
+            # Nobody listened, and what the wire's buffer does not hold is lost: that is no silence of the board.
+            self._listening_since = now
+        self._polled = now
         if not self._is_connected:
             self._connect(now)
         scans = self._exchange(now) if self._is_connected else []
@@ -205,7 +216,7 @@ class _BoardSkin:
             self._lost += scan.missed
             self._recent.append(scan.stamp)
             self._temperature = scan.temperature
-        if self._recent and self._age() > self._limit and now >= self._restart_at:
+        if self._recent and self._silence() > self._limit and now >= self._restart_at:
             # The board gets time to answer, start and make its first scans.
             self._restart_at = now + RESTART + self._limit
             self._port.dialogue.restart()

@@ -103,8 +103,9 @@ class EmulatedSwitchBoard:
         self._late: deque[tuple[float, bytes]] = deque()
         self._seen = -math.inf
         self._is_away = False
-        self._terminal = Terminal("switch-board")
-        self.port = self._terminal.port
+        self.terminal = Terminal("switch-board")
+        """The far end of its serial port."""
+        self.port = self.terminal.port
         """Name of its serial port."""
         self._chip: Chip | None = None
         self._start = 0.0
@@ -117,11 +118,11 @@ class EmulatedSwitchBoard:
             self._chip = Chip(self._firmware)
             self._start = self._source.now()
             self.is_pressed = self._source.is_switch_pressed()
-            self._terminal.plug_in()
+            self.terminal.plug_in()
 
     def close(self) -> None:
         """Unplug it; may be called again."""
-        self._terminal.unplug()
+        self.terminal.unplug()
         if self._chip is not None:
             self._chip.stop()
             self._chip = None
@@ -146,7 +147,7 @@ class EmulatedSwitchBoard:
         self.is_pressed = self._source.is_switch_pressed()
         self._late.append((self._source.now() + self._faults.delay, bytes(byte for _, byte in sent)))
         while self._late and self._late[0][0] <= self._source.now():
-            self._terminal.send(self._worn(self._late.popleft()[1]))
+            self.terminal.send(self._worn(self._late.popleft()[1]))
 
     def _suffer(self) -> None:
         """Unplug, plug in or reset the board where its faults say so."""

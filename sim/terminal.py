@@ -22,6 +22,8 @@ class Terminal:
         """Choose the port's name; it does not exist yet."""
         self.port = str(Path(tempfile.gettempdir()) / f"{name}-{os.getpid()}-{id(self)}")
         """Name of the serial port, which stays when the board is plugged in again."""
+        self.is_read_meanwhile = False
+        """The reader is another thread or process, so that what has been sent need not be seen to arrive."""
         self._ends: tuple[int, int] | None = None
 
     def plug_in(self) -> None:
@@ -51,6 +53,8 @@ class Terminal:
         if arrived > BUFFER:
             return
         os.write(far, data)
+        if self.is_read_meanwhile:
+            return
         end = time.monotonic() + ARRIVAL_TIME
         while _waiting(near) < arrived and time.monotonic() < end:
             os.sched_yield()

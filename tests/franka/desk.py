@@ -79,6 +79,7 @@ def desk(number: int) -> Iterator[Desk]:
                     hub.advance()
                     switch.advance()
 
+        switch.terminal.is_read_meanwhile = True
         far.open()
         hub.open()
         switch.open()

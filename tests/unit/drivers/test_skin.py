@@ -268,3 +268,16 @@ def test_what_got_lost_while_the_board_was_started_is_said_again(command):
     rig.scan(6.0)
     assert lost
     assert rig.skin.figures().rate == pytest.approx(10.0, rel=0.05)
+
+
+def test_what_was_lost_while_nobody_listened_is_no_silence_but_a_silent_board_still_is(rig):
+    rig.skin.open()
+    rig.unplug(20.0)
+    rig.clock.wait_until(rig.clock.now() + 19.9)
+    before = rig.skin.read()
+    rig.clock.wait_until(rig.clock.now() + 0.3)
+    assert rig.skin.read().sequence == before.sequence
+    rig.clock.wait_until(rig.clock.now() + 5.0)
+    rig.unplug(5.0)
+    assert rig.scan(0.3)[-1] is not None
+    assert rig.scan(0.3)[-1] is None
