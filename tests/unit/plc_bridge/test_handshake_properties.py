@@ -33,6 +33,7 @@ WEIGHTS = {
     "restart_plc": 1,
     "restart_cell": 1,
     "stop": 1,
+    "stop_in_vain": 1,
     "pass_a_moment": 3,
     "pass_a_while": 1,
     "publish": 4,
@@ -166,6 +167,20 @@ class RoughLine:
         self.handshake.switched(plc.link, {"stop": True}, self.now)
         self.scan(plc, n)
         assert self.running is None
+
+    def stop_in_vain(self, plc, n):
+        """The cell has nothing to stop and says so; nobody's own answer changes."""
+        self.drain()
+        if self.running is not None:
+            return
+        before = self.answers()
+        self.handshake.switched(plc.link, {"stop": True}, self.now)
+        self.handshake.refuse(self.handshake.poll(self.now), Refusal.NOT_READY)
+        assert self.answers() == before
+
+    def answers(self):
+        answers = [self.handshake.answer(plc.link) for plc in self.plcs.values()]
+        return [(each.sequence, each.result, each.answered, each.refusal) for each in answers]
 
     def pass_a_moment(self, plc, n):
         self.now += 0.05
