@@ -24,7 +24,8 @@ from drivers.protocols import Clock
 from plc_bridge.bridge import Bridge
 from plc_bridge.messages import Command, Refusal, Report
 
-PATIENCE = 60.0  # s
+PATIENCE = 60.0
+"""For a process that has much to do, and for a PLC that a busy computer makes silent, s."""
 
 
 Scan = tuple[float, int]
@@ -69,7 +70,8 @@ def _serve(loaded: LoadedConfig, connections: int, pipe: Connection) -> None:
     """Serve the cell until the other end has had enough, and send it all scans."""
     plc = loaded.cell.plc
     free = plc.modbus.model_copy(update={"port": 0, "connections": connections})
-    bridge, stop = Bridge(plc.model_copy(update={"modbus": free}), PROGRAMS, PARAMETERS), threading.Event()
+    patient = plc.model_copy(update={"modbus": free, "life_timeout": PATIENCE, "lease_timeout": PATIENCE})
+    bridge, stop = Bridge(patient, PROGRAMS, PARAMETERS), threading.Event()
 
     def wait() -> None:
         pipe.recv()
