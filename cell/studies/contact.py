@@ -19,7 +19,10 @@ from statistics import mean, stdev
 from cell.config import CellConfig
 from cell.studies.ladder import NOT_RUN, TIGHT, Plan, Rung, model, on_trial
 from cell.trials import TrialRow, run_trial
+from drivers.skin_layout import pad_size
 from sim import hand_rig, native, rig
+from sim.contact import FEATURE_BAND
+from sim.pads import breakaway_torque_of
 from sim.section import section_depth
 from sim.world import VOID_PENETRATION, VOID_SHARE
 
@@ -122,6 +125,8 @@ class Findings:
     trials: list[TrialsRow]
     tight: list[TrialsRow]
     """The same in half the clearance."""
+    longest_step: float
+    """See `longest_step`, s."""
 
 
 def run(config: CellConfig, todo: Plan, seed: int, done: Callable[[str], None] = lambda name: None) -> Findings:
@@ -156,7 +161,30 @@ def run(config: CellConfig, todo: Plan, seed: int, done: Callable[[str], None] =
     trials = [_tried(rung.name, each, results[0]) for rung, each in zip(on_trial(), results, strict=False)]
     trials += [_not_run(name, why) for name, why in NOT_RUN.items() if trials]
     narrower = [_tried(rung.name, each, hard[0]) for rung, each in zip(tight, hard, strict=True) if each]
-    return Findings(rows, ways, integration, trials, narrower)
+    return Findings(rows, ways, integration, trials, narrower, longest_step(config))
+
+
+def longest_step(config: CellConfig) -> float:
+    """Return the longest step in which the grip cannot carry the peg's end past the contacts ahead of it, s.
+
+    A feature is a contact within `FEATURE_BAND` of touch whatever its speed. In one step dt from rest the pads' friction
+    torque moves the end by L·(torque / inertia)·dt², and what was no contact before that step cannot stop it.
+    """
+    job, friction = config.job(), config.grip.friction if config.grip is not None else 0.0
+    length, width = pad_size(config.skin.layout)
+    torque = breakaway_torque_of(
+        theta=0.0,
+        offset=0.0,
+        grip_force=config.grasp.force,
+        reach_tip=job.peg.length,
+        reach_back=job.peg.overhang,
+        half_length=length / 2,
+        half_width=width / 2,
+        friction=max(friction) if isinstance(friction, tuple) else friction,
+    )
+    whole, beside = job.peg.length + job.peg.overhang, (job.peg.length - job.peg.overhang) / 2
+    inertia = job.peg.mass * (whole**2 / 12 + beside**2)
+    return math.sqrt(FEATURE_BAND * inertia / (job.peg.length * torque)) if torque > 0.0 else math.inf
 
 
 def _not_run(name: str, why: str) -> TrialsRow:

@@ -97,7 +97,8 @@ def tables(found: Findings) -> list[Table]:
         "hole",
         "arm and grip",
         "ships",
-        title="What each skill needs: the fastest models that give it",
+        title=f"What each skill needs: the fastest models that give it; steps to {1e3 * found.longest_step:.2f} ms, or the "
+        "grip carries the peg past its contacts",
     )
     for need in needed(found):
         needs.add_row(need.skill, need.needs, need.hole or "none", need.arm_and_grip or "none", need.shipped)

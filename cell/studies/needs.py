@@ -35,7 +35,8 @@ class NeedRow:
     skill: str
     needs: str
     hole: str
-    """The fastest model of the hole that gives it, and ends whole trials as the finest does; empty when none does."""
+    """The fastest model of the hole that gives it, steps so that the grip cannot carry the peg past its contacts, and ends
+    whole trials as the finest does; empty when none does."""
     arm_and_grip: str
     shipped: str
     """Whether that is what ships."""
@@ -55,7 +56,11 @@ def needed(found: Findings) -> list[NeedRow]:
     hand = max(hinged, key=lambda row: row.real_time).name if hinged else ""
     lines = []
     for skill, (needs, gives) in NEEDS.items():
-        good = [row for row in found.rungs if gives(row) and all(end_alike(row.name, rows) for rows in asked)]
+        good = [
+            row
+            for row in found.rungs
+            if gives(row) and row.timestep <= found.longest_step and all(end_alike(row.name, rows) for rows in asked)
+        ]
         hole = max(good, key=lambda row: row.real_time).name if good else ""
         is_shipped = hole == SHIPPED and hand == HELD
         lines.append(NeedRow(skill, needs, hole, hand, "yes" if is_shipped else "no"))

@@ -13,7 +13,8 @@ from cell.studies.contact import Findings, TrialsRow
 from cell.studies.ladder import SHIPPED, Plan, Rung, model
 from cell.studies.needs import end_alike, needed
 
-EXACT = Rung(SHIPPED, "closed form", model(), 5e-4)
+SHIPPED_STEP = 5e-4
+EXACT = Rung(SHIPPED, "closed form", model(), SHIPPED_STEP)
 SEAMS = Rung(
     "16 boxes, native, 1 ms", "ring of boxes, native CCD", model(facets=16, hole="boxes", native_ccd=True), 1e-3
 )
@@ -82,6 +83,17 @@ def test_the_full_arm_stays_where_friction_holds_it_and_simpler_ones_do_not(foun
 def test_every_skill_gets_the_shipped_models_from_them(found):
     for need in needed(found):
         assert (need.hole, need.shipped) == (SHIPPED, "yes")
+
+
+def test_no_skill_gets_steps_that_outrun_the_contacts(found):
+    assert SHIPPED_STEP <= found.longest_step < 2.0 * SHIPPED_STEP
+    for need in needed(replace(found, longest_step=0.9 * SHIPPED_STEP))[:3]:
+        assert (need.hole, need.shipped) == ("", "no")
+
+
+def test_a_grip_without_friction_never_outruns_them(config):
+    slippery = config.model_copy(update={"grip": config.grip.model_copy(update={"friction": 0.0})})
+    assert contact.longest_step(slippery) == math.inf
 
 
 def test_tables_and_pictures_are_written(found, tmp_path: Path):
