@@ -10,6 +10,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.ticker import FuncFormatter, NullFormatter
 from rich.table import Table
 
 from cell.journal import versions
@@ -158,14 +159,14 @@ def verdict(row: RungRow) -> str:
 def _chart(found: Findings, path: Path) -> None:
     figure = Figure(figsize=(13, 8.2), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=(8, 5))
-    _draw_ladder(left, found.rungs)
+    _draw_ladder(left, found.rungs, found.longest_step)
     _draw_hands(right, found)
     figure.suptitle("Models of the contact: speed against exactness", fontsize=14)
     figure.supxlabel(_footer(), fontsize=8)
     figure.savefig(path, dpi=130)
 
 
-def _draw_ladder(axes: Axes, rows: Sequence[RungRow]) -> None:
+def _draw_ladder(axes: Axes, rows: Sequence[RungRow], longest_step: float) -> None:
     axes.axhspan(LOWEST / 2, 100 * contact.EXACT_ENOUGH, color="#b7dfb9", alpha=0.35, lw=0)
     axes.axhline(100 * contact.EXACT_ENOUGH, color="#228833", lw=0.8)
     for row in rows:
@@ -174,12 +175,14 @@ def _draw_ladder(axes: Axes, rows: Sequence[RungRow]) -> None:
             continue
         y = min(max(100 * row.error, LOWEST), HIGHEST)
         size = 5 + 3 * math.log2(max(row.timestep / 2.5e-4, 1.0))
-        is_good = verdict(row) == "good"
+        is_good = verdict(row) == "good" and row.timestep <= longest_step
         axes.plot(row.real_time, y, marker, ms=size, color=colour, mfc=colour if is_good else "none", mew=1.3, zorder=3)
         if row.is_void:
             axes.plot(row.real_time, y, "x", ms=size + 5, color="#222222", mew=1.0, zorder=4)
         if not row.rests:
             axes.plot(row.real_time, y, "_", ms=size + 9, color="#cc2222", mew=1.5, zorder=4)
+        if row.timestep > longest_step:
+            axes.plot(row.real_time, y, "|", ms=size + 9, color="#222222", mew=1.5, zorder=4)
         if row.name == SHIPPED:
             axes.annotate(
                 "shipped",
@@ -202,6 +205,7 @@ def _draw_ladder(axes: Axes, rows: Sequence[RungRow]) -> None:
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.set_ylim(LOWEST / 1.4, HIGHEST * 1.6)
+    _plain_ticks(axes, (10, 20, 50, 100, 200, 500))
     axes.set_xlabel("bare physics, multiples of real time on one core")
     axes.set_ylabel("worst error to the exact depth over 1, 2, 5, 15, 45 degrees (%)")
     pushes = min((row.pushes for row in rows if row.pushes), default=0)
@@ -225,6 +229,15 @@ def _draw_ladder(axes: Axes, rows: Sequence[RungRow]) -> None:
             label=f"void: over {1e6 * VOID_PENETRATION:.0f} um in the bore for 2 ms",
         ),
         Line2D([], [], ls="", marker="_", color="#cc2222", ms=12, label="never rests"),
+        Line2D(
+            [],
+            [],
+            ls="",
+            marker="|",
+            color="#222222",
+            ms=12,
+            label=f"step over {1e3 * longest_step:.2f} ms: the grip outruns the contacts",
+        ),
         Line2D([], [], ls="", marker="o", color="#222222", ms=5, label="step 0.25 ms"),
         Line2D([], [], ls="", marker="o", color="#222222", ms=11, label="step 1 ms (size grows with the step)"),
     ]
@@ -251,6 +264,7 @@ def _draw_hands(axes: Axes, found: Findings) -> None:
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.set_ylim(LOWEST / 1.4, HIGHEST * 1.6)
+    _plain_ticks(axes, (10, 20, 30, 50, 70, 100, 200))
     axes.set_xlabel("physics and torque law, multiples of real time on one core")
     axes.set_ylabel("error to the exact depth at the peg's own tilt (%)")
     axes.set_title("Arm and grip, hole in closed form, n = 2 pushes each", fontsize=10)
@@ -264,6 +278,16 @@ def _draw_hands(axes: Axes, found: Findings) -> None:
         title="with a step of 5 mm in the air:",
         title_fontsize=8,
     )
+
+
+def _plain_ticks(axes: Axes, speeds: Sequence[float]) -> None:
+    """Label both axes with plain numbers, the one of speeds at those of `speeds` that it shows."""
+    low, high = axes.get_xlim()
+    axes.set_xlim(0.85 * low, 1.15 * high)
+    axes.set_xticks([speed for speed in speeds if 0.85 * low <= speed <= 1.15 * high])
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
 
 def _map(rows: Sequence[MapRow], path: Path) -> None:
@@ -333,6 +357,6 @@ def _percent(value: float) -> str:
 
 def _footer() -> str:
     packages = ", ".join(
-        f"{name} {version}" for name, version in versions().items() if name in ("mujoco", "numpy", "numba")
+        f"{name} {version}" for name, version in versions().items() if name in ("mujoco", "numpy", "numba", "code")
     )
     return f"cell study contact; {packages}"
