@@ -194,6 +194,7 @@ class CellConfig(ConfigModel):
 
     def skill_set(self) -> SkillSet:
         """Return the parameters of every skill."""
+        square = self.square if self.peg.shape == "square" else None
         return SkillSet(
             grasp=self.grasp,
             search=self.search,
@@ -201,8 +202,8 @@ class CellConfig(ConfigModel):
             adjust=self.adjust,
             release=self.release,
             recover=self.recover,
-            square=self.square if self.peg.shape == "square" else None,
-            retries=self.retries,
+            square=square,
+            retries=self.retries if square is None else square.retries,
         )
 
     def job(self, slot: int = 0) -> Job:

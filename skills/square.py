@@ -25,6 +25,8 @@ class SquareParams(ConfigModel):
     """The resting corner must stand so far below the surface, m."""
     blend: Annotated[float, Field(gt=0.0, le=1.0)]
     """Instead of `smoothing.blend`, for the same reason."""
+    retries: Annotated[int, Field(ge=0, le=20)]
+    """Instead of the cell's own: each turns about another middle."""
     insert: CornerInsertParams
     adjust: CornerAdjustParams
 

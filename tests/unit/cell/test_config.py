@@ -222,3 +222,9 @@ def test_a_square_peg_without_its_section_is_refused(tmp_path):
 def test_gains_of_a_square_peg_that_would_be_unstable_are_refused():
     line = line_about("peg.shape=square", "square.adjust.gains.rotation=400")
     assert all(word in line for word in ("square.adjust.gains.rotation", "400", "unstable"))
+
+
+def test_a_square_peg_is_tried_as_often_as_its_own_section_says():
+    assert load(sets=("peg.shape=square", "retries=1", "square.retries=4")).cell.skill_set().retries == 4
+    assert load(sets=("retries=1", "square.retries=4")).cell.skill_set().retries == 1
+    assert load().cell.skill_set().square is None
