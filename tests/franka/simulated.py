@@ -38,8 +38,8 @@ HOLD_DAMPING = np.array([40.0, 40.0, 40.0, 20.0, 4.0, 2.0, 1.0])
 NEVER = 2**40
 PATIENCE = 0.2
 """Longest wait for the client's torques when lateness shall not count, s of wall time."""
-PAUSE = 0.2
-"""Longest that the world stands still for the cell's own computing, s of wall time: the states must not grow old."""
+PAUSE = 0.05
+"""Longest time without a state for the client, s of wall time: it would take the arm for lost."""
 
 
 class TorqueWorld(World):
@@ -128,9 +128,13 @@ class Arm:
         }
 
     def step(self) -> None:
-        """Advance by one millisecond with what is commanded, once the cell lets the world go on."""
+        """Advance by one millisecond with what is commanded, once the cell lets the world go on.
+
+        While the cell computes for longer, the client gets the same state again, and the world stands still.
+        """
         with self.lock:
-            self.lock.wait_for(lambda: self.world.now() < self.horizon or not self.is_running, timeout=PAUSE)
+            if not self.lock.wait_for(lambda: self.world.now() < self.horizon or not self.is_running, timeout=PAUSE):
+                return
             if self.mode is ControlMode.TORQUE:
                 torque = self.torques
             else:
