@@ -41,6 +41,9 @@ PATIENCE = 0.2
 PAUSE = 0.05
 """Longest time without a state for the client, s of wall time: it would take the arm for lost."""
 
+STILL = 0.1
+"""The hand says that it has arrived when its fingers have been still for so long, s."""
+
 
 class TorqueWorld(World):
     """The cell's world, whose arm is moved by torques from outside instead of by its own law."""
@@ -221,8 +224,9 @@ class Hand(GripperBackend):
 
     def _rest(self) -> None:
         with self._arm.lock:
-            end = self._arm.world.now() + 3.0
-            while self._gripper.read().is_moving and self._arm.world.now() < end and self._arm.is_running:
+            moved = begun = self._arm.world.now()
+            while (now := self._arm.world.now()) < min(moved + STILL, begun + 3.0) and self._arm.is_running:
+                moved = now if self._gripper.read().is_moving else moved
                 self._arm.lock.wait(timeout=5.0)
 
 
