@@ -53,7 +53,7 @@ class CornerInsertParams(SkillParams):
     """About which it is turned in the first attempt, in the next, and so on; shares of the most that the hole can be turned: far
     from how the hole is turned the corner would climb out."""
     sweep: Annotated[float, Field(ge=0.0, le=1.0)]
-    """To either side, share of the same."""
+    """To either side, share of the same, and no less than `felt`, or walls would never be felt."""
     margin: NonNegativeFloat
     """And so much more, rad."""
     radius: NonNegativeFloat
@@ -107,7 +107,8 @@ def run(
     swing = angle_between(first.axis, axis)
     anchor: Vector | None = None
     since = swing / params.raise_rate + params.settle
-    reach, highest, yaw, phi = params.sweep * ctx.job.hole.yaw + params.margin, -math.inf, 0.0, params.tilt
+    reach = max(params.sweep * ctx.job.hole.yaw, params.felt) + params.margin
+    highest, yaw, phi = -math.inf, 0.0, params.tilt
     centre = params.centres[attempt % len(params.centres)] * ctx.job.hole.yaw
     for seen in ctx.scan(params.timeout, holding=True):
         phi, elapsed = angle_between(seen.axis, normal), seen.elapsed

@@ -24,6 +24,11 @@ def test_a_square_peg_is_seated_in_a_hole_that_is_turned(seed: int) -> None:
     assert row.max_penetration < 5e-6
 
 
+def test_walls_are_felt_too_where_the_hole_is_known_not_to_be_turned() -> None:
+    row = run_trial(load(sets=(*SQUARE, "hole.area=[0.01, 0.01]", "hole.yaw=0.0")).cell, 246)
+    assert (row.outcome, row.retries) == ("success", 0)
+
+
 def test_a_square_peg_is_held_by_two_of_its_faces() -> None:
     with opened(assemble(load(sets=(*SQUARE, "sim.seed=3")).cell)) as cell:
         physics = cell.clock
