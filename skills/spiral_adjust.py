@@ -15,6 +15,10 @@ from skills.paths import fading_circles, spiral
 from skills.seating import depth_of, is_seated, require_short_of_bottom
 
 
+ARRIVING = 3.0
+"""Damping along z close to the bottom, over that before."""
+
+
 class SpiralAdjustParams(SkillParams):
     """How to tilt the peg about its tip; the spiral is drawn by the finger centre. Tactile measurements are not used."""
 
@@ -42,6 +46,10 @@ class SpiralAdjustParams(SkillParams):
     """Of those circles, rad/s."""
     guided_period: PositiveFloat
     """In which they fade, s."""
+    jammed: NonNegativeFloat
+    """Where the peg goes less deep in that period, m, the skin is asked again how it is held; 0 never asks."""
+    arrival: NonNegativeFloat
+    """This close to the bottom, m, the peg is damped more, so that it arrives without a blow."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,8 +73,9 @@ def run(params: SpiralAdjustParams, ctx: SkillContext, plane: Plane | None = Non
     stiffness, damping = params.gains.stiffness(), params.gains.damping()
     stiffness[2], damping[2] = params.push_stiffness, params.push_damping
     offset, tip, guided_since, is_guided = np.zeros(2), first.tip, math.inf, False
+    periods, reached = 0, 0.0
     for seen in ctx.scan(params.timeout, holding=True):
-        # The angle is frozen: an estimate fed back while the peg is wedged would chase its own bias.
+        # The angle is frozen, but where the peg jams: fed back at every frame it would chase its own bias.
         tip, _ = end_point(seen.arm.tcp, in_hand.theta, in_hand.length)
         if is_seated(seen.switch, tip, hole):
             return SpiralAdjustResult(
@@ -80,12 +89,18 @@ def run(params: SpiralAdjustParams, ctx: SkillContext, plane: Plane | None = Non
         is_guided = plane.depth(tip) > params.guided_depth or is_guided
         if is_guided:
             guided_since = min(guided_since, elapsed)
+            if int((elapsed - guided_since) / params.guided_period) > periods:
+                periods, before, reached = periods + 1, reached, plane.depth(tip)
+                if reached - before < params.jammed:
+                    in_hand = ctx.in_hand()
             offset = fading_circles(
                 elapsed - guided_since, params.guided_radius, params.guided_rate, params.guided_period
             )
         else:
             offset = spiral(elapsed % (params.radius / params.growth), params.growth, params.turn_rate)
         ctx.progress(elapsed / params.timeout)
+        is_arriving = depth_of(tip, hole) > hole.depth - params.arrival
+        damping[2] = ARRIVING * params.push_damping if is_arriving else params.push_damping
         target = (tip if is_guided else first.tip).copy()
         target[2] = tip[2] - params.push_offset
         ctx.follow(
@@ -95,7 +110,7 @@ def run(params: SpiralAdjustParams, ctx: SkillContext, plane: Plane | None = Non
                 axis=tilted_by(offset + in_hand.length * plane.normal[:2], in_hand.length),
                 roll=roll,
                 stiffness=stiffness,
-                damping=damping,
+                damping=damping.copy(),
                 valid_until=seen.stamp + VALIDITY,
                 in_hand=in_hand,
             )

@@ -65,6 +65,8 @@ class SpraySearchParams(SkillParams):
     """As [gibbons] has it, or straight lanes at one speed."""
     speed: Annotated[float, Field(gt=0.0, le=0.5)]
     """Peak speed of the tip, m/s."""
+    run_up: NonNegativeFloat
+    """Time in which the tip reaches its speed, s: sliding off at once digs the edge in."""
     pitch: Annotated[float, Field(gt=0.0, le=2.0)]
     """Largest distance between neighbouring passes, in diameters of the hole."""
     margin: Annotated[float, Field(ge=0.0, le=0.01)]
@@ -182,7 +184,7 @@ def run(
         if phase is Phase.COMING_DOWN:
             pressed = pressed + 1 if seen.arm.wrench.force[2] > TOUCHED * push * params.push_offset else 0
             if pressed * ctx.scan_period >= TOUCHED_TIME or elapsed >= params.touch_down:
-                phase, since = Phase.SLIDING, -math.inf
+                phase, since = Phase.SLIDING, seen.stamp
                 landed = (tip, edge) if params.fall > 0.0 else None
                 event.restart()
         elif phase is Phase.SLIDING:
@@ -239,11 +241,13 @@ def run(
             target[:2] = place[:2] + looked + back * offset
             if math.hypot(*looked) > params.probe_radius:
                 phase, offset, since, back = Phase.SLIDING, target[:2] - middle - point, seen.stamp, 1.0
+                # What looked like an edge was none: theta has jumped, say, and with it the height of the plane.
+                ground = Ground()
                 event.restart()
                 leaning, facing = axis, closing
         if phase is Phase.SLIDING:
             # Pushed less, the peg falls less far in the same time.
-            pace = push / params.push_stiffness
+            pace = push / params.push_stiffness * min((seen.stamp - since) / max(params.run_up, 1e-6), 1.0)
             along += pace * ctx.scan_period
             target[:2], twist[:2] = middle + point + back * offset, pace * velocity
         elif phase is Phase.COMING_DOWN:

@@ -33,6 +33,8 @@ class TactileInsertParams(SkillParams):
     """K_min and K_max of Eq. (7), along z, N/m."""
     turn_rate: PositiveFloat
     """Rate at which the setpoint of the axis goes from where the peg is to upright, rad/s."""
+    turn_run_up: NonNegativeFloat
+    """Time in which it gets to that rate, s: the hole's wall bears what sets the arm in motion."""
     aligned: Annotated[float, Field(gt=0.0, lt=0.8)]
     """phi below which the adjustment takes over, rad; 15 degrees in [gibbons]."""
     yielding: NonNegativeFloat
@@ -88,7 +90,7 @@ def run(params: TactileInsertParams, ctx: SkillContext, plane: Plane | None = No
             ImpedanceSetpoint(
                 id=identity,
                 tip=tip,
-                axis=_on_the_way(first.axis, normal, params.turn_rate * elapsed),
+                axis=_on_the_way(first.axis, normal, turned(elapsed, params.turn_rate, params.turn_run_up)),
                 roll=roll,
                 stiffness=stiffness.copy(),
                 damping=damping,
@@ -99,6 +101,13 @@ def run(params: TactileInsertParams, ctx: SkillContext, plane: Plane | None = No
             )
         )
     return TactileInsertResult(Outcome.FAILURE, Reason.NOT_ALIGNED, params.timeout, first_phi, phi)
+
+
+def turned(elapsed: float, rate: float, run_up: float) -> float:
+    """Return the angle after `elapsed` seconds, rad, where the rate grows to `rate`, rad/s, evenly within `run_up`, s."""
+    if elapsed < run_up:
+        return rate * elapsed**2 / (2.0 * run_up)
+    return rate * (elapsed - run_up / 2.0)
 
 
 def push_stiffness(phi: float, first_phi: float, low: float, high: float) -> float:
