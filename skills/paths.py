@@ -7,8 +7,8 @@ import numpy as np
 
 from drivers.quantities import Vector
 
-TURN_TIME = 0.15
-"""Of the turn from one lane into the next, s: 1.6 m/s² at 0.12 m/s, which the arm follows."""
+TURN_TIME = 0.1
+"""Of the turn from one lane into the next, s: 2.5 m/s² at 0.125 m/s, which the arm follows."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,6 @@ from skills.motion import VALIDITY, Gains
 from skills.paths import fading_circles, spiral
 from skills.seating import depth_of, is_seated, require_short_of_bottom
 
-
 ARRIVING = 3.0
 """Damping along z close to the bottom, over that before."""
 

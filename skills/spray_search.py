@@ -241,8 +241,9 @@ def run(
             target[:2] = place[:2] + looked + back * offset
             if math.hypot(*looked) > params.probe_radius:
                 phase, offset, since, back = Phase.SLIDING, target[:2] - middle - point, seen.stamp, 1.0
-                # What looked like an edge was none: theta has jumped, say, and with it the height of the plane.
-                ground = Ground()
+                if below > params.dip:
+                    # Deep all over: no edge, but theta has jumped, say, and with it the height of the plane.
+                    ground = Ground()
                 event.restart()
                 leaning, facing = axis, closing
         if phase is Phase.SLIDING:

@@ -17,11 +17,13 @@ from skills.contract import Outcome
 SQUARE = ('sim.pace="max"', "peg.shape=square")
 
 
-@pytest.mark.parametrize("seed", [104, 107])
-def test_a_square_peg_is_seated_in_a_hole_that_is_turned(seed: int) -> None:
-    row = run_trial(load(sets=(*SQUARE, "hole.area=[0.01, 0.01]")).cell, seed)
-    assert (row.outcome, row.switch_closed) == ("success", True)
-    assert row.max_penetration < 5e-6
+def test_most_square_pegs_are_seated_in_holes_that_are_turned_and_none_without_its_switch() -> None:
+    config = load(sets=(*SQUARE, "hole.area=[0.01, 0.01]")).cell
+    rows = [run_trial(config, seed) for seed in range(103, 109)]
+    seated = [row for row in rows if row.outcome == "success"]
+    assert len(seated) >= 4
+    assert all(row.switch_closed for row in seated)
+    assert max(row.max_penetration for row in rows) < 5e-6
 
 
 def test_walls_are_felt_too_where_the_hole_is_known_not_to_be_turned() -> None:

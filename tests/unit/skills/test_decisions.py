@@ -13,7 +13,7 @@ from skills.motion import minimum_jerk, tilted
 from skills.seating import is_seated, require_short_of_bottom
 from skills.spiral_adjust import tilted_by
 from skills.spray_search import lowest_point
-from skills.tactile_insert import push_stiffness
+from skills.tactile_insert import push_stiffness, turned
 
 JOB = load().cell.job()
 HOLE = JOB.hole
@@ -81,3 +81,10 @@ def test_a_tip_at_the_bottom_with_the_switch_open_is_a_fault_once_time_is_up() -
     require_short_of_bottom(tip_at(HOLE.depth - 0.002), HOLE)
     with pytest.raises(SwitchDisagreesError, match="switch open"):
         require_short_of_bottom(tip_at(HOLE.depth - 0.001), HOLE)
+
+
+def test_the_turn_gathers_speed_evenly_and_lags_by_half_its_run_up() -> None:
+    assert turned(0.35, 0.6, 0.7) == pytest.approx(0.6 * 0.35 / 4)
+    assert turned(0.7, 0.6, 0.7) == pytest.approx(0.6 * 0.35)
+    assert turned(2.0, 0.6, 0.7) == pytest.approx(0.6 * 1.65)
+    assert turned(2.0, 0.6, 0.0) == pytest.approx(1.2)
