@@ -120,159 +120,65 @@ def run(
     params: SpraySearchParams, ctx: SkillContext, ground: Ground | None = None, event: HoleEvent | None = None
 ) -> SpraySearchResult:
     """Search from a random point of the area, with fresh watchers of plate and skin where none are given."""
-    hole = ctx.job.hole
-    surface = hole.centre[2]
-    middle = np.array(hole.centre[:2])
+    course = _course(params, ctx)
+    _approach(params, ctx, course)
+    sweep = _Sweep(params, ctx, course, ground or Ground(), event or HoleEvent(params.event, params.timeout))
+    for seen in ctx.scan(params.timeout, holding=True):
+        if sweep.finds(seen):
+            return sweep.result(Outcome.SUCCESS, Reason.NONE, seen.elapsed)
+        ctx.progress(seen.elapsed / params.timeout)
+        ctx.follow(sweep.setpoint(seen))
+    return sweep.result(Outcome.FAILURE, Reason.NO_HOLE, params.timeout)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Course:
+    """Where the tip shall go, and how the peg is held on the way."""
+
+    path: Lanes | SprayPaint
+    middle: Vector
+    """Of the area, for the tip, shape (2,), m."""
+    first: Vector
+    """Above the path's first point, shape (3,), m."""
+    axis: Vector
+    closing: Vector
+    fast: int
+    """Axis of the base frame that is swept fast, 0 or 1."""
+
+
+def _course(params: SpraySearchParams, ctx: SkillContext) -> _Course:
+    """Return the way over the area from a random point of it."""
+    hole, peg, lean = ctx.job.hole, ctx.job.peg, params.lean
     half = (hole.area[0] / 2 + params.margin, hole.area[1] / 2 + params.margin)
     start = ctx.rng.uniform(-np.array(hole.area) / 2, np.array(hole.area) / 2)
-    fast = 0 if params.fast_axis == "x" else 1
+    fast, pitch = 0 if params.fast_axis == "x" else 1, params.pitch * hole.diameter
     path: Lanes | SprayPaint
     if params.path == "lanes":
-        path = lanes(
-            half,
-            params.pitch * hole.diameter,
-            min(params.speed, CROSSINGS * hole.diameter),
-            fast,
-            (start[0], start[1]),
-        )
+        path = lanes(half, pitch, min(params.speed, CROSSINGS * hole.diameter), fast, (start[0], start[1]))
     else:
-        path = spray_paint(half, params.pitch * hole.diameter, params.speed, fast, (start[0], start[1]))
-    peg, lean = ctx.job.peg, params.lean
+        path = spray_paint(half, pitch, params.speed, fast, (start[0], start[1]))
     axis, closing = tilted(lean, params.tilt)
     ahead = peg.diameter / 2 * math.cos(params.tilt)
     if peg.shape == "square":
         axis, closing = corner_ahead(lean, params.tilt)
         ahead, lean = math.sqrt(2.0) * ahead, lean + DIAGONAL
+    middle = np.array(hole.centre[:2])
     if params.edge_leads:
         middle = middle - ahead * np.array([math.cos(lean), math.sin(lean)])
-    first = np.array([*(middle + start), surface + params.height])
+    first = np.array([*(middle + start), hole.centre[2] + params.height])
+    return _Course(path, middle, first, axis, closing, fast)
+
+
+def _approach(params: SpraySearchParams, ctx: SkillContext, course: _Course) -> None:
+    """Move above the first point."""
     here = ctx.observe()
-    if here.tip[2] < first[2]:
+    if here.tip[2] < course.first[2]:
         # It may stand in the hole: out of it straight, before anything else.
-        out = Goal(np.array([*here.tip[:2], first[2]]), here.axis, here.arm.tcp.rotation[:, 2])
+        out = Goal(np.array([*here.tip[:2], course.first[2]]), here.axis, here.arm.tcp.rotation[:, 2])
         for _ in move(out, params.transfer, ctx, ctx.in_hand()):
             pass
-    for _ in move(Goal(first, axis, closing), params.transfer, ctx, ctx.in_hand()):
+    for _ in move(Goal(course.first, course.axis, course.closing), params.transfer, ctx, ctx.in_hand()):
         pass
-
-    stiffness, damping = params.gains.stiffness(), params.gains.damping()
-    stiffness[2], damping[2] = params.push_stiffness, params.push_damping
-    identity = ctx.new_id()
-    event, ground = event or HoleEvent(params.event, params.timeout), ground or Ground()
-    tip, along, offset, since, rests = first, 0.0, np.zeros(2), 0.0, 0
-    trim, slow = Trim(params.trim_rate, params.trim_limit), 1 - fast
-    phase, place = Phase.COMING_DOWN, first
-    landed: tuple[Vector, Vector] | None = None
-    climbed = math.inf
-    resting: ImpedanceSetpoint | None = None
-    leaning, facing = axis, closing
-    pressed = 0
-    known_theta, push = ctx.in_hand().theta, params.push_stiffness
-    depth = surface - params.push_offset
-    for seen in ctx.scan(params.timeout, holding=True):
-        tip, elapsed = seen.tip, seen.elapsed
-        is_event = seen.is_new_frame and event.update(seen.frame)
-        if abs(seen.peg.theta - known_theta) > SLIP:
-            known_theta, push = seen.peg.theta, max(params.relief * push, params.least_push * params.push_stiffness)
-            stiffness = np.array([*stiffness[:2], push, *stiffness[3:]])
-        point, velocity = path.at(along)
-        sense = -1 if velocity[fast] < 0.0 else 1
-        edge = lowest_point(tip, seen.axis, peg.diameter / 2)
-        if peg.shape == "square":
-            edge = lowest_corner(tip, seen.axis, seen.arm.tcp.rotation[:, 2], peg.diameter)
-        below = ground.below(edge, sense)
-        if phase is Phase.COMING_DOWN:
-            pressed = pressed + 1 if seen.arm.wrench.force[2] > TOUCHED * push * params.push_offset else 0
-            if pressed * ctx.scan_period >= TOUCHED_TIME or elapsed >= params.touch_down:
-                phase, since = Phase.SLIDING, seen.stamp
-                landed = (tip, edge) if params.fall > 0.0 else None
-                event.restart()
-        elif phase is Phase.SLIDING:
-            if landed is not None:
-                has_climbed = edge[2] - landed[1][2] > params.fall
-                if has_climbed:
-                    # It came down right into the hole, and the ground was learnt there.
-                    ground, below = Ground(), 0.0
-                if math.dist(edge[:2], landed[1][:2]) > STRIDE * hole.diameter:
-                    if has_climbed:
-                        climbed, place = seen.stamp, landed[0]
-                    landed = None
-            if is_event if params.evidence == "skin" else below > params.dip:
-                phase, since, place, rests = Phase.RESTING, seen.stamp, tip, rests + 1
-                resting = _rest(seen, identity, stiffness, damping, params)
-            else:
-                ground.learn(edge, sense)
-                if seen.stamp - climbed >= CLIMBED_TIME:
-                    phase, since, climbed = Phase.PROBING, seen.stamp, math.inf
-                    offset, leaning, facing = tip[:2] - place[:2], seen.axis, seen.arm.tcp.rotation[:, 2]
-                    event.restart()
-        elif phase is Phase.PROBING and below > params.fall:
-            phase, since, resting = Phase.JUDGING, seen.stamp, _rest(seen, identity, stiffness, damping, params)
-        if phase in (Phase.RESTING, Phase.JUDGING) and (params.fall == 0.0 or seen.peg.stamp >= since + params.rest):
-            if below >= params.fall:
-                return SpraySearchResult(
-                    Outcome.SUCCESS,
-                    Reason.NONE,
-                    elapsed,
-                    _point(tip),
-                    (first[0], first[1]),
-                    event.count,
-                    rests,
-                    ground.plane(tip),
-                )
-            is_looking = phase is Phase.RESTING and params.probe_radius > 0.0
-            phase, since = Phase.PROBING if is_looking else Phase.SLIDING, seen.stamp
-            event.restart()
-            offset, leaning, facing = (
-                tip[:2] - (place[:2] if is_looking else middle + point),
-                seen.axis,
-                seen.arm.tcp.rotation[:, 2],
-            )
-        if phase in (Phase.RESTING, Phase.JUDGING) and resting is not None:
-            # The hand and not the tip is held, for the fall turns the peg in the hand and theta is as old as the
-            # last frame.
-            ctx.follow(replace(resting, valid_until=seen.stamp + VALIDITY))
-            continue
-        target = np.array([0.0, 0.0, depth])
-        twist = np.zeros(3)
-        back = max(1.0 - (seen.stamp - since) / RETURN_TIME, 0.0)
-        if phase is Phase.PROBING:
-            looked = spiral_at_speed(seen.stamp - since, params.probe_speed, params.probe_pitch)
-            target[:2] = place[:2] + looked + back * offset
-            if math.hypot(*looked) > params.probe_radius:
-                phase, offset, since, back = Phase.SLIDING, target[:2] - middle - point, seen.stamp, 1.0
-                if below > params.dip:
-                    # Deep all over: no edge, but theta has jumped, say, and with it the height of the plane.
-                    ground = Ground()
-                event.restart()
-                leaning, facing = axis, closing
-        if phase is Phase.SLIDING:
-            # Pushed less, the peg falls less far in the same time.
-            pace = push / params.push_stiffness * min((seen.stamp - since) / max(params.run_up, 1e-6), 1.0)
-            along += pace * ctx.scan_period
-            target[:2], twist[:2] = middle + point + back * offset, pace * velocity
-        elif phase is Phase.COMING_DOWN:
-            share = min(elapsed * DESCENT / (first[2] - depth), 1.0)
-            target[:2], target[2] = middle + point, first[2] + (depth - first[2]) * share
-        trim = trim.after(target[slow] - tip[slow], ctx.scan_period)
-        target[slow] += trim.value
-        ctx.progress(elapsed / params.timeout)
-        ctx.follow(
-            ImpedanceSetpoint(
-                id=identity,
-                tip=target,
-                axis=between(axis, leaning, back),
-                roll=between(closing, facing, back),
-                stiffness=stiffness,
-                damping=damping,
-                valid_until=seen.stamp + VALIDITY,
-                in_hand=ctx.in_hand(),
-                twist=Twist(twist, np.zeros(3)),
-            )
-        )
-    return SpraySearchResult(
-        Outcome.FAILURE, Reason.NO_HOLE, params.timeout, _point(tip), (first[0], first[1]), event.count, rests, None
-    )
 
 
 class Phase(Enum):
@@ -285,21 +191,183 @@ class Phase(Enum):
     JUDGING = "judging"
 
 
-def _rest(
-    seen: Observation, identity: int, stiffness: Vector, damping: Vector, params: SpraySearchParams
-) -> ImpedanceSetpoint:
-    """Return the setpoint that holds the hand where it is, still pushing down."""
-    tcp = seen.arm.tcp
-    push = np.array([0.0, 0.0, params.push_offset])
-    return ImpedanceSetpoint(
-        id=identity,
-        tip=tcp.position - push,
-        axis=-tcp.rotation[:, 0],
-        roll=tcp.rotation[:, 2],
-        stiffness=stiffness,
-        damping=REST_DAMPING * damping,
-        valid_until=seen.stamp + VALIDITY,
-    )
+class _Sweep:
+    """The peg on its way over the plate: what it is doing, and the setpoint for that. One a search."""
+
+    def __init__(
+        self, params: SpraySearchParams, ctx: SkillContext, course: _Course, ground: Ground, event: HoleEvent
+    ) -> None:
+        self._params, self._ctx, self._course, self._ground, self._event = params, ctx, course, ground, event
+        self._identity = ctx.new_id()
+        self._stiffness, self._damping = params.gains.stiffness(), params.gains.damping()
+        self._stiffness[2], self._damping[2] = params.push_stiffness, params.push_damping
+        self._push, self._known_theta = params.push_stiffness, ctx.in_hand().theta
+        self._trim = Trim(params.trim_rate, params.trim_limit)
+        self._phase, self._since = Phase.COMING_DOWN, 0.0
+        self._along, self._pressed, self._rests = 0.0, 0, 0
+        self._point, self._velocity = course.path.at(0.0)
+        self._tip, self._below = course.first, 0.0
+        # The place of the evidence, and how the setpoint stands off its path, and leans, until it is back.
+        self._place, self._offset = course.first, np.zeros(2)
+        self._leaning, self._facing = course.axis, course.closing
+        self._resting: ImpedanceSetpoint | None = None
+        self._landed: tuple[Vector, Vector] | None = None
+        self._climbed = math.inf
+
+    def finds(self, seen: Observation) -> bool:
+        """Take one observation; return whether the tip was judged to be in the hole."""
+        params = self._params
+        self._tip = seen.tip
+        is_event = seen.is_new_frame and self._event.update(seen.frame)
+        self._relieve(seen)
+        self._point, self._velocity = self._course.path.at(self._along)
+        sense = -1 if self._velocity[self._course.fast] < 0.0 else 1
+        edge = self._edge(seen)
+        self._below = self._ground.below(edge, sense)
+        if self._phase is Phase.COMING_DOWN:
+            self._touch(seen, edge)
+        elif self._phase is Phase.SLIDING:
+            self._slide(seen, edge, sense, is_event)
+        elif self._phase is Phase.PROBING and self._below > params.fall:
+            self._rest(seen, Phase.JUDGING)
+        is_resting = self._phase in (Phase.RESTING, Phase.JUDGING)
+        if is_resting and (params.fall == 0.0 or seen.peg.stamp >= self._since + params.rest):
+            if self._below >= params.fall:
+                return True
+            self._leave(seen)
+        return False
+
+    def setpoint(self, seen: Observation) -> ImpedanceSetpoint:
+        """Return what the arm shall follow now."""
+        params, course = self._params, self._course
+        if self._phase in (Phase.RESTING, Phase.JUDGING) and self._resting is not None:
+            # The hand and not the tip is held, for the fall turns the peg in the hand and theta is as old as the
+            # last frame.
+            return replace(self._resting, valid_until=seen.stamp + VALIDITY)
+        depth = self._ctx.job.hole.centre[2] - params.push_offset
+        target, twist = np.array([0.0, 0.0, depth]), np.zeros(3)
+        back = max(1.0 - (seen.stamp - self._since) / RETURN_TIME, 0.0)
+        if self._phase is Phase.PROBING:
+            looked = spiral_at_speed(seen.stamp - self._since, params.probe_speed, params.probe_pitch)
+            target[:2] = self._place[:2] + looked + back * self._offset
+            if math.hypot(*looked) > params.probe_radius:
+                self._give_up(seen, target)
+                back = 1.0
+        if self._phase is Phase.SLIDING:
+            # Pushed less, the peg falls less far in the same time.
+            run_up = min((seen.stamp - self._since) / max(params.run_up, 1e-6), 1.0)
+            pace = self._push / params.push_stiffness * run_up
+            self._along += pace * self._ctx.scan_period
+            target[:2] = course.middle + self._point + back * self._offset
+            twist[:2] = pace * self._velocity
+        elif self._phase is Phase.COMING_DOWN:
+            share = min(seen.elapsed * DESCENT / (course.first[2] - depth), 1.0)
+            target[:2], target[2] = course.middle + self._point, course.first[2] + (depth - course.first[2]) * share
+        slow = 1 - course.fast
+        self._trim = self._trim.after(target[slow] - seen.tip[slow], self._ctx.scan_period)
+        target[slow] += self._trim.value
+        return ImpedanceSetpoint(
+            id=self._identity,
+            tip=target,
+            axis=between(course.axis, self._leaning, back),
+            roll=between(course.closing, self._facing, back),
+            stiffness=self._stiffness,
+            damping=self._damping,
+            valid_until=seen.stamp + VALIDITY,
+            in_hand=self._ctx.in_hand(),
+            twist=Twist(twist, np.zeros(3)),
+        )
+
+    def result(self, outcome: Outcome, reason: Reason, elapsed: float) -> SpraySearchResult:
+        """Return how the search ended."""
+        first = (self._course.first[0], self._course.first[1])
+        plane = self._ground.plane(self._tip) if outcome is Outcome.SUCCESS else None
+        return SpraySearchResult(
+            outcome, reason, elapsed, _point(self._tip), first, self._event.count, self._rests, plane
+        )
+
+    def _edge(self, seen: Observation) -> Vector:
+        """Return the point of the peg that falls in first, shape (3,), m."""
+        peg = self._ctx.job.peg
+        if peg.shape == "square":
+            return lowest_corner(seen.tip, seen.axis, seen.arm.tcp.rotation[:, 2], peg.diameter)
+        return lowest_point(seen.tip, seen.axis, peg.diameter / 2)
+
+    def _relieve(self, seen: Observation) -> None:
+        """Push less after a slip in the hand."""
+        params = self._params
+        if abs(seen.peg.theta - self._known_theta) > SLIP:
+            self._known_theta = seen.peg.theta
+            self._push = max(params.relief * self._push, params.least_push * params.push_stiffness)
+            self._stiffness = np.array([*self._stiffness[:2], self._push, *self._stiffness[3:]])
+
+    def _touch(self, seen: Observation, edge: Vector) -> None:
+        """Begin the path once the push is felt."""
+        is_pressed = seen.arm.wrench.force[2] > TOUCHED * self._push * self._params.push_offset
+        self._pressed = self._pressed + 1 if is_pressed else 0
+        if self._pressed * self._ctx.scan_period >= TOUCHED_TIME or seen.elapsed >= self._params.touch_down:
+            self._phase, self._since = Phase.SLIDING, seen.stamp
+            self._landed = (seen.tip, edge) if self._params.fall > 0.0 else None
+            self._event.restart()
+
+    def _slide(self, seen: Observation, edge: Vector, sense: int, is_event: bool) -> None:
+        """Stop at evidence, or learn the plate, or go back to where the peg has climbed out of the hole."""
+        params = self._params
+        if self._landed is not None:
+            has_climbed = edge[2] - self._landed[1][2] > params.fall
+            if has_climbed:
+                # It came down right into the hole, and the ground was learnt there.
+                self._ground, self._below = Ground(), 0.0
+            if math.dist(edge[:2], self._landed[1][:2]) > STRIDE * self._ctx.job.hole.diameter:
+                if has_climbed:
+                    self._climbed, self._place = seen.stamp, self._landed[0]
+                self._landed = None
+        if is_event if params.evidence == "skin" else self._below > params.dip:
+            self._place, self._rests = seen.tip, self._rests + 1
+            self._rest(seen, Phase.RESTING)
+            return
+        self._ground.learn(edge, sense)
+        if seen.stamp - self._climbed >= CLIMBED_TIME:
+            self._climbed = math.inf
+            self._stand_off(seen, Phase.PROBING, self._place[:2])
+
+    def _rest(self, seen: Observation, phase: Phase) -> None:
+        """Hold the hand where it is, still pushing down."""
+        tcp = seen.arm.tcp
+        self._phase, self._since = phase, seen.stamp
+        self._resting = ImpedanceSetpoint(
+            id=self._identity,
+            tip=tcp.position - np.array([0.0, 0.0, self._params.push_offset]),
+            axis=-tcp.rotation[:, 0],
+            roll=tcp.rotation[:, 2],
+            stiffness=self._stiffness,
+            damping=REST_DAMPING * self._damping,
+            valid_until=seen.stamp + VALIDITY,
+        )
+
+    def _leave(self, seen: Observation) -> None:
+        """Go on where the resting tip was not deep enough: look round the place once, then along the path."""
+        if self._phase is Phase.RESTING and self._params.probe_radius > 0.0:
+            self._stand_off(seen, Phase.PROBING, self._place[:2])
+        else:
+            self._stand_off(seen, Phase.SLIDING, self._course.middle + self._point)
+
+    def _stand_off(self, seen: Observation, phase: Phase, goal: Vector) -> None:
+        """Begin `phase` from where the tip is, on the way back to `goal`, shape (2,)."""
+        self._phase, self._since = phase, seen.stamp
+        self._offset = seen.tip[:2] - goal
+        self._leaning, self._facing = seen.axis, seen.arm.tcp.rotation[:, 2]
+        self._event.restart()
+
+    def _give_up(self, seen: Observation, target: Vector) -> None:
+        """Leave a place where no hole was found, back to the path from where the setpoint is."""
+        self._phase, self._since = Phase.SLIDING, seen.stamp
+        self._offset = target[:2] - self._course.middle - self._point
+        if self._below > self._params.dip:
+            # Deep all over: no edge, but theta has jumped, say, and with it the height of the plane.
+            self._ground = Ground()
+        self._event.restart()
+        self._leaning, self._facing = self._course.axis, self._course.closing
 
 
 def lowest_point(tip: Vector, axis: Vector, radius: float) -> Vector:
