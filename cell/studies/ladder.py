@@ -80,7 +80,7 @@ def plan(is_quick: bool, workers: int) -> Plan:
             r for r in ladder((2.5e-4, 2e-3), ()) if "closed" in r.family
         )
         steps, stiffnesses = np.geomspace(1e-4, 4e-3, 12), np.geomspace(1e4, 1e8, 17)
-        return Plan(rungs, (0.3,), tuple(steps), tuple(stiffnesses), 3, 20, workers)
+        return Plan(rungs, (0.3,), tuple(steps), tuple(stiffnesses), 15, 20, workers)
     rungs = ladder((2.5e-4, 5e-4, 1e-3, 2e-3), (16, 32, 48, 64, 96))
     steps, stiffnesses = np.geomspace(1e-4, 4e-3, 17), np.geomspace(1e4, 1e8, 33)
     return Plan(rungs, (0.0, 0.5, 1.7, 3.0), tuple(steps), tuple(stiffnesses), 10, 60, workers)
