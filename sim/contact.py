@@ -14,7 +14,6 @@ surfaces (a flat peg on the plate, an aligned peg in the bore) touch along circl
 of the peg's rim and of the hole's edge stand; samples that move with the tilt would flicker.
 """
 
-import ctypes
 import math
 
 import mujoco
@@ -84,7 +83,7 @@ def plate_user(
 
 
 @njit(cache=True)
-def _put(model, data, scratch, ids, frame, twist, user, gap, p, n, judged, band):  # type: ignore[no-untyped-def]
+def put(model, data, scratch, ids, frame, twist, user, gap, p, n, judged, band):  # type: ignore[no-untyped-def]
     """Add a contact where the coming steps could close `gap`; p and n in the plate's frame, n from plate to peg."""
     origin, R = frame
     base, omega, v, reach = twist
@@ -226,10 +225,10 @@ def collide(model, data, geom_plate, geom_peg):  # type: ignore[no-untyped-def]
         for i in range(0, SCAN, SAMPLE_EVERY):
             if c[2] + r * (_COS[i] * e1[2] + _SIN[i] * e2[2]) <= SAMPLE_BAND + reach:
                 p, _ = _rim(c, e1, e2, r, _COS[i], _SIN[i])
-                _put(model, data, scratch, ids, frame, twist, user, p[2], p, up, False, SAMPLE_BAND)
+                put(model, data, scratch, ids, frame, twist, user, p[2], p, up, False, SAMPLE_BAND)
         if tilt > 1e-9:
             p = _lowest(c, e1, e2, r)
-            _put(model, data, scratch, ids, frame, twist, user, p[2], p, up, False, FEATURE_BAND)
+            put(model, data, scratch, ids, frame, twist, user, p[2], p, up, False, FEATURE_BAND)
     else:
         _collide_rim(model, data, scratch, ids, frame, twist, user, c, e1, e2, r, tilt)
     # The hole's edge is nowhere above the end face, or everywhere far from the peg's axis.
@@ -281,17 +280,17 @@ def _collide_rim(model, data, scratch, ids, frame, twist, user, c, e1, e2, r, ti
         Z[i], W[i] = p[2], hole - rho
         if i % SAMPLE_EVERY == 0:
             if Z[i] >= W[i]:
-                _put(model, data, scratch, ids, frame, twist, user, Z[i], p, up, False, SAMPLE_BAND)
+                put(model, data, scratch, ids, frame, twist, user, Z[i], p, up, False, SAMPLE_BAND)
             else:
-                _put(model, data, scratch, ids, frame, twist, user, W[i], p, _inward(p, rho), True, SAMPLE_BAND)
-                _put(model, data, scratch, ids, frame, twist, user, Z[i] + depth, p, up, False, SAMPLE_BAND)
+                put(model, data, scratch, ids, frame, twist, user, W[i], p, _inward(p, rho), True, SAMPLE_BAND)
+                put(model, data, scratch, ids, frame, twist, user, Z[i] + depth, p, up, False, SAMPLE_BAND)
     if tilt > 1e-9:
         p = _lowest(c, e1, e2, r)
         rho = math.sqrt(p[0] * p[0] + p[1] * p[1])
         if p[2] >= hole - rho:
-            _put(model, data, scratch, ids, frame, twist, user, p[2], p, up, False, FEATURE_BAND)
+            put(model, data, scratch, ids, frame, twist, user, p[2], p, up, False, FEATURE_BAND)
         else:
-            _put(model, data, scratch, ids, frame, twist, user, p[2] + depth, p, up, False, FEATURE_BAND)
+            put(model, data, scratch, ids, frame, twist, user, p[2] + depth, p, up, False, FEATURE_BAND)
     for i in range(SCAN):
         j = (i + 1) % SCAN
         h = (i - 1) % SCAN
@@ -308,7 +307,7 @@ def _collide_rim(model, data, scratch, ids, frame, twist, user, c, e1, e2, r, ti
             p, dp = _rim(c, e1, e2, r, math.cos(angle), math.sin(angle))
             rho = math.sqrt(p[0] * p[0] + p[1] * p[1])
             if hole - rho > p[2]:
-                _put(model, data, scratch, ids, frame, twist, user, hole - rho, p, _inward(p, rho), True, FEATURE_BAND)
+                put(model, data, scratch, ids, frame, twist, user, hole - rho, p, _inward(p, rho), True, FEATURE_BAND)
         if (Z[i] >= W[i]) != (Z[j] >= W[j]) and max(Z[i], W[i]) < NEAR + r * _ANGLE:
             # Edge on edge: where plane and wall are equally far, by regula falsi (Illinois).
             lo, hi = i * _ANGLE, (i + 1) * _ANGLE
@@ -333,7 +332,7 @@ def _collide_rim(model, data, scratch, ids, frame, twist, user, c, e1, e2, r, ti
                     norm = math.sqrt(share * share + (1.0 - share) * (1.0 - share))
                     wall = _inward(p, rho)
                     n = ((1.0 - share) / norm * wall[0], (1.0 - share) / norm * wall[1], share / norm)
-                    _put(
+                    put(
                         model,
                         data,
                         scratch,
@@ -423,7 +422,7 @@ def _put_edge(model, data, scratch, ids, frame, twist, user, c, v, r, hole, cosi
     if distance < 1e-9 or distance - r < -along:
         return
     n = (n[0] / distance, n[1] / distance, n[2] / distance)
-    _put(model, data, scratch, ids, frame, twist, user, distance - r, p, n, True, band)
+    put(model, data, scratch, ids, frame, twist, user, distance - r, p, n, True, band)
 
 
 @cfunc(types.int32(types.intp, types.intp, types.intp, types.int32, types.int32, types.float64), cache=True)
@@ -434,7 +433,4 @@ def _hook(model, data, buffer, geom_plate, geom_peg, margin):  # type: ignore[no
 
 def install() -> None:
     """Put the exact contacts into this process's collision table; harmless when repeated."""
-    library = ctypes.CDLL(str(native.library_path()))
-    count = int(mujoco.mjtGeom.mjNGEOMTYPES)
-    table = (ctypes.c_void_p * (count * count)).in_dll(library, "mjCOLLISIONFUNC")
-    table[int(PLATE_TYPE) * count + int(PEG_TYPE)] = _hook.address
+    native.collide_by(PLATE_TYPE, PEG_TYPE, _hook.address)

@@ -60,6 +60,13 @@ def library_path() -> Path:
     return next(Path(mujoco.__file__).parent.glob("libmujoco.so*"))
 
 
+def collide_by(plate: mujoco.mjtGeom, peg: mujoco.mjtGeom, function: int) -> None:
+    """Put a compiled `function`, by its address, into this process's collision table for a pair of geom types."""
+    count = int(mujoco.mjtGeom.mjNGEOMTYPES)
+    table = (ctypes.c_void_p * (count * count)).in_dll(ctypes.CDLL(str(library_path())), "mjCOLLISIONFUNC")
+    table[int(plate) * count + int(peg)] = function
+
+
 def verify_layout() -> None:
     """Prove the offsets of this file against the loaded library.
 

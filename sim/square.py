@@ -7,7 +7,6 @@ edge and, turned round, of the peg's; a little outside of it, where a face is ne
 the end of their common line and only spreads the load.
 """
 
-import ctypes
 import math
 
 import mujoco
@@ -16,7 +15,7 @@ from numba import carray, types
 
 from drivers.compiled import cfunc, njit
 from sim import native
-from sim.contact import FEATURE_BAND, NEAR, NONE, PLATE_TYPE, SAMPLE_BAND, USER, _put
+from sim.contact import FEATURE_BAND, NEAR, NONE, PLATE_TYPE, SAMPLE_BAND, USER, put
 
 PEG_TYPE = mujoco.mjtGeom.mjGEOM_BOX
 """Against `PLATE_TYPE` again a pair that nothing else uses; the plate's `geom_user` has half the hole's side for its radius."""
@@ -78,15 +77,15 @@ def collide(model, data, geom_plate, geom_peg):  # type: ignore[no-untyped-def]
         p = (corners[n, 0], corners[n, 1], corners[n, 2])
         wall = hole - max(abs(p[0]), abs(p[1]))
         if p[2] >= wall:
-            _put(model, data, scratch, ids, frame, twist, user, p[2], p, (0.0, 0.0, 1.0), False, FEATURE_BAND)
+            put(model, data, scratch, ids, frame, twist, user, p[2], p, (0.0, 0.0, 1.0), False, FEATURE_BAND)
             continue
         for k in range(2):
             gap = hole - abs(p[k])
             if gap < NEAR:
                 away = -1.0 if p[k] > 0.0 else 1.0
                 inward = (away, 0.0, 0.0) if k == 0 else (0.0, away, 0.0)
-                _put(model, data, scratch, ids, frame, twist, user, gap, p, inward, True, FEATURE_BAND)
-        _put(model, data, scratch, ids, frame, twist, user, p[2] + depth, p, (0.0, 0.0, 1.0), False, FEATURE_BAND)
+                put(model, data, scratch, ids, frame, twist, user, gap, p, inward, True, FEATURE_BAND)
+        put(model, data, scratch, ids, frame, twist, user, p[2] + depth, p, (0.0, 0.0, 1.0), False, FEATURE_BAND)
 
     # The hole's edges against the peg's: four round its end, four along it.
     for n in range(4):
@@ -166,7 +165,7 @@ def _edges(model, data, scratch, ids, frame, twist, user, start, along, length, 
             continue
         p = (start[0] + u * along[0], start[1] + u * along[1], start[2] + u * along[2])
         band = FEATURE_BAND if inside >= 0.0 else SAMPLE_BAND
-        _put(model, data, scratch, ids, frame, twist, user, gap, p, n, True, band)
+        put(model, data, scratch, ids, frame, twist, user, gap, p, n, True, band)
 
 
 @cfunc(types.int32(types.intp, types.intp, types.intp, types.int32, types.int32, types.float64), cache=True)
@@ -177,7 +176,4 @@ def _hook(model, data, buffer, geom_plate, geom_peg, margin):  # type: ignore[no
 
 def install() -> None:
     """Put these contacts into this process's collision table; harmless when repeated."""
-    library = ctypes.CDLL(str(native.library_path()))
-    count = int(mujoco.mjtGeom.mjNGEOMTYPES)
-    table = (ctypes.c_void_p * (count * count)).in_dll(library, "mjCOLLISIONFUNC")
-    table[int(PLATE_TYPE) * count + int(PEG_TYPE)] = _hook.address
+    native.collide_by(PLATE_TYPE, PEG_TYPE, _hook.address)

@@ -83,7 +83,7 @@ def plan(is_quick: bool, workers: int) -> Plan:
         return Plan(rungs, (0.3,), tuple(steps), tuple(stiffnesses), 15, 20, workers)
     rungs = ladder((2.5e-4, 5e-4, 1e-3, 2e-3), (16, 32, 48, 64, 96))
     steps, stiffnesses = np.geomspace(1e-4, 4e-3, 17), np.geomspace(1e4, 1e8, 33)
-    return Plan(rungs, (0.0, 0.5, 1.7, 3.0), tuple(steps), tuple(stiffnesses), 10, 60, workers)
+    return Plan(rungs, (0.0, 0.5, 1.7, 3.0), tuple(steps), tuple(stiffnesses), 40, 60, workers)
 
 
 def on_trial() -> tuple[Rung, ...]:
