@@ -87,7 +87,7 @@ NO_PEG = PegPose(theta=0.0, offset=0.0, sigma=math.inf, residual=1.0, healthy=Fa
 
 
 class Estimator(Protocol):
-    """Taxels in, pose of the peg in the hand out; pure."""
+    """Taxels in, pose of the peg in the hand out; nothing is kept but what frames tell of the pads."""
 
     def estimate(self, frame: TaxelFrame) -> PegPose:
         """Return the pose of the peg in `frame`; `healthy` is False where there is none to be seen."""

@@ -2,13 +2,15 @@
 
 Frames come from two models of the pads, neither of them the estimators' templates: the stand-in's bed of springs,
 and an elastic layer, which is finer and shares nothing with either. Both pass through the stand-in's taxels (gains,
-offsets, drift, creep, noise, converter) and through the health check that the live skin has.
+offsets, drift, creep, noise, converter) and through the health check that the live skin has. Frames of one kind
+follow each other at angles drawn at random, and an estimator that learns of the pads begins anew with each kind.
 """
 
 import csv
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
+from copy import copy
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Literal
@@ -63,17 +65,22 @@ class Condition:
     """Offset to either side, m, drawn between these."""
     reach_back: tuple[float, float] | None = None
     """How far the peg reaches beyond the finger centre, m, drawn between these."""
+    forgets: bool = False
+    """Every frame is the first that the estimator sees."""
 
 
 CONDITIONS = (
     Condition("nominal"),
-    Condition("noise doubled", noise=2.0),
+    Condition("first frame", forgets=True),
     Condition("module dead, known", dead="known"),
     Condition("module dead, unknown", dead="unknown"),
+    Condition("noise doubled", noise=2.0),
     Condition("2 to 3 mm off centre", off_centre=(2e-3, 3e-3)),
     Condition("half contact", reach_back=(0.0, 4e-3)),
     Condition("saturated", sensitivity=6.0),
 )
+ON_LAYER = CONDITIONS[:4]
+"""Those that the elastic layer, which takes its time, is read in too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,8 +138,12 @@ def study(
         for model, condition in kinds():
             frames = list(made(skin, layout, model, condition, count, config))
             for name, estimator in estimators.items():
-                estimator.estimate(frames[0][1])
-                reads = [_read(estimator.estimate, theta, frame) for theta, frame in frames]
+                copy(estimator).estimate(frames[0][1])
+                reader = copy(estimator)
+                reads = [
+                    _read((copy(estimator) if condition.forgets else reader).estimate, theta, frame)
+                    for theta, frame in frames
+                ]
                 lines.append(summed(layout, model, condition.name, name, reads))
                 if (model, condition.name) == ("springs", "nominal"):
                     nominal[layout, name] = reads
@@ -153,7 +164,7 @@ def simulated_skin(config: CellConfig) -> SimSkinConfig:
 
 def kinds() -> list[tuple[Model, Condition]]:
     """Return what kinds of frames are read on each layout."""
-    return [*(("springs", condition) for condition in CONDITIONS), ("layer", CONDITIONS[0])]
+    return [*(("springs", condition) for condition in CONDITIONS), *(("layer", condition) for condition in ON_LAYER)]
 
 
 def _with(config: CellConfig, layout: Layout, name: str) -> CellConfig:

@@ -163,15 +163,19 @@ def _draw_errors(axes: Axes, reads: Sequence[Read], colour: str) -> None:
     axes.margins(x=0.02)
 
 
+def _named(model: str, condition: str) -> str:
+    return condition if model == "springs" else f"layer, {condition}"
+
+
 def _conditions(lines: Sequence[TactileLine], path: Path) -> None:
-    figure = Figure(figsize=(12, 5.5), layout="constrained")
+    figure = Figure(figsize=(15, 7), layout="constrained")
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
-    names = [*(condition.name for condition in CONDITIONS), "elastic layer"]
+    names = [_named(model, condition.name) for model, condition in kinds()]
     for axes, layout in zip(panels, LAYOUTS, strict=True):
         for line in lines:
             if line.layout != layout:
                 continue
-            place = names.index("elastic layer" if line.model == "layer" else line.condition)
+            place = names.index(_named(line.model, line.condition))
             y = place + 0.18 * (ESTIMATORS.index(line.estimator) - 1.5)
             colour = COLOURS[line.estimator]
             label = line.estimator if place == 0 else None
@@ -188,5 +192,7 @@ def _conditions(lines: Sequence[TactileLine], path: Path) -> None:
         axes.grid(axis="x", alpha=0.25)
     panels[0].invert_yaxis()
     panels[0].legend(fontsize=8, loc="lower right")
-    figure.suptitle("What each condition costs. Symbol: RMSE of the angles told, cross: worst of them")
+    figure.suptitle(
+        "What each condition costs, on the bed of springs and on the elastic layer. Symbol: RMSE of the angles told, cross: worst of them"
+    )
     figure.savefig(path, dpi=120)

@@ -1,8 +1,12 @@
 """Maximum likelihood that also considers what may be wrong with a frame, once it is further off than noise explains.
 
-What may be wrong: a module that died unnoticed, the peg far off centre or with its end between the pads, a point
-spread other than the one believed, single taxels that read anything. Each is a template bank or a mask of its own; the
-likeliest wins, and readings that still do not fit are left out.
+What may be wrong: a module that died unnoticed, the peg far off centre or with its end between the pads, single taxels
+that read anything. Each is a template bank or a mask of its own; the likeliest wins, and readings that still do not
+fit are left out.
+
+How broad a print the peg leaves is a matter of the pads and the grip. It is all that another model of the pads, or other
+pads, change for theta, and one frame tells it only roughly. So templates of several breadths are compared, and what
+the frames say of the breadth is kept from one to the next.
 """
 
 import math
@@ -23,6 +27,18 @@ BELOW = -6.0
 SILENT = 4.0
 """A module none of whose readings exceeds so many standard deviations may be dead."""
 MEDIAN_OF_NORMAL = 0.6745
+BREADTHS = tuple(1.19**k for k in range(-3, 3))
+"""Of the prints that are compared, multiples of the one that is configured."""
+AT_FIRST = (float(BREADTHS.index(1.0)), 8.0)
+"""What is believed of the breadth: its place among those and one over the variance of that; 6 % at first."""
+MOST_SURETY = 20.0
+"""The breadth is never believed to better than 4 %: it changes with the load."""
+TURNED = math.radians(5.0)
+"""A frame teaches when the peg has turned by so much since the last that did: frames of one angle err alike."""
+LEARNING = 0.5
+"""Share of what such a frame says of the breadth that is believed; templates err as well."""
+OVERHANGS = (-4e-3, -2e-3, 0.0, 2e-3, 4e-3, 6e-3, 8e-3)
+"""How far the peg may reach beyond the finger centre instead of as far as it should, m."""
 _MODULE = MODULE_OF.ravel()
 MODULES = 4
 
@@ -35,10 +51,6 @@ class RobustParams(LikelihoodParams):
     """Beyond this misfit everything that may be wrong is considered."""
     rarity: Annotated[float, Field(ge=0.0, le=30.0)] = 5.0
     """Log of the odds against each of those."""
-    blurs: tuple[Annotated[float, Field(gt=0.2, lt=5.0)], ...] = (0.75, 1.35)
-    """Point spreads that the pad may have instead, multiples of the one believed."""
-    overhangs: tuple[Annotated[float, Field(ge=-0.05, le=0.05)], ...] = (8e-3, 4e-3, 0.0, -4e-3)
-    """How far the peg may reach beyond the finger centre instead of as far as it should, m."""
     outlier: Annotated[float, Field(ge=2.0, le=20.0)] = 4.0
     """A reading so many standard deviations off the rest is left out."""
     most_outliers: Annotated[int, Field(ge=0, le=20)] = 4
@@ -46,16 +58,16 @@ class RobustParams(LikelihoodParams):
 
 
 class RobustEstimator:
-    """Maximum likelihood with second thoughts; a frame that fits at once costs no more than without."""
+    """Maximum likelihood with second thoughts, and with a memory for one number, the breadth of the print."""
 
     def __init__(self, params: RobustParams, layout: Layout, peg: Peg) -> None:
         """Make the templates of everything that is considered."""
         self._params = params
-        self._usual = Bank(params, make_templates(layout, peg, params.templates))
-        blurred = [params.templates.model_copy(update={"blur": f * params.templates.blur}) for f in params.blurs]
-        short = [peg.model_copy(update={"overhang": reach}) for reach in params.overhangs if reach < peg.overhang]
-        self._others = [Bank(params, make_templates(layout, peg, each)) for each in blurred]
-        self._others += [Bank(params, make_templates(layout, each, params.templates)) for each in short]
+        self._believed, self._taught = AT_FIRST, math.nan
+        prints = [params.templates.broader(factor) for factor in BREADTHS]
+        self._usual = Bank(params, *(make_templates(layout, peg, each) for each in prints))
+        short = [peg.model_copy(update={"overhang": reach}) for reach in OVERHANGS if reach < peg.overhang]
+        self._short = Bank(params, *(make_templates(layout, each, params.templates) for each in short))
 
     def estimate(self, frame: TaxelFrame) -> PegPose:
         """Return the pose of the peg in `frame`; see `skills.contract.Estimator`."""
@@ -66,14 +78,30 @@ class RobustEstimator:
         is_loud = (values > SILENT * params.noise) & (weights > 0.0)
         if not is_loud.any():
             return PegPose(0.0, 0.0, math.pi / 2, 1.0, False, frame.stamp)
-        found, bank = self._usual.compare(values, weights), self._usual
+        found, bank = self._compare(self._usual, values, weights), self._usual
         silent = self._silent(is_loud, weights)
         if found.misfit > params.doubt or silent:
             found, bank, weights = self._think_again(values, weights, silent, found)
-            found, weights = self._without_outliers(values, weights, found, bank)
-        return pose_of(
-            params, found, TaxelFrame(frame.values, (weights > 0.0).reshape(frame.trusted.shape), frame.stamp, 0)
-        )
+        seen = TaxelFrame(frame.values, (weights > 0.0).reshape(frame.trusted.shape), frame.stamp, 0)
+        pose = pose_of(params, found, seen)
+        if pose.healthy and bank is self._usual:
+            self._learn(found)
+        return pose
+
+    def _compare(self, bank: Bank, values: Vector, weights: Vector, is_wide: bool = False) -> Found:
+        return bank.compare(values, weights, is_wide, self._believed if bank is self._usual else None)
+
+    def _learn(self, found: Found) -> None:
+        """Take in what one frame says of the print: a Kalman filter of a constant."""
+        place, surety = self._believed
+        if abs(math.remainder(found.theta - self._taught, math.pi)) < TURNED:
+            return
+        share = LEARNING / max(found.misfit, 1.0)
+        told = share * (found.surety - surety)
+        if told > 0.0:
+            place += share * found.surety / (surety + told) * (found.place - place)
+            self._taught = found.theta
+            self._believed = min(max(place, 0.0), len(BREADTHS) - 1.0), min(surety + told, MOST_SURETY)
 
     def _silent(self, is_loud: Mask, weights: Vector) -> list[int]:
         """Return the modules that show nothing."""
@@ -84,25 +112,29 @@ class RobustEstimator:
     def _think_again(
         self, values: Vector, weights: Vector, silent: list[int], usual: Found
     ) -> tuple[Found, Bank, Vector]:
-        """Return the likeliest explanation, its bank and the weights that it leaves."""
+        """Return what is found with the likeliest explanation, its bank and the weights that it leaves."""
+        params = self._params
         tried = [(0.0, usual, self._usual, weights)]
-        if usual.misfit > self._params.wide_misfit:
-            tried.append((0.0, self._usual.compare(values, weights, True), self._usual, weights))
+        if usual.misfit > params.wide_misfit:
+            tried.append((0.0, self._compare(self._usual, values, weights, True), self._usual, weights))
         for module in silent:
             without = np.where(module == _MODULE, 0.0, weights)
-            tried.append((self._params.rarity, self._usual.compare(values, without), self._usual, without))
-        least = min(found.misfit for _, found, _, _ in tried)
-        if least > self._params.doubt:
-            for bank in self._others:
-                tried.append((self._params.rarity, bank.compare(values, weights), bank, weights))
+            tried.append((params.rarity, self._compare(self._usual, values, without), self._usual, without))
+        tried.append((params.rarity, self._compare(self._short, values, weights), self._short, weights))
         # Noise may be stronger than believed: then all log likelihoods shrink.
         scale = max(1.0, min(found.misfit for _, found, _, _ in tried))
-        _, found, bank, left = max(tried, key=lambda each: each[1].chance / scale - each[0])
-        return found, bank, left
+        odds = np.array([found.chance / scale - against for against, found, _, _ in tried])
+        _, best, bank, left = tried[int(odds.argmax())]
+        shares, away = np.exp(odds - odds.max()), np.array([found.theta - best.theta for _, found, _, _ in tried])
+        away -= np.pi * np.round(away / np.pi)
+        found, left = self._without_outliers(values, left, best, bank)
+        # An explanation that is about as likely is part of what is not known.
+        return found._replace(sigma=math.hypot(found.sigma, math.sqrt(shares @ away**2 / shares.sum()))), bank, left
 
     def _without_outliers(self, values: Vector, weights: Vector, found: Found, bank: Bank) -> tuple[Found, Vector]:
         """Leave out readings that stand apart, the worst first, as long as there are any."""
-        found = bank.compare(values, weights, True)
+        is_wide = found.misfit > self._params.wide_misfit
+        found = self._compare(bank, values, weights, is_wide)
         for _ in range(self._params.most_outliers):
             away = np.abs(bank.left)
             usual = max(1.0, float(np.median(away[weights > 0.0])) / MEDIAN_OF_NORMAL) if weights.any() else math.inf
@@ -110,5 +142,5 @@ class RobustEstimator:
             if away[worst] < self._params.outlier * usual:
                 break
             weights = np.where(np.arange(weights.size) == worst, 0.0, weights)
-            found = bank.compare(values, weights, True)
+            found = self._compare(bank, values, weights, is_wide)
         return found, weights

@@ -9,7 +9,7 @@ peg presses a face, which is an even mean of lines beside each other.
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Annotated
+from typing import Annotated, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +41,10 @@ class TemplateParams(ConfigModel):
     """Between neighbouring templates, m."""
     offset_reach: Annotated[float, Field(ge=1e-3, le=1e-2)] = 4e-3
     """Furthest that the peg's axis may lie beside the finger centre, m."""
+
+    def broader(self, factor: float) -> Self:
+        """Return the pad whose prints are so many times as broad, point spread and groove alike."""
+        return self.model_copy(update={"blur": factor * self.blur, "indentation": factor**2 * self.indentation})
 
 
 @dataclass(frozen=True, slots=True, eq=False)

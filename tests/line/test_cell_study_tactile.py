@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from cell.cli import main
-from cell.studies.tactile import CONDITIONS, ESTIMATORS
+from cell.studies.tactile import CONDITIONS, ESTIMATORS, ON_LAYER
+from drivers.skin_layout import LAYOUTS
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +33,7 @@ def test_every_estimator_meets_every_condition_on_both_layouts(study):
     found, folder = study
     with (folder / "tactile.csv").open() as file:
         rows = list(csv.DictReader(file))
-    assert len(rows) == len(found["lines"]) == 2 * len(ESTIMATORS) * (len(CONDITIONS) + 1)
+    assert len(rows) == len(found["lines"]) == 2 * len(ESTIMATORS) * (len(CONDITIONS) + len(ON_LAYER))
 
 
 def test_charts_are_drawn(study):
@@ -51,7 +52,8 @@ def test_robust_estimator_reaches_the_goals_on_the_parallelogram(study):
         assert _line(found, "parallelogram", condition, "robust")["rmse"] < 1.2
 
 
-def test_templates_of_another_pad_still_beat_the_image(study):
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_pads_that_the_templates_were_not_made_for_are_learnt(study, layout):
     found, _ = study
-    robust, image = (_line(found, "parallelogram", "nominal", name, "layer")["rmse"] for name in ("robust", "image"))
-    assert robust < 0.6 * image
+    robust, plain = (_line(found, layout, "nominal", name, "layer")["rmse"] for name in ("robust", "ml"))
+    assert robust < 0.8 * plain

@@ -1,20 +1,27 @@
+from copy import copy
 from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 import pytest
 
+from cell.studies.elastic_layer import LayerPads
 from drivers.skin_layout import LAYOUTS, MODULE_OF
 from sim.config import PadConfig
 from sim.pads import Pads
 from skills.tactile.likelihood import LikelihoodEstimator, LikelihoodParams
 from skills.tactile.robust import RobustEstimator, RobustParams
-from tests.pegs import ALL, LOAD, SKIN, folded, framed, readings, rms_degrees, shipped, swept
+from tests.pegs import ALL, LOAD, SKIN, folded, framed, pushed, readings, rms_degrees, shipped, swept
 
 
 @lru_cache
-def _estimator(layout):
+def _made(layout):
     return RobustEstimator(RobustParams(), layout, shipped().peg)
+
+
+def _estimator(layout):
+    """Return one that has learnt nothing yet."""
+    return copy(_made(layout))
 
 
 @lru_cache
@@ -50,27 +57,77 @@ def test_taxels_that_read_anything_are_left_out():
     error, _, _, healthy = swept(_estimator("parallelogram"), "parallelogram", spoil)
     plain, _, _, _ = swept(_plain("parallelogram"), "parallelogram", spoil)
     assert healthy.mean() > 0.97
-    assert rms_degrees(error[healthy > 0]) < min(1.2, 0.6 * rms_degrees(plain))
+    assert rms_degrees(error[healthy > 0]) < min(1.2, 0.7 * rms_degrees(plain))
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_peg_with_its_end_between_the_pads_is_read_better(layout):
-    rng, errors, plain = np.random.default_rng(8), [], []
+    rng, robust, plain, rows = np.random.default_rng(8), _estimator(layout), _plain(layout), []
     for theta in np.radians(np.linspace(-80.0, 80.0, 161)):
         load = replace(LOAD, theta=theta, reach_back=rng.uniform(0.0, 4e-3))
         frame = framed(readings(layout, load, rng))
-        for estimator, found in ((_estimator(layout), errors), (_plain(layout), plain)):
-            found.append(folded(estimator.estimate(frame).theta - theta))
-    assert rms_degrees(errors) < 0.5 * rms_degrees(plain)
+        rows.append([folded(each.estimate(frame).theta - theta) for each in (robust, plain)])
+    error, other = np.array(rows).T
+    assert rms_degrees(error) < 0.4 * rms_degrees(other)
 
 
-@pytest.mark.parametrize("blur", [0.9e-3, 1.6e-3])
-def test_wrong_point_spread_is_survived(blur):
-    pads, rng, errors = Pads(PadConfig(blur=blur), "parallelogram"), np.random.default_rng(9), []
-    for theta in np.radians(np.linspace(-80.0, 80.0, 161)):
-        values = SKIN.sensitivity * pads.pressure(replace(LOAD, theta=theta))
+@pytest.mark.parametrize(("theta", "module"), [(65.0, 1), (-65.0, 3), (70.0, 1)])
+def test_sigma_spans_what_explains_a_frame_about_as_well(theta, module):
+    """A dead module and the peg's end between the pads at once: either alone explains most of it."""
+    values = readings("parallelogram", replace(LOAD, theta=np.radians(theta), reach_back=4e-3))
+    pose = _estimator("parallelogram").estimate(framed(np.where(module == MODULE_OF, 0.0, values)))
+    error = np.degrees(abs(folded(pose.theta - np.radians(theta))))
+    assert 2.0 < error < np.degrees(1.96 * pose.sigma)
+
+
+def _read(estimator, pressure):
+    """Return the errors over 121 angles in no order, of pads that turn angle and offset into pressure."""
+    rng, errors = np.random.default_rng(9), []
+    for theta in rng.permutation(np.radians(np.linspace(-80.0, 80.0, 121))):
+        values = SKIN.sensitivity * pressure(theta, rng.normal(0.0, 0.7e-3))
         values = values * rng.normal(1.0, 0.05, values.shape) + rng.normal(0.0, 300.0, values.shape)
-        pose = _estimator("parallelogram").estimate(framed(values))
+        pose = estimator.estimate(framed(values))
         assert pose.healthy
         errors.append(folded(pose.theta - theta))
-    assert rms_degrees(errors) < 1.2
+    return np.array(errors)
+
+
+def _springs(blur):
+    pads = Pads(PadConfig(blur=blur), "parallelogram")
+    return lambda theta, offset: pads.pressure(replace(LOAD, theta=theta, offset=offset))
+
+
+@pytest.mark.parametrize("blur", [0.8e-3, 1.6e-3])
+def test_another_point_spread_is_learnt(blur):
+    assert rms_degrees(_read(_estimator("parallelogram"), _springs(blur))[20:]) < 0.75
+
+
+def test_pads_that_change_are_learnt_anew():
+    estimator = _estimator("parallelogram")
+    for _ in range(5):
+        _read(estimator, _springs(1.6e-3))
+    assert rms_degrees(_read(estimator, _springs(0.8e-3))[20:]) < 0.8
+
+
+def test_pads_of_another_kind_are_learnt():
+    """A layer that can hardly be compressed, solved per wavenumber."""
+    pads, depths = LayerPads("parallelogram", poisson=0.49), ((0.55e-3, 0.0), (0.55e-3, 0.0))
+
+    def pressure(theta, offset):
+        return pads.readings(theta, offset, depths, (LOAD.reach_tip, LOAD.reach_back), LOAD.diameter)[0]
+
+    errors = _read(_estimator("parallelogram"), pressure)
+    assert rms_degrees(errors[20:]) < min(0.8, 0.7 * rms_degrees(_read(_plain("parallelogram"), pressure)))
+
+
+def test_peg_that_is_held_still_teaches_little():
+    """Frames of one grasp err alike, by the same taxels' gains, and along the rows breadth and angle are told apart worst."""
+    rng, rows = np.random.default_rng(3), []
+    for theta in rng.uniform(0.02, 0.06, 30):
+        gains, offset = rng.normal(1.0, 0.05, (2, 20)), rng.normal(0.0, 0.7e-3)
+        estimators = (_estimator("parallelogram"), _plain("parallelogram"))
+        for _ in range(30):
+            values = gains * readings("parallelogram", pushed(rng, theta, offset)) + rng.normal(0.0, 300.0, (2, 20))
+            rows.append([folded(each.estimate(framed(values)).theta - theta) for each in estimators])
+    robust, plain = np.array(rows).T
+    assert rms_degrees(robust) < 1.5 * rms_degrees(plain)
