@@ -10,10 +10,9 @@ from drivers.frames import angle_between, end_point, rotation_about
 from drivers.quantities import ImpedanceSetpoint
 from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillResult
 from skills.ground import Plane, nominal
-from skills.motion import VALIDITY, Gains
+from skills.motion import VALIDITY, Gains, tilted_by
 from skills.paths import fading_circles
 from skills.seating import depth_of, is_seated, require_short_of_bottom
-from skills.spiral_adjust import tilted_by
 
 
 class CornerAdjustParams(SkillParams):

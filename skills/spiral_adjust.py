@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from pydantic import NonNegativeFloat, PositiveFloat
 
-from drivers.frames import UP, end_point
-from drivers.quantities import ImpedanceSetpoint, Vector
+from drivers.frames import end_point
+from drivers.quantities import ImpedanceSetpoint
 from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillResult
 from skills.ground import Plane, nominal
-from skills.motion import VALIDITY, Gains
+from skills.motion import VALIDITY, Gains, tilted_by
 from skills.paths import fading_circles, spiral
 from skills.seating import depth_of, is_seated, require_short_of_bottom
 
@@ -27,6 +27,8 @@ class SpiralAdjustParams(SkillParams):
     """Turns of the spiral, rad/s."""
     radius: PositiveFloat
     """Largest radius, m."""
+    patience: PositiveFloat
+    """A peg that has not gone deeper by `jammed` for so long, s, is not in the hole, or will not go in so."""
     timeout: PositiveFloat
     """Longest adjustment, s; where the radius is largest sooner, the spiral starts again."""
     gains: Gains
@@ -46,7 +48,8 @@ class SpiralAdjustParams(SkillParams):
     guided_period: PositiveFloat
     """In which they fade, s."""
     jammed: NonNegativeFloat
-    """Where the peg goes less deep in that period, m, the skin is asked again how it is held; 0 never asks."""
+    """Where the peg goes less deep in that period, m, the skin is asked again how it is held, and the peg is aimed where it
+    rests, every other time: no torque is left but that of the circles."""
     arrival: NonNegativeFloat
     """This close to the bottom, m, the peg is damped more, so that it arrives without a blow."""
 
@@ -73,6 +76,9 @@ def run(params: SpiralAdjustParams, ctx: SkillContext, plane: Plane | None = Non
     stiffness[2], damping[2] = params.push_stiffness, params.push_damping
     offset, tip, guided_since, is_guided = np.zeros(2), first.tip, math.inf, False
     periods, reached = 0, 0.0
+    deepest, deepened = -math.inf, 0.0
+    normal, is_by_plate = plane.normal, True
+    elapsed = 0.0
     for seen in ctx.scan(params.timeout, holding=True):
         # The angle is frozen, but where the peg jams: fed back at every frame it would chase its own bias.
         tip, _ = end_point(seen.arm.tcp, in_hand.theta, in_hand.length)
@@ -85,13 +91,21 @@ def run(params: SpiralAdjustParams, ctx: SkillContext, plane: Plane | None = Non
                 depth_of(tip, hole),
             )
         elapsed = seen.elapsed
-        is_guided = plane.depth(tip) > params.guided_depth or is_guided
+        depth = plane.depth(tip)
+        if depth > deepest + params.jammed:
+            deepest, deepened = depth, elapsed
+        if elapsed - deepened > params.patience:
+            break
+        is_guided = depth > params.guided_depth or is_guided
         if is_guided:
             guided_since = min(guided_since, elapsed)
             if int((elapsed - guided_since) / params.guided_period) > periods:
-                periods, before, reached = periods + 1, reached, plane.depth(tip)
+                periods, before, reached = periods + 1, reached, depth
                 if reached - before < params.jammed:
-                    in_hand = ctx.in_hand()
+                    # Where little of the plate was felt, the hole tells better than the plate how it stands.
+                    in_hand, is_by_plate = ctx.in_hand(), not is_by_plate
+                    _, resting = end_point(seen.arm.tcp, in_hand.theta, in_hand.length)
+                    normal = plane.normal if is_by_plate else resting
             offset = fading_circles(
                 elapsed - guided_since, params.guided_radius, params.guided_rate, params.guided_period
             )
@@ -106,7 +120,7 @@ def run(params: SpiralAdjustParams, ctx: SkillContext, plane: Plane | None = Non
             ImpedanceSetpoint(
                 id=identity,
                 tip=target,
-                axis=tilted_by(offset + in_hand.length * plane.normal[:2], in_hand.length),
+                axis=tilted_by(offset + in_hand.length * normal[:2], in_hand.length),
                 roll=roll,
                 stiffness=stiffness,
                 damping=damping.copy(),
@@ -116,11 +130,5 @@ def run(params: SpiralAdjustParams, ctx: SkillContext, plane: Plane | None = Non
         )
     require_short_of_bottom(tip, hole)
     return SpiralAdjustResult(
-        Outcome.FAILURE, Reason.NOT_SEATED, params.timeout, float(np.linalg.norm(offset)), depth_of(tip, hole)
+        Outcome.FAILURE, Reason.NOT_SEATED, elapsed, float(np.linalg.norm(offset)), depth_of(tip, hole)
     )
-
-
-def tilted_by(offset: Vector, length: float) -> Vector:
-    """Return the axis of a peg whose finger centre, `length` above its tip, stands off the vertical by `offset`, m."""
-    axis = np.array([offset[0], offset[1], 0.0]) + math.sqrt(max(length**2 - float(offset @ offset), 1e-12)) * UP
-    return axis / np.linalg.norm(axis)

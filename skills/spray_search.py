@@ -13,7 +13,7 @@ from drivers.quantities import ImpedanceSetpoint, Twist, Vector
 from skills.contract import Observation, Outcome, Reason, SkillContext, SkillParams, SkillResult
 from skills.corner import DIAGONAL, corner_ahead, lowest_corner
 from skills.ground import Ground, Plane
-from skills.motion import VALIDITY, Gains, Goal, Transfer, Trim, between, move, tilted
+from skills.motion import VALIDITY, Gains, Goal, Transfer, Trim, between, move, pull_out, tilted
 from skills.paths import Lanes, SprayPaint, lanes, spiral_at_speed, spray_paint
 from skills.tactile.hole_event import HoleEvent, HoleEventParams
 
@@ -21,8 +21,6 @@ REST_DAMPING = 2.5
 """Damping of the resting hand over that of the search: it shall stop within a millimetre or two."""
 
 
-DESCENT = 0.04
-"""Speed at which the setpoint comes down to the surface, m/s: the blow grows with it."""
 CROSSINGS = 18.5
 """Most diameters of the hole that a lane crosses in a second: what 0.15 m/s is for 8.1 mm, where no fall is missed."""
 TOUCHED = 0.5
@@ -69,12 +67,14 @@ class SpraySearchParams(SkillParams):
     """Time in which the tip reaches its speed, s: sliding off at once digs the edge in."""
     pitch: Annotated[float, Field(gt=0.0, le=2.0)]
     """Largest distance between neighbouring passes, in diameters of the hole."""
-    margin: Annotated[float, Field(ge=0.0, le=0.01)]
-    """The path reaches so far beyond the area, m."""
+    margin: tuple[Annotated[float, Field(ge=0.0, le=0.01)], Annotated[float, Field(ge=0.0, le=0.01)]]
+    """The path reaches so far beyond the area, along its fast axis and across it, m."""
     edge_leads: bool
     """The path is drawn by the lowest point of the peg's edge, which falls in, and not by the middle of its end."""
     height: Annotated[float, Field(gt=0.0, le=0.1)]
     """Above the surface at the end of the free-space approach, m."""
+    descent: PositiveFloat
+    """Speed at which the setpoint comes down to the surface, m/s: the blow grows with it."""
     touch_down: PositiveFloat
     """Longest time to come down to the surface, s; the path begins as soon as the push is felt."""
     trim_rate: NonNegativeFloat
@@ -121,8 +121,10 @@ def run(
 ) -> SpraySearchResult:
     """Search from a random point of the area, with fresh watchers of plate and skin where none are given."""
     course = _course(params, ctx)
-    _approach(params, ctx, course)
+    is_above = _approach(params, ctx, course)
     sweep = _Sweep(params, ctx, course, ground or Ground(), event or HoleEvent(params.event, params.timeout))
+    if not is_above:
+        return sweep.result(Outcome.FAILURE, Reason.NOT_SEATED, 0.0)
     for seen in ctx.scan(params.timeout, holding=True):
         if sweep.finds(seen):
             return sweep.result(Outcome.SUCCESS, Reason.NONE, seen.elapsed)
@@ -149,14 +151,15 @@ class _Course:
 def _course(params: SpraySearchParams, ctx: SkillContext) -> _Course:
     """Return the way over the area from a random point of it."""
     hole, peg, lean = ctx.job.hole, ctx.job.peg, params.lean
-    half = (hole.area[0] / 2 + params.margin, hole.area[1] / 2 + params.margin)
-    start = ctx.rng.uniform(-np.array(hole.area) / 2, np.array(hole.area) / 2)
     fast, pitch = 0 if params.fast_axis == "x" else 1, params.pitch * hole.diameter
+    half = [extent / 2 + params.margin[0 if axis == fast else 1] for axis, extent in enumerate(hole.area)]
+    start = ctx.rng.uniform(-np.array(hole.area) / 2, np.array(hole.area) / 2)
+    over, begin = (half[0], half[1]), (start[0], start[1])
     path: Lanes | SprayPaint
     if params.path == "lanes":
-        path = lanes(half, pitch, min(params.speed, CROSSINGS * hole.diameter), fast, (start[0], start[1]))
+        path = lanes(over, pitch, min(params.speed, CROSSINGS * hole.diameter), fast, begin)
     else:
-        path = spray_paint(half, pitch, params.speed, fast, (start[0], start[1]))
+        path = spray_paint(over, pitch, params.speed, fast, begin)
     axis, closing = tilted(lean, params.tilt)
     ahead = peg.diameter / 2 * math.cos(params.tilt)
     if peg.shape == "square":
@@ -169,16 +172,13 @@ def _course(params: SpraySearchParams, ctx: SkillContext) -> _Course:
     return _Course(path, middle, first, axis, closing, fast)
 
 
-def _approach(params: SpraySearchParams, ctx: SkillContext, course: _Course) -> None:
-    """Move above the first point."""
-    here = ctx.observe()
-    if here.tip[2] < course.first[2]:
-        # It may stand in the hole: out of it straight, before anything else.
-        out = Goal(np.array([*here.tip[:2], course.first[2]]), here.axis, here.arm.tcp.rotation[:, 2])
-        for _ in move(out, params.transfer, ctx, ctx.in_hand()):
-            pass
+def _approach(params: SpraySearchParams, ctx: SkillContext, course: _Course) -> bool:
+    """Move above the first point; return whether the peg, which may stand in the hole, could be pulled out before."""
+    if ctx.observe().tip[2] < course.first[2] and not pull_out(course.first[2], params.transfer.gains, ctx):
+        return False
     for _ in move(Goal(course.first, course.axis, course.closing), params.transfer, ctx, ctx.in_hand()):
         pass
+    return True
 
 
 class Phase(Enum):
@@ -261,7 +261,7 @@ class _Sweep:
             target[:2] = course.middle + self._point + back * self._offset
             twist[:2] = pace * self._velocity
         elif self._phase is Phase.COMING_DOWN:
-            share = min(seen.elapsed * DESCENT / (course.first[2] - depth), 1.0)
+            share = min(seen.elapsed * params.descent / (course.first[2] - depth), 1.0)
             target[:2], target[2] = course.middle + self._point, course.first[2] + (depth - course.first[2]) * share
         slow = 1 - course.fast
         self._trim = self._trim.after(target[slow] - seen.tip[slow], self._ctx.scan_period)

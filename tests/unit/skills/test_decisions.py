@@ -9,9 +9,8 @@ from cell.config import load
 from drivers.errors import SwitchDisagreesError, SwitchUnknownError
 from drivers.quantities import SwitchState
 from skills.contract import NO_PEG, PegPose, Smoothing
-from skills.motion import minimum_jerk, tilted
+from skills.motion import minimum_jerk, tilted, tilted_by
 from skills.seating import is_seated, require_short_of_bottom
-from skills.spiral_adjust import tilted_by
 from skills.spray_search import lowest_point
 from skills.tactile_insert import push_stiffness, turned
 
