@@ -188,8 +188,8 @@ class Trim:
         return Trim(self.rate, self.limit, value)
 
 
-PULL = 0.025
-"""The setpoint of a tip that is pulled out lies so far above it, m."""
+PULL = (0.05, 0.025)
+"""The setpoint of a tip that is pulled out lies above it: by how much more each second, m/s, and at the most, m."""
 SHAKEN = (0.003, 25.0, 0.5)
 """Radius of the circles that the finger centre draws meanwhile, m, their rate, rad/s, and the period in which they fade, s."""
 PULLED = 10.0
@@ -207,7 +207,7 @@ def pull_out(height: float, gains: Gains, ctx: SkillContext) -> bool:
     for seen in ctx.scan(PULLED, holding=True):
         if seen.tip[2] >= height:
             return True
-        target[2] = seen.tip[2] + PULL
+        target[2] = seen.tip[2] + min(PULL[0] * seen.elapsed, PULL[1])
         offset = fading_circles(seen.elapsed, *SHAKEN)
         ctx.follow(
             ImpedanceSetpoint(

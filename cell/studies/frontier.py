@@ -29,7 +29,7 @@ BASES = "as shipped", "as configured"
 START = "paper"
 """Preset that the chain starts from."""
 SWEEPS: dict[str, dict[str, tuple[str, ...]]] = {
-    "search speed": {f"{speed:g} m/s": (f"search.speed={speed:g}",) for speed in (0.05, 0.1, 0.15, 0.2, 0.3)},
+    "search speed": {f"{speed:g} m/s": (f"search.speed={speed:g}",) for speed in (0.03, 0.05, 0.08, 0.115, 0.15)},
     # The damping goes with the root of the gain: the ratio stays.
     "rotational gain": {
         f"{gain:g} N·m/rad": (
