@@ -12,7 +12,6 @@ from drivers.frames import UP, angle_between, rotation_about
 from drivers.parts import ConfigModel
 from drivers.quantities import ImpedanceSetpoint, InHandTip, Twist, Vector
 from skills.contract import Observation, SkillContext
-from skills.paths import fading_circles
 
 VALIDITY = 0.1
 """A setpoint outlives this many seconds without a new one, then the arm holds still."""
@@ -186,39 +185,3 @@ class Trim:
         """Return the trim after `period` seconds with this error of the tip, m."""
         value = min(max(self.value + self.rate * error * period, -self.limit), self.limit)
         return Trim(self.rate, self.limit, value)
-
-
-PULL = (0.05, 0.025)
-"""The setpoint of a tip that is pulled out lies above it: by how much more each second, m/s, and at the most, m."""
-SHAKEN = (0.003, 25.0, 0.5)
-"""Radius of the circles that the finger centre draws meanwhile, m, their rate, rad/s, and the period in which they fade, s."""
-PULLED = 10.0
-"""Longest pull, s."""
-
-
-def pull_out(height: float, gains: Gains, ctx: SkillContext) -> bool:
-    """Pull the peg straight up until its tip stands at `height`, m, base frame; return whether it came out.
-
-    It may stand in the hole, or jam there: no move to the side before the tip is out, and circles that free it.
-    """
-    here = ctx.observe()
-    identity, in_hand = ctx.new_id(), ctx.in_hand()
-    target = here.tip.copy()
-    for seen in ctx.scan(PULLED, holding=True):
-        if seen.tip[2] >= height:
-            return True
-        target[2] = seen.tip[2] + min(PULL[0] * seen.elapsed, PULL[1])
-        offset = fading_circles(seen.elapsed, *SHAKEN)
-        ctx.follow(
-            ImpedanceSetpoint(
-                id=identity,
-                tip=target.copy(),
-                axis=tilted_by(offset + in_hand.length * here.axis[:2], in_hand.length),
-                roll=here.arm.tcp.rotation[:, 2],
-                stiffness=gains.stiffness(),
-                damping=gains.damping(),
-                valid_until=seen.stamp + VALIDITY,
-                in_hand=in_hand,
-            )
-        )
-    return False

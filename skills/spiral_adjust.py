@@ -2,9 +2,10 @@
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
-from pydantic import NonNegativeFloat, PositiveFloat
+from pydantic import Field, NonNegativeFloat, PositiveFloat
 
 from drivers.frames import end_point
 from drivers.quantities import ImpedanceSetpoint
@@ -12,7 +13,7 @@ from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillRes
 from skills.ground import Plane, nominal
 from skills.motion import VALIDITY, Gains, tilted_by
 from skills.paths import fading_circles, spiral
-from skills.seating import depth_of, is_seated, require_short_of_bottom
+from skills.seating import OPEN_TOLERANCE, depth_of, is_seated, require_short_of_bottom
 
 ARRIVING = 3.0
 """Damping along z close to the bottom, over that before."""
@@ -26,9 +27,10 @@ class SpiralAdjustParams(SkillParams):
     turn_rate: PositiveFloat
     """Turns of the spiral, rad/s."""
     radius: PositiveFloat
-    """Largest radius, m."""
-    patience: PositiveFloat
-    """A peg that has not gone deeper by `jammed` for so long, s, is not in the hole, or will not go in so."""
+    """Largest radius, m; `patience` may end the spiral before."""
+    patience: Annotated[float, Field(gt=0.0, le=120.0)]
+    """A peg that has not gone deeper by `jammed` for so long, s, is not in the hole, or will not go in so; close to the
+    bottom the timeout alone counts."""
     timeout: PositiveFloat
     """Longest adjustment, s; where the radius is largest sooner, the spiral starts again."""
     gains: Gains
@@ -94,7 +96,7 @@ def run(params: SpiralAdjustParams, ctx: SkillContext, plane: Plane | None = Non
         depth = plane.depth(tip)
         if depth > deepest + params.jammed:
             deepest, deepened = depth, elapsed
-        if elapsed - deepened > params.patience:
+        if elapsed - deepened > params.patience and depth_of(tip, hole) < hole.depth - OPEN_TOLERANCE:
             break
         is_guided = depth > params.guided_depth or is_guided
         if is_guided:

@@ -13,8 +13,9 @@ from drivers.quantities import ImpedanceSetpoint, Twist, Vector
 from skills.contract import Observation, Outcome, Reason, SkillContext, SkillParams, SkillResult
 from skills.corner import DIAGONAL, corner_ahead, lowest_corner
 from skills.ground import Ground, Plane
-from skills.motion import VALIDITY, Gains, Goal, Transfer, Trim, between, move, pull_out, tilted
+from skills.motion import VALIDITY, Gains, Goal, Transfer, Trim, between, move, tilted
 from skills.paths import Lanes, SprayPaint, lanes, spiral_at_speed, spray_paint
+from skills.pull_out import LONGEST, pull_out
 from skills.tactile.hole_event import HoleEvent, HoleEventParams
 
 REST_DAMPING = 2.5
@@ -22,7 +23,7 @@ REST_DAMPING = 2.5
 
 
 CROSSINGS = 18.5
-"""Most diameters of the hole that a lane crosses in a second: what 0.15 m/s is for 8.1 mm, where no fall is missed."""
+"""Most diameters of the hole that a lane crosses in a second: what 0.15 m/s is for 8.1 mm, where few falls are missed."""
 TOUCHED = 0.5
 """Share of the push by which the surface is felt, and for how long, s: a blow is no push."""
 TOUCHED_TIME = 0.1
@@ -68,12 +69,12 @@ class SpraySearchParams(SkillParams):
     pitch: Annotated[float, Field(gt=0.0, le=2.0)]
     """Largest distance between neighbouring passes, in diameters of the hole."""
     margin: tuple[Annotated[float, Field(ge=0.0, le=0.01)], Annotated[float, Field(ge=0.0, le=0.01)]]
-    """The path reaches so far beyond the area, along its fast axis and across it, m."""
+    """The strips that the passes cover reach so far beyond the area, along its fast axis and across it, m."""
     edge_leads: bool
     """The path is drawn by the lowest point of the peg's edge, which falls in, and not by the middle of its end."""
     height: Annotated[float, Field(gt=0.0, le=0.1)]
     """Above the surface at the end of the free-space approach, m."""
-    descent: PositiveFloat
+    descent: Annotated[float, Field(gt=0.0, le=0.5)]
     """Speed at which the setpoint comes down to the surface, m/s: the blow grows with it."""
     touch_down: PositiveFloat
     """Longest time to come down to the surface, s; the path begins as soon as the push is felt."""
@@ -121,10 +122,10 @@ def run(
 ) -> SpraySearchResult:
     """Search from a random point of the area, with fresh watchers of plate and skin where none are given."""
     course = _course(params, ctx)
-    is_above = _approach(params, ctx, course)
+    if (stuck := _approach(params, ctx, course)) is not None:
+        start = (course.first[0], course.first[1])
+        return SpraySearchResult(Outcome.FAILURE, Reason.NOT_SEATED, LONGEST, _point(stuck), start, 0, 0, None)
     sweep = _Sweep(params, ctx, course, ground or Ground(), event or HoleEvent(params.event, params.timeout))
-    if not is_above:
-        return sweep.result(Outcome.FAILURE, Reason.NOT_SEATED, 0.0)
     for seen in ctx.scan(params.timeout, holding=True):
         if sweep.finds(seen):
             return sweep.result(Outcome.SUCCESS, Reason.NONE, seen.elapsed)
@@ -172,13 +173,15 @@ def _course(params: SpraySearchParams, ctx: SkillContext) -> _Course:
     return _Course(path, middle, first, axis, closing, fast)
 
 
-def _approach(params: SpraySearchParams, ctx: SkillContext, course: _Course) -> bool:
-    """Move above the first point; return whether the peg, which may stand in the hole, could be pulled out before."""
-    if ctx.observe().tip[2] < course.first[2] and not pull_out(course.first[2], params.transfer.gains, ctx):
-        return False
+def _approach(params: SpraySearchParams, ctx: SkillContext, course: _Course) -> Vector | None:
+    """Move above the first point; return where the tip is stuck if the peg, which may stand in the hole, does not come out."""
+    if ctx.observe().tip[2] < course.first[2]:
+        stuck = pull_out(course.first[2], params.transfer.gains, ctx)
+        if stuck is not None:
+            return stuck
     for _ in move(Goal(course.first, course.axis, course.closing), params.transfer, ctx, ctx.in_hand()):
         pass
-    return True
+    return None
 
 
 class Phase(Enum):

@@ -1,1 +1,1 @@
-"""From taxels to the pose of the peg in the hand and to the hole event; pure functions."""
+"""From taxels to the pose of the peg in the hand and to the hole event; no I/O."""

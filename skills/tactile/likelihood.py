@@ -253,9 +253,12 @@ def _row(i, j, w, weights, weighed, prior, even, rising, tightness, solution):  
         while high > here and w < last - 1:
             w, low, here = w + 1, here, high
             high = _at(i, j, w + 1, weights, weighed, prior, even, rising, tightness, solution)
-        surety, lean = max(2.0 * here - low - high, 0.0), 0.5 * (high - low)
-        between = lean / max(surety, abs(lean), 1e-9)
-        more = lean * between - 0.5 * surety * between * between
+        bend, lean = 2.0 * here - low - high, 0.5 * (high - low)
+        if bend < -0.5 * NEVER:
+            # No neighbour is impossible.
+            surety = max(bend, 0.0)
+            between = lean / max(surety, abs(lean), 1e-9)
+            more = lean * between - 0.5 * surety * between * between
     low = _at(i, j - 1, w, weights, weighed, prior, even, rising, tightness, solution)
     high = _at(i, j + 1, w, weights, weighed, prior, even, rising, tightness, solution)
     while low > here and j > 1:

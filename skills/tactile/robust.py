@@ -38,7 +38,7 @@ TURNED = math.radians(5.0)
 LEARNING = 0.5
 """Share of what such a frame says of the breadth that is believed; templates err as well."""
 OVERHANGS = (-4e-3, -2e-3, 0.0, 2e-3, 4e-3, 6e-3, 8e-3)
-"""How far the peg may reach beyond the finger centre instead of as far as it should, m."""
+"""How far the peg may reach beyond the finger centre instead of as far as it should, m; with prints of the configured breadth."""
 _MODULE = MODULE_OF.ravel()
 MODULES = 4
 

@@ -61,7 +61,7 @@ class Templates:
     """Readings for one that rises from 0 at the finger centre to 1 `HALF_LINE` towards the tip."""
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=64)
 def make_templates(layout: Layout, peg: Peg, params: TemplateParams) -> Templates:
     """Return the templates of a peg on one layout; takes a fraction of a second the first time."""
     half = math.pi / 2

@@ -1,15 +1,18 @@
 """A peg that did not seat: how long it is tried for, and how it leaves the hole before another search."""
 
+import math
+
 import numpy as np
 
 from cell.assembly import assemble, opened
 from cell.config import load
 from skills import catalogue, spiral_adjust, spray_search, tactile_insert
 from skills.contract import Outcome, Reason
+from skills.ground import Plane
 
 
 def test_peg_that_stands_in_the_hole_is_pulled_out_before_it_is_led_aside():
-    """Half-way down, and gripped as a search left it: the tip leaves along the bore, with less than the force limit."""
+    """From the bottom, gripped as the adjustment left it: the tip leaves along the bore, with half of the force limit."""
     config = load(None, None, ["sim.pace=max", "sim.seed=105"]).cell
     skills = config.skill_set()
     cell = assemble(config)
@@ -48,3 +51,18 @@ def test_peg_that_goes_no_deeper_is_given_up_after_the_patience_and_not_after_th
     assert ended.outcome is Outcome.FAILURE
     assert ended.reason is Reason.NOT_SEATED
     assert config.adjust.patience <= ended.elapsed < config.adjust.timeout / 2
+
+
+def test_peg_that_jams_along_a_wrongly_felt_normal_is_freed_where_it_rests():
+    """The hole stands upright, the plate was felt 3 degrees off: along that the peg fits 2 mm deep and no further."""
+    config = load(None, None, ["sim.pace=max", "sim.seed=105", "grip.friction=0.6"]).cell
+    cell = assemble(config)
+    with opened(cell):
+        ctx = cell.context(105)
+        catalogue.grasp(config.skill_set(), ctx)
+        found = spray_search.run(config.search, ctx)
+        felt = np.array([math.sin(math.radians(3.0)), 0.0, math.cos(math.radians(3.0))])
+        wrong = Plane(found.plane.point, felt)
+        tactile_insert.run(config.insert, ctx, wrong)
+        ended = spiral_adjust.run(config.adjust, ctx, wrong)
+    assert ended.outcome is Outcome.SUCCESS

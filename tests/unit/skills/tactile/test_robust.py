@@ -131,3 +131,15 @@ def test_peg_that_is_held_still_teaches_little():
             rows.append([folded(each.estimate(framed(values)).theta - theta) for each in estimators])
     robust, plain = np.array(rows).T
     assert rms_degrees(robust) < 1.5 * rms_degrees(plain)
+
+
+@pytest.mark.parametrize("dead", [(0, 2), (1, 3)])
+def test_print_that_no_taxel_left_can_show_is_not_taken_for_a_certain_one(dead):
+    estimator = _estimator("base_to_base")
+    is_alive = ~np.isin(MODULE_OF, dead)
+    error, sigma, _, healthy = swept(
+        estimator, "base_to_base", lambda _, values: (np.where(is_alive, values, 0.0), is_alive)
+    )
+    told = healthy > 0
+    assert told.any()
+    assert np.abs(error[told] / sigma[told]).max() < 6.0
