@@ -5,10 +5,10 @@ from skills.contract import SkillContext
 from skills.motion import VALIDITY, Gains, tilted_by
 from skills.paths import fading_circles
 
-PULL_RATE = 0.05
-"""The setpoint lies above the tip by so much more each second, m/s."""
+SPEED = 0.05
+"""At which the setpoint rises, m/s."""
 SHARE = 0.625
-"""Of the force limit, that the setpoint's lead pulls with at the most."""
+"""Of the force limit, that the setpoint's lead over the tip pulls with at the most."""
 SHAKEN = (0.003, 25.0, 0.5)
 """Radius of the circles that the finger centre draws meanwhile, m, their rate, rad/s, and the period in which they fade, s."""
 LONGEST = 10.0
@@ -29,7 +29,7 @@ def pull_out(height: float, gains: Gains, ctx: SkillContext) -> Vector | None:
         tip = seen.tip
         if tip[2] >= height:
             return None
-        target[2] = tip[2] + min(PULL_RATE * seen.elapsed, most)
+        target[2] = min(target[2] + SPEED * ctx.scan_period, tip[2] + most)
         offset = fading_circles(seen.elapsed, *SHAKEN)
         ctx.follow(
             ImpedanceSetpoint(
