@@ -129,6 +129,16 @@ class CellConfig(ConfigModel):
                 raise ValueError(
                     f"{name} = {depth}: deeper than the peg reaches; less than peg.length = {peg.length} allowed"
                 )
+        if self.grasp.clearance <= rack.depth:
+            raise ValueError(
+                f"grasp.clearance = {self.grasp.clearance}: leaves the peg in its slot; more than rack.depth = {rack.depth} allowed"
+            )
+        least = (self.search.height + self.search.push_offset) / self.search.touch_down
+        if self.search.descent < least:
+            raise ValueError(
+                f"search.descent = {self.search.descent}: not down within search.touch_down = {self.search.touch_down} s;"
+                f" at least {least:.3g} allowed"
+            )
         for low, high, axis in zip(self.limits.low, self.limits.high, "xyz", strict=True):
             if low >= high:
                 raise ValueError(f"limits.low = {low} along {axis}: less than limits.high = {high} allowed")

@@ -1,18 +1,31 @@
-"""Take the peg from a rack slot: come from above, close with a set force, lift, and make sure that it came along."""
+"""Take the peg from a rack slot: come from above, close with a set force, draw it out, and make sure that it came along."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
-from drivers.frames import UP
-from drivers.quantities import Vector
+from drivers.frames import UP, angle_between
+from drivers.quantities import Twist, Vector
 from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillResult
-from skills.motion import Goal, Transfer, move, stay
+from skills.motion import VALIDITY, Goal, Transfer, Trim, move, stay
 
 ACROSS_RACK: Vector = np.array([0.0, -1.0, 0.0])
 """Where the closing axis points at the rack: always the same way, or the wrist would wind up from run to run."""
+
+CENTRED = (2e-4, math.radians(0.2))
+"""The hand closes once it is so close to the slot along every axis, m, and to its directions, rad."""
+CENTRING_TIME = 2.0
+"""Longest time for that, s."""
+TRIM = Trim(rate=6.0, limit=0.01)
+"""Of the hand's place there, along each axis."""
+INTEGRAL_GAIN, INTEGRAL_LIMIT = 300.0, 6.0
+"""Of the arm's integral of its direction there, N·m/(rad·s), and its saturation, N·m."""
+
+DRAWING_SPEED = 0.05
+"""At which the peg leaves the slot, m/s: faster, it would be drawn through the pads where it rubs."""
 
 
 class GraspFromRackParams(SkillParams):
@@ -46,15 +59,17 @@ def run(params: GraspFromRackParams, ctx: SkillContext) -> GraspFromRackResult:
     """Take the peg of the job's slot."""
     started = ctx.clock.now()
     job = ctx.job
-    roll = ACROSS_RACK
     slot = np.array(job.rack.first) + np.array([0.0, job.rack.pitch * (job.slot % job.rack.slots), 0.0])
     # The peg stands on the slot's floor, so the finger centre goes `length` above that floor.
     grip_at = slot + UP * (job.peg.length - job.rack.depth)
 
     ctx.gripper.release(params.opening)
-    for tip in (grip_at + UP * params.clearance, grip_at):
-        for _ in move(Goal(tip, UP, roll), params.transfer, ctx, None):
-            pass
+    above = Goal(grip_at + UP * params.clearance, UP, ACROSS_RACK)
+    for _ in move(above, params.transfer, ctx, None):
+        pass
+    for _ in move(Goal(grip_at, UP, ACROSS_RACK), params.transfer, ctx, None, settle=0.0):
+        pass
+    _centre(grip_at, ctx)
     ctx.gripper.grip(params.force)
     for seen in ctx.scan(params.closing_time):
         if seen.gripper.is_gripping or not seen.gripper.is_moving:
@@ -62,7 +77,8 @@ def run(params: GraspFromRackParams, ctx: SkillContext) -> GraspFromRackResult:
         stay(ctx, seen.stamp)
     if not _holds_peg(params, ctx):
         return _missed(params, ctx, started, Reason.MISSED_GRASP)
-    for _ in move(Goal(grip_at + UP * params.clearance, UP, roll), params.transfer, ctx, None):
+    _draw_out(job.rack.depth, ctx)
+    for _ in move(above, params.transfer, ctx, None):
         pass
     if not _holds_peg(params, ctx):
         return _missed(params, ctx, started, Reason.LOST_GRASP)
@@ -70,6 +86,37 @@ def run(params: GraspFromRackParams, ctx: SkillContext) -> GraspFromRackResult:
     return GraspFromRackResult(
         Outcome.SUCCESS, Reason.NONE, ctx.clock.now() - started, seen.gripper.width, seen.peg.theta
     )
+
+
+def _centre(grip_at: Vector, ctx: SkillContext) -> None:
+    """Bring the open hand to the slot, from which friction in the joints holds it off: closed aslant, it would jam the peg there.
+
+    The setpoint that is left behind balances the friction.
+    """
+    trims = [TRIM] * 3
+    assert ctx.held is not None
+    held = replace(ctx.held, id=ctx.new_id(), twist=None, integral_gain=INTEGRAL_GAIN, integral_limit=INTEGRAL_LIMIT)
+    for seen in ctx.scan(CENTRING_TIME):
+        hand = seen.arm.tcp
+        off = grip_at - hand.position
+        aslant = max(angle_between(-hand.rotation[:, 0], UP), angle_between(hand.rotation[:, 2], ACROSS_RACK))
+        if float(np.abs(off).max()) < CENTRED[0] and aslant < CENTRED[1]:
+            break
+        trims = [trim.after(float(error), ctx.scan_period) for trim, error in zip(trims, off, strict=True)]
+        tip = grip_at + np.array([trim.value for trim in trims])
+        held = replace(held, tip=tip, valid_until=seen.stamp + VALIDITY)
+        ctx.follow(held)
+    ctx.follow(replace(held, integral_gain=0.0))
+
+
+def _draw_out(depth: float, ctx: SkillContext) -> None:
+    """Rise by the slot's `depth`, m, from the setpoint that is held."""
+    held = ctx.held
+    assert held is not None
+    twist = Twist(UP * DRAWING_SPEED, np.zeros(3))
+    for seen in ctx.scan(depth / DRAWING_SPEED):
+        tip = held.tip + twist.linear * seen.elapsed
+        ctx.follow(replace(held, tip=tip, twist=twist, valid_until=seen.stamp + VALIDITY))
 
 
 def _holds_peg(params: GraspFromRackParams, ctx: SkillContext) -> bool:

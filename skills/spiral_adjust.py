@@ -106,7 +106,8 @@ def run(params: SpiralAdjustParams, ctx: SkillContext, plane: Plane | None = Non
                 if reached - before < params.jammed:
                     # Where little of the plate was felt, the hole tells better than the plate how it stands.
                     in_hand, is_by_plate = ctx.in_hand(), not is_by_plate
-                    _, resting = end_point(seen.arm.tcp, in_hand.theta, in_hand.length)
+                    tip, resting = end_point(seen.arm.tcp, in_hand.theta, in_hand.length)
+                    reached, deepest = plane.depth(tip), deepest + plane.depth(tip) - depth
                     normal = plane.normal if is_by_plate else resting
             offset = fading_circles(
                 elapsed - guided_since, params.guided_radius, params.guided_rate, params.guided_period

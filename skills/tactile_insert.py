@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
 from drivers.frames import angle_between, rotation_about
+from drivers.parts import Job
 from drivers.quantities import ImpedanceSetpoint, Vector
 from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillResult
 from skills.ground import Plane, nominal
@@ -43,8 +44,9 @@ class TactileInsertParams(SkillParams):
     """The tip's setpoint lies so far ahead, towards the side that the peg leans to, m: raising then cannot lift the peg out."""
     timeout: PositiveFloat
     """Longest insertion, s."""
-    least_depth: float
-    """The tip of the aligned peg less deep than this, m, never was in the hole; far below 0 leaves that to the adjustment."""
+    least_share: Annotated[float, Field(lt=1.0)]
+    """The aligned peg that went less of the way from the plate into the hole than this share of what its tilt allows, never was
+    in there; far below 0 leaves that to the adjustment."""
     lost_height: PositiveFloat
     """The tip this far above the surface is out of the hole, m."""
 
@@ -71,13 +73,14 @@ def run(params: TactileInsertParams, ctx: SkillContext, plane: Plane | None = No
     roll = first.arm.tcp.rotation[:, 2]
     stiffness, damping = params.gains.stiffness(), params.gains.damping()
     phi = first_phi
+    least_depth = depth_at(params.aligned, params.least_share, ctx.job)
     for seen in ctx.scan(params.timeout, holding=True):
         elapsed = seen.elapsed
         phi = angle_between(seen.axis, normal)
         if is_seated(seen.switch, seen.tip, ctx.job.hole):
             return TactileInsertResult(Outcome.SUCCESS, Reason.NONE, elapsed, first_phi, phi)
         if phi < params.aligned:
-            if plane.depth(seen.tip) < params.least_depth:
+            if plane.depth(seen.tip) < least_depth:
                 return TactileInsertResult(Outcome.FAILURE, Reason.NOT_ALIGNED, elapsed, first_phi, phi)
             return TactileInsertResult(Outcome.SUCCESS, Reason.NONE, elapsed, first_phi, phi)
         if plane.depth(seen.tip) < -params.lost_height - ctx.job.peg.diameter / 2 * math.sin(phi):
@@ -101,6 +104,16 @@ def run(params: TactileInsertParams, ctx: SkillContext, plane: Plane | None = No
             )
         )
     return TactileInsertResult(Outcome.FAILURE, Reason.NOT_ALIGNED, params.timeout, first_phi, phi)
+
+
+def depth_at(phi: float, share: float, job: Job) -> float:
+    """Return the depth of the end's centre, m, of a peg at `phi`, rad, that went in by `share` of what its tilt allows.
+
+    In the plane of the tilt, which is exact below 8 degrees, the side of a peg of diameter d that touches a hole of diameter D on
+    both sides lies in it by s, where s sin(phi) + d cos(phi) = D; the centre is d / 2 sin(phi) higher than the edge.
+    """
+    d, D = job.peg.diameter, job.hole.diameter
+    return share * (D - d * math.cos(phi)) / math.tan(phi) - d / 2 * math.sin(phi)
 
 
 def turned(elapsed: float, rate: float, run_up: float) -> float:
