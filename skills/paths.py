@@ -67,8 +67,8 @@ def spray_paint(
 class Lanes:
     """Straight lanes there and back at one speed, a pitch apart, that cover a rectangle; then back between them.
 
-    The path begins anywhere, with a straight way to the nearest corner. A turn takes `TURN_TIME`: the speed along
-    the lane reverses at constant acceleration while the point moves to the next lane along a cosine.
+    The first lane begins at a corner, or before it. A turn takes `TURN_TIME`: the speed along the lane reverses at
+    constant acceleration while the point moves to the next lane along a cosine.
     """
 
     half: tuple[float, float]
@@ -79,24 +79,18 @@ class Lanes:
     """Along a lane, m/s."""
     lanes: int
     """Lanes that cover the rectangle once."""
-    start: tuple[float, float]
-    """First point, m."""
+    corner: tuple[float, float]
+    """The signs of its coordinates."""
+    lead: float
+    """The first lane begins so far outside the rectangle, m."""
 
     def at(self, time: float) -> tuple[Vector, Vector]:
         """Return the point, m, and its velocity, m/s, at `time`, each shape (2,), from the middle of the rectangle."""
         slow = 1 - self.fast
-        sign = (math.copysign(1.0, self.start[0]), math.copysign(1.0, self.start[1]))
-        corner = np.zeros(2)
-        corner[self.fast] = sign[self.fast] * self.half[self.fast]
-        corner[slow] = sign[slow] * self.half[slow] * (1.0 - 1.0 / self.lanes)
-        way_there = corner - self.start
-        lead = float(np.linalg.norm(way_there)) / self.speed
-        if time < lead:
-            return self.start + way_there * (time / lead), way_there / lead
-        time -= lead
         straight = 2.0 * self.half[self.fast] / self.speed
-        number, within = divmod(time, straight + TURN_TIME)
-        lane = int(number)
+        time -= self.lead / self.speed
+        lane = max(math.floor(time / (straight + TURN_TIME)), 0)
+        within = time - lane * (straight + TURN_TIME)
         pitch = 2.0 * self.half[slow] / self.lanes
         here, there = self._place(lane), self._place(lane + 1)
         way = -1.0 if lane % 2 == 0 else 1.0
@@ -111,10 +105,10 @@ class Lanes:
             across = here + (there - here) * (1.0 - math.cos(angle)) / 2.0
             drift = (there - here) * math.pi / TURN_TIME * math.sin(angle) / 2.0
         point, velocity = np.zeros(2), np.zeros(2)
-        point[self.fast] = sign[self.fast] * way * along
-        velocity[self.fast] = sign[self.fast] * way * rate
-        point[slow] = sign[slow] * pitch * across
-        velocity[slow] = sign[slow] * pitch * drift
+        point[self.fast] = self.corner[self.fast] * way * along
+        velocity[self.fast] = self.corner[self.fast] * way * rate
+        point[slow] = self.corner[slow] * pitch * across
+        velocity[slow] = self.corner[slow] * pitch * drift
         return point, velocity
 
     def _place(self, lane: int) -> float:
@@ -124,9 +118,12 @@ class Lanes:
         return first - number if cover % 2 == 0 else number - first + 0.5
 
 
-def lanes(half: tuple[float, float], pitch: float, speed: float, fast: int, start: tuple[float, float]) -> Lanes:
-    """Return lanes over a rectangle, at most `pitch` apart, that begin at `start`; all in m and m/s, as in `Lanes`."""
-    return Lanes(half, fast, speed, max(math.ceil(2.0 * half[1 - fast] / pitch), 1), start)
+def lanes(
+    half: tuple[float, float], pitch: float, speed: float, fast: int, near: tuple[float, float], lead: float
+) -> Lanes:
+    """Return lanes over a rectangle, at most `pitch` apart, from the corner next to `near`; in m and m/s, as in `Lanes`."""
+    corner = (math.copysign(1.0, near[0]), math.copysign(1.0, near[1]))
+    return Lanes(half, fast, speed, max(math.ceil(2.0 * half[1 - fast] / pitch), 1), corner, lead)
 
 
 def spiral(time: float, growth: float, turn_rate: float) -> Vector:

@@ -29,10 +29,8 @@ TOUCHED = 0.5
 TOUCHED_TIME = 0.1
 SLIP = 0.1
 """Change of theta that tells of a slip in the hand, rad."""
-STRIDE = 2.0
-"""Diameters of the hole that the peg has gone when, had it come down right into the hole, it has climbed out."""
-CLIMBED_TIME = 0.2
-"""In which the plate is then learnt anew before the tip goes back, s."""
+OUTSIDE = 2e-3
+"""The tip comes down so far outside of where a hole may be, m."""
 RETURN_TIME = 0.4
 """In which the tip comes back to its path after a probe, s."""
 
@@ -120,7 +118,7 @@ class SpraySearchResult(SkillResult):
 def run(
     params: SpraySearchParams, ctx: SkillContext, ground: Ground | None = None, event: HoleEvent | None = None
 ) -> SpraySearchResult:
-    """Search from a random point of the area, with fresh watchers of plate and skin where none are given."""
+    """Search from a random corner or point of the area, with fresh watchers of plate and skin where none are given."""
     course = _course(params, ctx)
     if (stuck := _approach(params, ctx, course)) is not None:
         start = (course.first[0], course.first[1])
@@ -150,7 +148,7 @@ class _Course:
 
 
 def _course(params: SpraySearchParams, ctx: SkillContext) -> _Course:
-    """Return the way over the area from a random point of it."""
+    """Return the way over the area: lanes from the corner next to a random point of it, sinusoids from that point."""
     hole, peg, lean = ctx.job.hole, ctx.job.peg, params.lean
     fast, pitch = 0 if params.fast_axis == "x" else 1, params.pitch * hole.diameter
     half = [extent / 2 + params.margin[0 if axis == fast else 1] for axis, extent in enumerate(hole.area)]
@@ -158,7 +156,8 @@ def _course(params: SpraySearchParams, ctx: SkillContext) -> _Course:
     over, begin = (half[0], half[1]), (start[0], start[1])
     path: Lanes | SprayPaint
     if params.path == "lanes":
-        path = lanes(over, pitch, min(params.speed, CROSSINGS * hole.diameter), fast, begin)
+        lead = max(hole.diameter / 2 + OUTSIDE - params.margin[0], 0.0)
+        path = lanes(over, pitch, min(params.speed, CROSSINGS * hole.diameter), fast, begin, lead)
     else:
         path = spray_paint(over, pitch, params.speed, fast, begin)
     axis, closing = tilted(lean, params.tilt)
@@ -169,7 +168,7 @@ def _course(params: SpraySearchParams, ctx: SkillContext) -> _Course:
     middle = np.array(hole.centre[:2])
     if params.edge_leads:
         middle = middle - ahead * np.array([math.cos(lean), math.sin(lean)])
-    first = np.array([*(middle + start), hole.centre[2] + params.height])
+    first = np.array([*(middle + path.at(0.0)[0]), hole.centre[2] + params.height])
     return _Course(path, middle, first, axis, closing, fast)
 
 
@@ -214,8 +213,6 @@ class _Sweep:
         self._place, self._offset = course.first, np.zeros(2)
         self._leaning, self._facing = course.axis, course.closing
         self._resting: ImpedanceSetpoint | None = None
-        self._landed: tuple[Vector, Vector] | None = None
-        self._climbed = math.inf
 
     def finds(self, seen: Observation) -> bool:
         """Take one observation; return whether the tip was judged to be in the hole."""
@@ -228,7 +225,7 @@ class _Sweep:
         edge = self._edge(seen)
         self._below = self._ground.below(edge, sense)
         if self._phase is Phase.COMING_DOWN:
-            self._touch(seen, edge)
+            self._touch(seen)
         elif self._phase is Phase.SLIDING:
             self._slide(seen, edge, sense, is_event)
         elif self._phase is Phase.PROBING and self._below > params.fall:
@@ -304,35 +301,22 @@ class _Sweep:
             self._push = max(params.relief * self._push, params.least_push * params.push_stiffness)
             self._stiffness = np.array([*self._stiffness[:2], self._push, *self._stiffness[3:]])
 
-    def _touch(self, seen: Observation, edge: Vector) -> None:
+    def _touch(self, seen: Observation) -> None:
         """Begin the path once the push is felt."""
         is_pressed = seen.arm.wrench.force[2] > TOUCHED * self._push * self._params.push_offset
         self._pressed = self._pressed + 1 if is_pressed else 0
         if self._pressed * self._ctx.scan_period >= TOUCHED_TIME or seen.elapsed >= self._params.touch_down:
             self._phase, self._since = Phase.SLIDING, seen.stamp
-            self._landed = (seen.tip, edge) if self._params.fall > 0.0 else None
             self._event.restart()
 
     def _slide(self, seen: Observation, edge: Vector, sense: int, is_event: bool) -> None:
-        """Stop at evidence, or learn the plate, or go back to where the peg has climbed out of the hole."""
+        """Stop at evidence, or learn the plate."""
         params = self._params
-        if self._landed is not None:
-            has_climbed = edge[2] - self._landed[1][2] > params.fall
-            if has_climbed:
-                # It came down right into the hole, and the ground was learnt there.
-                self._ground, self._below = Ground(), 0.0
-            if math.dist(edge[:2], self._landed[1][:2]) > STRIDE * self._ctx.job.hole.diameter:
-                if has_climbed:
-                    self._climbed, self._place = seen.stamp, self._landed[0]
-                self._landed = None
         if is_event if params.evidence == "skin" else self._below > params.dip:
             self._place, self._rests = seen.tip, self._rests + 1
             self._rest(seen, Phase.RESTING)
             return
         self._ground.learn(edge, sense)
-        if seen.stamp - self._climbed >= CLIMBED_TIME:
-            self._climbed = math.inf
-            self._stand_off(seen, Phase.PROBING, self._place[:2])
 
     def _rest(self, seen: Observation, phase: Phase) -> None:
         """Hold the hand where it is, still pushing down."""

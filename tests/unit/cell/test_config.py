@@ -28,7 +28,10 @@ def test_the_shipped_cell_is_a_whole_config(loaded):
         ("peg.diameter=8", ["--set", "peg.diameter = 8", "0.002 to 0.03", "metres", "0.008"]),
         ("hole.area=[60, 60]", ["hole.area", "60", "0 to 0.2", "metres"]),
         ("peg.diameter=0.0081", ["--set", "peg.diameter = 0.0081", "thicker than the hole", "0.0081"]),
-        ("grasp.clearance=0.03", ["--set", "grasp.clearance = 0.03", "leaves the peg in its slot", "rack.depth = 0.03"]),
+        (
+            "grasp.clearance=0.03",
+            ["--set", "grasp.clearance = 0.03", "leaves the peg in its slot", "rack.depth = 0.03"],
+        ),
         ("search.descent=0.001", ["--set", "search.descent = 0.001", "not down within", "at least 0.015"]),
         ("insert.estimator=eye", ["insert.estimator", "'eye'", '"image"']),
         ("preset=hasty", ["preset", "'hasty'", "presets/"]),

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from skills.paths import TURN_TIME, Lanes, fading_circles, lanes, spiral, spiral_at_speed, spray_paint
+from skills.paths import TURN_TIME, fading_circles, lanes, spiral, spiral_at_speed, spray_paint
 
 HALF = (0.03, 0.03)
 
@@ -49,35 +49,29 @@ def test_circles_swell_from_nothing_and_fade_to_nothing() -> None:
     assert sizes[-1] < 1e-4
 
 
-def corner(path: Lanes) -> tuple[float, float]:
-    """Return where the first lane begins."""
-    x, y = np.sign(path.start) * HALF
-    edge = 1.0 - 1.0 / path.lanes
-    return (float(x * edge), float(y)) if path.fast == 1 else (float(x), float(y * edge))
-
-
 @pytest.mark.parametrize("fast", [0, 1])
-def test_lanes_begin_at_the_start_and_leave_no_place_further_than_half_a_pitch(fast: int) -> None:
-    pitch, speed = 0.005, 0.1
-    path = lanes(HALF, pitch, speed, fast, (-0.02, 0.01))
-    np.testing.assert_allclose(path.at(0.0)[0], [-0.02, 0.01])
-    path = lanes(HALF, pitch, speed, fast, corner(path))
-    cover = path.lanes * (0.06 / speed + TURN_TIME)
+def test_lanes_begin_before_the_nearest_corner_and_leave_no_place_further_than_half_a_pitch(fast: int) -> None:
+    pitch, speed, lead = 0.005, 0.1, 0.004
+    path = lanes(HALF, pitch, speed, fast, (-0.02, 0.01), lead)
+    first = np.array([-0.03, 0.03]) * (1.0 - 1.0 / path.lanes)
+    first[fast] = (-0.034, 0.034)[fast]
+    np.testing.assert_allclose(path.at(0.0)[0], first)
+    cover = lead / speed + path.lanes * (0.06 / speed + TURN_TIME)
     across = np.array([path.at(t)[0] for t in np.arange(0.0, cover - TURN_TIME, 0.002)])
     grid = np.stack(np.meshgrid(*[np.linspace(-0.03, 0.03, 25)] * 2), axis=-1).reshape(-1, 2)
     assert np.sqrt(((grid[:, None] - across[None]) ** 2).sum(axis=2)).min(axis=1).max() <= pitch / 2 + 2e-4
 
 
 def test_the_way_back_runs_between_the_lanes_of_the_way_there() -> None:
-    path = lanes(HALF, 0.005, 0.1, 1, (0.0275, 0.03))
+    path = lanes(HALF, 0.005, 0.1, 1, (0.0275, 0.03), 0.0)
     straight = 0.06 / 0.1 + TURN_TIME
     there, back = path.at(0.3)[0][0], path.at((2 * path.lanes - 1) * straight + 0.3)[0][0]
     assert abs(there - back) == pytest.approx(0.0025)
 
 
 def test_the_lanes_velocity_is_the_derivative_of_their_place() -> None:
-    path = lanes(HALF, 0.005, 0.1, 0, (0.01, -0.01))
-    for time in (0.1, 0.63, 0.7, 0.74, 1.3):
+    path = lanes(HALF, 0.005, 0.1, 0, (0.01, -0.01), 0.004)
+    for time in (0.02, 0.1, 0.66, 0.72, 0.78, 1.3):
         before, after = path.at(time - 1e-6)[0], path.at(time + 1e-6)[0]
         np.testing.assert_allclose((after - before) / 2e-6, path.at(time)[1], atol=1e-5)
 

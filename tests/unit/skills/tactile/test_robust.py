@@ -143,3 +143,11 @@ def test_print_that_no_taxel_left_can_show_is_not_taken_for_a_certain_one(dead):
     told = healthy > 0
     assert told.any()
     assert np.abs(error[told] / sigma[told]).max() < 6.0
+
+
+def test_frame_that_is_not_believed_teaches_nothing():
+    rng, spoilt, fresh = np.random.default_rng(5), _estimator("parallelogram"), _estimator("parallelogram")
+    for _ in range(30):
+        assert not spoilt.estimate(framed(rng.uniform(0.0, 9000.0, (2, 20)))).healthy
+    frame = framed(readings("parallelogram", replace(LOAD, theta=0.4), rng))
+    assert spoilt.estimate(frame) == fresh.estimate(frame)
