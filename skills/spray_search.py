@@ -29,8 +29,8 @@ TOUCHED = 0.5
 TOUCHED_TIME = 0.1
 SLIP = 0.1
 """Change of theta that tells of a slip in the hand, rad."""
-OUTSIDE = 2e-3
-"""The tip comes down so far outside of where a hole may be, m."""
+OUTSIDE = (2e-3, 4e-3)
+"""The tip comes down so far outside of where a hole may be, drawn evenly between these, m."""
 RETURN_TIME = 0.4
 """In which the tip comes back to its path after a probe, s."""
 
@@ -156,7 +156,7 @@ def _course(params: SpraySearchParams, ctx: SkillContext) -> _Course:
     over, begin = (half[0], half[1]), (start[0], start[1])
     path: Lanes | SprayPaint
     if params.path == "lanes":
-        lead = max(hole.diameter / 2 + OUTSIDE - params.margin[0], 0.0)
+        lead = max(hole.diameter / 2 + ctx.rng.uniform(*OUTSIDE) - params.margin[0], 0.0)
         path = lanes(over, pitch, min(params.speed, CROSSINGS * hole.diameter), fast, begin, lead)
     else:
         path = spray_paint(over, pitch, params.speed, fast, begin)
