@@ -131,6 +131,12 @@ def test_half_the_time_step_changes_no_outcome() -> None:
     assert coarse == fine
 
 
+@pytest.mark.parametrize("seed", [122, 270, 279])
+def test_pads_that_close_squarely_on_a_thin_peg_press_it_and_do_not_throw_it(seed: int) -> None:
+    _, physics = holding(seed, "peg.diameter=0.004", "hole.diameter=0.0041")
+    assert physics.meters[engine.SUSTAINED] < 1e-6
+
+
 def test_the_law_knows_the_arm_that_the_physics_moves() -> None:
     """The finger centre of the law's kinematics is where MuJoCo has it."""
     _, physics = holding(7)
