@@ -1,5 +1,6 @@
 """CellConfig, the union of every part's config model, and how it is loaded: file, preset, recipe, single keys."""
 
+import math
 import re
 import tomllib
 from collections.abc import Iterable, Mapping
@@ -35,7 +36,7 @@ from skills.grasp_from_rack import GraspFromRackParams
 from skills.recover import RecoverParams
 from skills.release_and_retract import ReleaseAndRetractParams
 from skills.spiral_adjust import SpiralAdjustParams
-from skills.spray_search import SpraySearchParams
+from skills.spray_search import TOUCHED_TIME, SpraySearchParams
 from skills.square import SquareParams
 from skills.tactile.image import ImageParams
 from skills.tactile.likelihood import LikelihoodParams
@@ -133,11 +134,12 @@ class CellConfig(ConfigModel):
             raise ValueError(
                 f"grasp.clearance = {self.grasp.clearance}: leaves the peg in its slot; more than rack.depth = {rack.depth} allowed"
             )
-        least = (self.search.height + self.search.push_offset) / self.search.touch_down
-        if self.search.descent < least:
+        search = self.search
+        least = (search.height + search.push_offset) / (search.touch_down - TOUCHED_TIME)
+        if search.descent < least:
             raise ValueError(
-                f"search.descent = {self.search.descent}: not down within search.touch_down = {self.search.touch_down} s;"
-                f" at least {least:.3g} allowed"
+                f"search.descent = {search.descent}: not down within search.touch_down = {search.touch_down} s;"
+                f" at least {math.ceil(1e4 * least) / 1e4} allowed"
             )
         for low, high, axis in zip(self.limits.low, self.limits.high, "xyz", strict=True):
             if low >= high:

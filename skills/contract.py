@@ -243,8 +243,8 @@ class SkillContext:
     _peg: PegPose = field(default=NO_PEG, init=False)
     _sequence: int = field(default=-1, init=False)
     _next_id: int = field(default=0, init=False)
-    _soft: int | None = field(default=None, init=False)
-    """Id of the setpoint that is followed softly."""
+    _soft: tuple[int, Vector] | None = field(default=None, init=False)
+    """Id of the setpoint that is followed softly, and the most stiffness, shape (6,)."""
 
     def new_id(self) -> int:
         """Return a setpoint id that was not used before, which resets the arm's integral."""
@@ -253,8 +253,8 @@ class SkillContext:
 
     def follow(self, setpoint: ImpedanceSetpoint) -> None:
         """Hand `setpoint` to the arm and remember it for the record; softly once its motion was found to pump."""
-        if setpoint.id == self._soft:
-            setpoint = replace(setpoint, stiffness=SOFTENED * setpoint.stiffness)
+        if self._soft is not None and setpoint.id == self._soft[0]:
+            setpoint = replace(setpoint, stiffness=np.minimum(setpoint.stiffness, self._soft[1]))
         self.held = setpoint
         self.arm.follow(setpoint)
 
@@ -371,7 +371,8 @@ class SkillContext:
                 f"{self.stage or 'skill'}: {guard.share:.1f} times the energy that presses with {self.limits.force:g} N,"
                 f" at {held.stiffness[:3].max():g} N/m and {held.stiffness[3:].max():g} N·m/rad; less than {STOP:g} allowed"
             )
-        self._soft = held.id
+        if self._soft is None or held.id != self._soft[0]:
+            self._soft = held.id, SOFTENED * held.stiffness
 
     def _interrupt(self, reason: Reason) -> NoReturn:
         self.arm.halt()

@@ -16,16 +16,19 @@ ACROSS_RACK: Vector = np.array([0.0, -1.0, 0.0])
 """Where the closing axis points at the rack: always the same way, or the wrist would wind up from run to run."""
 
 CENTRED = (2e-4, math.radians(0.2))
-"""The hand closes once it is so close to the slot along every axis, m, and to its directions, rad."""
+"""The hand is closed at once where it is so close to the slot along every axis, m, and to its directions, rad."""
 CENTRING_TIME = 2.0
 """Longest time for that, s."""
+NEAR = (1e-3, math.radians(1.0))
+"""It is not closed at all where it is further off after that: the slot leaves no more."""
 TRIM = Trim(rate=6.0, limit=0.01)
 """Of the hand's place there, along each axis."""
 INTEGRAL_GAIN, INTEGRAL_LIMIT = 300.0, 6.0
 """Of the arm's integral of its direction there, N·m/(rad·s), and its saturation, N·m."""
-
 DRAWING_SPEED = 0.05
 """At which the peg leaves the slot, m/s: faster, it would be drawn through the pads where it rubs."""
+DRAWING_TIME = 2.0
+"""Longest time for that, over what the speed takes."""
 
 
 class GraspFromRackParams(SkillParams):
@@ -69,7 +72,8 @@ def run(params: GraspFromRackParams, ctx: SkillContext) -> GraspFromRackResult:
         pass
     for _ in move(Goal(grip_at, UP, ACROSS_RACK), params.transfer, ctx, None, settle=0.0):
         pass
-    _centre(grip_at, ctx)
+    if not _centre(grip_at, ctx):
+        return _missed(params, ctx, started, Reason.MISSED_GRASP)
     ctx.gripper.grip(params.force)
     for seen in ctx.scan(params.closing_time):
         if seen.gripper.is_gripping or not seen.gripper.is_moving:
@@ -77,7 +81,7 @@ def run(params: GraspFromRackParams, ctx: SkillContext) -> GraspFromRackResult:
         stay(ctx, seen.stamp)
     if not _holds_peg(params, ctx):
         return _missed(params, ctx, started, Reason.MISSED_GRASP)
-    _draw_out(job.rack.depth, ctx)
+    _draw_out(grip_at[2] + job.rack.depth, ctx)
     for _ in move(above, params.transfer, ctx, None):
         pass
     if not _holds_peg(params, ctx):
@@ -88,14 +92,15 @@ def run(params: GraspFromRackParams, ctx: SkillContext) -> GraspFromRackResult:
     )
 
 
-def _centre(grip_at: Vector, ctx: SkillContext) -> None:
-    """Bring the open hand to the slot, from which friction in the joints holds it off: closed aslant, it would jam the peg there.
+def _centre(grip_at: Vector, ctx: SkillContext) -> bool:
+    """Bring the open hand to the slot, from which friction in the joints holds it off; return whether it is near enough.
 
-    The setpoint that is left behind balances the friction.
+    Closed aslant, it would jam the peg there. The setpoint that is left behind balances the friction.
     """
     trims = [TRIM] * 3
     assert ctx.held is not None
     held = replace(ctx.held, id=ctx.new_id(), twist=None, integral_gain=INTEGRAL_GAIN, integral_limit=INTEGRAL_LIMIT)
+    off, aslant = np.full(3, math.inf), math.inf
     for seen in ctx.scan(CENTRING_TIME):
         hand = seen.arm.tcp
         off = grip_at - hand.position
@@ -107,14 +112,17 @@ def _centre(grip_at: Vector, ctx: SkillContext) -> None:
         held = replace(held, tip=tip, valid_until=seen.stamp + VALIDITY)
         ctx.follow(held)
     ctx.follow(replace(held, integral_gain=0.0))
+    return float(np.abs(off).max()) < NEAR[0] and aslant < NEAR[1]
 
 
-def _draw_out(depth: float, ctx: SkillContext) -> None:
-    """Rise by the slot's `depth`, m, from the setpoint that is held."""
+def _draw_out(height: float, ctx: SkillContext) -> None:
+    """Rise from the setpoint that is held until the finger centre is at `height`, m, base frame, where the slot ends."""
     held = ctx.held
     assert held is not None
     twist = Twist(UP * DRAWING_SPEED, np.zeros(3))
-    for seen in ctx.scan(depth / DRAWING_SPEED):
+    for seen in ctx.scan(DRAWING_TIME * (height - held.tip[2]) / DRAWING_SPEED):
+        if seen.arm.tcp.position[2] >= height:
+            break
         tip = held.tip + twist.linear * seen.elapsed
         ctx.follow(replace(held, tip=tip, twist=twist, valid_until=seen.stamp + VALIDITY))
 

@@ -79,16 +79,16 @@ class Lanes:
     """Along a lane, m/s."""
     lanes: int
     """Lanes that cover the rectangle once."""
-    corner: tuple[float, float]
-    """The signs of its coordinates."""
-    lead: float
+    signs: tuple[float, float]
+    """Of the coordinates of the first corner."""
+    run_in: float
     """The first lane begins so far outside the rectangle, m."""
 
     def at(self, time: float) -> tuple[Vector, Vector]:
         """Return the point, m, and its velocity, m/s, at `time`, each shape (2,), from the middle of the rectangle."""
         slow = 1 - self.fast
         straight = 2.0 * self.half[self.fast] / self.speed
-        time -= self.lead / self.speed
+        time -= self.run_in / self.speed
         lane = max(math.floor(time / (straight + TURN_TIME)), 0)
         within = time - lane * (straight + TURN_TIME)
         pitch = 2.0 * self.half[slow] / self.lanes
@@ -105,10 +105,10 @@ class Lanes:
             across = here + (there - here) * (1.0 - math.cos(angle)) / 2.0
             drift = (there - here) * math.pi / TURN_TIME * math.sin(angle) / 2.0
         point, velocity = np.zeros(2), np.zeros(2)
-        point[self.fast] = self.corner[self.fast] * way * along
-        velocity[self.fast] = self.corner[self.fast] * way * rate
-        point[slow] = self.corner[slow] * pitch * across
-        velocity[slow] = self.corner[slow] * pitch * drift
+        point[self.fast] = self.signs[self.fast] * way * along
+        velocity[self.fast] = self.signs[self.fast] * way * rate
+        point[slow] = self.signs[slow] * pitch * across
+        velocity[slow] = self.signs[slow] * pitch * drift
         return point, velocity
 
     def _place(self, lane: int) -> float:
@@ -119,11 +119,11 @@ class Lanes:
 
 
 def lanes(
-    half: tuple[float, float], pitch: float, speed: float, fast: int, near: tuple[float, float], lead: float
+    half: tuple[float, float], pitch: float, speed: float, fast: int, near: tuple[float, float], run_in: float
 ) -> Lanes:
     """Return lanes over a rectangle, at most `pitch` apart, from the corner next to `near`; in m and m/s, as in `Lanes`."""
-    corner = (math.copysign(1.0, near[0]), math.copysign(1.0, near[1]))
-    return Lanes(half, fast, speed, max(math.ceil(2.0 * half[1 - fast] / pitch), 1), corner, lead)
+    signs = (math.copysign(1.0, near[0]), math.copysign(1.0, near[1]))
+    return Lanes(half, fast, speed, max(math.ceil(2.0 * half[1 - fast] / pitch), 1), signs, run_in)
 
 
 def spiral(time: float, growth: float, turn_rate: float) -> Vector:

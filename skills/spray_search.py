@@ -30,7 +30,7 @@ TOUCHED_TIME = 0.1
 SLIP = 0.1
 """Change of theta that tells of a slip in the hand, rad."""
 OUTSIDE = (2e-3, 4e-3)
-"""The tip comes down so far outside of where a hole may be, drawn evenly between these, m."""
+"""The peg comes down so far from the rim of a hole at the border of the area, drawn evenly between these, m."""
 RETURN_TIME = 0.4
 """In which the tip comes back to its path after a probe, s."""
 
@@ -74,7 +74,7 @@ class SpraySearchParams(SkillParams):
     """Above the surface at the end of the free-space approach, m."""
     descent: Annotated[float, Field(gt=0.0, le=0.5)]
     """Speed at which the setpoint comes down to the surface, m/s: the blow grows with it."""
-    touch_down: PositiveFloat
+    touch_down: Annotated[float, Field(gt=TOUCHED_TIME)]
     """Longest time to come down to the surface, s; the path begins as soon as the push is felt."""
     trim_rate: NonNegativeFloat
     """At which the setpoint across the lanes is moved against the tip's error there, 1/s: joint friction holds the arm off."""
@@ -156,8 +156,9 @@ def _course(params: SpraySearchParams, ctx: SkillContext) -> _Course:
     over, begin = (half[0], half[1]), (start[0], start[1])
     path: Lanes | SprayPaint
     if params.path == "lanes":
-        lead = max(hole.diameter / 2 + ctx.rng.uniform(*OUTSIDE) - params.margin[0], 0.0)
-        path = lanes(over, pitch, min(params.speed, CROSSINGS * hole.diameter), fast, begin, lead)
+        reach = hole.diameter / (math.sqrt(2.0) if peg.shape == "square" else 2.0)
+        run_in = max(reach + ctx.rng.uniform(*OUTSIDE) - params.margin[0], 0.0)
+        path = lanes(over, pitch, min(params.speed, CROSSINGS * hole.diameter), fast, begin, run_in)
     else:
         path = spray_paint(over, pitch, params.speed, fast, begin)
     axis, closing = tilted(lean, params.tilt)
@@ -205,7 +206,8 @@ class _Sweep:
         self._stiffness[2], self._damping[2] = params.push_stiffness, params.push_damping
         self._push, self._known_theta = params.push_stiffness, ctx.in_hand().theta
         self._trim = Trim(params.trim_rate, params.trim_limit)
-        self._phase, self._since = Phase.COMING_DOWN, 0.0
+        # When the phase began, as time of running, and when the hand was last stopped, as a stamp: frames have those.
+        self._phase, self._since, self._stopped = Phase.COMING_DOWN, 0.0, 0.0
         self._along, self._pressed, self._rests = 0.0, 0, 0
         self._point, self._velocity = course.path.at(0.0)
         self._tip, self._below = course.first, 0.0
@@ -228,17 +230,20 @@ class _Sweep:
             self._touch(seen)
         elif self._phase is Phase.SLIDING:
             self._slide(seen, edge, sense, is_event)
-        elif self._phase is Phase.PROBING and self._below > params.fall:
-            self._rest(seen, Phase.JUDGING)
+        elif self._phase is Phase.PROBING:
+            if self._below > params.fall:
+                self._rest(seen, Phase.JUDGING)
+            elif math.hypot(*self._looked(seen)) > params.probe_radius:
+                self._give_up(seen)
         is_resting = self._phase in (Phase.RESTING, Phase.JUDGING)
-        if is_resting and (params.fall == 0.0 or seen.peg.stamp >= self._since + params.rest):
+        if is_resting and (params.fall == 0.0 or seen.peg.stamp >= self._stopped + params.rest):
             if self._below >= params.fall:
                 return True
             self._leave(seen)
         return False
 
     def setpoint(self, seen: Observation) -> ImpedanceSetpoint:
-        """Return what the arm shall follow now."""
+        """Return what the arm shall follow now, and go on along the path; once a scan, after `finds`."""
         params, course = self._params, self._course
         if self._phase in (Phase.RESTING, Phase.JUDGING) and self._resting is not None:
             # The hand and not the tip is held, for the fall turns the peg in the hand and theta is as old as the
@@ -246,16 +251,12 @@ class _Sweep:
             return replace(self._resting, valid_until=seen.stamp + VALIDITY)
         depth = self._ctx.job.hole.centre[2] - params.push_offset
         target, twist = np.array([0.0, 0.0, depth]), np.zeros(3)
-        back = max(1.0 - (seen.stamp - self._since) / RETURN_TIME, 0.0)
+        back = self._back(seen)
         if self._phase is Phase.PROBING:
-            looked = spiral_at_speed(seen.stamp - self._since, params.probe_speed, params.probe_pitch)
-            target[:2] = self._place[:2] + looked + back * self._offset
-            if math.hypot(*looked) > params.probe_radius:
-                self._give_up(seen, target)
-                back = 1.0
-        if self._phase is Phase.SLIDING:
+            target[:2] = self._place[:2] + self._looked(seen) + back * self._offset
+        elif self._phase is Phase.SLIDING:
             # Pushed less, the peg falls less far in the same time.
-            run_up = min((seen.stamp - self._since) / max(params.run_up, 1e-6), 1.0)
+            run_up = min((seen.elapsed - self._since) / max(params.run_up, 1e-6), 1.0)
             pace = self._push / params.push_stiffness * run_up
             self._along += pace * self._ctx.scan_period
             target[:2] = course.middle + self._point + back * self._offset
@@ -306,7 +307,7 @@ class _Sweep:
         is_pressed = seen.arm.wrench.force[2] > TOUCHED * self._push * self._params.push_offset
         self._pressed = self._pressed + 1 if is_pressed else 0
         if self._pressed * self._ctx.scan_period >= TOUCHED_TIME or seen.elapsed >= self._params.touch_down:
-            self._phase, self._since = Phase.SLIDING, seen.stamp
+            self._phase, self._since = Phase.SLIDING, seen.elapsed
             self._event.restart()
 
     def _slide(self, seen: Observation, edge: Vector, sense: int, is_event: bool) -> None:
@@ -321,7 +322,7 @@ class _Sweep:
     def _rest(self, seen: Observation, phase: Phase) -> None:
         """Hold the hand where it is, still pushing down."""
         tcp = seen.arm.tcp
-        self._phase, self._since = phase, seen.stamp
+        self._phase, self._since, self._stopped = phase, seen.elapsed, seen.stamp
         self._resting = ImpedanceSetpoint(
             id=self._identity,
             tip=tcp.position - np.array([0.0, 0.0, self._params.push_offset]),
@@ -341,15 +342,24 @@ class _Sweep:
 
     def _stand_off(self, seen: Observation, phase: Phase, goal: Vector) -> None:
         """Begin `phase` from where the tip is, on the way back to `goal`, shape (2,)."""
-        self._phase, self._since = phase, seen.stamp
+        self._phase, self._since = phase, seen.elapsed
         self._offset = seen.tip[:2] - goal
         self._leaning, self._facing = seen.axis, seen.arm.tcp.rotation[:, 2]
         self._event.restart()
 
-    def _give_up(self, seen: Observation, target: Vector) -> None:
+    def _back(self, seen: Observation) -> float:
+        """Return the share of the stand-off that is left, 1 to 0."""
+        return max(1.0 - (seen.elapsed - self._since) / RETURN_TIME, 0.0)
+
+    def _looked(self, seen: Observation) -> Vector:
+        """Return where the probe is about the place of the evidence, shape (2,), m."""
+        return spiral_at_speed(seen.elapsed - self._since, self._params.probe_speed, self._params.probe_pitch)
+
+    def _give_up(self, seen: Observation) -> None:
         """Leave a place where no hole was found, back to the path from where the setpoint is."""
-        self._phase, self._since = Phase.SLIDING, seen.stamp
-        self._offset = target[:2] - self._course.middle - self._point
+        probed = self._place[:2] + self._looked(seen) + self._back(seen) * self._offset
+        self._phase, self._since = Phase.SLIDING, seen.elapsed
+        self._offset = probed - self._course.middle - self._point
         if self._below > self._params.dip:
             # Deep all over: no edge, but theta has jumped, say, and with it the height of the plane.
             self._ground = Ground()

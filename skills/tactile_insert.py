@@ -8,7 +8,6 @@ import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
 from drivers.frames import angle_between, rotation_about
-from drivers.parts import Job
 from drivers.quantities import ImpedanceSetpoint, Vector
 from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillResult
 from skills.ground import Plane, nominal
@@ -44,9 +43,8 @@ class TactileInsertParams(SkillParams):
     """The tip's setpoint lies so far ahead, towards the side that the peg leans to, m: raising then cannot lift the peg out."""
     timeout: PositiveFloat
     """Longest insertion, s."""
-    least_share: Annotated[float, Field(lt=1.0)]
-    """The aligned peg that went less of the way from the plate into the hole than this share of what its tilt allows, never was
-    in there; far below 0 leaves that to the adjustment."""
+    least_share: Annotated[float, Field(ge=0.0, lt=1.0)]
+    """Of the depth that the tilt allows: an aligned peg that is less deep never was in the hole. 0 leaves that to the adjustment."""
     lost_height: PositiveFloat
     """The tip this far above the surface is out of the hole, m."""
 
@@ -73,14 +71,15 @@ def run(params: TactileInsertParams, ctx: SkillContext, plane: Plane | None = No
     roll = first.arm.tcp.rotation[:, 2]
     stiffness, damping = params.gains.stiffness(), params.gains.damping()
     phi = first_phi
-    least_depth = depth_at(params.aligned, params.least_share, ctx.job)
+    peg, bore = ctx.job.peg, ctx.job.hole
+    least = params.least_share * min(allowed_depth(params.aligned, peg.diameter, bore.diameter), bore.depth)
     for seen in ctx.scan(params.timeout, holding=True):
         elapsed = seen.elapsed
         phi = angle_between(seen.axis, normal)
         if is_seated(seen.switch, seen.tip, ctx.job.hole):
             return TactileInsertResult(Outcome.SUCCESS, Reason.NONE, elapsed, first_phi, phi)
         if phi < params.aligned:
-            if plane.depth(seen.tip) < least_depth:
+            if params.least_share > 0.0 and plane.depth(seen.tip) + peg.diameter / 2 * math.sin(phi) < least:
                 return TactileInsertResult(Outcome.FAILURE, Reason.NOT_ALIGNED, elapsed, first_phi, phi)
             return TactileInsertResult(Outcome.SUCCESS, Reason.NONE, elapsed, first_phi, phi)
         if plane.depth(seen.tip) < -params.lost_height - ctx.job.peg.diameter / 2 * math.sin(phi):
@@ -106,14 +105,13 @@ def run(params: TactileInsertParams, ctx: SkillContext, plane: Plane | None = No
     return TactileInsertResult(Outcome.FAILURE, Reason.NOT_ALIGNED, params.timeout, first_phi, phi)
 
 
-def depth_at(phi: float, share: float, job: Job) -> float:
-    """Return the depth of the end's centre, m, of a peg at `phi`, rad, that went in by `share` of what its tilt allows.
+def allowed_depth(phi: float, peg: float, hole: float) -> float:
+    """Return how deep the lowest point of a peg that leans by `phi` > 0, rad, fits into a hole; diameters and depth in m.
 
-    In the plane of the tilt, which is exact below 8 degrees, the side of a peg of diameter d that touches a hole of diameter D on
-    both sides lies in it by s, where s sin(phi) + d cos(phi) = D; the centre is d / 2 sin(phi) higher than the edge.
+    In the plane of the tilt, which is exact to 1 um below 8 degrees: the side of the peg lies in the hole by s, where
+    s sin(phi) + peg cos(phi) = hole.
     """
-    d, D = job.peg.diameter, job.hole.diameter
-    return share * (D - d * math.cos(phi)) / math.tan(phi) - d / 2 * math.sin(phi)
+    return (hole - peg * math.cos(phi)) / math.tan(phi)
 
 
 def turned(elapsed: float, rate: float, run_up: float) -> float:

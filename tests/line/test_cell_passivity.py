@@ -1,10 +1,16 @@
 """Gains beyond the boundary pump energy into the arm: the guard ends that, in most runs before the force limit is reached."""
 
+import math
+
+import numpy as np
 import pytest
 
+from cell.assembly import assemble, opened
 from cell.config import load
 from cell.trials import run_trial
-from skills.motion import Gains
+from drivers.quantities import ImpedanceSetpoint
+from skills.motion import Gains, stay
+from skills.passivity import SOFTENED, PassivityGuard, Verdict
 
 PUMPING = {
     "stiff_search": ("search", Gains(translation=40e3, rotation=40.0, translation_damping=60.0, rotation_damping=5.0)),
@@ -40,3 +46,26 @@ def test_a_gain_beyond_the_boundary_ends_the_run_mostly_by_the_guard_before_the_
 
 def test_the_shipped_gains_do_not_trip_it():
     assert "not_passive" not in [run_trial(load().cell, seed).reason for seed in (9001, 9005)]
+
+
+def test_a_motion_that_is_softened_stays_as_soft_however_often_its_setpoint_is_handed_on(monkeypatch):
+    """Waiting hands the held setpoint on; only the guard's word is put into its mouth."""
+    monkeypatch.setattr(PassivityGuard, "update", lambda self, setpoint, tcp, stamp: Verdict.SOFTEN)
+    config = load(sets=["sim.pace=max"]).cell
+    cell = assemble(config)
+    with opened(cell):
+        ctx = cell.context(1)
+        here, gains = cell.arm.read().tcp, PUMPING["twisting_search"][1]
+        ctx.follow(
+            ImpedanceSetpoint(
+                id=ctx.new_id(),
+                tip=here.position,
+                axis=-here.rotation[:, 0],
+                stiffness=gains.stiffness(),
+                damping=gains.damping(),
+                valid_until=math.inf,
+            )
+        )
+        for seen in ctx.scan(0.2):
+            stay(ctx, seen.stamp)
+        np.testing.assert_allclose(ctx.held.stiffness, SOFTENED * gains.stiffness())

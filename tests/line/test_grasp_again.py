@@ -2,31 +2,47 @@
 
 import math
 
+import numpy as np
 import pytest
 
 from cell.assembly import assemble, opened
 from cell.config import load
+from drivers.quantities import ImpedanceSetpoint
 from skills import catalogue
-from skills.contract import Outcome
+from skills.contract import Observation, Outcome
 
 
 @pytest.mark.parametrize(("seed", "friction"), [(525, 0.25), (253, 0.6)])
-def test_next_peg_is_held_where_the_cell_believes(seed, friction):
+def test_next_peg_is_held_where_the_cell_believes(seed: int, friction: float) -> None:
     """Joint friction holds a hand that comes from elsewhere aslant; a peg gripped so jams in its slot and is drawn through the pads."""
     config = load(None, None, ["sim.pace=max", f"sim.seed={seed}", f"contact.friction={friction}"]).cell
     skills = config.skill_set()
     cell = assemble(config)
+    assert cell.truth is not None
+    grip_z = config.rack.first[2] + config.peg.length - config.rack.depth
+    leaving: dict[float, float] = {}
+
+    def watch(seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
+        if seen.gripper.is_gripping and not seen.gripper.is_moving:
+            leaving[seen.stamp] = seen.arm.tcp.position[2] - grip_z
+
     with opened(cell):
         ctx = cell.context(seed)
         for served in range(3):
             ctx.job = config.job(slot=served)
             cell.restock(ctx.job, seed + served)
+            leaving.clear()
+            ctx.record = watch
             records = catalogue.grasp(skills, ctx)
+            ctx.record = lambda seen, setpoint: None
             assert records[-1].result.outcome is Outcome.SUCCESS
+            stamps, heights = np.array([*leaving.items()]).T
+            speeds = np.diff(heights) / np.diff(stamps)
+            assert speeds[heights[1:] < config.rack.depth].max() < 0.1
             # The skin sees the angle, and nothing the length.
             truth, seen = cell.truth(), ctx.observe()
             along = (seen.tip - truth.tip) @ seen.axis
             assert abs(along) < 0.5e-3
-            assert math.degrees(abs(seen.peg.theta - truth.theta)) < 5.0
-            catalogue.find_and_seat(skills, ctx)
-            catalogue.release(skills, ctx)
+            assert math.degrees(abs(seen.peg.theta - truth.theta)) < 1.5
+            assert catalogue.find_and_seat(skills, ctx)[-1].result.outcome is Outcome.SUCCESS
+            assert catalogue.release(skills, ctx)[-1].result.outcome is Outcome.SUCCESS

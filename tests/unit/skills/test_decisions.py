@@ -13,7 +13,7 @@ from skills.contract import NO_PEG, PegPose, Smoothing
 from skills.motion import minimum_jerk, tilted, tilted_by
 from skills.seating import is_seated, require_short_of_bottom
 from skills.spray_search import lowest_point
-from skills.tactile_insert import depth_at, push_stiffness, turned
+from skills.tactile_insert import allowed_depth, push_stiffness, turned
 
 JOB = load().cell.job()
 HOLE = JOB.hole
@@ -33,14 +33,11 @@ def test_the_push_grows_from_its_least_to_its_largest_as_the_peg_aligns() -> Non
     assert push_stiffness(0.4, 0.8, 300.0, 1200.0) == pytest.approx(600.0)
 
 
-@pytest.mark.parametrize("hole", [0.00802, 0.0081])
+@pytest.mark.parametrize(("peg", "hole"), [(0.008, 0.00802), (0.008, 0.0081), (0.004, 0.0041), (0.016, 0.0162)])
 @pytest.mark.parametrize("degrees", [4.0, 5.7, 7.5])
-def test_what_a_tilt_allows_is_as_deep_as_the_exact_section_says(hole: float, degrees: float) -> None:
+def test_what_a_tilt_allows_is_as_deep_as_the_exact_section_says(peg: float, hole: float, degrees: float) -> None:
     phi = math.radians(degrees)
-    job = JOB.model_copy(update={"hole": HOLE.model_copy(update={"diameter": hole})})
-    edge = JOB.peg.diameter / 2 * math.sin(phi)
-    assert depth_at(phi, 0.0, job) == pytest.approx(-edge)
-    assert depth_at(phi, 1.0, job) == pytest.approx(section_depth(JOB.peg.diameter, hole, phi, 4001) - edge, abs=5e-5)
+    assert allowed_depth(phi, peg, hole) == pytest.approx(section_depth(peg, hole, phi, 4001), abs=1e-6)
 
 
 def test_the_closing_axis_lies_in_the_plane_of_the_tilt_and_across_the_peg() -> None:

@@ -51,12 +51,12 @@ def test_circles_swell_from_nothing_and_fade_to_nothing() -> None:
 
 @pytest.mark.parametrize("fast", [0, 1])
 def test_lanes_begin_before_the_nearest_corner_and_leave_no_place_further_than_half_a_pitch(fast: int) -> None:
-    pitch, speed, lead = 0.005, 0.1, 0.004
-    path = lanes(HALF, pitch, speed, fast, (-0.02, 0.01), lead)
+    pitch, speed, run_in = 0.005, 0.1, 0.004
+    path = lanes(HALF, pitch, speed, fast, (-0.02, 0.01), run_in)
     first = np.array([-0.03, 0.03]) * (1.0 - 1.0 / path.lanes)
     first[fast] = (-0.034, 0.034)[fast]
     np.testing.assert_allclose(path.at(0.0)[0], first)
-    cover = lead / speed + path.lanes * (0.06 / speed + TURN_TIME)
+    cover = run_in / speed + path.lanes * (0.06 / speed + TURN_TIME)
     across = np.array([path.at(t)[0] for t in np.arange(0.0, cover - TURN_TIME, 0.002)])
     grid = np.stack(np.meshgrid(*[np.linspace(-0.03, 0.03, 25)] * 2), axis=-1).reshape(-1, 2)
     assert np.sqrt(((grid[:, None] - across[None]) ** 2).sum(axis=2)).min(axis=1).max() <= pitch / 2 + 2e-4
