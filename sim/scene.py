@@ -23,7 +23,7 @@ RACK_CLEARANCE = 0.25e-3
 """Radial, of a slot, m."""
 PAD_MARGIN = 2e-4
 """Distance from which MuJoCo looks at a pad and the peg, m; they press each other only when they touch. Without, 3.17 takes
-3 in 30,000 shallow contacts of a box with a cylinder for a peg that is through the whole box."""
+a rare shallow contact of a box with a cylinder for a peg that is through the whole box."""
 PAD_THICKNESS = 0.004
 """Of the block that stands for a finger's rubber, towards the peg, m; how thick it is changes nothing."""
 FINGER_ARMATURE = 1.0
