@@ -118,7 +118,10 @@ class SpraySearchResult(SkillResult):
 def run(
     params: SpraySearchParams, ctx: SkillContext, ground: Ground | None = None, event: HoleEvent | None = None
 ) -> SpraySearchResult:
-    """Search from a random corner or point of the area, with fresh watchers of plate and skin where none are given."""
+    """Search from a random corner or point of the area, with fresh watchers of plate and skin where none are given.
+
+    A ground that turns out to have been learnt in the wrong place is left for a fresh one.
+    """
     course = _course(params, ctx)
     if (stuck := _approach(params, ctx, course)) is not None:
         start = (course.first[0], course.first[1])
