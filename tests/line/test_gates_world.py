@@ -133,6 +133,7 @@ def test_half_the_time_step_changes_no_outcome() -> None:
 
 @pytest.mark.parametrize("seed", [122, 270, 279])
 def test_pads_that_close_squarely_on_a_thin_peg_press_it_and_do_not_throw_it(seed: int) -> None:
+    """The seeds are three of five in 300 where MuJoCo took the peg for one that is through the pad."""
     _, physics = holding(seed, "peg.diameter=0.004", "hole.diameter=0.0041")
     assert physics.meters[engine.SUSTAINED] < 1e-6
 
