@@ -16,7 +16,7 @@ from skills.contract import Observation, Outcome
 def test_next_peg_is_held_where_the_cell_believes(seed: int, friction: float) -> None:
     """Joint friction holds a hand that comes from elsewhere aslant; a peg gripped so jams in its slot and is drawn through the pads.
 
-    Both cells are chosen: there the second peg was lost, or drawn by 3 mm.
+    Both cells are chosen: there a later peg was lost, or drawn by 3 mm.
     """
     config = load(None, None, ["sim.pace=max", f"sim.seed={seed}", f"contact.friction={friction}"]).cell
     skills = config.skill_set()
