@@ -15,22 +15,22 @@ import numpy as np
 
 from cell.checks import LOOP_TIME, check_clock, loop_verdict, remedy, verdict
 from cell.config import CellConfig
-from drivers.arm import FrankaArm, FrankaArmConfig
-from drivers.can_bus import CanBus
+from drivers.arm.franka import FrankaArm, FrankaArmConfig
 from drivers.clock import WallClock
 from drivers.errors import CellError, ConfigError
-from drivers.gripper import FrankaGripper, FrankaGripperConfig
+from drivers.gripper.franka import FrankaGripper, FrankaGripperConfig
 from drivers.parts import Job
 from drivers.protocols import Arm, Clock, Device, Gripper, Skin, SuccessSwitch
-from drivers.skin import EMULATED, CanSkin, CanSkinConfig, SerialSkin, SerialSkinConfig
-from drivers.skin_calibration import CalibratedSkin, SkinCalibration, read_calibration
-from drivers.skin_health import require_trust
-from drivers.skin_layout import Layout
-from drivers.skin_port import ByteLink, CanLink
-from drivers.switch import SerialSuccessSwitch, SerialSwitchConfig
-from drivers.switch_wire import BAUD_RATE
-from drivers.traffic import RecordedCan, RecordedLine, Recorder
-from drivers.transport import SerialLine
+from drivers.skin.boards import EMULATED, CanSkin, CanSkinConfig, SerialSkin, SerialSkinConfig
+from drivers.skin.calibration import CalibratedSkin, SkinCalibration, read_calibration
+from drivers.skin.health import require_trust
+from drivers.skin.layout import Layout
+from drivers.skin.port import ByteLink, CanLink
+from drivers.switch.board import SerialSuccessSwitch, SerialSwitchConfig
+from drivers.switch.wire import BAUD_RATE
+from drivers.transport.can_bus import CanBus
+from drivers.transport.serial_line import SerialLine
+from drivers.transport.traffic import RecordedCan, RecordedLine, Recorder
 from skills.contract import Blend, Estimator, SkillContext, Tracker
 from skills.tactile.image import ImageEstimator
 from skills.tactile.likelihood import LikelihoodEstimator, LikelihoodParams

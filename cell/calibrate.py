@@ -14,7 +14,7 @@ from drivers.errors import ConfigError
 from drivers.parts import Peg
 from drivers.protocols import Clock, Skin
 from drivers.quantities import FINGERS, TAXELS, Mask, TaxelFrame, Vector
-from drivers.skin_calibration import SkinCalibration
+from drivers.skin.calibration import SkinCalibration
 from skills.tactile.skin_gains import fit_gains, rod_angles
 
 ROD_HALF = 0.05

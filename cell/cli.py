@@ -25,11 +25,11 @@ from cell.assembly import assemble, check, opened
 from cell.calibrate import calibrate_skin
 from cell.config import DEFAULT, LoadedConfig, load
 from cell.journal import Journal, default_folder
+from cell.lab.command import STUDIES
 from cell.line import PARAMETERS, PROGRAMS, WORDS, TerminalLine
 from cell.plots import Point, plot_run, plot_speed_accuracy
 from cell.samples import export_csv, read_samples
 from cell.statistics import stage_table
-from cell.studies.command import STUDIES
 from cell.supervisor import Supervisor
 from cell.trials import TrialRow, run_trials
 from drivers.errors import FAULTS, CellError, ConfigError

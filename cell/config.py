@@ -13,12 +13,12 @@ from pydantic import Field, ValidationError, model_validator
 import config as shipped
 from cell.config_errors import explain
 from cell.margins import MARGIN, STEERED, too_high
-from drivers.arm import FrankaArmConfig
+from drivers.arm.franka import FrankaArmConfig
 from drivers.errors import ConfigError
-from drivers.gripper import FrankaGripperConfig
+from drivers.gripper.franka import FrankaGripperConfig
 from drivers.parts import ConfigModel, FilePath, Hole, Job, Peg, Rack
-from drivers.skin import EMULATED, CanSkinConfig, SerialSkinConfig
-from drivers.switch import SerialSwitchConfig
+from drivers.skin.boards import EMULATED, CanSkinConfig, SerialSkinConfig
+from drivers.switch.board import SerialSwitchConfig
 from plc_bridge.config import PlcConfig
 from sim.config import (
     BoardsConfig,

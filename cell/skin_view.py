@@ -18,11 +18,11 @@ from cell.config import CellConfig
 from drivers.errors import CellError, ConfigError
 from drivers.protocols import Clock, Skin
 from drivers.quantities import FINGER_NAMES, FINGERS, Mask, TaxelFrame, Vector
-from drivers.recorded_skin import RecordedSkin
-from drivers.skin import CanSkin, CanSkinConfig, SerialSkin, SerialSkinConfig, SkinFigures
-from drivers.skin_calibration import CalibratedSkin
-from drivers.skin_layout import Layout, finger_positions
-from drivers.traffic import PlaybackCan, PlaybackLine, TrafficEndedError, is_traffic
+from drivers.skin.boards import CanSkin, CanSkinConfig, SerialSkin, SerialSkinConfig, SkinFigures
+from drivers.skin.calibration import CalibratedSkin
+from drivers.skin.layout import Layout, finger_positions
+from drivers.skin.recording import RecordedSkin
+from drivers.transport.traffic import PlaybackCan, PlaybackLine, TrafficEndedError, is_traffic
 
 BRIGHT = 15_000.0
 """A taxel with so many counts is shown at its brightest."""

@@ -16,17 +16,17 @@ from cell.states import State
 from cell.statistics import PUBLISHED, PUBLISHED_ATTEMPTS, PUBLISHED_SUCCESSES, PUBLISHED_TOTAL, StageLine, wilson
 from cell.trials import TrialRow
 from drivers.errors import FAULTS
-from drivers.skin_calibration import SkinCalibration
+from drivers.skin.calibration import SkinCalibration
 from plc_bridge.images import Diagnostics, ReportImage
 from plc_bridge.messages import LeaseState, Refusal, Result
 from skills.catalogue import STAGES
 from skills.contract import Reason
 
 if TYPE_CHECKING:
-    from cell.studies.frontier import FrontierLine
-    from cell.studies.line import Measure
-    from cell.studies.speed import ProfileLine, SpeedLine
-    from cell.studies.tactile_charts import TactileStudy
+    from cell.lab.frontier import FrontierLine
+    from cell.lab.line import Measure
+    from cell.lab.speed import ProfileLine, SpeedLine
+    from cell.lab.tactile_charts import TactileStudy
 
 
 def stages(lines: Sequence[StageLine]) -> Table:

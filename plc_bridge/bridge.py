@@ -7,9 +7,9 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 
-from drivers.can_bus import CanBus
 from drivers.errors import CellError
-from drivers.transport import SerialLine
+from drivers.transport.can_bus import CanBus
+from drivers.transport.serial_line import SerialLine
 from plc_bridge.canopen import CanopenServer
 from plc_bridge.config import PlcConfig
 from plc_bridge.handshake import Handshake

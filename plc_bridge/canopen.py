@@ -12,8 +12,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from drivers.can_bus import CanFrame, CanLostError
 from drivers.errors import CellError
+from drivers.transport.can_bus import CanFrame, CanLostError
 from plc_bridge.canopen_node import CanMailbox, CanopenNode
 from plc_bridge.config import CanConfig
 from plc_bridge.images import Diagnostics
@@ -32,7 +32,7 @@ FIRST_QUIET, LONGEST_QUIET = 5.0, 60.0
 
 
 class Bus(Protocol):
-    """A CAN bus, as `drivers.can_bus.CanBus` is one."""
+    """A CAN bus, as `drivers.transport.can_bus.CanBus` is one."""
 
     name: str
     bad_frames: int

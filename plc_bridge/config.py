@@ -5,9 +5,9 @@ from typing import Annotated, Literal, Self, get_args
 
 from pydantic import Field, model_validator
 
-from drivers.can_bus import Interface
 from drivers.parts import ConfigModel, FilePath
-from drivers.transport import Parity
+from drivers.transport.can_bus import Interface
+from drivers.transport.serial_line import Parity
 
 Bitrate = Literal[10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000]
 BITRATES: tuple[int, ...] = get_args(Bitrate)
@@ -70,7 +70,7 @@ class CanConfig(ConfigModel):
     interface: Interface
     """What the bus is reached through."""
     channel: Annotated[str, Field(min_length=1)]
-    """Where, as `drivers.can_bus.CanBus` says: "can0", "/dev/ttyACM0", "HOST:PORT/can0", "239.74.163.2"."""
+    """Where, as `drivers.transport.can_bus.CanBus` says: "can0", "/dev/ttyACM0", "HOST:PORT/can0", "239.74.163.2"."""
     bitrate: Bitrate = 250_000
     """Bits a second; set here for `slcan`, elsewhere by whoever set the interface up."""
     node_id: Annotated[int, Field(ge=1, le=127)] = 16

@@ -31,7 +31,7 @@ WRITES = frozenset({5, 6, 15, 16})
 
 
 class Line(Protocol):
-    """A serial line, as `drivers.transport.SerialLine` is one."""
+    """A serial line, as `drivers.transport.serial_line.SerialLine` is one."""
 
     port: str
     character_time: float

@@ -13,12 +13,12 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from drivers.can_bus import CanFrame
 from drivers.errors import DeviceNotOpenedError
-from drivers.skin import BoardSkinConfig, CanSkinConfig, SerialSkinConfig
-from drivers.skin_hub import IcubConfig
-from drivers.skin_port import ByteLink, CanLink
-from drivers.transport import LineLostError
+from drivers.skin.boards import BoardSkinConfig, CanSkinConfig, SerialSkinConfig
+from drivers.skin.dialogue import IcubConfig
+from drivers.skin.port import ByteLink, CanLink
+from drivers.transport.can_bus import CanFrame
+from drivers.transport.serial_line import LineLostError
 from sim.boards import Board, CanBoard, Fingers, Hub, IcubBoard, SerialBoard
 from sim.config import SimSkinConfig, SkinBoardConfig, WireFaults
 from sim.skin import PadSource

@@ -6,16 +6,9 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
-from drivers.can_bus import CanFrame
-from drivers.cobs import Deframer, frame
-from drivers.icub_wire import COUNTS_PER_STEP, SETUP, SETUP_CLASS, TriangleReading, encode_triangle
-from drivers.icub_wire import TAXELS as TRIANGLE_TAXELS
 from drivers.protocols import Clock
 from drivers.quantities import FINGERS, TAXELS
-from drivers.skin_health import ERROR_COUNT, Counts
-from drivers.skin_hub import BOARD_MODULES, FIRST_MODULE, TEMPERATURE, HubConfig, IcubConfig
-from drivers.skin_layout import MODULE_TAXELS
-from drivers.skin_wire import (
+from drivers.skin.cyskin_wire import (
     LONGEST,
     CanAssembler,
     Channels,
@@ -29,6 +22,13 @@ from drivers.skin_wire import (
     encode_module,
     to_can,
 )
+from drivers.skin.dialogue import BOARD_MODULES, FIRST_MODULE, TEMPERATURE, HubConfig, IcubConfig
+from drivers.skin.health import ERROR_COUNT, Counts
+from drivers.skin.icub_wire import COUNTS_PER_STEP, SETUP, SETUP_CLASS, TriangleReading, encode_triangle
+from drivers.skin.icub_wire import TAXELS as TRIANGLE_TAXELS
+from drivers.skin.layout import MODULE_TAXELS
+from drivers.transport.can_bus import CanFrame
+from drivers.transport.cobs import Deframer, frame
 from sim.config import SimSkinConfig
 from sim.pads import Pads
 from sim.skin import PadSource, Taxels

@@ -6,8 +6,8 @@ from pydantic import Field, NonNegativeInt, model_validator
 
 from drivers.parts import ConfigModel, Fraction
 from drivers.quantities import FINGERS, TAXELS
-from drivers.skin_health import SkinHealthConfig
-from drivers.skin_layout import MODULE_TAXELS, Layout
+from drivers.skin.health import SkinHealthConfig
+from drivers.skin.layout import MODULE_TAXELS, Layout
 
 
 class PadConfig(ConfigModel):

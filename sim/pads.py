@@ -13,7 +13,7 @@ from functools import lru_cache
 import numpy as np
 
 from drivers.quantities import Vector
-from drivers.skin_layout import Layout, finger_positions, pad_size
+from drivers.skin.layout import Layout, finger_positions, pad_size
 from sim.config import PadConfig
 from sim.pad_solver import CELL, lie, spread
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from drivers.errors import DeviceNotOpenedError, SkinSilentError
 from drivers.quantities import FINGERS, TAXELS, Mask, TaxelFrame, Vector
-from drivers.skin_health import Counts, SkinHealth
-from drivers.skin_layout import MODULE_OF, MODULE_TAXELS
+from drivers.skin.health import Counts, SkinHealth
+from drivers.skin.layout import MODULE_OF, MODULE_TAXELS
 from sim.config import SimSkinConfig
 from sim.pads import PadLoad, Pads
 

@@ -21,7 +21,7 @@ FAULT_STREAM = 5
 SOUND = WireFaults()
 FREQUENCY = 16_000_000
 """Cycles of the emulated chip in one second."""
-FIRMWARE = Path(drivers.__file__).parent / "switch_firmware" / "switch.hex"
+FIRMWARE = Path(drivers.__file__).parent / "switch" / "firmware" / "switch.hex"
 _SOURCE = Path(__file__).with_suffix(".c")
 _COMPILE = ("cc", "-O2", "-shared", "-fPIC", "-I/usr/include/simavr", str(_SOURCE), "-lsimavr", "-lelf", "-o")
 

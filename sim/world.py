@@ -18,7 +18,7 @@ from drivers import frames, impedance, panda
 from drivers.errors import SimulationUnstableError
 from drivers.parts import Job
 from drivers.quantities import Pose, Vector
-from drivers.skin_layout import Layout, pad_size
+from drivers.skin.layout import Layout, pad_size
 from sim import contact, engine, scene, square
 from sim.config import ContactConfig, GripConfig, SimConfig
 from sim.disturb import Draw, draw

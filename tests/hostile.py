@@ -21,7 +21,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from drivers.transport import SerialLine
+from drivers.transport.serial_line import SerialLine
 from plc_bridge.bridge import Bridge
 from plc_bridge.config import ModbusConfig, PlcConfig, RtuConfig, TlsConfig
 from plc_bridge.messages import Control

@@ -10,10 +10,10 @@ from itertools import count
 
 import numpy as np
 
-from drivers.can_bus import CanBus
 from drivers.errors import SkinSilentError
-from drivers.skin import CanSkin, CanSkinConfig, SerialSkin, SerialSkinConfig
-from drivers.transport import SerialLine
+from drivers.skin.boards import CanSkin, CanSkinConfig, SerialSkin, SerialSkinConfig
+from drivers.transport.can_bus import CanBus
+from drivers.transport.serial_line import SerialLine
 from sim.board_clock import BoardClock
 from sim.board_links import CanCable, SerialCable, emulated_can, emulated_line
 from sim.config import SkinBoardConfig

@@ -14,10 +14,10 @@ from cell.config import CellConfig, LoadedConfig
 from cell.journal import Journal
 from cell.record import STAGE_NUMBER
 from cell.supervisor import Supervisor
-from drivers.can_bus import CanBus
 from drivers.protocols import Clock
-from drivers.skin import CanSkin, CanSkinConfig
-from drivers.switch import SerialSuccessSwitch, SerialSwitchConfig
+from drivers.skin.boards import CanSkin, CanSkinConfig
+from drivers.switch.board import SerialSuccessSwitch, SerialSwitchConfig
+from drivers.transport.can_bus import CanBus
 from plc_bridge.messages import Command, Control, Refusal, Report, Result
 from sim.board_clock import BoardClock
 from sim.board_links import CanCable, emulated_can

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from drivers.parts import ConfigModel, Fraction
 from drivers.quantities import FINGERS, TAXELS, Mask, TaxelFrame, Vector
-from drivers.skin_layout import PITCH, Layout, finger_positions, triangles
+from drivers.skin.layout import PITCH, Layout, finger_positions, triangles
 from skills.contract import PegPose
 from skills.tactile.plausible import is_print
 

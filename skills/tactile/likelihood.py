@@ -14,7 +14,7 @@ from pydantic import Field
 from drivers.compiled import njit
 from drivers.parts import ConfigModel, Fraction, Peg
 from drivers.quantities import FINGERS, TAXELS, Mask, TaxelFrame, Vector
-from drivers.skin_layout import Layout
+from drivers.skin.layout import Layout
 from skills.contract import PegPose
 from skills.tactile.templates import TemplateParams, Templates, make_templates
 

@@ -14,7 +14,7 @@ from pydantic import Field
 
 from drivers.parts import ConfigModel, Peg
 from drivers.quantities import FINGERS, TAXELS, Mask, TaxelFrame, Vector
-from drivers.skin_layout import Layout, finger_positions
+from drivers.skin.layout import Layout, finger_positions
 from skills.contract import PegPose
 from skills.tactile.plausible import is_print
 from skills.tactile.templates import TemplateParams, make_templates

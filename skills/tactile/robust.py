@@ -17,7 +17,7 @@ from pydantic import Field
 
 from drivers.parts import Peg
 from drivers.quantities import Mask, TaxelFrame, Vector
-from drivers.skin_layout import MODULE_OF, Layout
+from drivers.skin.layout import MODULE_OF, Layout
 from skills.contract import PegPose
 from skills.tactile.likelihood import Bank, Found, LikelihoodParams, pose_of, weights_of
 from skills.tactile.templates import make_templates

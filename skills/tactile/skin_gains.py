@@ -12,7 +12,7 @@ import numpy as np
 
 from drivers.parts import Peg
 from drivers.quantities import FINGERS, TAXELS, Mask, Vector
-from drivers.skin_layout import Layout, positions
+from drivers.skin.layout import Layout, positions
 from skills.tactile.templates import TemplateParams, make_templates
 
 SPREADS = np.arange(0.6e-3, 2.41e-3, 0.2e-3)

@@ -18,7 +18,7 @@ from pydantic import Field
 from drivers.compiled import njit
 from drivers.parts import ConfigModel, Peg
 from drivers.quantities import FINGERS, TAXELS, Vector
-from drivers.skin_layout import Layout, finger_positions, pad_size
+from drivers.skin.layout import Layout, finger_positions, pad_size
 
 HALF_LINE = 0.02
 """Distance from the finger centre at which a load that rises by 1 has risen by 1, m."""

@@ -10,12 +10,12 @@ import pytest
 
 from cell.assembly import assemble
 from cell.config import load
-from drivers.arm import FrankaArm, FrankaArmConfig
+from drivers.arm.franka import FrankaArm, FrankaArmConfig
 from drivers.errors import SkinSilentError
-from drivers.gripper import FrankaGripper, FrankaGripperConfig
+from drivers.gripper.franka import FrankaGripper, FrankaGripperConfig
 from drivers.protocols import Clock
 from drivers.quantities import SwitchState
-from drivers.switch import SerialSuccessSwitch, SerialSwitchConfig
+from drivers.switch.board import SerialSuccessSwitch, SerialSwitchConfig
 from sim.board_clock import BoardClock
 from sim.config import SimSkinConfig
 from sim.skin import SimSkin

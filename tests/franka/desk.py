@@ -19,8 +19,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from cell.config import SHIPPED, load
-from drivers.can_bus import CanBus
-from drivers.skin import CanSkinConfig
+from drivers.skin.boards import CanSkinConfig
+from drivers.transport.can_bus import CanBus
 from sim.board_links import CanCable, emulated_can
 from sim.switch_board import EmulatedSwitchBoard
 from tests.franka.simulated import Arm, Seen, address, served

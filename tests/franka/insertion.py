@@ -18,9 +18,9 @@ from cell.assembly import Cell
 from cell.assembly import opened as cell_opened
 from cell.config import CellConfig, load
 from cell.trials import run_trial
-from drivers.arm import FrankaArm, FrankaArmConfig
+from drivers.arm.franka import FrankaArm, FrankaArmConfig
 from drivers.errors import CellError
-from drivers.gripper import FrankaGripper, FrankaGripperConfig
+from drivers.gripper.franka import FrankaGripper, FrankaGripperConfig
 from skills.catalogue import CATALOGUE
 from skills.contract import Outcome
 from skills.flow import StageRecord

@@ -14,10 +14,10 @@ pytest.importorskip(
 )
 
 from cell.config import load
-from drivers.arm import FrankaArm, FrankaArmConfig
-from drivers.arm_link import Phase
+from drivers.arm.franka import FrankaArm, FrankaArmConfig
+from drivers.arm.link import Phase
 from drivers.errors import ArmReflexError, ArmSilentError, ArmStoppedError, DeviceNotOpenedError
-from drivers.gripper import FrankaGripper, FrankaGripperConfig
+from drivers.gripper.franka import FrankaGripper, FrankaGripperConfig
 from drivers.panda import TORQUE_RATE_MAX
 from drivers.quantities import ImpedanceSetpoint
 from tests.franka.insertion import inserted

@@ -9,9 +9,9 @@ from types import SimpleNamespace
 import can.interfaces.slcan
 import pytest
 
-from drivers.can_bus import PATIENCE as PATIENCE_OF_BUS
-from drivers.can_bus import CanBus, CanFrame, CanLostError
 from drivers.errors import CellError
+from drivers.transport.can_bus import PATIENCE as PATIENCE_OF_BUS
+from drivers.transport.can_bus import CanBus, CanFrame, CanLostError
 from plc_bridge.bridge import Bridge
 from plc_bridge.canopen_peer import CanPeer
 from plc_bridge.config import CanConfig, ModbusConfig, PlcConfig

@@ -11,8 +11,8 @@ import canopen
 import pytest
 
 from cell.journal import Journal
-from drivers.can_bus import CanBus
 from drivers.errors import CellError, FaultCode
+from drivers.transport.can_bus import CanBus
 from plc_bridge.bridge import Bridge
 from plc_bridge.canopen_node import ANYBODY
 from plc_bridge.canopen_peer import CanPeer, SdoRefusedError

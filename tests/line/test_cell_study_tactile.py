@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from cell.cli import main
-from cell.studies.tactile import CONDITIONS, ESTIMATORS, ON_LAYER
-from drivers.skin_layout import LAYOUTS
+from cell.lab.tactile import CONDITIONS, ESTIMATORS, ON_LAYER
+from drivers.skin.layout import LAYOUTS
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import subprocess
 import pytest
 
 from drivers.errors import DeviceNotOpenedError
-from drivers.transport import SerialLine
+from drivers.transport.serial_line import SerialLine
 from plc_bridge.bridge import Bridge
 from plc_bridge.config import ModbusConfig, PlcConfig, RtuConfig
 from plc_bridge.messages import Command, Report, Result

@@ -9,9 +9,9 @@ import pytest
 
 from cell.config import load
 from drivers.quantities import TaxelFrame
-from drivers.recorded_skin import RecordedSkin, Recording
-from drivers.skin_health import ERROR_COUNT, SkinHealth, SkinHealthConfig, dead_groups
-from drivers.skin_layout import LAYOUTS
+from drivers.skin.health import ERROR_COUNT, SkinHealth, SkinHealthConfig, dead_groups
+from drivers.skin.layout import LAYOUTS
+from drivers.skin.recording import RecordedSkin, Recording
 from sim.config import SimSkinConfig
 from sim.pads import PadLoad, Pads
 from sim.skin import Taxels

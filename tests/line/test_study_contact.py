@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 
 from cell.config import CellConfig, load
-from cell.studies import contact, contact_pictures
-from cell.studies.boundaries import boundary_bouncing, boundary_bound
-from cell.studies.contact import Findings, TrialsRow
-from cell.studies.ladder import SHIPPED, Plan, Rung, model
-from cell.studies.needs import end_alike, needed
+from cell.lab import contact, contact_pictures
+from cell.lab.boundaries import boundary_bouncing, boundary_bound
+from cell.lab.contact import Findings, TrialsRow
+from cell.lab.ladder import SHIPPED, Plan, Rung, model
+from cell.lab.needs import end_alike, needed
 
 SHIPPED_STEP = 5e-4
 EXACT = Rung(SHIPPED, "closed form", model(), SHIPPED_STEP)

@@ -11,8 +11,8 @@ import pytest
 
 from cell.cli import main
 from cell.config import load, presets
-from cell.studies import frontier
-from cell.studies.frontier import CHAIN, PRESET, START, Variant, chain, measure, variants
+from cell.lab import frontier
+from cell.lab.frontier import CHAIN, PRESET, START, Variant, chain, measure, variants
 from cell.trials import TABLE, read_table
 
 QUICK = ["study", "frontier", "--quick", "--json", "--trials", "1", "--set", "search.timeout=1.0"]

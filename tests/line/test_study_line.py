@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from cell.studies import line
+from cell.lab import line
 
 MOMENT = line.Effort(rounds=2, reads=20, flat_out=10, starts=4, windows=1, window=0.3)
 

@@ -3,7 +3,7 @@
 import pytest
 
 from cell.config import load
-from cell.studies import speed
+from cell.lab import speed
 
 SHORT = ('sim.pace="max"', "hole.area=[0.002, 0.002]")
 

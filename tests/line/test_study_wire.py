@@ -1,9 +1,9 @@
 """The study of the wires: what it measures must be possible."""
 
-from cell.studies import switch_wire
-from cell.studies.wire import compared, decode_rates, latencies
+from cell.lab import switch_wire
+from cell.lab.wire import compared, decode_rates, latencies
 from cell.trials import COLUMNS, TrialRow
-from drivers.switch import REOPEN_PERIOD
+from drivers.switch.board import REOPEN_PERIOD
 from tests.emulation import emulated_or_skip
 
 

@@ -15,17 +15,17 @@ from cell.config import load
 from cell.trials import run_trial
 from drivers.errors import SwitchUnknownError
 from drivers.quantities import SwitchState
-from drivers.switch import SerialSuccessSwitch, SerialSwitchConfig
-from drivers.switch_wire import BAUD_RATE, Contacts, Decoder, SwitchReport
-from drivers.traffic import PlaybackLine, RecordedLine, Recorder, TrafficEndedError
-from drivers.transport import SerialLine
+from drivers.switch.board import SerialSuccessSwitch, SerialSwitchConfig
+from drivers.switch.wire import BAUD_RATE, Contacts, Decoder, SwitchReport
+from drivers.transport.serial_line import SerialLine
+from drivers.transport.traffic import PlaybackLine, RecordedLine, Recorder, TrafficEndedError
 from sim.board_clock import BoardClock
 from sim.switch_board import FREQUENCY, Chip, EmulatedSwitchBoard
 from skills.catalogue import CATALOGUE
 from tests.emulation import emulated_or_skip
 from tests.fakes import FakeClock
 
-SOURCES = Path(drivers.__file__).parent / "switch_firmware"
+SOURCES = Path(drivers.__file__).parent / "switch" / "firmware"
 MILLISECOND = FREQUENCY // 1000
 OPEN, CLOSED = (True, False), (False, True)
 """Levels at the pins of the normally open and the normally closed contact: the one that conducts is low."""

@@ -8,12 +8,12 @@ import pytest
 from cell.assembly import assemble, check
 from cell.cli import FAULT, WRONG_USE, main
 from cell.config import SHIPPED, load
-from drivers.arm import FrankaArm
+from drivers.arm.franka import FrankaArm
 from drivers.clock import WallClock
 from drivers.errors import ConfigError
-from drivers.gripper import FrankaGripper
-from drivers.skin import CanSkin, SerialSkin
-from drivers.switch import SerialSuccessSwitch
+from drivers.gripper.franka import FrankaGripper
+from drivers.skin.boards import CanSkin, SerialSkin
+from drivers.switch.board import SerialSuccessSwitch
 
 ARM = "arm={kind='franka', host='127.0.0.1', collision_torque=40.0, collision_force=40.0}"
 GRIPPER = "gripper={kind='franka', host='127.0.0.1'}"

@@ -6,7 +6,7 @@ from rich.console import Console
 
 from cell.skin_view import Seen, as_data, fingers
 from drivers.quantities import TaxelFrame
-from drivers.skin_layout import LAYOUTS
+from drivers.skin.layout import LAYOUTS
 
 
 def shown(layout, values, trusted):

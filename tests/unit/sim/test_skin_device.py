@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from drivers.errors import DeviceNotOpenedError, SkinSilentError
-from drivers.skin_health import ERROR_COUNT, dead_groups
-from drivers.skin_layout import LAYOUTS, MODULE_OF
+from drivers.skin.health import ERROR_COUNT, dead_groups
+from drivers.skin.layout import LAYOUTS, MODULE_OF
 from sim.config import SimSkinConfig
 from sim.pads import PadLoad, Pads
 from sim.skin import SimSkin, Taxels

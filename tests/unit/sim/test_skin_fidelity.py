@@ -6,8 +6,8 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from cell.studies.elastic_layer import POISSON, THICKNESS, LayerPads, layer, layer_pads
-from drivers.skin_layout import LAYOUTS
+from cell.lab.elastic_layer import POISSON, THICKNESS, LayerPads, layer, layer_pads
+from drivers.skin.layout import LAYOUTS
 from sim.config import PadConfig
 from sim.pads import PadLoad, Pads
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drivers.skin_layout import LAYOUTS
+from drivers.skin.layout import LAYOUTS
 from sim.config import PadConfig
 from sim.pads import PadLoad, Pads, breakaway_torque, contact_span, taxel_weights
 

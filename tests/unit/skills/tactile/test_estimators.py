@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cell.assembly import make_estimator
-from drivers.skin_layout import LAYOUTS
+from drivers.skin.layout import LAYOUTS
 from tests.pegs import ALL, LOAD, NONSENSE, folded, framed, nonsense, readings, shipped
 
 NAMES = ("image", "pca", "ml", "robust")

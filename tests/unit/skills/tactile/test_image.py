@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drivers.quantities import TaxelFrame
-from drivers.skin_layout import LAYOUTS, MODULE_OF, finger_positions
+from drivers.skin.layout import LAYOUTS, MODULE_OF, finger_positions
 from sim.config import SimSkinConfig
 from sim.pads import PadLoad, Pads
 from skills.tactile.image import ImageEstimator, ImageParams, interpolation

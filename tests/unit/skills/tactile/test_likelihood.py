@@ -5,7 +5,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from drivers.skin_layout import LAYOUTS, MODULE_OF, finger_positions, pad_size
+from drivers.skin.layout import LAYOUTS, MODULE_OF, finger_positions, pad_size
 from sim.pads import contact_span
 from skills.tactile.likelihood import LikelihoodEstimator, LikelihoodParams
 from skills.tactile.templates import HALF_LINE, TemplateParams, make_templates

@@ -3,7 +3,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from drivers.skin_layout import LAYOUTS, MODULE_OF
+from drivers.skin.layout import LAYOUTS, MODULE_OF
 from skills.tactile.pca import BINS, PcaEstimator, PcaParams
 from tests.pegs import ALL, rms_degrees, shipped, swept
 

@@ -5,8 +5,8 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from cell.studies.elastic_layer import LayerPads
-from drivers.skin_layout import LAYOUTS, MODULE_OF
+from cell.lab.elastic_layer import LayerPads
+from drivers.skin.layout import LAYOUTS, MODULE_OF
 from sim.config import PadConfig
 from sim.pads import Pads
 from skills.tactile.likelihood import LikelihoodEstimator, LikelihoodParams

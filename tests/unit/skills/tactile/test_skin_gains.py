@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from drivers.parts import Peg
-from drivers.skin_layout import LAYOUTS
+from drivers.skin.layout import LAYOUTS
 from sim.config import PadConfig
 from sim.pads import PadLoad, Pads
 from skills.tactile.skin_gains import fit_gains, rod_angles

@@ -1,0 +1,266 @@
+"""A Franka arm as an Arm: the torque loop runs in a process of its own, this end hands setpoints over and reads.
+
+Written for the FR3 with the maker's `pylibfranka` (extra `franka`). The Panda of [gibbons] speaks an older protocol,
+which needs its older library (`panda-python` brings it) in `drivers/arm/loop.py`; the rest is the same for both.
+Nothing here was tried on a Panda, nor on any arm that is not simulated.
+"""
+
+import json
+import math
+import os
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from importlib.util import find_spec
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from drivers import impedance
+from drivers.arm.link import CYCLES_KEPT, SIZE, Link, Phase, holding_words
+from drivers.errors import ArmReflexError, ArmSilentError, ArmStoppedError, CellError, DeviceNotOpenedError
+from drivers.parts import ConfigModel
+from drivers.protocols import Clock
+from drivers.quantities import ArmState, ImpedanceSetpoint, Pose, Vector, Wrench
+
+SILENT = 0.1
+"""Longest time without a new state, s on the cell's clock: the arm gives one every millisecond."""
+CONNECT_TIME = 20.0
+"""Longest time until the loop runs, s of wall time: the interpreter, the compiled law, the network."""
+RESET_TIME = 5.0
+"""Longest time for the arm's own error recovery, s of wall time."""
+POLL_PERIOD = 0.005
+"""s of wall time."""
+_ERRORS: dict[Phase, type[CellError]] = {
+    Phase.REFLEX: ArmReflexError,
+    Phase.STOPPED: ArmStoppedError,
+    Phase.LOST: ArmSilentError,
+}
+
+
+class FrankaArmConfig(ConfigModel):
+    """[arm] of a Franka arm."""
+
+    kind: Literal["franka"]
+    host: Annotated[str, Field(min_length=1)]
+    """Address of its control interface."""
+    collision_torque: Annotated[float, Field(ge=5.0, le=100.0)]
+    """Estimated external torque on a joint at which the arm's reflex stops it, N·m; no default."""
+    collision_force: Annotated[float, Field(ge=5.0, le=100.0)]
+    """Estimated external force, N, or torque, N·m, at the hand at which the reflex stops it; no default."""
+    realtime: Literal["enforce", "ignore"] = "enforce"
+    """`ignore` also runs without a real-time kernel and priority; for simulated arms."""
+
+
+@dataclass(frozen=True, slots=True)
+class LoopFigures:
+    """How the torque loop kept its time, over its last minute at most; s."""
+
+    cycles: int
+    """Since the arm was opened."""
+    missed: int
+    """Milliseconds of the arm's time that went by without a state here, since it was opened."""
+    success_rate: float
+    """Share of the torques that the arm says came in time, mean since it was opened."""
+    busy_median: float
+    """From a state's arrival to the torques' departure."""
+    busy_p99: float
+    busy_longest: float
+    spacing_p99: float
+    """Between two states' arrivals."""
+    is_realtime: bool
+    """The process has a real-time priority and its memory is locked."""
+
+
+class FrankaArm:
+    """Hands setpoints to the torque loop, and reads what it last saw."""
+
+    def __init__(self, config: FrankaArmConfig, clock: Clock) -> None:
+        """Describe the arm; `clock` is the cell's."""
+        self._config, self._clock = config, clock
+        self._process: subprocess.Popen[bytes] | None = None
+        self._link: Link | None = None
+        self._is_open = False
+        self._handed = self._valid_until = -math.inf
+        self._seen, self._seen_at = -1, -math.inf
+
+    def open(self) -> None:
+        """Start the loop and wait until the arm answers; it then holds still.
+
+        An arm in reflex or stopped is opened too: `read` says so, and a reset can bring it back.
+        """
+        if self._is_open:
+            return
+        if find_spec("pylibfranka") is None:
+            raise DeviceNotOpenedError(
+                "arm: pylibfranka is not installed: pip install 'tactile-insertion-cell[franka]'"
+            )
+        self._start()
+        self._is_open = True
+
+    def _start(self) -> None:
+        options = {
+            "host": self._config.host,
+            "realtime": self._config.realtime,
+            "torque": self._config.collision_torque,
+            "force": self._config.collision_force,
+        }
+        handle = os.memfd_create("arm")
+        try:
+            os.ftruncate(handle, SIZE)
+            self._link = Link(handle)
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "drivers.arm.loop", str(handle), json.dumps(options)],
+                stdin=subprocess.PIPE,
+                pass_fds=(handle,),
+            )
+        finally:
+            os.close(handle)
+        self._wait_while(Phase.CONNECTING, CONNECT_TIME)
+        if self.phase in (Phase.CONNECTING, Phase.LOST):
+            text = self._text() or "no answer"
+            self._end()
+            raise DeviceNotOpenedError(
+                f"arm at {self._config.host}: {text}; check address, cable, its control interface, "
+                "and that this computer runs a real-time kernel"
+            )
+
+    def close(self) -> None:
+        """End the motion and the loop."""
+        self._is_open = False
+        self._end()
+
+    def _end(self) -> None:
+        if self._process is not None:
+            assert self._process.stdin is not None
+            self._process.stdin.close()
+            try:
+                self._process.wait(timeout=RESET_TIME)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
+                self._process.wait()
+            self._process = self._link = None
+
+    def follow(self, setpoint: ImpedanceSetpoint) -> None:
+        """Hold `setpoint` until the next one or until its validity ends."""
+        now = self._clock.now()
+        words = impedance.pack(setpoint, now)
+        words[impedance.VALID_UNTIL] = setpoint.valid_until - now
+        self._handed, self._valid_until = now, setpoint.valid_until
+        self._hand_over(words)
+
+    def halt(self) -> None:
+        """Hold still where the arm is, compliant."""
+        self._handed = self._valid_until = -math.inf
+        self._hand_over(holding_words())
+
+    def reset(self) -> None:
+        """Leave a reflex or a released stop, connect again, or start a loop anew that has ended; then hold still."""
+        if self._is_open and not self._is_alive():
+            self._end()
+            self._start()
+        link = self._opened()
+        self.halt()
+        before = self.phase
+        if before is not Phase.RUNNING:
+            link["resets"][0] += 1
+            end = time.monotonic() + RESET_TIME
+            while time.monotonic() < end and self._is_alive():
+                if link["resets_done"][0] == link["resets"][0] and self.phase is Phase.RUNNING:
+                    break
+                time.sleep(POLL_PERIOD)
+        self._require_running()
+
+    def read(self) -> ArmState:
+        """Return the newest state; see `drivers.protocols.Arm`.
+
+        Raises:
+            ArmSilentError: The newest state is too old, or the loop has ended.
+        """
+        link = self._opened()
+        self._require_running()
+        while True:
+            count = link.is_settled("state_sequence")
+            q, dq, force, torque = (link[name][0].copy() for name in ("q", "dq", "force", "torque"))
+            if count is not None and link.is_settled("state_sequence") == count:
+                break
+        now = self._clock.now()
+        if count != self._seen:
+            self._seen, self._seen_at = count, now
+        elif now - self._seen_at > SILENT:
+            raise ArmSilentError(
+                f"arm at {self._config.host}: no new state for {now - self._seen_at:.3f} s > {SILENT} s limit"
+            )
+        position, rotation, _, _ = impedance.forward(q)
+        return ArmState(
+            stamp=now,
+            q=q,
+            dq=dq,
+            tcp=Pose(position, rotation),
+            wrench=Wrench(force, torque),
+            setpoint_age=now - self._handed if self._valid_until >= now else math.inf,
+        )
+
+    @property
+    def phase(self) -> Phase:
+        """What the loop does."""
+        return Phase.LOST if self._link is None else Phase(int(self._link["phase"][0]))
+
+    @property
+    def time(self) -> float:
+        """The arm's own time since it was opened, s."""
+        return float(self._opened()["time"][0])
+
+    @property
+    def process_id(self) -> int:
+        """Of the loop."""
+        assert self._process is not None
+        return self._process.pid
+
+    def figures(self) -> LoopFigures:
+        """Return how the loop kept its time."""
+        link = self._opened()
+        cycles = int(link["cycles"][0])
+        kept = slice(1 if cycles <= CYCLES_KEPT else 0, min(cycles, CYCLES_KEPT))
+        busy: Vector = np.asarray(link["busy"][0, kept], dtype=float)
+        spacing: Vector = np.asarray(link["spacing"][0, kept], dtype=float)
+        return LoopFigures(
+            cycles=cycles,
+            missed=int(link["missed"][0]),
+            success_rate=float(link["success"][0]) / max(cycles, 1),
+            busy_median=float(np.median(busy)),
+            busy_p99=float(np.percentile(busy, 99)),
+            busy_longest=float(busy.max()),
+            spacing_p99=float(np.percentile(spacing, 99)),
+            is_realtime=bool(link["is_realtime"][0]),
+        )
+
+    def _hand_over(self, words: Vector) -> None:
+        if self._link is not None:
+            self._link.begin("setpoint_sequence")
+            self._link["words"][0] = words
+            self._link.end("setpoint_sequence")
+
+    def _opened(self) -> Link:
+        if self._link is None:
+            raise ArmSilentError("arm: not open")
+        return self._link
+
+    def _require_running(self) -> None:
+        if not self._is_alive():
+            raise ArmSilentError(f"arm at {self._config.host}: its torque loop has ended; a reset starts it again")
+        if self.phase in _ERRORS:
+            raise _ERRORS[self.phase](f"arm at {self._config.host}: {self._text()}")
+
+    def _is_alive(self) -> bool:
+        return self._process is not None and self._process.poll() is None
+
+    def _text(self) -> str:
+        return bytes(self._opened()["text"][0]).decode("ascii")
+
+    def _wait_while(self, phase: Phase, longest: float) -> None:
+        end = time.monotonic() + longest
+        while self.phase is phase and time.monotonic() < end and self._is_alive():
+            time.sleep(POLL_PERIOD)

@@ -1,0 +1,222 @@
+"""The arm's 1 kHz torque loop, a process of its own: `python -m drivers.arm.loop HANDLE OPTIONS`.
+
+The maker's library gives one state a millisecond and expects torques back within the same one. Here nothing else
+runs: no other thread holds the interpreter, no garbage is collected, and the law is the compiled one of
+`drivers.impedance`. It ends when its standard input does, which is when the cell ends, however that happens.
+"""
+
+import ctypes
+import gc
+import json
+import logging
+import os
+import select
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pylibfranka
+
+from drivers import impedance, panda
+from drivers.arm.link import CYCLES_KEPT, TEXT, Link, Phase, holding_words
+from drivers.quantities import Vector
+
+logger = logging.getLogger(__name__)
+
+PRIORITY = 80
+"""Of the loop under SCHED_FIFO, where that is permitted."""
+LOOK_EVERY = 50
+"""Cycles between looks at the standard input."""
+STEP = 0.98 * panda.TORQUE_RATE_MAX * panda.CONTROL_PERIOD
+"""Largest change of a torque from one cycle to the next, N·m: at the limit itself, rounding would be a violation."""
+RECONNECT_PERIOD = 0.1
+"""s, while the connection is gone."""
+
+
+class TorqueLoop:
+    """Follows the setpoint of the link until the standard input ends."""
+
+    def __init__(self, link: Link, host: str, realtime: str, torque: float, force: float) -> None:
+        """Take the shared block, where the arm is, and when its reflex stops it, N·m and N."""
+        self._link, self._host, self._realtime = link, host, realtime
+        self._collision = [torque] * 7, [force] * 6
+        self._robot: Any = None
+        self._time = 0.0
+        self._taken = -1
+        self._words = holding_words()
+        self._law = np.zeros(impedance.STATE_WORDS)
+
+    def run(self) -> None:
+        """Connect, control, wait for a reset after a fault, and so on."""
+        self._warm_up()
+        while not _is_over():
+            try:
+                if self._robot is None:
+                    self._connect()
+                self._control()
+            except pylibfranka.NetworkException as error:
+                self._robot = None
+                self._fail(Phase.LOST, error)
+            except RuntimeError as error:  # base of what the library raises
+                self._fail(self._phase_of_stop(), error)
+            else:
+                return
+            if not self._wait_for_reset():
+                return
+
+    def _warm_up(self) -> None:
+        """Load the compiled law before the first cycle needs it."""
+        impedance.torque(holding_words(), np.zeros(impedance.STATE_WORDS), np.zeros(7), np.zeros(7), 0.0, 1e-3)
+
+    def _connect(self) -> None:
+        config = pylibfranka.RealtimeConfig
+        self._robot = pylibfranka.Robot(self._host, config.kEnforce if self._realtime == "enforce" else config.kIgnore)
+        torque, force = self._collision
+        self._robot.set_collision_behavior(torque, torque, force, force)
+
+    def _control(self) -> None:
+        """Run cycles until the standard input ends; torques begin at zero and grow at the permitted rate."""
+        link = self._link
+        self._law[:] = 0.0
+        control = self._robot.start_torque_control()
+        q, dq, last, count = np.empty(7), np.empty(7), time.monotonic(), 0
+        while True:
+            state, passed = control.readOnce()
+            woke = time.monotonic()
+            self._time += passed.to_sec()
+            q[:], dq[:] = state.q, state.dq
+            self._take()
+            before = self._law[impedance.TORQUE : impedance.TORQUE + 7].copy()
+            tau = impedance.torque(self._words, self._law, q, dq, self._time, panda.CONTROL_PERIOD)
+            tau = np.clip(tau, before - STEP, before + STEP)
+            self._law[impedance.TORQUE : impedance.TORQUE + 7] = tau
+            command = pylibfranka.Torques(tau.tolist())
+            count += 1
+            if count % LOOK_EVERY == 0 and _is_over():
+                command.motion_finished = True
+                control.writeOnce(command)
+                return
+            control.writeOnce(command)
+            done = time.monotonic()
+            place = int(link["cycles"][0]) % CYCLES_KEPT
+            link["busy"][0, place], link["spacing"][0, place] = done - woke, woke - last
+            last = woke
+            link["cycles"][0] += 1
+            link["success"][0] += state.control_command_success_rate
+            if count > 1:
+                link["missed"][0] += max(round(passed.to_sec() / panda.CONTROL_PERIOD) - 1, 0)
+            self._publish(state, q, dq)
+            # Not before there is a state to read.
+            link["phase"][0] = Phase.RUNNING
+
+    def _take(self) -> None:
+        """Take a new setpoint over, unless it is being written just now: then it comes a cycle later."""
+        link = self._link
+        count = link.is_settled("setpoint_sequence")
+        if count is None or count == self._taken:
+            return
+        words = link["words"][0].copy()
+        if link.is_settled("setpoint_sequence") != count:
+            return
+        self._taken = count
+        # The cell tells how long it is valid; the two clocks need not agree.
+        words[impedance.VALID_UNTIL] += self._time
+        self._words[:] = words
+        self._law[impedance.IS_HOLDING] = 0.0
+
+    def _publish(self, state: Any, q: Vector, dq: Vector) -> None:
+        link = self._link
+        # The external wrench is about the stiffness frame K; the cell wants it about its own finger frame.
+        ee, k, wrench = state.O_T_EE, state.EE_T_K, state.O_F_ext_hat_K
+        tcp, _, _, _ = impedance.forward(q)
+        arm = [ee[12 + i] + ee[i] * k[12] + ee[4 + i] * k[13] + ee[8 + i] * k[14] - tcp[i] for i in range(3)]
+        link.begin("state_sequence")
+        link["time"][0] = self._time
+        link["q"][0], link["dq"][0] = q, dq
+        link["force"][0] = wrench[:3]
+        link["torque"][0] = (
+            wrench[3] + arm[1] * wrench[2] - arm[2] * wrench[1],
+            wrench[4] + arm[2] * wrench[0] - arm[0] * wrench[2],
+            wrench[5] + arm[0] * wrench[1] - arm[1] * wrench[0],
+        )
+        link.end("state_sequence")
+
+    def _fail(self, phase: Phase, error: Exception) -> None:
+        self._link["text"][0] = str(error).replace("\n", " ").encode("ascii", "replace")[:TEXT]
+        self._link["phase"][0] = phase
+
+    def _phase_of_stop(self) -> Phase:
+        """Return what kind of stop the arm is in; without a connection there is none to ask for."""
+        if self._robot is None:
+            return Phase.LOST
+        stops = (pylibfranka.RobotMode.UserStopped, pylibfranka.RobotMode.Guiding)
+        try:
+            return Phase.STOPPED if self._robot.read_once().robot_mode in stops else Phase.REFLEX
+        except RuntimeError:
+            self._robot = None
+            return Phase.LOST
+
+    def _wait_for_reset(self) -> bool:
+        """Keep the state fresh until the cell asks for a reset; return False when the cell ended instead."""
+        link = self._link
+        self._words[:] = holding_words()
+        while True:
+            if _is_over():
+                return False
+            if self._is_reset_asked():
+                if self._robot is not None:
+                    self._try(self._robot.automatic_error_recovery)
+                link["resets_done"][0] = link["resets"][0]
+                return True
+            if self._robot is None:
+                time.sleep(RECONNECT_PERIOD)
+            else:
+                self._try(self._read_idle)
+
+    def _is_reset_asked(self) -> bool:
+        return bool(self._link["resets"][0] != self._link["resets_done"][0])
+
+    def _read_idle(self) -> None:
+        state = self._robot.read_once()
+        self._publish(state, np.array(state.q), np.array(state.dq))
+
+    def _try(self, action: Callable[[], object]) -> None:
+        try:
+            action()
+        except pylibfranka.NetworkException as error:
+            self._robot = None
+            self._fail(Phase.LOST, error)
+        except RuntimeError as error:
+            logger.info("%s", error)
+
+
+def _is_over() -> bool:
+    """Whether the other end of the standard input is gone."""
+    readable, _, _ = select.select([sys.stdin], [], [], 0.0)
+    return bool(readable)
+
+
+def become_realtime() -> bool:
+    """Ask for a real-time priority and for memory that is never swapped out; return whether both were granted."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+    except OSError:
+        return False
+    everything = 3  # MCL_CURRENT | MCL_FUTURE
+    return bool(ctypes.CDLL(None).mlockall(everything) == 0)
+
+
+def main() -> None:
+    """Run the loop for the cell that started this process."""
+    link = Link(int(sys.argv[1]))
+    options = json.loads(sys.argv[2])
+    link["is_realtime"][0] = become_realtime() if options["realtime"] == "enforce" else False
+    gc.freeze()
+    gc.disable()
+    TorqueLoop(link, **options).run()
+
+
+if __name__ == "__main__":
+    main()

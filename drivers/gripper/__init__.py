@@ -1,0 +1,1 @@
+"""The maker's hand behind its client."""

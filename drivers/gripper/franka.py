@@ -1,0 +1,181 @@
+"""The Franka hand as a Gripper; the maker's blocking library runs in a process of its own."""
+
+import math
+import os
+import subprocess
+import sys
+import time
+from importlib.util import find_spec
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from drivers import panda
+from drivers.errors import DeviceNotOpenedError, GripperSilentError
+from drivers.parts import ConfigModel
+from drivers.quantities import GripperState
+
+SILENT = 1.0
+"""A state older than this is no state, s of wall time."""
+COMMAND_TIME = 10.0
+"""Longest time of one command, s of wall time: the whole stroke at the lowest speed allowed takes 8 s."""
+SETTLE = 0.2
+"""A hand that says that it has grasped may show it in its states so much later, s of wall time: they come by themselves."""
+RESTART_PERIOD = 2.0
+"""Between two attempts to start a line that has ended, s of wall time."""
+CONNECT_TIME = 20.0
+"""s of wall time."""
+EMPTY_WIDTH = 0.001
+"""Fingers closer than this have met each other: there is nothing between them, m."""
+
+
+class FrankaGripperConfig(ConfigModel):
+    """[gripper] of a Franka hand."""
+
+    kind: Literal["franka"]
+    host: Annotated[str, Field(min_length=1)]
+    """Address of the arm's control interface."""
+    speed: Annotated[float, Field(ge=0.01, le=0.1)] = 0.05
+    """Of the distance between the fingers, m/s."""
+
+
+class FrankaGripper:
+    """Sends a command when it differs from the last one; a grasp that closes on nothing grips nothing."""
+
+    def __init__(self, config: FrankaGripperConfig) -> None:
+        """Describe the hand."""
+        self._config = config
+        self._process: subprocess.Popen[bytes] | None = None
+        self._started = 0.0
+        self._forget()
+
+    def open(self) -> None:
+        """Connect; the fingers stay where they are."""
+        if self._process is not None:
+            return
+        if find_spec("pylibfranka") is None:
+            raise DeviceNotOpenedError(
+                "gripper: pylibfranka is not installed: pip install 'tactile-insertion-cell[franka]'"
+            )
+        self._start()
+        end = time.monotonic() + CONNECT_TIME
+        while self._width is None and not self._lost and time.monotonic() < end:
+            time.sleep(0.01)
+            self._listen()
+        if self._width is None:
+            text = self._lost or "no answer"
+            self.close()
+            raise DeviceNotOpenedError(
+                f"gripper at {self._config.host}: {text}; check that the hand is connected and homed"
+            )
+
+    def _start(self) -> None:
+        self._forget()
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "drivers.gripper.loop", self._config.host],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+        )
+        assert self._process.stdout is not None
+        os.set_blocking(self._process.stdout.fileno(), False)
+        self._started = time.monotonic()
+
+    def close(self) -> None:
+        """Disconnect; the hand keeps what it holds."""
+        if self._process is not None:
+            assert self._process.stdin is not None
+            assert self._process.stdout is not None
+            self._process.stdin.close()
+            self._process.stdout.close()
+            try:
+                self._process.wait(timeout=COMMAND_TIME)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
+                self._process.wait()
+            self._process = None
+
+    def grip(self, force: float) -> None:
+        """Close until `force`, N, is held or the fingers meet."""
+        stroke = panda.HAND_STROKE
+        self._command(f"grasp 0 {self._config.speed} {force} {stroke} {stroke}")
+
+    def release(self, width: float) -> None:
+        """Open to `width`, m."""
+        self._command(f"move {width} {self._config.speed}")
+
+    def read(self) -> GripperState:
+        """Return the newest state; a line that has ended is started again, which moves nothing.
+
+        Raises:
+            GripperSilentError: The newest state is too old, a command takes too long, or the hand refused it.
+        """
+        self._listen()
+        self._revive()
+        where = f"gripper at {self._config.host}"
+        if self._lost:
+            raise GripperSilentError(f"{where}: {self._lost}")
+        age, limit = time.monotonic() - self._heard, COMMAND_TIME if self._is_busy else SILENT
+        if self._width is None or age > limit:
+            raise GripperSilentError(f"{where}: newest state {age:.3f} s old > {limit} s limit")
+        is_gripping = self._is_grasped and self._width > EMPTY_WIDTH and not self._is_busy
+        return GripperState(width=self._width, is_gripping=is_gripping, is_moving=self._is_busy)
+
+    @property
+    def process_id(self) -> int:
+        """Of the line's process."""
+        assert self._process is not None
+        return self._process.pid
+
+    def _forget(self) -> None:
+        self._lines = b""
+        self._width: float | None = None
+        self._is_grasped = self._is_busy = False
+        self._done_at, self._has_grasped = math.inf, False
+        self._heard, self._lost, self._last = time.monotonic(), "", ""
+
+    def _command(self, line: str) -> None:
+        if self._process is None or self._process.poll() is not None:
+            raise GripperSilentError(f"gripper at {self._config.host}: not open")
+        if line == self._last:
+            return
+        assert self._process.stdin is not None
+        try:
+            self._process.stdin.write(line.encode() + b"\n")
+            self._process.stdin.flush()
+        except BrokenPipeError:
+            raise GripperSilentError(f"gripper at {self._config.host}: its line has ended") from None
+        self._last, self._heard = line, time.monotonic()
+        self._is_busy, self._is_grasped = True, False
+        self._done_at, self._has_grasped = math.inf, False
+
+    def _revive(self) -> None:
+        """Start the line again when its process has ended; it stays lost until the hand tells its state."""
+        if self._process is None or self._process.poll() is None:
+            return
+        if time.monotonic() >= self._started + RESTART_PERIOD:
+            self.close()
+            self._start()
+        self._lost = "its line has ended and is started again"
+
+    def _listen(self) -> None:
+        if self._process is None or self._process.stdout is None:
+            return
+        self._lines += self._process.stdout.read() or b""
+        *whole, self._lines = self._lines.split(b"\n")
+        for line in whole:
+            self._hear(line.decode())
+
+    def _hear(self, line: str) -> None:
+        word, _, rest = line.partition(" ")
+        self._heard = time.monotonic()
+        if word == "state":
+            width, is_grasped = rest.split()
+            is_settled = is_grasped == "1" or not self._has_grasped or self._heard > self._done_at + SETTLE
+            self._lost, self._is_busy = "", self._is_busy and not (self._done_at < math.inf and is_settled)
+            if not self._is_busy:
+                self._width, self._is_grasped = float(width), is_grasped == "1"
+        elif word == "done":
+            # Where the fingers then are comes with the next state.
+            self._done_at, self._has_grasped = self._heard, rest == "1" and self._last.startswith("grasp")
+        else:
+            self._lost, self._is_busy, self._last = rest, False, ""

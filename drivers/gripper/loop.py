@@ -1,0 +1,61 @@
+"""The hand's line, a process of its own: `python -m drivers.gripper.loop HOST`.
+
+The maker's library blocks until the fingers have arrived, which may take seconds, and the cell must not.
+Commands are lines on the standard input; answers are lines on the standard output:
+
+    grasp WIDTH SPEED FORCE INNER OUTER | move WIDTH SPEED      ->  done 1|0
+    (while no command is under way)                             ->  state WIDTH 1|0 (it holds something)
+    (when the hand refuses a command)                           ->  failed TEXT
+    (when the connection is gone)                               ->  lost TEXT
+"""
+
+import select
+import sys
+import time
+from typing import Any
+
+import pylibfranka
+
+RECONNECT_PERIOD = 0.5
+"""s."""
+REPORT_PERIOD = 0.01
+"""Between states, s: one a scan is enough."""
+
+
+def main() -> None:
+    """Serve the cell that started this process until its end of the pipe closes."""
+    host, gripper = sys.argv[1], None
+    reported = 0.0
+    while True:
+        try:
+            if gripper is None:
+                gripper = pylibfranka.Gripper(host)
+            readable, _, _ = select.select([sys.stdin], [], [], 0.0)
+            if readable:
+                line = sys.stdin.readline()
+                if not line:
+                    return
+                print("done", int(_obey(gripper, line.split())), flush=True)
+            state = gripper.read_once()
+            if time.monotonic() >= reported + REPORT_PERIOD:
+                reported = time.monotonic()
+                print("state", state.width, int(state.is_grasped), flush=True)
+        except pylibfranka.CommandException as error:
+            print("failed", str(error).replace("\n", " "), flush=True)
+        except BrokenPipeError:
+            return
+        except RuntimeError as error:  # base of what the library raises
+            gripper = None
+            print("lost", str(error).replace("\n", " "), flush=True)
+            readable, _, _ = select.select([sys.stdin], [], [], RECONNECT_PERIOD)
+            if readable and not sys.stdin.readline():
+                return
+
+
+def _obey(gripper: Any, words: list[str]) -> bool:
+    numbers = [float(word) for word in words[1:]]
+    return bool(gripper.grasp(*numbers) if words[0] == "grasp" else gripper.move(*numbers))
+
+
+if __name__ == "__main__":
+    main()

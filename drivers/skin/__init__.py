@@ -1,0 +1,1 @@
+"""Skin boards: wires, dialogues, health, layout and calibration of the taxels."""

@@ -1,0 +1,269 @@
+"""Skin boards on a CAN bus and on a serial line as a Skin."""
+
+import logging
+import math
+from collections import deque
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from drivers.errors import CellError, DeviceNotOpenedError, SkinSilentError
+from drivers.parts import ConfigModel
+from drivers.protocols import Clock
+from drivers.quantities import TaxelFrame, Vector
+from drivers.skin.dialogue import BOARD_MODULES, RETRY, HubConfig, IcubConfig, RawScan
+from drivers.skin.health import SkinHealth, SkinHealthConfig
+from drivers.skin.layout import Layout
+from drivers.skin.port import ByteLink, CanLink, HubOnCan, HubOnSerial, IcubOnCan, SkinPort
+from drivers.transport.can_bus import Interface
+
+logger = logging.getLogger(__name__)
+
+EMULATED = "emulated"
+"""As the channel or port of a board: an emulated board, wired to the simulated world."""
+POLL_PERIOD = 0.005
+"""Between two looks for the board while it is opened, s."""
+RESTART = 0.3
+"""Longest that a board takes to tell of its modules, s."""
+UNHEARD = 1.0
+"""When nobody listened for so long, s, as while a program starts, a wire's full buffer may have lost what came."""
+RECENT = 50
+"""Scans that the rate is measured over."""
+LEAST_RATE = 0.8
+"""Of the configured rate; a skin that sends less is not opened."""
+
+
+class BoardSkinConfig(ConfigModel):
+    """What every skin board has."""
+
+    rate: Annotated[float, Field(ge=1.0, le=100.0)] = 10.0
+    """Scans a second that the board is told to make, Hz; 10 to 100 where it can."""
+    layout: Layout = "parallelogram"
+    """How the two modules of a finger sit."""
+    silent_frames: Annotated[float, Field(ge=1.5, le=100.0)] = 3.5
+    """Without a scan for so many periods the skin is silent."""
+    open_timeout: Annotated[float, Field(ge=0.1, le=60.0)] = 3.0
+    """Longest wait for the board's first scan, s."""
+    health: SkinHealthConfig = SkinHealthConfig()
+    record: str = ""
+    """File that all traffic of the wire goes to; empty is none."""
+
+
+class CanSkinConfig(BoardSkinConfig):
+    """[skin] of a board on a CAN bus."""
+
+    kind: Literal["can"]
+    interface: Interface = "socketcan"
+    """What the bus is reached through."""
+    channel: Annotated[str, Field(min_length=1)] = EMULATED
+    """As `drivers.transport.can_bus.CanBus` says: "can0"; "emulated" is an emulated board in a simulated cell."""
+    bitrate: Annotated[int, Field(ge=10_000, le=1_000_000)] = 1_000_000
+    """Bits a second."""
+    board: Annotated[HubConfig | IcubConfig, Field(discriminator="kind")] = HubConfig()
+    """What stands on the bus."""
+
+
+class SerialSkinConfig(BoardSkinConfig):
+    """[skin] of a board on a serial line."""
+
+    kind: Literal["serial"]
+    port: Annotated[str, Field(min_length=1)] = EMULATED
+    """As the operating system has it, best a name that stays; "emulated" is an emulated board in a simulated cell."""
+    baud_rate: Annotated[int, Field(ge=1200, le=4_000_000)] = 115_200
+    """Bits a second."""
+    board: HubConfig = HubConfig()
+    """What stands on the line."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SkinFigures:
+    """How well the skin is heard, since it was opened."""
+
+    scans: int
+    """Whole scans received."""
+    lost: int
+    """Scans that the board numbered and that never came whole."""
+    refused: int
+    """Messages that were none: check sum, length, or a part missing."""
+    rate: float
+    """Of the newest scans, Hz; NaN before the second."""
+    age: float
+    """Time since the newest scan came, s; infinite before the first."""
+    temperature: Vector
+    """Raw reading of each module, shape (4,), counts; NaN where it has none."""
+
+
+class _BoardSkin:
+    """What a skin is on every wire: baseline, mask, time stamps, and a board that is brought back when it was lost."""
+
+    def __init__(self, config: CanSkinConfig | SerialSkinConfig, port: SkinPort, clock: Clock) -> None:
+        self._config, self._port, self._clock = config, port, clock
+        self._limit = config.silent_frames / config.rate
+        self._is_open = False
+        self._forget()
+
+    def _forget(self) -> None:
+        self._health: SkinHealth | None = None
+        self._frame: TaxelFrame | None = None
+        self._is_connected = False
+        self._lost_line = ""
+        self._connect_at = self._restart_at = -math.inf
+        self._polled = self._listening_since = -math.inf
+        self._scans = self._lost = 0
+        self._recent: deque[float] = deque(maxlen=RECENT)
+        self._temperature: Vector = np.full(BOARD_MODULES, np.nan)
+        self._port.forget()
+
+    def open(self) -> None:
+        """Find the modules, start the board and take the baseline; nothing may touch the skin meanwhile.
+
+        Raises:
+            DeviceNotOpenedError: The bus or port cannot be opened, or the board is slower than it shall be.
+            SkinSilentError: The board does not answer; the message says what was heard instead.
+        """
+        if self._is_open:
+            return
+        self._forget()
+        self._port.link.open()
+        self._is_open = self._is_connected = True
+        try:
+            self._take_baseline()
+        except CellError:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """Leave the bus or port; the board goes on by itself."""
+        self._is_open = False
+        self._disconnect()
+
+    def read(self) -> TaxelFrame:
+        """Return the newest frame; see `drivers.protocols.Skin`.
+
+        While the skin is silent, every call also tries to bring it back; the baseline stays that of `open`.
+        """
+        health, frame = self._health, self._frame
+        if not self._is_open or health is None or frame is None:
+            raise DeviceNotOpenedError("skin: read before it was opened")
+        for scan in self._poll():
+            values, trusted = health.update(scan.counts, scan.stamp)
+            frame = TaxelFrame(values, trusted, scan.stamp, frame.sequence + 1 + scan.missed)
+        self._frame = frame
+        silence = self._silence()
+        if silence > self._limit:
+            raise SkinSilentError(f"skin: no frame for {silence:.3f} s > {self._limit:.3f} s limit: {self._trouble()}")
+        if self._port.dialogue.changed:
+            raise SkinSilentError(f"skin: {self._port.dialogue.changed}: open it again, for a new baseline")
+        return frame
+
+    def figures(self) -> SkinFigures:
+        """Return how well the skin is heard."""
+        recent = self._recent
+        span = recent[-1] - recent[0] if len(recent) > 1 else 0.0
+        return SkinFigures(
+            scans=self._scans,
+            lost=self._lost,
+            refused=self._port.refused(),
+            rate=(len(recent) - 1) / span if span > 0.0 else math.nan,
+            age=self._age(),
+            temperature=self._temperature.copy(),
+        )
+
+    def _age(self) -> float:
+        return self._clock.now() - self._recent[-1] if self._recent else math.inf
+
+    def _silence(self) -> float:
+        """Return for how long nothing came although somebody listened, s."""
+        return min(self._age(), self._clock.now() - self._listening_since)
+
+    def _take_baseline(self) -> None:
+        config, clock = self._config, self._clock
+        wanted = config.health.baseline_frames
+        longest = wanted / (LEAST_RATE * config.rate) + self._limit
+        begun = clock.now()
+        still = self._poll()
+        while len(still) < wanted:
+            if not still and clock.now() - begun > config.open_timeout:
+                raise SkinSilentError(f"skin: {self._trouble()}")
+            if still and clock.now() - still[0].stamp > longest:
+                break
+            clock.wait_until(clock.now() + POLL_PERIOD)
+            still += self._poll()
+        rate = (len(still) - 1) / (clock.now() - still[0].stamp)
+        if rate < LEAST_RATE * config.rate:
+            raise DeviceNotOpenedError(
+                f"skin: {rate:.1f} scans/s < {LEAST_RATE * config.rate:.1f} scans/s, {LEAST_RATE:.0%} of skin.rate, "
+                f"{self._lost} lost, {self._port.refused()} messages refused: mend the wiring, or lower skin.rate"
+            )
+        self._health = SkinHealth(config.health, np.array([scan.counts for scan in still]))
+        values, trusted = self._health.update(still[-1].counts, still[-1].stamp)
+        self._frame = TaxelFrame(values, trusted, still[-1].stamp, 0)
+
+    def _poll(self) -> list[RawScan]:
+        """Say what is to be said, and return the scans that have come."""
+        now = self._clock.now()
+        if now - self._polled > UNHEARD:
+            # Nobody listened, and what the wire's buffer does not hold is lost: that is no silence of the board.
+            self._listening_since = now
+        self._polled = now
+        if not self._is_connected:
+            self._connect(now)
+        scans = self._exchange(now) if self._is_connected else []
+        for scan in scans:
+            self._scans += 1
+            self._lost += scan.missed
+            self._recent.append(scan.stamp)
+            self._temperature = scan.temperature
+        if self._recent and self._silence() > self._limit and now >= self._restart_at:
+            # The board gets time to answer, start and make its first scans.
+            self._restart_at = now + RESTART + self._limit
+            self._port.dialogue.restart()
+        return scans
+
+    def _exchange(self, now: float) -> list[RawScan]:
+        try:
+            return self._port.exchange(now)
+        except CellError as error:
+            self._lost_line = str(error)
+            logger.warning("skin: %s", error)
+            self._disconnect()
+            return []
+
+    def _connect(self, now: float) -> None:
+        if now < self._connect_at:
+            return
+        self._connect_at = now + RETRY
+        try:
+            self._port.link.open()
+        except CellError as error:
+            self._lost_line = str(error)
+            return
+        self._is_connected, self._lost_line, self._restart_at = True, "", -math.inf
+
+    def _disconnect(self) -> None:
+        self._is_connected = False
+        self._port.link.close()
+
+    def _trouble(self) -> str:
+        return self._lost_line or self._port.trouble()
+
+
+class CanSkin(_BoardSkin):
+    """A skin board on a CAN bus: a CySkin hub, or an iCub board."""
+
+    def __init__(self, config: CanSkinConfig, bus: CanLink, clock: Clock) -> None:
+        """Describe the skin; `clock` is the cell's."""
+        board = config.board
+        port: SkinPort
+        port = IcubOnCan(bus, board) if isinstance(board, IcubConfig) else HubOnCan(bus, board, 1.0 / config.rate)
+        super().__init__(config, port, clock)
+
+
+class SerialSkin(_BoardSkin):
+    """A skin board on a serial line."""
+
+    def __init__(self, config: SerialSkinConfig, line: ByteLink, clock: Clock) -> None:
+        """Describe the skin; `clock` is the cell's."""
+        super().__init__(config, HubOnSerial(line, config.board, 1.0 / config.rate), clock)

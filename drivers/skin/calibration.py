@@ -1,0 +1,97 @@
+"""What calibration knows of one skin: gain of each taxel and point spread; its file, and a skin that is put right by it."""
+
+import tomllib
+from datetime import date
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field, ValidationError
+
+from drivers.errors import ConfigError
+from drivers.parts import ConfigModel
+from drivers.protocols import Skin
+from drivers.quantities import TAXELS, TaxelFrame
+from drivers.skin.layout import Layout
+
+Gain = Annotated[float, Field(ge=0.1, le=10.0)]
+FingerGains = Annotated[tuple[Gain, ...], Field(min_length=TAXELS, max_length=TAXELS)]
+
+
+class SkinCalibration(ConfigModel):
+    """One skin as it was measured."""
+
+    date: date
+    layout: Layout
+    point_spread: Annotated[float, Field(ge=1e-4, le=1e-2)]
+    """Standard deviation of the blur between a line on the pad and the taxels, m."""
+    residual: Annotated[float, Field(ge=0.0, le=1.0)]
+    """Part of the readings that gains and point spread do not explain, root mean square."""
+    unmeasured: tuple[tuple[int, ...], tuple[int, ...]]
+    """Taxels of the left and the right finger whose gain could not be measured, and is given as 1."""
+    left: FingerGains
+    """Gains of the left finger's taxels; 1 is their mean."""
+    right: FingerGains
+    """Of the right finger's."""
+
+    def write(self, path: Path) -> None:
+        """Write a file.
+
+        Raises:
+            ConfigError: It cannot be written.
+        """
+        rows = [", ".join(f"{gain:.4f}" for gain in gains) for gains in (self.left, self.right)]
+        missing = ", ".join(str(list(numbers)) for numbers in self.unmeasured)
+        text = (
+            "# Measured by `cell calibrate skin`; SI units, gains about 1.\n"
+            f'date = {self.date.isoformat()}\nlayout = "{self.layout}"\n'
+            f"point_spread = {self.point_spread:.6g}\nresidual = {self.residual:.4g}\nunmeasured = [{missing}]\n"
+            f"left = [{rows[0]}]\nright = [{rows[1]}]\n"
+        )
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8")
+        except OSError as error:
+            raise ConfigError(f"{path}: calibration cannot be written: {error.strerror}") from None
+
+
+def read_calibration(path: Path, layout: Layout) -> SkinCalibration:
+    """Return what a file of `SkinCalibration.write` says.
+
+    Raises:
+        ConfigError: No such file, not of that form, or of another layout.
+    """
+    try:
+        found = SkinCalibration.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
+    except OSError as error:
+        raise ConfigError(f"{path}: calibration cannot be read: {error.strerror}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: not TOML: {error}".replace("\n", " ")) from None
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        raise ConfigError(f"{path}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
+    if found.layout != layout:
+        raise ConfigError(f'{path}: layout = "{found.layout}": skin.layout = "{layout}" wanted')
+    return found
+
+
+class CalibratedSkin:
+    """A skin whose taxels all answer alike."""
+
+    def __init__(self, skin: Skin, calibration: SkinCalibration) -> None:
+        """Take a skin and what is known of it."""
+        self.skin = skin
+        self._gains = np.array([calibration.left, calibration.right])
+
+    def open(self) -> None:
+        """Open the skin."""
+        self.skin.open()
+
+    def close(self) -> None:
+        """Close it."""
+        self.skin.close()
+
+    def read(self) -> TaxelFrame:
+        """Return the newest frame, every value divided by its taxel's gain."""
+        frame = self.skin.read()
+        return TaxelFrame(frame.values / self._gains, frame.trusted, frame.stamp, frame.sequence)

@@ -1,0 +1,144 @@
+"""Which taxels to trust, and what they read without a load: the same for hardware and stand-in; pure, no I/O.
+
+Works on an array of any shape, so that a recording of another patch goes through it as the live skin does.
+"""
+
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from drivers.errors import SkinUntrustedError
+from drivers.parts import ConfigModel
+from drivers.quantities import FINGER_NAMES, FINGERS, Mask, TaxelFrame, Vector
+from drivers.skin.layout import MODULE_OF, MODULE_TAXELS, MODULES
+
+Counts = NDArray[np.uint16]
+
+ERROR_COUNT = 43000
+"""Counts from here on mark an error, not a pressure; host software of [cyskin]."""
+BASELINE_FRAMES = 50
+"""The noise of fewer would stay in the baseline for good."""
+
+
+class SkinHealthConfig(ConfigModel):
+    """When a taxel is not to be trusted."""
+
+    baseline_frames: Annotated[int, Field(ge=BASELINE_FRAMES, le=10_000)] = BASELINE_FRAMES
+    """Frames without a load that the baseline is the mean of."""
+    saturation: Annotated[int, Field(ge=1000, le=ERROR_COUNT)] = 42_900
+    """The converter's rail, counts: from here on a reading says "at least"."""
+    stuck_frames: Annotated[int, Field(ge=5, le=100_000)] = 30
+    """So many equal readings in a row are no measurement; noise moves a live taxel."""
+    frozen_frames: Annotated[int, Field(ge=2, le=100_000)] = 5
+    """So many frames in a row that are equal in every taxel come from a board that no longer measures."""
+    drift_time: Annotated[float, Field(ge=1.0, le=1e5)] = 30.0
+    """Time constant with which the baseline follows the untouched skin, s."""
+    touch: Annotated[float, Field(ge=3.0, le=20.0)] = 5.0
+    """A taxel this many standard deviations of its noise above the baseline is touched."""
+    least_touch: Annotated[float, Field(ge=1.0, le=5000.0)] = 50.0
+    """A change of fewer counts is no touch, whatever the noise."""
+
+
+class SkinHealth:
+    """Baseline and mask of one skin, carried from frame to frame.
+
+    A taxel is masked at the start when it was dead (all zero), stuck (no change) or marked an error in most
+    frames of the baseline; such a taxel stays masked until the next baseline. While running it is masked as
+    long as its reading marks an error, is saturated, has stood still, or is zero far below its baseline;
+    all are while the whole frame stands still. The baseline follows drift only
+    while nothing touches the skin.
+    """
+
+    def __init__(self, config: SkinHealthConfig, still: Counts) -> None:
+        """Take the baseline.
+
+        Args:
+            config: When to distrust.
+            still: Raw frames without a load, shape (n, …), n >= `config.baseline_frames`.
+
+        Raises:
+            ValueError: Too few frames.
+        """
+        if len(still) < config.baseline_frames:
+            raise ValueError(f"baseline: {len(still)} frames < {config.baseline_frames} frames")
+        self._config = config
+        valid = still < config.saturation
+        count = valid.sum(axis=0)
+        total = np.maximum(count, 1)
+        clean = np.where(valid, still, 0).astype(float)
+        mean = clean.sum(axis=0) / total
+        spread = np.sqrt(np.maximum((clean**2).sum(axis=0) / total - mean**2, 0.0))
+        self.dead: Mask = (still == 0).all(axis=0)
+        """Read nothing but zero while the baseline was taken."""
+        self.stuck: Mask = (still == still[0]).all(axis=0) & ~self.dead
+        """Read one and the same other value while the baseline was taken."""
+        self.usable: Mask = ~(self.dead | self.stuck) & (2 * count > len(still))
+        """Gave a baseline."""
+        self.baseline: Vector = mean
+        """Reading without a load, counts."""
+        self.noise: Vector = spread
+        """Standard deviation of a reading without a load, counts."""
+        self._touch = np.maximum(config.touch * spread, config.least_touch)
+        self._last = still[-1].copy()
+        self._equal = np.ones(still.shape[1:], dtype=np.int64)
+        self._stamp: float | None = None
+
+    def update(self, raw: Counts, stamp: float) -> tuple[Vector, Mask]:
+        """Take one raw frame.
+
+        Args:
+            raw: Readings, counts, of the baseline's shape.
+            stamp: When they were measured, s.
+
+        Returns:
+            Signed counts above the baseline (0 where not trusted), and where to trust them.
+        """
+        self._equal = np.where(raw == self._last, self._equal + 1, 1)
+        self._last = raw.copy()
+        is_dead = (raw == 0) & (self.baseline > self._touch)
+        trusted = self.usable & ~is_dead & (raw < self._config.saturation) & (self._equal < self._config.stuck_frames)
+        if (self._equal[self.usable] >= self._config.frozen_frames).all():
+            trusted = np.zeros_like(trusted)
+        values = np.where(trusted, raw - self.baseline, 0.0)
+        elapsed = 0.0 if self._stamp is None else max(stamp - self._stamp, 0.0)
+        self._stamp = stamp
+        if not (np.abs(values) > self._touch).any():
+            self.baseline = self.baseline + min(elapsed / self._config.drift_time, 1.0) * values
+        return values, trusted
+
+
+def dead_groups(dead: Mask, group: NDArray[np.int64]) -> list[int]:
+    """Return the groups, as modules, that hold no living taxel.
+
+    Args:
+        dead: Which taxels are dead.
+        group: Number of each taxel's group, of the same shape.
+    """
+    return [int(number) for number in np.unique(group) if dead[group == number].all()]
+
+
+def require_trust(frame: TaxelFrame) -> TaxelFrame:
+    """Return `frame` when all its taxels can be trusted.
+
+    Raises:
+        SkinUntrustedError: Says which module of which finger is dead, and which single taxels are not trusted.
+    """
+    wrong = []
+    dead = dead_groups(~frame.trusted, MODULE_OF)
+    for group in dead:
+        finger, module = divmod(group, MODULES)
+        first = module * MODULE_TAXELS
+        wrong.append(
+            f"{FINGER_NAMES[finger]} finger, module {module} (taxels {first} to {first + MODULE_TAXELS - 1}): dead; "
+            "see its plug, or change the finger"
+        )
+    single = ~frame.trusted & ~np.isin(MODULE_OF, dead)
+    for finger in range(FINGERS):
+        if single[finger].any():
+            numbers = ", ".join(map(str, np.flatnonzero(single[finger])))
+            wrong.append(f"{FINGER_NAMES[finger]} finger, taxels {numbers}: dead, stuck, saturated or in error")
+    if wrong:
+        raise SkinUntrustedError("skin: " + "; ".join(wrong))
+    return frame

@@ -1,0 +1,115 @@
+"""iCub skin: the frames of its boards <-> readings; pure, no I/O.
+
+From robotology/icub-firmware-shared 62f2818 and icub-main 24c1a00: id = class << 8 | board << 4 | triangle; a head
+frame brings taxels 0 to 6, a tail frame taxels 7 to 11, which of the twelve are out of range, and four error bits.
+A reading is 0xF0 without a load and falls with pressure. Nothing but CAN's own check sum covers a frame.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drivers.skin.cyskin_wire import WireError
+from drivers.skin.health import ERROR_COUNT, Counts
+from drivers.transport.can_bus import CanFrame
+
+TAXELS = 12
+HEAD, TAIL = 0x40, 0xC0
+SKIN_CLASS, SETUP_CLASS = 4, 2
+SETUP = 0x4C
+COUNTS_PER_STEP = 128
+"""A step of the board's 8-bit reading in the counts that the rest of the program works with."""
+_HEAD_TAXELS = 7
+_TAIL_TAXELS = TAXELS - _HEAD_TAXELS
+
+
+@dataclass(frozen=True, slots=True)
+class TriangleReading:
+    """One triangle at one instant, as the board says it."""
+
+    values: tuple[int, ...]
+    """Of its twelve taxels, 0 to 255; falling with pressure."""
+    out_of_range: int = 0
+    """One bit for each taxel."""
+    error: int = 0
+    """0 to 15; 0 is none."""
+
+    def counts(self) -> Counts:
+        """Return counts that rise with pressure, shape (12,); what is no measurement as an error mark."""
+        counts = (0xFF - np.array(self.values)) * COUNTS_PER_STEP
+        is_wrong = np.array([self.error != 0 or bool(self.out_of_range >> k & 1) for k in range(TAXELS)])
+        return np.where(is_wrong, ERROR_COUNT, counts).astype(np.uint16)
+
+
+def encode_triangle(board: int, triangle: int, reading: TriangleReading) -> tuple[CanFrame, CanFrame]:
+    """Return the head and the tail frame of one triangle's reading."""
+    name = SKIN_CLASS << 8 | board << 4 | triangle
+    head = bytes([HEAD, *reading.values[:_HEAD_TAXELS]])
+    flags = bytes([reading.out_of_range >> 4, (reading.out_of_range & 0xF) << 4 | reading.error])
+    return CanFrame(name, head), CanFrame(name, bytes([TAIL, *reading.values[_HEAD_TAXELS:]]) + flags)
+
+
+def decode_head(frame: CanFrame) -> tuple[int, ...]:
+    """Return the first seven readings of a triangle.
+
+    Raises:
+        WireError: Not a head frame.
+    """
+    if len(frame.data) != 1 + _HEAD_TAXELS or frame.data[0] != HEAD:
+        raise WireError(f"frame {frame.id:#05x} of {len(frame.data)} bytes is no head of a triangle")
+    return tuple(frame.data[1:])
+
+
+def decode_tail(frame: CanFrame) -> tuple[tuple[int, ...], int, int]:
+    """Return the last five readings of a triangle, the bits of taxels out of range, and the error.
+
+    Raises:
+        WireError: Not a tail frame.
+    """
+    if len(frame.data) != 1 + _TAIL_TAXELS + 2 or frame.data[0] != TAIL:
+        raise WireError(f"frame {frame.id:#05x} of {len(frame.data)} bytes is no tail of a triangle")
+    high, low = frame.data[-2:]
+    return tuple(frame.data[1:-2]), high << 4 | low >> 4, low & 0xF
+
+
+class TriangleAssembler:
+    """Frames of one board in, whole triangles out.
+
+    Args:
+        board: Its number, 0 to 15.
+    """
+
+    def __init__(self, board: int) -> None:
+        self._board = board
+        self._heads: dict[int, tuple[int, ...]] = {}
+        self.frames = 0
+        """Of this board's skin."""
+        self.broken = 0
+        """Frames that are none, and heads and tails without their other half."""
+
+    def feed(self, frame: CanFrame) -> tuple[int, TriangleReading] | None:
+        """Take one frame; return the triangle's number and its reading when both halves are there."""
+        if frame.id >> 4 != SKIN_CLASS << 4 | self._board:
+            return None
+        self.frames += 1
+        triangle = frame.id & 0xF
+        try:
+            if frame.data[:1] == bytes([HEAD]):
+                self.broken += triangle in self._heads
+                self._heads[triangle] = decode_head(frame)
+                return None
+            values, out_of_range, error = decode_tail(frame)
+        except WireError:
+            self._heads.pop(triangle, None)
+            self.broken += 1
+            return None
+        head = self._heads.pop(triangle, None)
+        if head is None:
+            self.broken += 1
+            return None
+        return triangle, TriangleReading(head + values, out_of_range, error)
+
+
+def setup(board: int) -> CanFrame:
+    """Return the frame that makes a board send, with the offsets that the host program uses."""
+    return CanFrame(SETUP_CLASS << 8 | board, bytes([SETUP, 0x01, 0x01, 0x01, 0x00, 0x20, 0x00, 0x00]))

@@ -1,0 +1,218 @@
+"""From a CAN bus or a serial line to raw scans of a skin board, and from what the dialects say back to the wire."""
+
+from typing import Protocol
+
+from drivers.skin.cyskin_wire import LONGEST, CanAssembler, WireError, decode, encode, to_can
+from drivers.skin.dialogue import CySkinDialogue, HubConfig, IcubConfig, IcubDialogue, RawScan
+from drivers.transport.can_bus import CanFrame
+from drivers.transport.cobs import DELIMITER, Deframer, frame
+
+MOST_FRAMES = 1000
+"""Taken from a bus in one go: a bus that babbles must not hold up the scan."""
+
+NOTHING_ON_BUS = ": check its supply, the wires with a terminator at both ends, and that the bus runs at its bit rate"
+NOTHING_ON_LINE = ": check its supply and cable, whether this is its port, and skin.baud_rate"
+
+
+class CanLink(Protocol):
+    """A CAN bus; `drivers.transport.can_bus.CanBus` is one."""
+
+    def open(self) -> None:
+        """Open the bus."""
+
+    def close(self) -> None:
+        """Close the bus; may be called again."""
+
+    def read(self, timeout: float) -> CanFrame | None:
+        """Return the next frame, if one came within `timeout` s."""
+
+    def write(self, frame: CanFrame) -> None:
+        """Send one frame."""
+
+
+class ByteLink(Protocol):
+    """A serial line; `drivers.transport.serial_line.SerialLine` is one."""
+
+    character_time: float
+    """Time that one character takes, s."""
+
+    def open(self) -> None:
+        """Open the port."""
+
+    def close(self) -> None:
+        """Close the port; may be called again."""
+
+    def read(self, timeout: float) -> bytes:
+        """Return what came within `timeout` s."""
+
+    def write(self, data: bytes) -> None:
+        """Send `data`."""
+
+
+class SkinPort(Protocol):
+    """One wire with one board on it."""
+
+    @property
+    def link(self) -> CanLink | ByteLink:
+        """The wire itself."""
+
+    @property
+    def dialogue(self) -> CySkinDialogue | IcubDialogue:
+        """What is said over it."""
+
+    def forget(self) -> None:
+        """Be as if nothing had ever come."""
+
+    def exchange(self, now: float) -> list[RawScan]:
+        """Send what is due, and return the scans that have come; never waits.
+
+        Raises:
+            CellError: The wire is gone.
+        """
+
+    def refused(self) -> int:
+        """Return how many messages were none."""
+
+    def trouble(self) -> str:
+        """Return why no scan comes, as far as what does come tells."""
+
+
+class HubOnCan:
+    """A CySkin hub on a CAN bus."""
+
+    def __init__(self, link: CanLink, config: HubConfig, period: float) -> None:
+        """Describe the hub; `period` is the wanted time between two scans, s."""
+        self.link, self._wire = link, config.wire
+        self.dialogue = CySkinDialogue(config, period)
+        self.forget()
+
+    def forget(self) -> None:
+        """Be as if nothing had ever come."""
+        self.dialogue.forget()
+        self._frames, self._others, self._wrong = CanAssembler(self._wire.hub), 0, 0
+
+    def exchange(self, now: float) -> list[RawScan]:
+        """Send what is due, and return the scans that have come."""
+        for message in self.dialogue.ask(now):
+            for part in to_can(encode(message, self._wire), self._wire.hub):
+                self.link.write(part)
+        scans = []
+        for part in _waiting(self.link):
+            before = self._frames.frames
+            data = self._frames.feed(part)
+            self._others += self._frames.frames == before
+            if data is None:
+                continue
+            try:
+                scan = self.dialogue.take(decode(data, self._wire), now - part.waited)
+            except WireError:
+                self._wrong += 1
+                continue
+            if scan is not None:
+                scans.append(scan)
+        return scans
+
+    def refused(self) -> int:
+        """Return how many messages were none, and frames out of turn."""
+        return self._frames.broken + self._wrong + self.dialogue.refused
+
+    def trouble(self) -> str:
+        """Return why no scan comes."""
+        if not self.dialogue.heard and self._wrong:
+            return f"all {self._wrong} messages of hub {self._wire.hub} have a wrong check sum: see board.wire.crc"
+        if not self._frames.frames and self._others:
+            return f"{self._others} frames on the bus, none of hub {self._wire.hub}: see board.wire.hub"
+        return self.dialogue.trouble() + ("" if self._frames.frames else NOTHING_ON_BUS)
+
+
+class IcubOnCan:
+    """An iCub skin board on a CAN bus."""
+
+    def __init__(self, link: CanLink, config: IcubConfig) -> None:
+        """Describe the board."""
+        self.link, self.dialogue = link, IcubDialogue(config)
+        self.forget()
+
+    def forget(self) -> None:
+        """Be as if nothing had ever come."""
+        self.dialogue.forget()
+
+    def exchange(self, now: float) -> list[RawScan]:
+        """Send what is due, and return the scans that have come."""
+        for part in self.dialogue.ask(now):
+            self.link.write(part)
+        scans = [self.dialogue.take(part, now - part.waited) for part in _waiting(self.link)]
+        return [scan for scan in scans if scan is not None]
+
+    def refused(self) -> int:
+        """Return how many frames were none."""
+        return self.dialogue.refused
+
+    def trouble(self) -> str:
+        """Return why no scan comes."""
+        return self.dialogue.trouble() + ("" if self.dialogue.heard else NOTHING_ON_BUS)
+
+
+class HubOnSerial:
+    """A CySkin hub on a serial line.
+
+    How a hub frames its messages there is not public; here each is one frame of `drivers.transport.cobs`.
+    """
+
+    def __init__(self, link: ByteLink, config: HubConfig, period: float) -> None:
+        """Describe the hub; `period` is the wanted time between two scans, s."""
+        self.link, self._wire = link, config.wire
+        self.dialogue = CySkinDialogue(config, period)
+        self.forget()
+
+    def forget(self) -> None:
+        """Be as if nothing had ever come."""
+        self.dialogue.forget()
+        self._frames, self._whole, self._wrong = Deframer(LONGEST), 0, 0
+
+    def exchange(self, now: float) -> list[RawScan]:
+        """Send what is due, and return the scans that have come."""
+        for message in self.dialogue.ask(now):
+            self.link.write(frame(encode(message, self._wire)))
+        data = self.link.read(0.0)
+        behind, scans = len(data), []
+        for piece in _pieces(data):
+            # A frame's first byte came at least as long ago as the line takes for it and for all that came after it.
+            stamp = now - behind * self.link.character_time
+            behind -= len(piece)
+            for content in self._frames.feed(piece):
+                self._whole += 1
+                try:
+                    scan = self.dialogue.take(decode(content, self._wire), stamp)
+                except WireError:
+                    self._wrong += 1
+                    continue
+                if scan is not None:
+                    scans.append(scan)
+        return scans
+
+    def refused(self) -> int:
+        """Return how many frames and messages were none."""
+        return self._frames.broken + self._wrong + self.dialogue.refused
+
+    def trouble(self) -> str:
+        """Return why no scan comes."""
+        if self._frames.bytes and not self._whole:
+            return f"{self._frames.bytes} bytes heard and no frame among them: another baud rate than skin.baud_rate?"
+        if not self.dialogue.heard and self._wrong:
+            return f"all {self._wrong} messages have a wrong check sum: see board.wire.crc"
+        return self.dialogue.trouble() + ("" if self._frames.bytes else NOTHING_ON_LINE)
+
+
+def _pieces(data: bytes) -> list[bytes]:
+    """Return `data` cut behind every delimiter of frames."""
+    *whole, rest = data.split(bytes([DELIMITER]))
+    return [piece + bytes([DELIMITER]) for piece in whole] + ([rest] if rest else [])
+
+
+def _waiting(link: CanLink) -> list[CanFrame]:
+    """Return the frames that have come."""
+    frames: list[CanFrame] = []
+    while len(frames) < MOST_FRAMES and (part := link.read(0.0)) is not None:
+        frames.append(part)
+    return frames

@@ -1,0 +1,102 @@
+"""A text recording of a CySkin patch, [cyskin], as a Skin: four of its modules stand in for the two fingers."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.errors import ConfigError, DeviceNotOpenedError, SkinSilentError
+from drivers.protocols import Clock
+from drivers.quantities import FINGERS, TAXELS, TaxelFrame, Vector
+from drivers.skin.dialogue import BOARD_MODULES
+from drivers.skin.health import ERROR_COUNT, Counts
+from drivers.skin.layout import MODULE_TAXELS
+
+
+class Recording:
+    """What a file of [cyskin] holds.
+
+    A file's first line names the channels, uid = sui << 4 | name, name 0 a temperature; every other line is a frame
+    index, a time, s, and one unsigned reading for each channel, whose baseline is removed already.
+
+    Raises:
+        ConfigError: No such file, or not of this form.
+    """
+
+    def __init__(self, path: Path) -> None:
+        try:
+            lines = [line.split() for line in path.read_text(encoding="ascii").splitlines() if line.strip()]
+            uid = np.array(lines[0], dtype=np.int64)
+            table = np.array(lines[1:], dtype=float)
+            if table.shape != (len(lines) - 1, len(uid) + 2) or len(table) == 0:
+                raise ValueError("rows of different length")
+        except OSError as error:
+            raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
+        except (ValueError, IndexError, OverflowError):
+            raise ConfigError(
+                f"{path}: no recording: a line of channel ids, then lines of index, time, readings"
+            ) from None
+        self.times: Vector = table[:, 1] - table[0, 1]
+        """Of each frame, from the first one, s."""
+        is_taxel = uid & 15 > 0
+        self.module: NDArray[np.int64] = uid[is_taxel] >> 4
+        """Own number of each taxel's module."""
+        self.counts: Counts = np.clip(table[:, 2:][:, is_taxel], 0, 0xFFFF).astype(np.uint16)
+        """One row for each frame."""
+
+    def most_touched(self) -> list[int]:
+        """Return the own numbers of the four most touched of the modules that have enough taxels."""
+        whole = [int(n) for n in np.unique(self.module) if (self.module == n).sum() >= MODULE_TAXELS]
+        touch = np.where(self.counts < ERROR_COUNT, self.counts, 0).max(axis=0)
+        return sorted(whole, key=lambda n: int(touch[self.module == n].max()))[-BOARD_MODULES:]
+
+
+class RecordedSkin:
+    """Plays a recording at the speed of the cell's clock, from the instant at which it is opened, once."""
+
+    def __init__(self, path: Path, clock: Clock, modules: Sequence[int] = (), silent_after: float = 0.35) -> None:
+        """Describe the recording.
+
+        Args:
+            path: Of the file.
+            clock: The cell's.
+            modules: Own numbers of the modules to show, both of the left finger first; none takes the most touched.
+            silent_after: Without a frame for so long the skin is silent, s.
+        """
+        self._path, self._clock, self._modules, self._limit = path, clock, tuple(modules), silent_after
+        self._recording: Recording | None = None
+        self._start = 0.0
+
+    def open(self) -> None:
+        """Read the file.
+
+        Raises:
+            ConfigError: No such file, not of this form, or without these modules.
+        """
+        recording = Recording(self._path)
+        chosen = self._modules or recording.most_touched()
+        places = [np.flatnonzero(recording.module == sui)[:MODULE_TAXELS] for sui in chosen]
+        if len(places) != BOARD_MODULES or any(len(place) < MODULE_TAXELS for place in places):
+            raise ConfigError(f"{self._path}: {BOARD_MODULES} modules with {MODULE_TAXELS} taxels needed, not {chosen}")
+        self._taxels = np.concatenate(places).reshape(FINGERS, TAXELS)
+        self._is_alive = recording.counts[:, self._taxels].any(axis=0)
+        self._recording, self._start = recording, self._clock.now()
+
+    def close(self) -> None:
+        """Forget the file."""
+        self._recording = None
+
+    def read(self) -> TaxelFrame:
+        """Return the newest frame; see `drivers.protocols.Skin`."""
+        if self._recording is None:
+            raise DeviceNotOpenedError("skin: read before it was opened")
+        elapsed = self._clock.now() - self._start
+        number = int(np.searchsorted(self._recording.times, elapsed + 1e-9, side="right")) - 1
+        age = elapsed - self._recording.times[number]
+        if age > self._limit:
+            raise SkinSilentError(f"skin: no frame for {age:.3f} s > {self._limit:.3f} s limit: {self._path} has ended")
+        counts = self._recording.counts[number][self._taxels]
+        trusted = self._is_alive & (counts < ERROR_COUNT)
+        stamp = self._start + float(self._recording.times[number])
+        return TaxelFrame(np.where(trusted, counts.astype(float), 0.0), trusted, stamp, number)

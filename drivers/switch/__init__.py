@@ -1,0 +1,1 @@
+"""The success switch's board: its wire, its driver and its firmware."""

@@ -1,0 +1,153 @@
+"""The switch board on its serial line as a SuccessSwitch."""
+
+import logging
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from drivers.errors import DeviceNotOpenedError
+from drivers.parts import ConfigModel
+from drivers.protocols import Clock
+from drivers.quantities import SwitchState
+from drivers.skin.port import ByteLink
+from drivers.switch.wire import BAUD_RATE, TIME_RANGE, Contacts, Decoder, SwitchReport
+from drivers.transport.serial_line import LineLostError, SerialLine
+
+logger = logging.getLogger(__name__)
+
+FIRMWARE = 1
+"""The oldest version of the firmware that this driver believes."""
+STALE = 0.1
+"""A report older than four heartbeats says nothing, s."""
+DRIFT = 0.02
+"""The board's clock may be off by this share; its ceramic resonator is good for 0.5 %."""
+START_TIME = 2.5
+"""Longest time from opening the port, which resets the board, to the first report, s: its boot loader waits first."""
+POLL_PERIOD = 0.01
+"""Between looks for the first report, s."""
+REOPEN_PERIOD = 0.5
+"""Between attempts to open a lost port again, s."""
+_STATES = {Contacts.OPEN: SwitchState.OPEN, Contacts.CLOSED: SwitchState.CLOSED}
+
+
+class SerialSwitchConfig(ConfigModel):
+    """[switch] of a board on a serial line."""
+
+    kind: Literal["serial"]
+    port: Annotated[str, Field(min_length=1)]
+    """As the operating system has it, best a name that stays, as those of /dev/serial/by-id."""
+    record: str = ""
+    """File that all traffic of the line goes to; empty is none."""
+
+
+class SerialSuccessSwitch:
+    """Believes the board's newest report while it is fresh; everything else is unknown.
+
+    Every report carries the board's own time: when reports fall behind it, because something on the way holds them
+    back or repeats them, they are as stale as reports that do not come at all. A lost port is opened again by itself.
+    """
+
+    def __init__(self, config: SerialSwitchConfig, clock: Clock, line: ByteLink | None = None) -> None:
+        """Describe the board; `clock` is the cell's, `line` stands in for the port where traffic is recorded or played."""
+        self._line: ByteLink = line or SerialLine(config.port, BAUD_RATE)
+        self._clock = clock
+        self._port = config.port
+        self._is_open = False
+        self._forget()
+
+    def open(self) -> None:
+        """Open the port and wait for a report that can be believed."""
+        if self._is_open:
+            return
+        self._line.open()
+        self._is_open = True
+        self._forget()
+        end = self._clock.now() + START_TIME
+        while self.read() is SwitchState.UNKNOWN and self._clock.now() < end:
+            self._clock.wait_until(self._clock.now() + POLL_PERIOD)
+        if problem := self.problem():
+            self.close()
+            raise DeviceNotOpenedError(problem)
+
+    def close(self) -> None:
+        """Close the port."""
+        self._line.close()
+        self._is_open = False
+        self._forget()
+
+    def read(self) -> SwitchState:
+        """Return the state by the newest report; never waits."""
+        if not self._is_open:
+            return SwitchState.UNKNOWN
+        now = self._clock.now()
+        if now >= self._reopen_at:
+            self._listen(now)
+        if self.problem():
+            return SwitchState.UNKNOWN
+        assert self._report is not None
+        return _STATES[self._report.contacts]
+
+    def problem(self) -> str:
+        """Return why the state is unknown by what was read so far, in one line; empty when it is known."""
+        report, where = self._report, f"switch on {self._port}"
+        if self._lost:
+            return self._lost
+        if report is None:
+            if self._decoder.refused:
+                return (
+                    f"{where}: {self._decoder.refused} bytes came, none of them a valid report; "
+                    f"another board, a baud rate other than {BAUD_RATE}, or a bad cable"
+                )
+            return f"{where}: silent; check supply and cable, and whether this is the board's port"
+        age = self._clock.now() - self._stamp
+        if age > STALE:
+            return f"{where}: newest report {age:.3f} s old > {STALE} s limit; check supply and cable"
+        if report.firmware < FIRMWARE:
+            return f"{where}: firmware {report.firmware}; {FIRMWARE} or newer needed: make -C drivers/switch/firmware flash"
+        if report.is_memory_broken or report.is_program_broken:
+            part = "memory" if report.is_memory_broken else "program"
+            return f"{where}: its self-test found the {part} broken; flash it again, then change the board"
+        if report.contacts is Contacts.DISAGREE:
+            both = "both contacts conduct: a short" if report.normally_open else "no contact conducts: a broken wire"
+            return f"{where}: {both}, or a stuck lever"
+        if report.contacts is Contacts.UNKNOWN:
+            return f"{where}: started again, contacts not yet debounced"
+        return ""
+
+    def _forget(self) -> None:
+        self._decoder = Decoder()
+        self._report: SwitchReport | None = None
+        self._heard = self._stamp = self._reopen_at = 0.0
+        self._lost = ""
+
+    def _listen(self, now: float) -> None:
+        try:
+            if self._lost:
+                self._line.open()
+                self._forget()
+            data = self._line.read(0.0)
+        except (LineLostError, DeviceNotOpenedError) as error:
+            if not self._lost:
+                self._lost = f"switch on {self._port}: port lost; plug the board in again, or check its cable"
+                logger.warning("%s (%s)", self._lost, error)
+            self._line.close()
+            self._reopen_at = now + REOPEN_PERIOD
+            return
+        for report in self._decoder.feed(data):
+            self._take(report, now)
+
+    def _take(self, report: SwitchReport, now: float) -> None:
+        """Take a report over, as old as the board's time lies behind the cell's since the report before."""
+        last = self._report
+        if last is None:
+            self._stamp = now
+        else:
+            elapsed = now - self._heard
+            passed = ((report.time - last.time) % TIME_RANGE) / 1000.0
+            lag = self._heard - self._stamp + (1.0 - DRIFT) * elapsed - passed
+            self._stamp = now - max(lag, 0.0)
+        self._heard, self._report = now, report
+        if report.was_hung and (last is None or not last.was_hung):
+            logger.warning("switch on %s: its watchdog has restarted it", self._port)
+        if report.was_starved and (last is None or not last.was_starved):
+            logger.warning("switch on %s: its supply fell too low and it restarted", self._port)

@@ -1,0 +1,299 @@
+"""Traffic of any wire captured to a file, and played back to the same driver, bit for bit.
+
+A file is text: a head line, then for every look at the wire "@" and the cell's time in s, then what came ("<") and
+what was sent (">"), in hexadecimal digits, with the id in front of a CAN frame and behind it how long it had waited, s; "!" says how the wire failed. While it plays, time passes as it did
+then: every wait of the driver ends at the next look.
+"""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal, TextIO
+
+from drivers.errors import CellError, ConfigError, FaultCode
+from drivers.protocols import Clock
+from drivers.skin.port import ByteLink, CanLink
+from drivers.transport.can_bus import CanFrame
+from drivers.transport.serial_line import LineLostError
+
+HEAD = "# cell traffic 1 "
+Wire = Literal["can", "serial"]
+
+
+class TrafficEndedError(CellError):
+    """The recording is over."""
+
+    code = FaultCode.SKIN_SILENT
+
+
+class Recorder:
+    """Writes what passes a wire; also the driver's clock, so that every byte has the time at which it was looked for.
+
+    Args:
+        path: Of the file, which is begun anew the first time.
+        wire: What kind of wire it is.
+        clock: The cell's.
+    """
+
+    def __init__(self, path: Path, wire: Wire, clock: Clock) -> None:
+        self._path, self._wire, self._clock = path, wire, clock
+        self._file: TextIO | None = None
+        self._has_begun = False
+        self._now = 0.0
+        self._written: float | None = None
+
+    def open(self) -> None:
+        """Begin the file, or go on with it; does nothing while it is open.
+
+        Raises:
+            ConfigError: It cannot be written.
+        """
+        if self._file is not None:
+            return
+        try:
+            self._file = self._path.open("a" if self._has_begun else "w", encoding="utf-8")
+        except OSError as error:
+            raise ConfigError(f"{self._path}: traffic cannot be written: {error.strerror}") from None
+        if not self._has_begun:
+            self._file.write(f"{HEAD}{self._wire}\n")
+        self._has_begun, self._written, self._now = True, None, self._clock.now()
+
+    def close(self) -> None:
+        """End the file; may be called again."""
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+
+    def now(self) -> float:
+        """Return the time, s."""
+        self._now = self._clock.now()
+        return self._now
+
+    def wait_until(self, stamp: float) -> None:
+        """Return when the clock shows `stamp`."""
+        self._clock.wait_until(stamp)
+
+    @contextmanager
+    def watching(self) -> Iterator[None]:
+        """Note that somebody looks at the wire, and how the wire fails."""
+        if self._file is not None and self._written != self._now:
+            self._file.write(f"@ {self._now!r}\n")
+            self._written = self._now
+        try:
+            yield
+        except CellError as error:
+            self.note("!", str(error))
+            raise
+
+    def note(self, what: str, text: str) -> None:
+        """Note what came, what was sent, or what failed."""
+        with self.watching():
+            if self._file is not None:
+                self._file.write(f"{what} {text}\n")
+
+
+class RecordedCan:
+    """A CAN bus whose frames are written to a file."""
+
+    def __init__(self, link: CanLink, recorder: Recorder) -> None:
+        """Take the bus and where its traffic goes."""
+        self._link, self._recorder = link, recorder
+
+    def open(self) -> None:
+        """Open the file and the bus."""
+        self._recorder.open()
+        with self._recorder.watching():
+            self._link.open()
+
+    def close(self) -> None:
+        """Close the bus and the file."""
+        self._link.close()
+        self._recorder.close()
+
+    def read(self, timeout: float) -> CanFrame | None:
+        """Return the next frame."""
+        with self._recorder.watching():
+            frame = self._link.read(timeout)
+        if frame is not None:
+            waited = f" {frame.waited!r}" if frame.waited else ""
+            self._recorder.note("<", f"{frame.id:03X} {frame.data.hex()}{waited}")
+        return frame
+
+    def write(self, frame: CanFrame) -> None:
+        """Send a frame."""
+        self._recorder.note(">", f"{frame.id:03X} {frame.data.hex()}")
+        with self._recorder.watching():
+            self._link.write(frame)
+
+
+class RecordedLine:
+    """A serial line whose bytes are written to a file."""
+
+    def __init__(self, link: ByteLink, recorder: Recorder) -> None:
+        """Take the line and where its traffic goes."""
+        self._link, self._recorder = link, recorder
+        self.character_time = link.character_time
+
+    def open(self) -> None:
+        """Open the file and the port."""
+        self._recorder.open()
+        with self._recorder.watching():
+            self._link.open()
+
+    def close(self) -> None:
+        """Close the port and the file."""
+        self._link.close()
+        self._recorder.close()
+
+    def read(self, timeout: float) -> bytes:
+        """Return what has arrived."""
+        with self._recorder.watching():
+            data = self._link.read(timeout)
+        if data:
+            self._recorder.note("<", data.hex())
+        return data
+
+    def write(self, data: bytes) -> None:
+        """Send bytes."""
+        self._recorder.note(">", data.hex())
+        with self._recorder.watching():
+            self._link.write(data)
+
+
+@dataclass(slots=True)
+class _Look:
+    time: float
+    failed: str = ""
+    came: list[str] = field(default_factory=list)
+    sent: list[str] = field(default_factory=list)
+
+
+class Playback:
+    """A recording as clock and wire of a driver.
+
+    Args:
+        path: Of the file.
+        character_time: Of the line that was recorded, s; of a CAN bus 0.
+
+    Raises:
+        ConfigError: No such file, or it is no recorded traffic.
+    """
+
+    def __init__(self, path: Path, character_time: float = 0.0) -> None:
+        self.wire, self._looks = _read(path)
+        self.character_time = character_time
+        self._place = 0
+        self._came: Iterator[str] = iter(())
+        self.differing = 0
+        """Of what the driver sent, how much was not sent in the recording."""
+        self._begin(0)
+
+    def open(self) -> None:
+        """Succeed or fail as it did."""
+        self._fail()
+
+    def close(self) -> None:
+        """Nothing to disconnect."""
+
+    def now(self) -> float:
+        """Return the time of the look that is played, s."""
+        return self._looks[self._place].time
+
+    def wait_until(self, stamp: float) -> None:
+        """Go on to the next look.
+
+        Raises:
+            TrafficEndedError: There is none.
+        """
+        if self._place + 1 >= len(self._looks):
+            raise TrafficEndedError("the recording is over")
+        self._begin(self._place + 1)
+
+    def _begin(self, place: int) -> None:
+        self._place = place
+        self._came, self._sent = iter(self._looks[place].came), list(self._looks[place].sent)
+
+    def _fail(self) -> None:
+        if self._looks[self._place].failed:
+            raise LineLostError(self._looks[self._place].failed)
+
+    def _check(self, text: str) -> None:
+        self._fail()
+        if text in self._sent:
+            self._sent.remove(text)
+        else:
+            self.differing += 1
+
+
+class PlaybackCan(Playback):
+    """A recording of a CAN bus."""
+
+    def read(self, timeout: float) -> CanFrame | None:
+        """Return the next frame that came in this look."""
+        self._fail()
+        text = next(self._came, None)
+        if text is None:
+            return None
+        number, data, waited, *_ = [*text.split(" "), "", ""]
+        return CanFrame(int(number, 16), bytes.fromhex(data), float(waited or 0.0))
+
+    def write(self, frame: CanFrame) -> None:
+        """Compare what is sent with what was."""
+        self._check(f"{frame.id:03X} {frame.data.hex()}".strip())
+
+
+class PlaybackLine(Playback):
+    """A recording of a serial line."""
+
+    def read(self, timeout: float) -> bytes:
+        """Return what came in this look."""
+        self._fail()
+        return b"".join(map(bytes.fromhex, self._came))
+
+    def write(self, data: bytes) -> None:
+        """Compare what is sent with what was."""
+        self._check(data.hex())
+
+
+def is_traffic(path: Path) -> bool:
+    """Whether a file holds recorded traffic."""
+    try:
+        with path.open("rb") as file:
+            return file.read(len(HEAD)) == HEAD.encode()
+    except OSError:
+        return False
+
+
+def _read(path: Path) -> tuple[str, list[_Look]]:
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or 'not text'}") from None
+    wire = lines[0].removeprefix(HEAD) if lines and lines[0].startswith(HEAD) else ""
+    if wire not in ("can", "serial"):
+        raise ConfigError(f'{path}: no recorded traffic; a first line "{HEAD}can" or "{HEAD}serial" needed')
+    looks: list[_Look] = []
+    parse: dict[str, Callable[[str], object]] = {
+        "@": lambda text: looks.append(_Look(float(text))),
+        "<": lambda text: looks[-1].came.append(_hexadecimal(text)),
+        ">": lambda text: looks[-1].sent.append(_hexadecimal(text)),
+        "!": lambda text: setattr(looks[-1], "failed", text),
+    }
+    for number, line in enumerate(lines[1:], 2):
+        try:
+            parse[line[:1]](line[2:])
+        except (KeyError, ValueError, IndexError):
+            if number == len(lines) and looks:
+                break  # the recording was cut off in the middle of a line
+            raise ConfigError(f"{path}: line {number}: {line[:40]!r}: no traffic") from None
+    if not looks:
+        raise ConfigError(f"{path}: no traffic in it")
+    return wire, looks
+
+
+def _hexadecimal(text: str) -> str:
+    _, data, waited, *_ = [*text.split(" "), "", ""] if " " in text else ["", text, ""]
+    bytes.fromhex(data)
+    float(waited or 0.0)
+    return text.strip()

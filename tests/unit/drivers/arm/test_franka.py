@@ -1,0 +1,81 @@
+import math
+import os
+
+import numpy as np
+import pytest
+
+from drivers import impedance, panda
+from drivers.arm import franka as arm
+from drivers.arm.franka import FrankaArm, FrankaArmConfig
+from drivers.arm.link import SIZE, Link, Phase, holding_words
+from drivers.errors import ArmSilentError, DeviceNotOpenedError, GripperSilentError
+from drivers.gripper import franka as gripper
+from drivers.gripper.franka import FrankaGripper, FrankaGripperConfig
+from tests.fakes import FakeClock
+
+ARM = FrankaArmConfig(kind="franka", host="127.0.0.1", collision_torque=40.0, collision_force=40.0)
+GRIPPER = FrankaGripperConfig(kind="franka", host="127.0.0.1")
+
+
+@pytest.fixture
+def ends():
+    """Return both ends of one link."""
+    handle = os.memfd_create("test")
+    os.ftruncate(handle, SIZE)
+    made = Link(handle), Link(handle)
+    os.close(handle)
+    return made
+
+
+def test_what_one_end_writes_the_other_reads(ends):
+    here, there = ends
+    here["words"][0, 5] = 1.5
+    here["phase"][0] = Phase.REFLEX
+    assert (there["words"][0, 5], Phase(int(there["phase"][0]))) == (1.5, Phase.REFLEX)
+
+
+def test_a_record_under_way_is_not_settled(ends):
+    here, there = ends
+    before = there.is_settled("setpoint_sequence")
+    here.begin("setpoint_sequence")
+    assert there.is_settled("setpoint_sequence") is None
+    here.end("setpoint_sequence")
+    assert there.is_settled("setpoint_sequence") not in (None, before)
+
+
+def test_holding_still_asks_for_no_torque_at_rest_and_resists_a_push():
+    q, still, law = np.array([0.0, -0.3, 0.0, -2.2, 0.0, 2.0, 0.8]), np.zeros(7), np.zeros(impedance.STATE_WORDS)
+    words = holding_words()
+    assert np.allclose(impedance.torque(words, law, q, still, 0.0, panda.CONTROL_PERIOD), 0.0, atol=1e-9)
+    for _ in range(100):
+        tau = impedance.torque(words, law, q + 0.05 * np.eye(7)[1], still, 0.0, panda.CONTROL_PERIOD)
+    assert tau[1] < -1.0
+
+
+@pytest.mark.parametrize(("module", "device"), [(arm, FrankaArm(ARM, FakeClock())), (gripper, FrankaGripper(GRIPPER))])
+def test_the_missing_library_is_told(monkeypatch, module, device):
+    monkeypatch.setattr(module, "find_spec", lambda name: None)
+    with pytest.raises(DeviceNotOpenedError, match=r"pylibfranka is not installed: pip install '[^\n]*\[franka\]'$"):
+        device.open()
+
+
+def test_devices_that_were_never_opened_are_silent_and_take_a_halt():
+    device = FrankaArm(ARM, FakeClock())
+    device.halt()
+    device.close()
+    assert device.phase is Phase.LOST
+    for silent in (device.read, device.reset, device.figures):
+        with pytest.raises(ArmSilentError):
+            silent()
+    hand = FrankaGripper(GRIPPER)
+    hand.close()
+    with pytest.raises(GripperSilentError):
+        hand.grip(30.0)
+    with pytest.raises(GripperSilentError):
+        hand.read()
+
+
+def test_collision_limits_have_no_default():
+    with pytest.raises(ValueError, match="collision_force"):
+        FrankaArmConfig.model_validate({"kind": "franka", "host": "a", "collision_torque": 40.0})
+    assert math.isfinite(ARM.collision_force)

@@ -1,0 +1,283 @@
+import math
+
+import numpy as np
+import pytest
+
+from drivers.errors import DeviceNotOpenedError, SkinSilentError
+from drivers.skin.boards import RECENT
+from drivers.skin.cyskin_wire import Command
+from drivers.skin.health import BASELINE_FRAMES, SkinHealth, SkinHealthConfig
+from drivers.transport.can_bus import CanFrame
+from sim.boards import TEMPERATURE_COUNTS
+from sim.config import WireFaults
+from tests.skins import WIRED, BoardRig, can_config, held_peg, serial_config
+
+STEADY = SkinHealthConfig(drift_time=1e5)
+"""A baseline that follows nothing."""
+
+
+@pytest.fixture(params=["can", "serial"])
+def rig(request):
+    """Yield an opened skin on either wire."""
+    made = BoardRig(WIRED[request.param])
+    made.skin.open()
+    return made
+
+
+def spied(rig):
+    """Return a list that everything which the board's converters measure from now on goes to."""
+    measured, real = [], rig.hub.measure
+
+    def measure():
+        counts = real()
+        measured.append((rig.world.time, counts.copy()))
+        return counts
+
+    rig.hub.measure = measure
+    return measured
+
+
+@pytest.mark.parametrize("name", [name for name in WIRED if name != "icub"])
+def test_every_count_that_the_board_measures_comes_through(name):
+    rig = BoardRig(WIRED[name].model_copy(update={"health": STEADY}))
+    measured = spied(rig)
+    rig.skin.open()
+    rig.world.load = held_peg()
+    frames = {frame.sequence: frame for frame in rig.scan(2.0)}
+    raw = np.array([counts for _, counts in measured])
+    first = BASELINE_FRAMES - 1
+    health = SkinHealth(STEADY, raw[: first + 1])
+    wanted = [health.update(counts, 0.0) for counts in raw[first:]]
+    assert len(frames) > 15
+    for sequence, frame in frames.items():
+        values, trusted = wanted[sequence]
+        assert (frame.trusted == trusted).all()
+        assert np.allclose(frame.values, values, atol=0.1)
+
+
+def test_stamp_is_no_more_than_one_scan_and_the_wire_behind_the_measurement(rig):
+    measured = spied(rig)
+    rig.scan(0.095)
+    frames = {frame.sequence: frame for frame in rig.scan(3.0)}
+    first = min(frames)
+    delays = np.array(
+        [frame.stamp - measured[n - first][0] for n, frame in frames.items() if n - first < len(measured)]
+    )
+    assert len(delays) > 25
+    assert delays.min() > 0.0
+    assert delays.max() < 0.01 + 0.0015
+
+
+def test_frames_come_at_the_configured_rate(rig):
+    assert rig.skin.figures().rate == pytest.approx(10.0, rel=0.01)
+    assert rig.scan(2.0)[-1].sequence == pytest.approx(20, abs=1)
+
+
+def test_temperature_of_every_module_is_kept(rig):
+    assert rig.skin.figures().temperature.tolist() == [TEMPERATURE_COUNTS + n for n in range(4)]
+
+
+def test_touch_is_positive_and_the_other_taxels_stay(rig):
+    rig.world.load = held_peg()
+    frame = rig.scan(0.5)[-1]
+    assert frame.values.max() > 5000.0
+    assert np.median(np.abs(frame.values)) < 2000.0
+
+
+def test_lost_messages_cost_scans_and_are_counted(rig):
+    rig.link.faults = WireFaults(drop=0.01)
+    frames = rig.scan(20.0)
+    figures = rig.skin.figures()
+    assert figures.lost > 5
+    seen = {frame.sequence for frame in frames if frame is not None}
+    assert len(seen) + figures.lost == pytest.approx(max(seen), abs=3)
+
+
+def test_corrupt_messages_are_refused_and_no_value_is_wrong():
+    """A quiet skin reads within its noise, and one wrong high byte would stand out."""
+    for name in ("can", "serial"):
+        rig = BoardRig(WIRED[name], noise=0.001, drift=0.0)
+        rig.skin.open()
+        rig.link.faults = WireFaults(corrupt=0.02)
+        values = [frame.values for frame in rig.scan(60.0) if frame is not None]
+        assert rig.skin.figures().refused > 20
+        assert np.abs(values).max() < 200.0
+
+
+@pytest.mark.parametrize("seconds", [0.5, 3.0])
+def test_board_that_was_unplugged_comes_back_with_the_old_baseline(rig, seconds):
+    rig.world.load = held_peg()
+    before = rig.scan(1.0)[-1]
+    rig.unplug(seconds)
+    gone = rig.scan(seconds)
+    back = rig.scan(1.0)
+    assert gone[-1] is None
+    assert back[-1] is not None
+    assert np.corrcoef(before.values.flat, back[-1].values.flat)[0, 1] > 0.95
+    assert back[-1].sequence > before.sequence
+
+
+def test_board_that_starts_anew_is_started_again(rig):
+    rig.link.faults = WireFaults(resets=(rig.clock.now() + 0.05,))
+    frames = rig.scan(2.0)
+    assert None in frames
+    assert frames[-1] is not None
+
+
+def test_what_is_wrong_is_said_while_the_skin_is_silent(rig):
+    rig.unplug(10.0)
+    rig.scan(1.0)
+    with pytest.raises(
+        SkinSilentError, match=r"no frame for 1\.\d+ s > 0\.350 s limit: .*(does not answer|no such port)"
+    ):
+        rig.skin.read()
+
+
+def test_exchanged_modules_are_told_until_the_skin_is_opened_again():
+    rig = BoardRig(can_config())
+    rig.skin.open()
+    rig.hub.replace_modules((9, 8, 7, 6))
+    rig.link.faults = WireFaults(resets=(rig.clock.now() + 0.05,))
+    assert rig.scan(2.0)[-1] is None
+    with pytest.raises(SkinSilentError, match="modules 9, 8, 7, 6 in place of 3500"):
+        rig.skin.read()
+    rig.skin.close()
+    rig.skin.open()
+    assert rig.skin.read().trusted.all()
+
+
+def test_modules_are_placed_by_their_own_numbers():
+    order = (40, 10, 30, 20)
+    plain, mixed = BoardRig(can_config()), BoardRig(can_config(board={"kind": "cyskin", "modules": order}))
+    mixed.hub.replace_modules(tuple(sorted(order)))
+    for rig in (plain, mixed):
+        rig.skin.open()
+        rig.world.load = held_peg()
+    a, b = (rig.scan(0.5)[-1].values.reshape(4, 10) for rig in (plain, mixed))
+    assert np.allclose(b, a[[3, 0, 2, 1]], atol=2500.0)
+
+
+def test_module_that_is_not_on_the_hub_is_not_trusted():
+    rig = BoardRig(can_config(board={"kind": "cyskin", "modules": (1, 2, 3, 4)}))
+    rig.hub.replace_modules((1, 2, 4))
+    rig.skin.open()
+    assert np.flatnonzero(~rig.skin.read().trusted.reshape(4, 10).all(axis=1)).tolist() == [2]
+
+
+def test_taxel_that_dies_while_running_is_masked_at_once(rig):
+    assert rig.skin.read().trusted.all()
+    rig.hub.measure.__self__.taxels.dead[1, 3] = True
+    assert np.argwhere(~rig.scan(0.3)[-1].trusted).tolist() == [[1, 3]]
+
+
+def test_board_that_is_slower_than_told_is_not_opened():
+    rig = BoardRig(WIRED["serial"].model_copy(update={"rate": 100.0, "baud_rate": 19_200}))
+    with pytest.raises(DeviceNotOpenedError, match=r"scans/s < 80\.0 scans/s, 80% of skin\.rate"):
+        rig.skin.open()
+
+
+@pytest.mark.parametrize(
+    ("driver", "board", "said"),
+    [
+        ({"hub": 2}, {}, "none of hub 2: see board.wire.hub"),
+        ({"crc": {"polynomial": 0x31}}, {}, "wrong check sum: see board.wire.crc"),
+    ],
+)
+def test_wrong_wire_is_named_when_the_board_is_heard_but_not_understood(driver, board, said):
+    rig = BoardRig(can_config())
+    rig.skin.open()  # the board sends from now on
+    rig.skin.close()
+    other = can_config(board={"kind": "cyskin", "wire": driver})
+    skin = type(rig.skin)(other, rig.link, rig.clock)
+    with pytest.raises(SkinSilentError, match=said):
+        skin.open()
+
+
+def test_wrong_baud_rate_is_guessed_from_noise():
+    rig = BoardRig(serial_config())
+    rig.link.faults = WireFaults(corrupt=1.0)
+    rig.skin._port.link.open()
+    rig.link._send(rig.link._to_host, list(bytes(range(1, 200))), 0.0)
+    rig.link.open = lambda: setattr(rig.link, "_is_open", True)
+    with pytest.raises(SkinSilentError, match="199 bytes heard and no frame among them: another baud rate"):
+        rig.skin.open()
+
+
+def test_silent_board_is_named():
+    rig = BoardRig(can_config(open_timeout=0.5))
+    rig.unplug(100.0)
+    with pytest.raises(SkinSilentError, match="hub 1 does not answer"):
+        rig.skin.open()
+    assert rig.clock.now() == pytest.approx(0.5, abs=0.02)
+
+
+def test_skin_that_could_not_be_opened_can_be_opened_later(rig):
+    rig.skin.close()
+    rig.unplug(5.0)
+    with pytest.raises((SkinSilentError, DeviceNotOpenedError)):
+        rig.skin.open()
+    rig.clock.wait_until(rig.clock.now() + 5.0)
+    rig.skin.open()
+    assert rig.skin.read().sequence == 0
+
+
+def test_reading_before_opening_is_a_fault():
+    with pytest.raises(DeviceNotOpenedError, match="read before it was opened"):
+        BoardRig(can_config()).skin.read()
+
+
+def test_figures_before_the_first_scan_are_empty():
+    figures = BoardRig(can_config()).skin.figures()
+    assert (figures.scans, figures.lost, figures.age) == (0, 0, math.inf)
+    assert math.isnan(figures.rate)
+    assert RECENT >= 2
+
+
+def test_foreign_frames_on_the_bus_do_not_disturb():
+    rig = BoardRig(can_config())
+    rig.skin.open()
+    rng = np.random.default_rng(0)
+
+    def babble():
+        return [CanFrame(int(rng.integers(0x800)) | 0x80, rng.bytes(8)) for _ in range(5)]
+
+    for _ in range(100):
+        rig.link._send(rig.link._to_host, babble(), rig.world.time)
+        assert rig.scan(0.01)[0] is not None
+    assert rig.skin.figures().lost == 0
+
+
+def test_skin_that_nobody_read_for_a_while_is_not_silent(rig):
+    rig.clock.wait_until(rig.clock.now() + 5.0)
+    assert rig.skin.read().stamp > rig.clock.now() - 0.15
+
+
+@pytest.mark.parametrize("command", [Command.DECLARE, Command.DETAILS, Command.PERIOD, Command.AUTO_SYNC])
+def test_what_got_lost_while_the_board_was_started_is_said_again(command):
+    rig, lost = BoardRig(can_config()), []
+    real = rig.link.write
+
+    def write(frame):
+        if frame.data[0] == command and not lost:
+            lost.append(frame)
+        else:
+            real(frame)
+
+    rig.link.write = write
+    rig.skin.open()
+    rig.scan(6.0)
+    assert lost
+    assert rig.skin.figures().rate == pytest.approx(10.0, rel=0.05)
+
+
+def test_what_was_lost_while_nobody_listened_is_no_silence_but_a_silent_board_still_is(rig):
+    rig.skin.open()
+    rig.unplug(20.0)
+    rig.clock.wait_until(rig.clock.now() + 19.9)
+    before = rig.skin.read()
+    rig.clock.wait_until(rig.clock.now() + 0.3)
+    assert rig.skin.read().sequence == before.sequence
+    rig.clock.wait_until(rig.clock.now() + 5.0)
+    rig.unplug(5.0)
+    assert rig.scan(0.3)[-1] is not None
+    assert rig.scan(0.3)[-1] is None

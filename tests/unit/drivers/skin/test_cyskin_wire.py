@@ -1,0 +1,263 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from drivers.skin.cyskin_wire import (
+    FIRST,
+    LAST,
+    LONGEST,
+    CanAssembler,
+    Channels,
+    Command,
+    Message,
+    Module,
+    ScanAssembler,
+    SkinWireConfig,
+    WireError,
+    decode,
+    decode_module,
+    decode_period,
+    encode,
+    encode_module,
+    encode_period,
+    to_can,
+)
+from drivers.transport.can_bus import CanFrame
+from drivers.transport.crc import Crc8
+
+same = settings(derandomize=True, deadline=None, max_examples=80)
+
+WIRE = SkinWireConfig()
+HUB = WIRE.hub
+crcs = st.builds(Crc8, polynomial=st.integers(0, 127).map(lambda n: 2 * n + 1), initial=st.integers(0, 255))
+wires = st.builds(SkinWireConfig, crc=crcs, byte_order=st.sampled_from(["little", "big"]))
+messages = st.builds(
+    Message, st.integers(0x10, 0xFF), st.binary(max_size=255), st.one_of(st.none(), st.integers(0, 15))
+)
+MODULES = [Module(number, 3535 + number, 12) for number in range(4)]
+
+
+def flipped(data):
+    """Yield `data` with every single bit turned."""
+    for bit in range(8 * len(data)):
+        spoilt = bytearray(data)
+        spoilt[bit // 8] ^= 1 << bit % 8
+        yield bytes(spoilt)
+
+
+def heard(frames):
+    """Return the messages that a listener takes from the bus."""
+    assembler, taken = CanAssembler(HUB), []
+    for frame in frames:
+        data = assembler.feed(frame)
+        if data is not None:
+            try:
+                taken.append(decode(data, WIRE))
+            except WireError:
+                assembler.broken += 1
+    return taken, assembler
+
+
+@pytest.mark.parametrize(
+    ("keys", "check"),
+    [
+        ({}, 0xF4),
+        ({"final": 0x55}, 0xA1),
+        ({"polynomial": 0x31, "reflected": True}, 0xA1),
+        ({"polynomial": 0x2F, "initial": 0xFF, "final": 0xFF}, 0xDF),
+        ({"reflected": True, "initial": 0xFF}, 0xD0),
+    ],
+)
+def test_crc_is_that_of_the_catalogue(keys, check):
+    assert Crc8(**keys).of(b"123456789") == check
+
+
+def test_polynomial_that_lets_single_bits_through_is_refused():
+    with pytest.raises(ValidationError, match="0x06 lets single flipped bits through"):
+        Crc8(polynomial=6)
+
+
+@same
+@given(messages, wires)
+def test_message_comes_back_as_it_went(message, wire):
+    assert decode(encode(message, wire), wire) == message
+
+
+@same
+@given(messages, wires)
+def test_every_truncation_of_a_message_is_refused(message, wire):
+    data = encode(message, wire)
+    for length in range(len(data)):
+        with pytest.raises(WireError):
+            decode(data[:length], wire)
+
+
+@settings(same, max_examples=60)
+@given(messages, wires)
+def test_every_flipped_bit_of_a_message_is_refused(message, wire):
+    for spoilt in flipped(encode(message, wire)):
+        with pytest.raises(WireError):
+            decode(spoilt, wire)
+
+
+@same
+@given(st.binary(max_size=LONGEST + 10), wires)
+def test_noise_is_refused_or_is_a_message_to_the_last_byte(noise, wire):
+    try:
+        message = decode(noise, wire)
+    except WireError:
+        return
+    assert encode(message, wire) == noise
+
+
+@pytest.mark.parametrize("message", [Message(0x0F), Message(0x100), Message(0x43, b"", 16), Message(0x43, bytes(256))])
+def test_what_does_not_fit_a_message_is_not_sent(message):
+    with pytest.raises(WireError):
+        encode(message, WIRE)
+
+
+@same
+@given(messages)
+def test_message_goes_through_can_frames_of_at_most_eight_bytes(message):
+    frames = to_can(encode(message, WIRE), HUB)
+    assert max(len(frame.data) for frame in frames) <= 8
+    assert heard(frames)[0] == [message]
+
+
+def test_two_modules_fill_seven_can_frames():
+    readings = np.arange(24, dtype=np.uint16)
+    (message,) = Channels(MODULES[:2]).encode(readings, WIRE, 1)
+    assert len(to_can(encode(message, WIRE), HUB)) == 7
+
+
+@same
+@given(messages, messages, st.data())
+def test_lost_frame_costs_its_own_message_only(message, following, data):
+    frames = to_can(encode(message, WIRE), HUB)
+    lost = data.draw(st.integers(0, len(frames) - 1))
+    taken, _ = heard(frames[:lost] + frames[lost + 1 :] + to_can(encode(following, WIRE), HUB))
+    assert taken == [following]
+
+
+@settings(same, max_examples=60)
+@given(messages, messages)
+def test_flipped_bit_in_a_can_frame_is_never_another_message(message, following):
+    frames, more = to_can(encode(message, WIRE), HUB), to_can(encode(following, WIRE), HUB)
+    for number, frame in enumerate(frames):
+        spoilt = [CanFrame(frame.id, data) for data in flipped(frame.data)]
+        spoilt += [CanFrame(frame.id ^ 1 << bit, frame.data) for bit in range(11)]
+        for wrong in spoilt:
+            taken, assembler = heard([*frames[:number], wrong, *frames[number + 1 :], *more])
+            assert taken == [following]
+            assert assembler.broken or wrong.id & 0xFF != HUB
+
+
+@same
+@given(st.lists(st.builds(CanFrame, st.integers(0, 0x7FF), st.binary(max_size=8)), max_size=60))
+def test_noise_on_the_bus_never_grows_nor_stops_the_listener(frames):
+    assembler = CanAssembler(HUB)
+    for frame in frames:
+        data = assembler.feed(frame)
+        assert data is None or len(data) <= LONGEST
+    after = Message(Command.DECLARE)
+    assert [assembler.feed(frame) for frame in to_can(encode(after, WIRE), HUB)][-1] == encode(after, WIRE)
+
+
+def test_endless_middle_frames_are_thrown_away():
+    assembler = CanAssembler(HUB)
+    assembler.feed(CanFrame(FIRST | HUB, bytes(8)))
+    for _ in range(40):
+        assert assembler.feed(CanFrame(0x200 | HUB, bytes(8))) is None
+    assert assembler.feed(CanFrame(LAST | HUB, b"")) is None
+    assert assembler.broken > 1
+
+
+@same
+@given(
+    st.builds(
+        Module,
+        st.integers(0, 255),
+        st.integers(0, 2**32 - 1),
+        st.integers(1, 12),
+        st.integers(0, 255),
+        st.integers(0, 2**12 - 1).map(lambda mask: mask | 1),
+        st.integers(0, 255),
+        st.integers(0, 255),
+    )
+)
+def test_record_of_a_module_is_eleven_bytes_and_comes_back(module):
+    record = encode_module(module)
+    assert len(record) == 11
+    assert decode_module(record) == module
+
+
+@pytest.mark.parametrize("record", [b"", bytes(10), bytes(12), encode_module(Module(1, 2, 12, uncut=0))])
+def test_record_without_a_channel_or_of_another_length_is_refused(record):
+    with pytest.raises(WireError):
+        decode_module(record)
+
+
+def test_cut_channels_are_not_in_the_stream():
+    channels = Channels([Module(1, 7, 12, uncut=0b101), Module(0, 9, 3)])
+    assert channels.uid == (9 << 4, 9 << 4 | 1, 9 << 4 | 2, 7 << 4, 7 << 4 | 2)
+
+
+@same
+@given(st.lists(st.integers(0, 65535), min_size=48, max_size=48), wires, st.integers(1, 126))
+def test_scan_comes_back_from_its_messages(values, wire, most):
+    wire = wire.model_copy(update={"values_per_message": most})
+    channels, scan = Channels(MODULES), None
+    assembler = ScanAssembler(len(channels), 0.05)
+    for message in channels.encode(np.array(values, dtype=np.uint16), wire, 3):
+        assert scan is None
+        scan = assembler.add(channels.decode(message.payload, wire), 3, 1.0)
+    assert scan is not None
+    assert scan[0].tolist() == values
+
+
+@same
+@given(st.binary(max_size=255))
+def test_sensor_data_that_do_not_fit_the_modules_are_refused(payload):
+    channels = Channels(MODULES[:2])
+    try:
+        start, readings = channels.decode(payload, WIRE)
+    except WireError:
+        return
+    assert 0 <= start < start + len(readings) <= len(channels)
+
+
+@settings(same, max_examples=80)
+@given(st.data(), st.booleans())
+def test_parts_of_two_scans_are_never_mixed(data, numbered):
+    """Scan n reads n everywhere; parts get lost at random."""
+    channels, assembler = Channels(MODULES), ScanAssembler(48, 0.05)
+    for number in range(8):
+        sequence = number % 16 if numbered else None
+        for message in channels.encode(np.full(48, number, dtype=np.uint16), WIRE, sequence):
+            if data.draw(st.booleans()):
+                scan = assembler.add(channels.decode(message.payload, WIRE), sequence, 0.1 * number)
+                assert scan is None or set(scan[0].tolist()) == {number}
+
+
+def test_missing_scans_are_counted():
+    assembler = ScanAssembler(2, 0.05)
+    whole = (0, np.zeros(2, dtype=np.uint16))
+    for sequence in (14, 15, 2):
+        assembler.add(whole, sequence, 0.1 * sequence)
+    assert (assembler.lost, assembler.incomplete) == (2, 0)
+
+
+@pytest.mark.parametrize(("period", "order"), [(0.01, "little"), (0.1, "big"), (65.535, "little")])
+def test_period_goes_in_milliseconds(period, order):
+    wire = SkinWireConfig(byte_order=order)
+    payload = encode_period(period, wire)
+    assert int.from_bytes(payload, order) == round(1000 * period)
+    assert decode_period(payload, wire) == pytest.approx(period)
+
+
+@pytest.mark.parametrize("payload", [b"", b"\0", b"\0\0", b"\0\0\1"])
+def test_period_of_no_time_is_refused(payload):
+    with pytest.raises(WireError, match="1 to 65535 ms"):
+        decode_period(payload, WIRE)

@@ -1,0 +1,126 @@
+import numpy as np
+import pytest
+
+from drivers.skin.health import ERROR_COUNT, SkinHealth, SkinHealthConfig, dead_groups
+
+CONFIG = SkinHealthConfig(stuck_frames=10, drift_time=10.0)
+TAXELS = 8
+
+
+def _still(seed=0, frames=50, level=5000.0, noise=300.0):
+    rng = np.random.default_rng(seed)
+    return np.rint(level + noise * rng.standard_normal((frames, TAXELS))).astype(np.uint16)
+
+
+def _health(still=None):
+    return SkinHealth(CONFIG, _still() if still is None else still)
+
+
+def test_too_short_a_baseline_is_refused():
+    with pytest.raises(ValueError, match="49 frames < 50 frames"):
+        _health(_still(frames=49))
+
+
+def test_values_keep_their_sign():
+    values, _ = _health().update(_still(1)[0], 0.1)
+    assert values.min() < 0.0 < values.max()
+
+
+def test_fifty_frames_leave_a_seventh_of_the_noise_in_the_baseline():
+    errors = [_health(_still(seed)).baseline - 5000.0 for seed in range(100)]
+    assert np.std(errors) == pytest.approx(300.0 / 50**0.5, rel=0.1)
+
+
+def test_dead_taxel_is_masked_for_good():
+    still = _still()
+    still[:, 3] = 0
+    _, trusted = _health(still).update(_still(1)[0], 0.1)
+    assert np.flatnonzero(~trusted).tolist() == [3]
+
+
+def test_stuck_taxel_is_masked_at_the_start():
+    still = _still()
+    still[:, 2] = 4711
+    assert np.flatnonzero(_health(still).stuck).tolist() == [2]
+
+
+@pytest.mark.parametrize("count", [ERROR_COUNT, 65535])
+def test_error_count_is_masked_and_reads_zero(count):
+    raw = _still(1)[0]
+    raw[5] = count
+    values, trusted = _health().update(raw, 0.1)
+    assert not trusted[5]
+    assert values[5] == 0.0
+
+
+@pytest.mark.parametrize(("count", "is_trusted"), [(CONFIG.saturation - 1, True), (CONFIG.saturation, False)])
+def test_reading_at_the_rail_is_masked_and_one_below_is_not(count, is_trusted):
+    raw = _still(1)[0]
+    raw[5] = count
+    assert _health().update(raw, 0.1)[1][5] == is_trusted
+
+
+def test_taxel_is_trusted_again_after_an_error():
+    health, (first, second) = _health(), _still(1)[:2]
+    first[5] = ERROR_COUNT
+    health.update(first, 0.1)
+    assert health.update(second, 0.2)[1].all()
+
+
+@pytest.mark.parametrize(("frames", "is_trusted"), [(CONFIG.stuck_frames - 1, True), (CONFIG.stuck_frames, False)])
+def test_taxel_that_stands_still_while_running_is_masked_at_the_limit(frames, is_trusted):
+    health = _health()
+    for raw in _still(1)[:frames]:
+        raw[4] = 9000
+        _, trusted = health.update(raw, 0.1)
+    assert trusted[4] == is_trusted
+
+
+@pytest.mark.parametrize(("frames", "is_trusted"), [(CONFIG.frozen_frames - 1, True), (CONFIG.frozen_frames, False)])
+def test_no_taxel_of_a_frozen_frame_is_trusted_at_the_limit(frames, is_trusted):
+    health, frozen = _health(), _still(1)[0]
+    for _ in range(frames):
+        _, trusted = health.update(frozen, 0.1)
+    assert trusted.any() == trusted.all() == is_trusted
+
+
+def test_frozen_skin_is_trusted_again_once_it_measures():
+    health, (frozen, fresh) = _health(), _still(1)[:2]
+    for raw in [frozen] * 8 + [fresh]:
+        _, trusted = health.update(raw, 0.1)
+    assert trusted.all()
+
+
+def test_baseline_follows_an_untouched_skin():
+    health = _health()
+    for k, raw in enumerate(_still(1, frames=600, level=5400.0)):
+        values, _ = health.update(raw, 0.1 * k)
+    assert abs(values.mean()) < 150.0
+
+
+def test_baseline_stands_still_under_a_touch():
+    health = _health()
+    before = health.baseline.copy()
+    for k, raw in enumerate(_still(1, frames=600)):
+        raw[0] = 15000 + k
+        health.update(raw, 0.1 * k)
+    assert health.baseline == pytest.approx(before)
+
+
+def test_group_is_dead_when_all_of_it_is():
+    dead = np.array([True, True, True, False])
+    assert dead_groups(dead, np.array([7, 7, 9, 9])) == [7]
+
+
+def test_zero_far_below_the_baseline_is_no_measurement():
+    still = np.full((50, 3), 5000, dtype=np.uint16) + (np.arange(150).reshape(50, 3) % 7).astype(np.uint16)
+    health = SkinHealth(SkinHealthConfig(), still)
+    _, trusted = health.update(np.array([5001, 0, 4000], dtype=np.uint16), 1.0)
+    assert trusted.tolist() == [True, False, True]
+
+
+def test_zero_near_a_baseline_of_zero_is_a_measurement():
+    """Recordings have their baseline removed already."""
+    still = (np.arange(150).reshape(50, 3) % 4).astype(np.uint16)
+    health = SkinHealth(SkinHealthConfig(), still)
+    assert health.update(np.zeros(3, dtype=np.uint16), 1.0)[1].all()

@@ -1,0 +1,85 @@
+import numpy as np
+import pytest
+
+from drivers.errors import ConfigError, DeviceNotOpenedError, SkinSilentError
+from drivers.skin.health import ERROR_COUNT
+from drivers.skin.recording import RecordedSkin
+from tests.skins import ScriptedWorld
+
+SUIS = (100, 200, 300, 400, 500)
+
+
+@pytest.fixture
+def path(tmp_path):
+    """Write five modules of 12 channels, 20 frames at 10 Hz; module 500 is never touched, one taxel is dead."""
+    uid = [sui << 4 | name for sui in SUIS for name in range(12)]
+    rows = []
+    for number in range(20):
+        counts = [0 if sui == 500 else sui + 10 * name + number for sui in SUIS for name in range(12)]
+        counts[uid.index(200 << 4 | 3)] = 0
+        rows.append([number, f"{5 + 0.1 * number:.6f}", *counts])
+    rows[4][2 + uid.index(300 << 4 | 1)] = ERROR_COUNT
+    file = tmp_path / "patch.txt"
+    file.write_text("\n".join(" ".join(map(str, row)) for row in [uid, *rows]))
+    return file
+
+
+def _opened(path, **keys):
+    clock = ScriptedWorld()
+    skin = RecordedSkin(path, clock, **keys)
+    skin.open()
+    return skin, clock
+
+
+def test_frames_come_when_they_were_recorded(path):
+    skin, clock = _opened(path)
+    for number in range(20):
+        clock.time = 0.1 * number + 0.05
+        frame = skin.read()
+        assert (frame.sequence, frame.stamp) == (number, pytest.approx(0.1 * number))
+
+
+def test_most_touched_modules_stand_for_the_fingers_without_their_temperatures(path):
+    frame = _opened(path)[0].read()
+    assert frame.values.reshape(4, 10)[0].tolist() == [100 + 10 * name for name in range(1, 11)]
+    assert frame.values.reshape(4, 10)[3, 0] == 410
+
+
+def test_modules_can_be_chosen(path):
+    frame = _opened(path, modules=(400, 100, 300, 500))[0].read()
+    assert frame.values.reshape(4, 10)[0, 0] == 410
+    assert not frame.trusted.reshape(4, 10)[3].any()
+
+
+def test_dead_taxels_and_error_marks_are_masked(path):
+    skin, clock = _opened(path)
+    assert np.argwhere(~skin.read().trusted).tolist() == [[0, 12]]
+    clock.time = 0.41
+    assert np.argwhere(~skin.read().trusted).tolist() == [[0, 12], [1, 0]]
+
+
+def test_recording_that_has_ended_is_silent(path):
+    skin, clock = _opened(path)
+    clock.time = 2.3
+    with pytest.raises(SkinSilentError, match="has ended"):
+        skin.read()
+
+
+def test_reading_before_opening_is_a_fault(path):
+    with pytest.raises(DeviceNotOpenedError):
+        RecordedSkin(path, ScriptedWorld()).read()
+
+
+@pytest.mark.parametrize("text", ["", "1 2 3", "1 2 3\n0 0.0 1 2", "a b\n0 0.1 1 2", "1 2\n0 0.1 1 x"])
+def test_file_that_is_no_recording_is_told_in_one_line(tmp_path, text):
+    file = tmp_path / "patch.txt"
+    file.write_text(text)
+    with pytest.raises(ConfigError, match=r"patch\.txt: no recording"):
+        _opened(file)
+
+
+def test_missing_file_and_missing_modules_are_told(path):
+    with pytest.raises(ConfigError, match="cannot be read"):
+        _opened(path.with_name("other.txt"))
+    with pytest.raises(ConfigError, match="4 modules with 10 taxels needed"):
+        _opened(path, modules=(1, 2, 3, 4))

@@ -1,0 +1,210 @@
+import logging
+
+import pytest
+
+from drivers.errors import DeviceNotOpenedError
+from drivers.quantities import SwitchState
+from drivers.switch.board import REOPEN_PERIOD, STALE, SerialSuccessSwitch, SerialSwitchConfig
+from drivers.switch.wire import Contacts, SwitchReport, encode
+from sim.terminal import Terminal
+from tests.fakes import FakeClock
+
+HEARTBEAT = 0.025
+
+
+class Board:
+    """Talks as the firmware does, in the clock's time, from a port of its own."""
+
+    def __init__(self, clock: FakeClock) -> None:
+        self.clock, self.terminal = clock, Terminal("test-switch")
+        self.report: SwitchReport | None = SwitchReport(1, Contacts.OPEN, 0, normally_closed=True)
+        self.noise = b""
+        self.due = HEARTBEAT
+        self.delay = 0.0
+        self.terminal.plug_in()
+        clock.every.append(self.talk)
+
+    def talk(self) -> None:
+        while self.due <= self.clock.now():
+            time = round((self.due - self.delay) * 1000)
+            self.terminal.send(self.noise if self.report is None else encode(replaced(self.report, time=time)))
+            self.due += HEARTBEAT
+
+
+def replaced(report: SwitchReport, **changes: object) -> SwitchReport:
+    values = {name: getattr(report, name) for name in SwitchReport.__slots__} | changes
+    return SwitchReport(**values)
+
+
+@pytest.fixture
+def clock():
+    return FakeClock()
+
+
+@pytest.fixture
+def board(clock):
+    made = Board(clock)
+    yield made
+    made.terminal.unplug()
+
+
+@pytest.fixture
+def switch(board, clock):
+    made = SerialSuccessSwitch(SerialSwitchConfig(kind="serial", port=board.terminal.port), clock)
+    yield made
+    made.close()
+
+
+def passed(clock: FakeClock, switch: SerialSuccessSwitch, time: float) -> list[SwitchState]:
+    """Read in every scan of 10 ms for so long."""
+    states = []
+    for _ in range(round(time / 0.01)):
+        clock.wait_until(clock.now() + 0.01)
+        states.append(switch.read())
+    return states
+
+
+def refused(switch: SerialSuccessSwitch) -> str:
+    """Return why the switch does not open."""
+    with pytest.raises(DeviceNotOpenedError) as caught:
+        switch.open()
+    assert "\n" not in str(caught.value)
+    assert switch.read() is SwitchState.UNKNOWN
+    return str(caught.value)
+
+
+def test_closed_open_and_broken_are_told_apart(switch, board, clock):
+    switch.open()
+    assert switch.read() is SwitchState.OPEN
+    for contacts, state in (
+        (Contacts.CLOSED, SwitchState.CLOSED),
+        (Contacts.DISAGREE, SwitchState.UNKNOWN),
+        (Contacts.OPEN, SwitchState.OPEN),
+        (Contacts.UNKNOWN, SwitchState.UNKNOWN),
+    ):
+        board.report = replaced(board.report, contacts=contacts)
+        assert passed(clock, switch, 0.05)[-1] is state
+
+
+def test_no_port_is_named():
+    switch = SerialSuccessSwitch(SerialSwitchConfig(kind="serial", port="/dev/no-such-port"), FakeClock())
+    assert "/dev/no-such-port: no such port" in refused(switch)
+
+
+def test_a_port_in_use_is_named(switch, board, clock):
+    switch.open()
+    other = SerialSuccessSwitch(SerialSwitchConfig(kind="serial", port=board.terminal.port), clock)
+    assert "in use by another program" in refused(other)
+
+
+def test_a_silent_board_is_named(switch, board):
+    board.report = None
+    assert "silent" in refused(switch)
+
+
+def test_a_wrong_baud_rate_is_named(switch, board):
+    board.report, board.noise = None, bytes([0xFF, 0x80, 0x00, 0x1C])
+    assert "baud rate other than 38400" in refused(switch)
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"firmware": 0}, "firmware 0; 1 or newer needed"),
+        ({"is_program_broken": True}, "program broken"),
+        ({"is_memory_broken": True}, "memory broken"),
+        ({"contacts": Contacts.DISAGREE, "normally_closed": False}, "no contact conducts: a broken wire"),
+        ({"contacts": Contacts.DISAGREE, "normally_open": True}, "both contacts conduct: a short"),
+        ({"contacts": Contacts.UNKNOWN}, "not yet debounced"),
+    ],
+)
+def test_a_board_that_cannot_be_believed_is_not_opened(switch, board, changes, told):
+    board.report = replaced(board.report, contacts=Contacts.CLOSED)
+    board.report = replaced(board.report, **changes)
+    assert told in refused(switch)
+
+
+def test_a_board_that_falls_silent_is_unknown_once_its_report_is_stale(switch, board, clock):
+    board.report = replaced(board.report, contacts=Contacts.CLOSED)
+    switch.open()
+    board.report = None
+    states = passed(clock, switch, 0.3)
+    last = len(states) - 1 - states[::-1].index(SwitchState.CLOSED)
+    assert (last + 1) * 0.01 <= STALE
+    assert set(states[last + 1 :]) == {SwitchState.UNKNOWN}
+    assert "old > 0.1 s limit" in switch.problem()
+
+
+def test_reports_that_come_late_are_as_stale_as_none(switch, board, clock):
+    board.report = replaced(board.report, contacts=Contacts.CLOSED)
+    switch.open()
+    assert passed(clock, switch, 0.1)[-1] is SwitchState.CLOSED
+    for _ in range(20):
+        board.delay += STALE / 10
+        states = passed(clock, switch, 0.03)
+    assert set(states) == {SwitchState.UNKNOWN}
+    board.delay = 0.0
+    assert passed(clock, switch, 0.1)[-1] is SwitchState.CLOSED
+
+
+def test_a_report_said_again_and_again_grows_stale(switch, board, clock):
+    board.report = replaced(board.report, contacts=Contacts.CLOSED)
+    switch.open()
+    board.noise, board.report = encode(replaced(board.report, time=round(clock.now() * 1000))), None
+    assert passed(clock, switch, 2 * STALE)[-1] is SwitchState.UNKNOWN
+
+
+def test_what_piled_up_while_nobody_read_is_judged_by_its_newest_report(switch, board, clock):
+    switch.open()
+    clock.wait_until(clock.now() + 2.0)
+    board.report = replaced(board.report, contacts=Contacts.CLOSED)
+    clock.wait_until(clock.now() + HEARTBEAT)
+    assert switch.read() is SwitchState.CLOSED
+
+
+def test_what_piled_up_and_overflowed_is_not_believed(switch, board, clock):
+    board.report = replaced(board.report, contacts=Contacts.CLOSED)
+    switch.open()
+    clock.wait_until(clock.now() + 20.0)
+    assert switch.read() is SwitchState.UNKNOWN
+    assert passed(clock, switch, 0.1)[-1] is SwitchState.CLOSED
+
+
+@pytest.mark.parametrize("drift", [0.995, 1.005])
+def test_a_board_whose_clock_drifts_is_believed(switch, board, clock, drift):
+    switch.open()
+    for _ in range(100):
+        board.delay = clock.now() * (1.0 - drift)
+        assert set(passed(clock, switch, 1.0)) == {SwitchState.OPEN}
+
+
+def test_a_board_unplugged_and_plugged_in_again_is_unknown_meanwhile(switch, board, clock, caplog):
+    board.report = replaced(board.report, contacts=Contacts.CLOSED)
+    switch.open()
+    with caplog.at_level(logging.WARNING):
+        board.terminal.unplug()
+        assert set(passed(clock, switch, 2.0)) == {SwitchState.UNKNOWN}
+    assert len(caplog.messages) == 1
+    board.report = replaced(board.report, contacts=Contacts.OPEN)
+    board.terminal.plug_in()
+    states = passed(clock, switch, REOPEN_PERIOD + 0.1)
+    assert set(states) == {SwitchState.UNKNOWN, SwitchState.OPEN}
+    assert states[-1] is SwitchState.OPEN
+
+
+def test_a_board_that_hung_is_on_record(switch, board, clock, caplog):
+    switch.open()
+    board.report = replaced(board.report, was_hung=True)
+    with caplog.at_level(logging.WARNING):
+        passed(clock, switch, 0.2)
+    assert ["watchdog" in message for message in caplog.messages] == [True]
+
+
+def test_closing_twice_and_opening_again_is_harmless(switch):
+    switch.open()
+    switch.open()
+    switch.close()
+    switch.close()
+    assert switch.read() is SwitchState.UNKNOWN
+    switch.open()
+    assert switch.read() is SwitchState.OPEN

@@ -1,0 +1,239 @@
+import errno
+import os
+import socket
+import time
+
+import can
+import pytest
+
+from drivers.errors import DeviceNotOpenedError
+from drivers.transport.can_bus import PATIENCE, CanBus, CanFrame, CanLostError
+
+
+class FakeBus:
+    """What python-can would open; gives what it is told to."""
+
+    def __init__(self, **settings):
+        self.settings = settings
+        self.incoming = []
+        self.fails = False
+
+    def recv(self, timeout):
+        if self.fails:
+            raise can.CanOperationError("network\nis down")
+        found = self.incoming.pop(0) if self.incoming else None
+        if isinstance(found, Exception):
+            raise found
+        return found
+
+    def send(self, message, timeout):
+        if self.fails:
+            raise can.CanOperationError("Transmit buffer full")
+
+    def shutdown(self):
+        if self.fails:
+            raise OSError("gone")
+
+
+@pytest.fixture
+def fake(monkeypatch):
+    made = []
+
+    def make(**settings):
+        made.append(FakeBus(**settings))
+        return made[-1]
+
+    monkeypatch.setattr(can, "Bus", make)
+    return made
+
+
+@pytest.mark.parametrize(
+    ("interface", "channel", "expected"),
+    [
+        ("socketcan", "can0", {"channel": "can0"}),
+        ("slcan", "/dev/ttyACM0", {"channel": "/dev/ttyACM0", "bitrate": 125_000}),
+        ("virtual", "any", {"channel": "any"}),
+        ("udp_multicast", "239.1.2.3", {"channel": "239.1.2.3", "port": 43113, "hop_limit": 0, "fd": False}),
+        ("udp_multicast", "239.1.2.3:5000", {"channel": "239.1.2.3", "port": 5000, "hop_limit": 0, "fd": False}),
+    ],
+)
+def test_each_interface_gets_its_own_settings_and_no_others(fake, interface, channel, expected):
+    CanBus(interface, channel, 125_000).open()
+    assert fake[0].settings == {"interface": interface, "ignore_config": True, **expected}
+
+
+def test_socketcand_is_named_by_host_port_and_channel(fake):
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+        CanBus("socketcand", f"127.0.0.1:{port}/can0", 125_000).open()
+    assert fake[0].settings == {
+        "interface": "socketcand",
+        "ignore_config": True,
+        "channel": "can0",
+        "host": "127.0.0.1",
+        "port": port,
+        "tcp_tune": True,
+    }
+
+
+@pytest.mark.parametrize(
+    ("interface", "channel", "said"),
+    [
+        ("socketcand", "can0", '"HOST:PORT/can0"'),
+        ("socketcand", "host:99999/can0", "1 to 65535"),
+        ("udp_multicast", "239.1.2.3:x", "1 to 65535"),
+        ("socketcan", "no-such-can", ""),
+        ("slcan", "/dev/no-such-port", ""),
+        ("udp_multicast", "127.0.0.1", "Invalid argument"),
+    ],
+)
+def test_a_bus_that_cannot_be_opened_is_said_in_one_line(interface, channel, said):
+    with pytest.raises(DeviceNotOpenedError, match=rf"^CAN bus {interface} {channel}: [^\n]*{said}[^\n]*$"):
+        CanBus(interface, channel, 125_000).open()
+
+
+def test_a_socketcand_server_that_is_not_there_is_not_waited_for():
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+    with pytest.raises(DeviceNotOpenedError, match="refused"):
+        CanBus("socketcand", f"127.0.0.1:{port}/can0", 125_000).open()
+
+
+def test_frames_go_through():
+    one, other = (CanBus("virtual", "through", 125_000) for _ in range(2))
+    one.open()
+    other.open()
+    one.write(CanFrame(0x123, b"abc"))
+    assert other.read(1.0) == CanFrame(0x123, b"abc")
+    assert other.read(0.0) is None
+    one.close()
+    other.close()
+
+
+@pytest.mark.parametrize(
+    ("message", "bad"),
+    [
+        (can.Message(arbitration_id=1, is_extended_id=True), 0),
+        (can.Message(arbitration_id=1, is_remote_frame=True, is_extended_id=False), 0),
+        (can.Message(arbitration_id=1, is_fd=True, is_extended_id=False), 0),
+        (can.Message(is_error_frame=True), 1),
+    ],
+)
+def test_other_frames_are_left_and_error_frames_counted(fake, message, bad):
+    bus = CanBus("virtual", "x", 125_000)
+    bus.open()
+    fake[0].incoming = [message]
+    assert bus.read(0.0) is None
+    assert bus.bad_frames == bad
+
+
+def test_single_errors_are_counted_and_borne(fake):
+    bus = CanBus("virtual", "x", 125_000)
+    bus.open()
+    good = can.Message(arbitration_id=1, is_extended_id=False)
+    fake[0].incoming = [ValueError("noise"), ValueError("noise"), good] * 5
+    got = [bus.read(0.0) for _ in range(15)]
+    assert got.count(CanFrame(1)) == 5
+    assert bus.bad_frames == 10
+
+
+def test_single_frames_that_cannot_be_sent_are_counted_and_borne(fake):
+    bus = CanBus("virtual", "x", 125_000)
+    bus.open()
+    for is_full in (True, True, False) * 5:
+        fake[0].fails = is_full
+        bus.write(CanFrame(1))
+    assert bus.bad_frames == 10
+
+
+@pytest.mark.parametrize("use", [lambda bus: bus.read(0.0), lambda bus: bus.write(CanFrame(1))])
+def test_errors_in_a_row_are_a_lost_bus(fake, use):
+    bus = CanBus("socketcan", "can0", 125_000)
+    bus.open()
+    fake[0].fails = True
+    for _ in range(PATIENCE - 1):
+        use(bus)
+    with pytest.raises(CanLostError, match=r"^CAN bus socketcan can0: [^\n]+$"):
+        use(bus)
+
+
+def test_a_bus_that_is_gone_can_be_closed_and_opened_again(fake):
+    bus = CanBus("socketcan", "can0", 125_000)
+    bus.open()
+    fake[0].fails = True
+    bus.close()
+    bus.open()
+    assert len(fake) == 2
+    bus.write(CanFrame(1))
+
+
+def test_a_bus_that_was_never_opened_is_lost():
+    bus = CanBus("virtual", "x", 125_000)
+    bus.close()
+    with pytest.raises(CanLostError, match="not open"):
+        bus.read(0.0)
+
+
+@pytest.mark.parametrize(
+    ("code", "told"),
+    [
+        (errno.EAFNOSUPPORT, "modprobe can_raw"),
+        (errno.ENODEV, "no such network interface"),
+        (errno.ENETDOWN, "ip link set"),
+        (errno.ENOMEM, "Cannot allocate memory"),
+    ],
+)
+def test_a_bus_that_cannot_be_opened_says_how_to_put_it_right(monkeypatch, code, told):
+    def refuse(**settings):
+        raise OSError(code, os.strerror(code))
+
+    monkeypatch.setattr(can, "Bus", refuse)
+    with pytest.raises(DeviceNotOpenedError, match=told):
+        CanBus("socketcan", "can7", 1_000_000).open()
+
+
+def test_frames_of_others_do_not_hide_what_comes_behind_them(fake):
+    bus = CanBus("socketcan", "can0", 125_000)
+    bus.open()
+    other, ours = can.Message(arbitration_id=1), can.Message(arbitration_id=2, is_extended_id=False)
+    fake[0].incoming = [other, other, other, ours]
+    assert bus.read(0.0) == CanFrame(2)
+
+
+def test_own_frames_that_a_multicast_brings_back_are_left_out_and_equal_ones_of_others_are_not(fake):
+    bus = CanBus("udp_multicast", "239.74.163.2", 125_000)
+    bus.open()
+    for data in (b"a", b"b"):
+        bus.write(CanFrame(1, data))
+    fake[0].incoming = [
+        can.Message(arbitration_id=1, data=data, is_extended_id=False) for data in (b"a", b"x", b"b", b"a")
+    ]
+    assert [bus.read(0.0) for _ in range(3)] == [CanFrame(1, b"x"), CanFrame(1, b"a"), None]
+
+
+@pytest.mark.parametrize(
+    ("interface", "age", "waited"),
+    [
+        ("socketcan", 0.5, 0.5),
+        ("udp_multicast", 0.5, 0.5),
+        ("socketcan", -0.5, 0.0),
+        ("socketcan", 1e6, 0.0),
+        ("socketcand", 0.5, 0.0),
+    ],
+)
+def test_a_frame_tells_how_long_it_waited_where_this_computer_stamped_it(fake, monkeypatch, interface, age, waited):
+    monkeypatch.setattr(socket, "create_connection", lambda *place: socket.socket())
+    bus = CanBus(interface, "239.74.163.2" if interface == "udp_multicast" else "host/can0", 125_000)
+    bus.open()
+    fake[0].incoming = [can.Message(timestamp=time.time() - age, arbitration_id=1, is_extended_id=False)]
+    assert bus.read(0.0).waited == pytest.approx(waited, abs=0.2)
+
+
+def test_a_bus_on_which_nobody_acknowledges_says_what_to_look_at(fake):
+    bus = CanBus("socketcan", "can0", 125_000)
+    bus.open()
+    fake[0].fails = True
+    for _ in range(PATIENCE - 1):
+        bus.write(CanFrame(1))
+    with pytest.raises(CanLostError, match=r"nobody acknowledges.*bit rate"):
+        bus.write(CanFrame(1))

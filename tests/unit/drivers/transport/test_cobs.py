@@ -1,0 +1,81 @@
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from drivers.transport.cobs import Deframer, frame, unframe
+from drivers.transport.crc import crc16
+
+same = settings(derandomize=True, deadline=None, max_examples=80)
+contents = st.one_of(
+    st.binary(max_size=300), st.integers(0, 600).map(bytes), st.integers(0, 600).map(lambda n: b"x" * n)
+)
+
+
+def test_crc_is_that_of_the_catalogue():
+    assert crc16(b"123456789") == 0xD64E
+
+
+@same
+@given(contents)
+def test_content_comes_back_and_only_the_end_is_zero(content):
+    line = frame(content)
+    assert line.index(0) == len(line) - 1
+    assert unframe(line[:-1]) == content
+
+
+@pytest.mark.parametrize("length", [252, 253, 508, 509])
+def test_longest_run_costs_one_byte_each_254(length):
+    assert len(frame(b"x" * length)) <= length + 2 + 3 + 1
+
+
+@same
+@given(st.lists(contents, max_size=5), st.data())
+def test_frames_come_whole_however_the_bytes_are_cut(sent, data):
+    line, deframer, got = b"".join(map(frame, sent)), Deframer(600), []
+    while line:
+        size = data.draw(st.integers(1, len(line)))
+        got += deframer.feed(line[:size])
+        line = line[size:]
+    assert got == sent
+    assert deframer.broken == 0
+
+
+@same
+@given(st.binary(min_size=1, max_size=60))
+def test_truncated_frame_is_counted_and_the_next_one_read(content):
+    line = frame(content)
+    for length in range(1, len(line) - 1):
+        deframer = Deframer(300)
+        assert deframer.feed(line[:length] + b"\0" + frame(b"next")) == [b"next"]
+        assert deframer.broken == 1
+
+
+@settings(derandomize=True, deadline=None, max_examples=60)
+@given(st.binary(max_size=60), st.binary(max_size=20))
+def test_flipped_bit_never_gives_another_frame(content, following):
+    """A bit turned in the delimiter joins two frames, hence the third."""
+    line = frame(content)
+    for bit in range(8 * len(line)):
+        spoilt = bytearray(line)
+        spoilt[bit // 8] ^= 1 << bit % 8
+        deframer = Deframer(300)
+        got = deframer.feed(bytes(spoilt) + frame(following) + frame(b"third"))
+        assert got in ([following, b"third"], [b"third"])
+        assert deframer.broken >= 1
+
+
+@same
+@given(st.binary(max_size=2000))
+def test_noise_is_bounded_and_the_reader_is_in_step_after_a_delimiter(noise):
+    deframer = Deframer(100)
+    deframer.feed(noise)
+    assert deframer.feed(b"\0" + frame(b"good"))[-1:] == [b"good"]
+    assert len(deframer._pending) <= 110
+
+
+def test_endless_frame_is_counted_once():
+    deframer = Deframer(10)
+    for _ in range(50):
+        assert deframer.feed(b"\x01" * 100) == []
+    assert deframer.feed(b"\0" + frame(b"good")) == [b"good"]
+    assert deframer.broken == 1
