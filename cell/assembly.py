@@ -21,16 +21,17 @@ from drivers.errors import CellError, ConfigError
 from drivers.gripper.franka import FrankaGripper, FrankaGripperConfig
 from drivers.parts import Job
 from drivers.protocols import Arm, Clock, Device, Gripper, Skin, SuccessSwitch
-from drivers.skin.boards import EMULATED, CanSkin, CanSkinConfig, SerialSkin, SerialSkinConfig
+from drivers.skin.board_config import EMULATED, CanSkinConfig, SerialSkinConfig
+from drivers.skin.boards import CanSkin, SerialSkin
 from drivers.skin.calibration import CalibratedSkin, SkinCalibration, read_calibration
 from drivers.skin.health import require_trust
 from drivers.skin.layout import Layout
-from drivers.skin.port import ByteLink, CanLink
 from drivers.switch.board import SerialSuccessSwitch, SerialSwitchConfig
 from drivers.switch.wire import BAUD_RATE
 from drivers.transport.can_bus import CanBus
 from drivers.transport.serial_line import SerialLine
 from drivers.transport.traffic import RecordedCan, RecordedLine, Recorder
+from drivers.transport.wires import ByteLink, CanLink
 from skills.contract import Blend, Estimator, SkillContext, Tracker
 from skills.tactile.image import ImageEstimator
 from skills.tactile.likelihood import LikelihoodEstimator, LikelihoodParams

@@ -17,7 +17,7 @@ from drivers.arm.franka import FrankaArmConfig
 from drivers.errors import ConfigError
 from drivers.gripper.franka import FrankaGripperConfig
 from drivers.parts import ConfigModel, FilePath, Hole, Job, Peg, Rack
-from drivers.skin.boards import EMULATED, CanSkinConfig, SerialSkinConfig
+from drivers.skin.board_config import EMULATED, CanSkinConfig, SerialSkinConfig
 from drivers.switch.board import SerialSwitchConfig
 from plc_bridge.config import PlcConfig
 from sim.config import (

@@ -18,7 +18,8 @@ from cell.config import CellConfig
 from drivers.errors import CellError, ConfigError
 from drivers.protocols import Clock, Skin
 from drivers.quantities import FINGER_NAMES, FINGERS, Mask, TaxelFrame, Vector
-from drivers.skin.boards import CanSkin, CanSkinConfig, SerialSkin, SerialSkinConfig, SkinFigures
+from drivers.skin.board_config import CanSkinConfig, SerialSkinConfig
+from drivers.skin.boards import CanSkin, SerialSkin, SkinFigures
 from drivers.skin.calibration import CalibratedSkin
 from drivers.skin.layout import Layout, finger_positions
 from drivers.skin.recording import RecordedSkin

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from drivers.errors import CellError
-from drivers.transport.can_bus import CanFrame, CanLostError
+from drivers.transport.wires import CanFrame, CanLostError
 from plc_bridge.canopen_node import CanMailbox, CanopenNode
 from plc_bridge.config import CanConfig
 from plc_bridge.images import Diagnostics

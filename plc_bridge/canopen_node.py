@@ -20,7 +20,7 @@ from typing import Protocol
 
 from canopen import SdoAbortedError
 
-from drivers.transport.can_bus import CanFrame
+from drivers.transport.wires import CanFrame
 from plc_bridge.config import CanConfig
 from plc_bridge.emcy import BUS_RECOVERED, HEARTBEAT_LOST, NO_ERROR, PDO_TOO_SHORT, Emergency
 from plc_bridge.heartbeat import HeartbeatConsumer, HeartbeatProducer

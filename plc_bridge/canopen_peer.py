@@ -8,7 +8,8 @@ from contextlib import contextmanager
 import canopen
 from canopen.pdo import PdoMap
 
-from drivers.transport.can_bus import CanBus, CanFrame, CanLostError
+from drivers.transport.can_bus import CanBus
+from drivers.transport.wires import CanFrame, CanLostError
 from plc_bridge.canopen_node import NmtState
 from plc_bridge.config import CanConfig
 from plc_bridge.heartbeat import HeartbeatProducer

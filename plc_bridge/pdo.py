@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from drivers.transport.can_bus import CanFrame
+from drivers.transport.wires import CanFrame
 from plc_bridge.object_values import Values
 from plc_bridge.objects import EVENT_TIMER, INHIBIT, TPDO_BASES, TPDO_PARAMETER, number_in, size_of
 from plc_bridge.registers import TPDOS, Register

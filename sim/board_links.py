@@ -14,11 +14,8 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from drivers.errors import DeviceNotOpenedError
-from drivers.skin.boards import BoardSkinConfig, CanSkinConfig, SerialSkinConfig
-from drivers.skin.dialogue import IcubConfig
-from drivers.skin.port import ByteLink, CanLink
-from drivers.transport.can_bus import CanFrame
-from drivers.transport.serial_line import LineLostError
+from drivers.skin.board_config import BoardSkinConfig, CanSkinConfig, IcubConfig, SerialSkinConfig
+from drivers.transport.wires import ByteLink, CanFrame, CanLink, LineLostError
 from sim.boards import Board, CanBoard, Fingers, Hub, IcubBoard, SerialBoard
 from sim.config import SimSkinConfig, SkinBoardConfig, WireFaults
 from sim.skin import PadSource

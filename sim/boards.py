@@ -8,6 +8,7 @@ import numpy as np
 
 from drivers.protocols import Clock
 from drivers.quantities import FINGERS, TAXELS
+from drivers.skin.board_config import BOARD_MODULES, FIRST_MODULE, TEMPERATURE, HubConfig, IcubConfig
 from drivers.skin.cyskin_wire import (
     LONGEST,
     CanAssembler,
@@ -22,13 +23,12 @@ from drivers.skin.cyskin_wire import (
     encode_module,
     to_can,
 )
-from drivers.skin.dialogue import BOARD_MODULES, FIRST_MODULE, TEMPERATURE, HubConfig, IcubConfig
 from drivers.skin.health import ERROR_COUNT, Counts
 from drivers.skin.icub_wire import COUNTS_PER_STEP, SETUP, SETUP_CLASS, TriangleReading, encode_triangle
 from drivers.skin.icub_wire import TAXELS as TRIANGLE_TAXELS
 from drivers.skin.layout import MODULE_TAXELS
-from drivers.transport.can_bus import CanFrame
 from drivers.transport.cobs import Deframer, frame
+from drivers.transport.wires import CanFrame
 from sim.config import SimSkinConfig
 from sim.pads import Pads
 from sim.skin import PadSource, Taxels

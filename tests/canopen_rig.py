@@ -1,6 +1,6 @@
 """A CANopen node and its bridge without a bus: frames in by hand, frames out in a list, time that stands still."""
 
-from drivers.transport.can_bus import CanFrame
+from drivers.transport.wires import CanFrame
 from plc_bridge.bridge import Bridge
 from plc_bridge.canopen_node import CanopenNode
 from plc_bridge.config import CanConfig, PlcConfig

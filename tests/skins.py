@@ -11,7 +11,8 @@ from itertools import count
 import numpy as np
 
 from drivers.errors import SkinSilentError
-from drivers.skin.boards import CanSkin, CanSkinConfig, SerialSkin, SerialSkinConfig
+from drivers.skin.board_config import CanSkinConfig, SerialSkinConfig
+from drivers.skin.boards import CanSkin, SerialSkin
 from drivers.transport.can_bus import CanBus
 from drivers.transport.serial_line import SerialLine
 from sim.board_clock import BoardClock

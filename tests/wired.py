@@ -15,7 +15,8 @@ from cell.journal import Journal
 from cell.record import STAGE_NUMBER
 from cell.supervisor import Supervisor
 from drivers.protocols import Clock
-from drivers.skin.boards import CanSkin, CanSkinConfig
+from drivers.skin.board_config import CanSkinConfig
+from drivers.skin.boards import CanSkin
 from drivers.switch.board import SerialSuccessSwitch, SerialSwitchConfig
 from drivers.transport.can_bus import CanBus
 from plc_bridge.messages import Command, Control, Refusal, Report, Result

@@ -17,10 +17,10 @@ from cell.lab.switch_wire import SwitchLine
 from cell.trials import TrialRow, run_trials
 from drivers.errors import SkinSilentError
 from drivers.protocols import Clock, Skin
+from drivers.skin.board_config import HubConfig, IcubConfig
 from drivers.skin.boards import CanSkin, SerialSkin
-from drivers.skin.dialogue import HubConfig, IcubConfig
 from drivers.skin.port import HubOnCan, HubOnSerial, IcubOnCan, SkinPort
-from drivers.transport.can_bus import CanFrame
+from drivers.transport.wires import CanFrame
 from sim.board_clock import BoardClock
 from sim.board_links import EmulatedCan, EmulatedLine, frame_bits
 from sim.boards import CanBoard, Hub, IcubBoard, SerialBoard

@@ -4,25 +4,20 @@ import logging
 import math
 from collections import deque
 from dataclasses import dataclass
-from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field
 
 from drivers.errors import CellError, DeviceNotOpenedError, SkinSilentError
-from drivers.parts import ConfigModel
 from drivers.protocols import Clock
 from drivers.quantities import TaxelFrame, Vector
-from drivers.skin.dialogue import BOARD_MODULES, RETRY, HubConfig, IcubConfig, RawScan
-from drivers.skin.health import SkinHealth, SkinHealthConfig
-from drivers.skin.layout import Layout
-from drivers.skin.port import ByteLink, CanLink, HubOnCan, HubOnSerial, IcubOnCan, SkinPort
-from drivers.transport.can_bus import Interface
+from drivers.skin.board_config import BOARD_MODULES, CanSkinConfig, IcubConfig, SerialSkinConfig
+from drivers.skin.dialogue import RETRY, RawScan
+from drivers.skin.health import SkinHealth
+from drivers.skin.port import HubOnCan, HubOnSerial, IcubOnCan, SkinPort
+from drivers.transport.wires import ByteLink, CanLink
 
 logger = logging.getLogger(__name__)
 
-EMULATED = "emulated"
-"""As the channel or port of a board: an emulated board, wired to the simulated world."""
 POLL_PERIOD = 0.005
 """Between two looks for the board while it is opened, s."""
 RESTART = 0.3
@@ -33,48 +28,6 @@ RECENT = 50
 """Scans that the rate is measured over."""
 LEAST_RATE = 0.8
 """Of the configured rate; a skin that sends less is not opened."""
-
-
-class BoardSkinConfig(ConfigModel):
-    """What every skin board has."""
-
-    rate: Annotated[float, Field(ge=1.0, le=100.0)] = 10.0
-    """Scans a second that the board is told to make, Hz; 10 to 100 where it can."""
-    layout: Layout = "parallelogram"
-    """How the two modules of a finger sit."""
-    silent_frames: Annotated[float, Field(ge=1.5, le=100.0)] = 3.5
-    """Without a scan for so many periods the skin is silent."""
-    open_timeout: Annotated[float, Field(ge=0.1, le=60.0)] = 3.0
-    """Longest wait for the board's first scan, s."""
-    health: SkinHealthConfig = SkinHealthConfig()
-    record: str = ""
-    """File that all traffic of the wire goes to; empty is none."""
-
-
-class CanSkinConfig(BoardSkinConfig):
-    """[skin] of a board on a CAN bus."""
-
-    kind: Literal["can"]
-    interface: Interface = "socketcan"
-    """What the bus is reached through."""
-    channel: Annotated[str, Field(min_length=1)] = EMULATED
-    """As `drivers.transport.can_bus.CanBus` says: "can0"; "emulated" is an emulated board in a simulated cell."""
-    bitrate: Annotated[int, Field(ge=10_000, le=1_000_000)] = 1_000_000
-    """Bits a second."""
-    board: Annotated[HubConfig | IcubConfig, Field(discriminator="kind")] = HubConfig()
-    """What stands on the bus."""
-
-
-class SerialSkinConfig(BoardSkinConfig):
-    """[skin] of a board on a serial line."""
-
-    kind: Literal["serial"]
-    port: Annotated[str, Field(min_length=1)] = EMULATED
-    """As the operating system has it, best a name that stays; "emulated" is an emulated board in a simulated cell."""
-    baud_rate: Annotated[int, Field(ge=1200, le=4_000_000)] = 115_200
-    """Bits a second."""
-    board: HubConfig = HubConfig()
-    """What stands on the line."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

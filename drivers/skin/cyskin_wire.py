@@ -19,8 +19,8 @@ from pydantic import Field
 
 from drivers.parts import ConfigModel
 from drivers.skin.health import Counts
-from drivers.transport.can_bus import CanFrame
 from drivers.transport.crc import Byte, Crc8
+from drivers.transport.wires import CanFrame
 
 FIRST_COMMAND = 0x10
 """Below it the first byte of a message is a sequence number."""

@@ -7,31 +7,26 @@ on CAN. Both give raw scans of the two fingers.
 import math
 from collections import deque
 from dataclasses import dataclass
-from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
 
-from drivers.parts import ConfigModel
 from drivers.quantities import FINGERS, TAXELS, Vector
+from drivers.skin.board_config import BOARD_MODULES, FIRST_MODULE, TEMPERATURE, HubConfig, IcubConfig
 from drivers.skin.cyskin_wire import (
     Channels,
     Command,
     Message,
     Module,
     ScanAssembler,
-    SkinWireConfig,
     WireError,
     decode_module,
     encode_period,
 )
 from drivers.skin.health import ERROR_COUNT, Counts
 from drivers.skin.icub_wire import TriangleAssembler, TriangleReading, setup
-from drivers.skin.layout import MODULE_TAXELS, MODULES
-from drivers.transport.can_bus import CanFrame
+from drivers.skin.layout import MODULE_TAXELS
+from drivers.transport.wires import CanFrame
 
-BOARD_MODULES = FINGERS * MODULES
-"""Modules of both fingers."""
 RETRY = 0.1
 """Between two attempts to get an answer, s."""
 START_PERIODS = 3.0
@@ -41,10 +36,6 @@ SLOWEST = 0.015
 WATCHED_SCANS = 10
 LEAST_PERIOD = 0.8
 """A board whose last so many scans came closer together than this share of its period is told again."""
-TEMPERATURE = 0
-"""Name of the channel with a module's temperature."""
-FIRST_MODULE = 1
-"""Number of a hub's first module."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,43 +50,6 @@ class RawScan:
     """When its first part came, s."""
     missed: int
     """Scans that were lost right before it, as far as its sequence number tells."""
-
-
-class HubConfig(ConfigModel):
-    """A CySkin hub with the modules of both fingers."""
-
-    kind: Literal["cyskin"] = "cyskin"
-    wire: SkinWireConfig = SkinWireConfig()
-    modules: tuple[Annotated[int, Field(ge=0, le=0xFFFFFFFF)], ...] = ()
-    """Own numbers (sui) of the modules, both of the left finger first; empty is the order on the hub."""
-    channels: tuple[Annotated[int, Field(ge=1, le=11)], ...] = tuple(range(1, MODULE_TAXELS + 1))
-    """Name of the channel of each taxel of a module, in the order of the layout."""
-
-    @model_validator(mode="after")
-    def _fits(self) -> "HubConfig":
-        if len(self.modules) not in (0, BOARD_MODULES) or len(set(self.modules)) != len(self.modules):
-            raise ValueError(
-                f"modules: {len(set(self.modules))} numbers; none, or {BOARD_MODULES} different ones allowed"
-            )
-        if len(set(self.channels)) != MODULE_TAXELS or len(self.channels) != MODULE_TAXELS:
-            raise ValueError(f"channels: {len(set(self.channels))} names; {MODULE_TAXELS} different ones allowed")
-        return self
-
-
-class IcubConfig(ConfigModel):
-    """An iCub skin board with the triangles of both fingers."""
-
-    kind: Literal["icub"]
-    board: Annotated[int, Field(ge=0, le=15)] = 1
-    triangles: Annotated[tuple[Annotated[int, Field(ge=0, le=15)], ...], Field(min_length=4, max_length=4)] = (
-        0,
-        1,
-        2,
-        3,
-    )
-    """Numbers of the triangles, both of the left finger first."""
-    channels: tuple[Annotated[int, Field(ge=0, le=11)], ...] = (0, 1, 2, 3, 4, 5, 7, 8, 9, 11)
-    """Which of a triangle's twelve channels is which taxel, in the order of the layout; assumed, to be checked."""
 
 
 class CySkinDialogue:

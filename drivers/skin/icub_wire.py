@@ -11,7 +11,7 @@ import numpy as np
 
 from drivers.skin.cyskin_wire import WireError
 from drivers.skin.health import ERROR_COUNT, Counts
-from drivers.transport.can_bus import CanFrame
+from drivers.transport.wires import CanFrame
 
 TAXELS = 12
 HEAD, TAIL = 0x40, 0xC0

@@ -2,51 +2,17 @@
 
 from typing import Protocol
 
+from drivers.skin.board_config import HubConfig, IcubConfig
 from drivers.skin.cyskin_wire import LONGEST, CanAssembler, WireError, decode, encode, to_can
-from drivers.skin.dialogue import CySkinDialogue, HubConfig, IcubConfig, IcubDialogue, RawScan
-from drivers.transport.can_bus import CanFrame
+from drivers.skin.dialogue import CySkinDialogue, IcubDialogue, RawScan
 from drivers.transport.cobs import DELIMITER, Deframer, frame
+from drivers.transport.wires import ByteLink, CanFrame, CanLink
 
 MOST_FRAMES = 1000
 """Taken from a bus in one go: a bus that babbles must not hold up the scan."""
 
 NOTHING_ON_BUS = ": check its supply, the wires with a terminator at both ends, and that the bus runs at its bit rate"
 NOTHING_ON_LINE = ": check its supply and cable, whether this is its port, and skin.baud_rate"
-
-
-class CanLink(Protocol):
-    """A CAN bus; `drivers.transport.can_bus.CanBus` is one."""
-
-    def open(self) -> None:
-        """Open the bus."""
-
-    def close(self) -> None:
-        """Close the bus; may be called again."""
-
-    def read(self, timeout: float) -> CanFrame | None:
-        """Return the next frame, if one came within `timeout` s."""
-
-    def write(self, frame: CanFrame) -> None:
-        """Send one frame."""
-
-
-class ByteLink(Protocol):
-    """A serial line; `drivers.transport.serial_line.SerialLine` is one."""
-
-    character_time: float
-    """Time that one character takes, s."""
-
-    def open(self) -> None:
-        """Open the port."""
-
-    def close(self) -> None:
-        """Close the port; may be called again."""
-
-    def read(self, timeout: float) -> bytes:
-        """Return what came within `timeout` s."""
-
-    def write(self, data: bytes) -> None:
-        """Send `data`."""
 
 
 class SkinPort(Protocol):

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from drivers.errors import ConfigError, DeviceNotOpenedError, SkinSilentError
 from drivers.protocols import Clock
 from drivers.quantities import FINGERS, TAXELS, TaxelFrame, Vector
-from drivers.skin.dialogue import BOARD_MODULES
+from drivers.skin.board_config import BOARD_MODULES
 from drivers.skin.health import ERROR_COUNT, Counts
 from drivers.skin.layout import MODULE_TAXELS
 

@@ -9,9 +9,9 @@ from drivers.errors import DeviceNotOpenedError
 from drivers.parts import ConfigModel
 from drivers.protocols import Clock
 from drivers.quantities import SwitchState
-from drivers.skin.port import ByteLink
 from drivers.switch.wire import BAUD_RATE, TIME_RANGE, Contacts, Decoder, SwitchReport
-from drivers.transport.serial_line import LineLostError, SerialLine
+from drivers.transport.serial_line import SerialLine
+from drivers.transport.wires import ByteLink, LineLostError
 
 logger = logging.getLogger(__name__)
 

@@ -8,14 +8,13 @@ import socket
 import time
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any
 
 import can
 
-from drivers.errors import CellError, DeviceNotOpenedError, FaultCode
+from drivers.errors import DeviceNotOpenedError
+from drivers.transport.wires import CanFrame, CanLostError, Interface
 
-Interface = Literal["socketcan", "slcan", "socketcand", "udp_multicast", "virtual"]
 SEND_TIMEOUT = 0.1
 """Longest that one frame may wait for the adapter, s."""
 CONNECT_TIMEOUT = 1.0
@@ -36,24 +35,6 @@ _SOCKETCAN_TROUBLE = {
     errno.ENETDOWN: "the network interface is down: ip link set NAME up type can bitrate RATE",
 }
 _SOCKETCAND_PORT, _MULTICAST_PORT = 29536, 43113
-
-
-class CanLostError(CellError):
-    """A bus that was open can be read or written no more."""
-
-    code = FaultCode.DEVICE_NOT_OPENED
-
-
-@dataclass(frozen=True, slots=True)
-class CanFrame:
-    """One data frame."""
-
-    id: int
-    """0 to 0x7FF; the lower one goes first."""
-    data: bytes = b""
-    """At most 8 bytes."""
-    waited: float = field(default=0.0, compare=False)
-    """So long before it was read it came, as far as the bus tells, s."""
 
 
 class CanBus:

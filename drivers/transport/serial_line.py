@@ -1,21 +1,15 @@
-"""The wires: bytes of a serial line. Whoever reads them decodes them elsewhere."""
+"""Serial lines, as bytes in and out. Whoever reads them decodes them elsewhere."""
 
 import errno
 from typing import Literal
 
 import serial
 
-from drivers.errors import CellError, DeviceNotOpenedError, FaultCode
+from drivers.errors import DeviceNotOpenedError
+from drivers.transport.wires import LineLostError, Parity
 
-Parity = Literal["none", "even", "odd"]
 _PARITY = {"none": serial.PARITY_NONE, "even": serial.PARITY_EVEN, "odd": serial.PARITY_ODD}
 _WRITE_TIMEOUT = 1.0  # s
-
-
-class LineLostError(CellError):
-    """A line that was open can be read or written no more."""
-
-    code = FaultCode.DEVICE_NOT_OPENED
 
 
 class SerialLine:

@@ -13,9 +13,7 @@ from typing import Literal, TextIO
 
 from drivers.errors import CellError, ConfigError, FaultCode
 from drivers.protocols import Clock
-from drivers.skin.port import ByteLink, CanLink
-from drivers.transport.can_bus import CanFrame
-from drivers.transport.serial_line import LineLostError
+from drivers.transport.wires import ByteLink, CanFrame, CanLink, LineLostError
 
 HEAD = "# cell traffic 1 "
 Wire = Literal["can", "serial"]

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from cell.config import SHIPPED, load
-from drivers.skin.boards import CanSkinConfig
+from drivers.skin.board_config import CanSkinConfig
 from drivers.transport.can_bus import CanBus
 from sim.board_links import CanCable, emulated_can
 from sim.switch_board import EmulatedSwitchBoard

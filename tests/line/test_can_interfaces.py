@@ -11,7 +11,8 @@ import pytest
 
 from drivers.errors import CellError
 from drivers.transport.can_bus import PATIENCE as PATIENCE_OF_BUS
-from drivers.transport.can_bus import CanBus, CanFrame, CanLostError
+from drivers.transport.can_bus import CanBus
+from drivers.transport.wires import CanFrame, CanLostError
 from plc_bridge.bridge import Bridge
 from plc_bridge.canopen_peer import CanPeer
 from plc_bridge.config import CanConfig, ModbusConfig, PlcConfig

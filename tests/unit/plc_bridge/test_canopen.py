@@ -5,7 +5,7 @@ import itertools
 import pytest
 
 from drivers.errors import DeviceNotOpenedError
-from drivers.transport.can_bus import CanFrame, CanLostError
+from drivers.transport.wires import CanFrame, CanLostError
 from plc_bridge.bridge import Bridge
 from plc_bridge.canopen import FIRST_PAUSE, FIRST_QUIET, LONGEST_PAUSE, LONGEST_QUIET, BusHealth, CanopenServer
 from plc_bridge.config import PlcConfig

@@ -2,7 +2,7 @@ import random
 
 import pytest
 
-from drivers.transport.serial_line import LineLostError
+from drivers.transport.wires import LineLostError
 from plc_bridge.bridge import Bridge
 from plc_bridge.config import PlcConfig, RtuConfig
 from plc_bridge.messages import Command

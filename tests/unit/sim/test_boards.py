@@ -3,8 +3,7 @@ import pytest
 
 from drivers.errors import DeviceNotOpenedError
 from drivers.skin.cyskin_wire import CanAssembler, Command, Message, SkinWireConfig, decode, encode, to_can
-from drivers.transport.can_bus import CanFrame
-from drivers.transport.serial_line import LineLostError
+from drivers.transport.wires import CanFrame, LineLostError
 from sim.board_links import CanCable, frame_bits
 from sim.config import WireFaults
 from tests.skins import WIRED, BoardRig

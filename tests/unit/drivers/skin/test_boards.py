@@ -7,7 +7,7 @@ from drivers.errors import DeviceNotOpenedError, SkinSilentError
 from drivers.skin.boards import RECENT
 from drivers.skin.cyskin_wire import Command
 from drivers.skin.health import BASELINE_FRAMES, SkinHealth, SkinHealthConfig
-from drivers.transport.can_bus import CanFrame
+from drivers.transport.wires import CanFrame
 from sim.boards import TEMPERATURE_COUNTS
 from sim.config import WireFaults
 from tests.skins import WIRED, BoardRig, can_config, held_peg, serial_config

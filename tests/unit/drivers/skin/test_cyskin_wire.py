@@ -24,8 +24,8 @@ from drivers.skin.cyskin_wire import (
     encode_period,
     to_can,
 )
-from drivers.transport.can_bus import CanFrame
 from drivers.transport.crc import Crc8
+from drivers.transport.wires import CanFrame
 
 same = settings(derandomize=True, deadline=None, max_examples=80)
 

@@ -4,7 +4,7 @@ from hypothesis import strategies as st
 
 from drivers.skin.health import ERROR_COUNT
 from drivers.skin.icub_wire import TAXELS, TriangleAssembler, TriangleReading, encode_triangle, setup
-from drivers.transport.can_bus import CanFrame
+from drivers.transport.wires import CanFrame
 
 same = settings(derandomize=True, deadline=None, max_examples=80)
 readings = st.builds(

@@ -7,7 +7,8 @@ import can
 import pytest
 
 from drivers.errors import DeviceNotOpenedError
-from drivers.transport.can_bus import PATIENCE, CanBus, CanFrame, CanLostError
+from drivers.transport.can_bus import PATIENCE, CanBus
+from drivers.transport.wires import CanFrame, CanLostError
 
 
 class FakeBus:

@@ -4,7 +4,8 @@ import pytest
 import serial
 
 from drivers.errors import DeviceNotOpenedError
-from drivers.transport.serial_line import LineLostError, SerialLine
+from drivers.transport.serial_line import SerialLine
+from drivers.transport.wires import LineLostError
 
 
 @pytest.mark.parametrize(

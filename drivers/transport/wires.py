@@ -1,0 +1,68 @@
+"""What every wire has in common, without any I/O: CAN frames, what a bus or a line can do, and how it gets lost."""
+
+from dataclasses import dataclass, field
+from typing import Literal, Protocol
+
+from drivers.errors import CellError, FaultCode
+
+Interface = Literal["socketcan", "slcan", "socketcand", "udp_multicast", "virtual"]
+Parity = Literal["none", "even", "odd"]
+
+
+class CanLostError(CellError):
+    """A bus that was open can be read or written no more."""
+
+    code = FaultCode.DEVICE_NOT_OPENED
+
+
+class LineLostError(CellError):
+    """A line that was open can be read or written no more."""
+
+    code = FaultCode.DEVICE_NOT_OPENED
+
+
+@dataclass(frozen=True, slots=True)
+class CanFrame:
+    """One data frame."""
+
+    id: int
+    """0 to 0x7FF; the lower one goes first."""
+    data: bytes = b""
+    """At most 8 bytes."""
+    waited: float = field(default=0.0, compare=False)
+    """Time from arrival at the adapter to this read, s; 0 where the interface does not tell."""
+
+
+class CanLink(Protocol):
+    """A CAN bus; `CanBus` of `drivers.transport.can_bus` is one."""
+
+    def open(self) -> None:
+        """Open the bus."""
+
+    def close(self) -> None:
+        """Close the bus; may be called again."""
+
+    def read(self, timeout: float) -> CanFrame | None:
+        """Return the next frame, if one came within `timeout` s."""
+
+    def write(self, frame: CanFrame) -> None:
+        """Send one frame."""
+
+
+class ByteLink(Protocol):
+    """A serial line; `SerialLine` of `drivers.transport.serial_line` is one."""
+
+    character_time: float
+    """Time that one character takes, s."""
+
+    def open(self) -> None:
+        """Open the port."""
+
+    def close(self) -> None:
+        """Close the port; may be called again."""
+
+    def read(self, timeout: float) -> bytes:
+        """Return what came within `timeout` s."""
+
+    def write(self, data: bytes) -> None:
+        """Send `data`."""
