@@ -1,4 +1,4 @@
-// SPDX-License-Identifier: MIT
+// SPDX-License-Identifier: Apache-2.0
 // An ATmega328P that runs the firmware of the success switch in simavr; a shared library for sim/switch_board.py.
 
 #include <avr_ioport.h>

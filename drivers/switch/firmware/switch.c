@@ -1,4 +1,4 @@
-// SPDX-License-Identifier: MIT
+// SPDX-License-Identifier: Apache-2.0
 // The success switch under the hole: a changeover microswitch on an ATmega328P at 16 MHz that reports over its UART.
 //
 // Wiring: common to ground, normally open contact to PD4, normally closed contact to PD7; PB5 lights while closed.
