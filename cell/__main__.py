@@ -8,8 +8,14 @@ import sys
 
 def main() -> int:
     """Run one command and return its exit status."""
-    from cell.cli import main as run
+    from drivers.errors import CellError
 
+    try:
+        from cell.cli import main as run
+    except CellError as error:
+        # What is wrong with a catalogue is found out when it is read.
+        sys.stderr.write(f"{error}\n")
+        return 2
     return run()
 
 

@@ -9,7 +9,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar, cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -32,12 +32,10 @@ from drivers.transport.can_bus import CanBus
 from drivers.transport.serial_line import SerialLine
 from drivers.transport.traffic import RecordedCan, RecordedLine, Recorder
 from drivers.transport.wires import ByteLink, CanLink
+from skills.catalogue import INSERT
 from skills.contract import Blend, Estimator, SkillContext, Tracker
-from skills.tactile.image import ImageEstimator
-from skills.tactile.likelihood import LikelihoodEstimator, LikelihoodParams
+from skills.tactile.estimators import ESTIMATORS, TouchSetup
 from skills.tactile.observer import Observer
-from skills.tactile.pca import PcaEstimator, PcaParams
-from skills.tactile.robust import RobustEstimator, RobustParams
 
 if TYPE_CHECKING:
     from sim.bench import Bench
@@ -45,7 +43,6 @@ if TYPE_CHECKING:
     from sim.switch import SwitchSource
     from sim.world import Truth
 
-Templated = TypeVar("Templated", PcaParams, LikelihoodParams, RobustParams)
 SEARCH_STREAM = 3
 """Key of the random stream for choices of the skills; the simulated world draws from the ones before it."""
 
@@ -96,22 +93,9 @@ def choices(seed: int) -> np.random.Generator:
 
 def make_estimator(config: CellConfig) -> Estimator:
     """Return the estimator that `insert.estimator` names."""
-    layout, peg = config.skin.layout, config.peg
-    makers: dict[str, Callable[[], Estimator]] = {
-        "image": lambda: ImageEstimator(config.image, layout),
-        "pca": lambda: PcaEstimator(_as_measured(config.pca, config), layout, peg),
-        "ml": lambda: LikelihoodEstimator(_as_measured(config.ml, config), layout, peg),
-        "robust": lambda: RobustEstimator(_as_measured(config.robust, config), layout, peg),
-    }
-    return makers[config.insert.estimator]()
-
-
-def _as_measured(params: Templated, config: CellConfig) -> Templated:
-    """Return an estimator's parameters with the point spread that the skin's calibration found, where there is one."""
-    if config.calibration.skin is None:
-        return params
-    measured = _calibration(config.calibration.skin, config.skin.layout).point_spread
-    return params.model_copy(update={"templates": params.templates.model_copy(update={"blur": measured})})
+    entry, path = ESTIMATORS[config.params(INSERT).estimator], config.calibration.skin
+    measured = None if path is None else _calibration(path, config.skin.layout).point_spread
+    return entry.make(config.estimator_params(entry), TouchSetup(config.skin.layout, config.peg, measured))
 
 
 @lru_cache(maxsize=8)

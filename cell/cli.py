@@ -26,7 +26,7 @@ from cell.calibrate import calibrate_skin
 from cell.config import DEFAULT, LoadedConfig, load
 from cell.journal import Journal, default_folder
 from cell.lab.command import STUDIES
-from cell.line import PARAMETERS, PROGRAMS, WORDS, TerminalLine
+from cell.line import CONTROLS, PARAMETERS, PROGRAMS, WORDS, TerminalLine
 from cell.plots import Point, plot_run, plot_speed_accuracy
 from cell.samples import export_csv, read_samples
 from cell.statistics import stage_table
@@ -189,7 +189,7 @@ def _serve(args: argparse.Namespace) -> int:
 
 
 def _run(args: argparse.Namespace) -> int:
-    names = [*CATALOGUE, *(client.CONTROLS if args.connect else ())]
+    names = [*CATALOGUE, *(CONTROLS if args.connect else ())]
     if args.name not in names:
         raise ConfigError(f"run {args.name}: no such skill or program; {', '.join(names)} allowed")
     return _run_there(args) if args.connect else _run_here(args)

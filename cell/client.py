@@ -4,22 +4,12 @@ from collections.abc import Callable, Iterable
 from threading import Event as ThreadEvent
 
 from cell.config import parse_set
-from cell.line import PARAMETERS
+from cell.line import CONTROLS, PARAMETERS
 from drivers.errors import CellError, ConfigError
 from plc_bridge.images import Diagnostics, ReportImage
-from plc_bridge.messages import Control
 from plc_bridge.peer import Peer
 from skills.catalogue import CATALOGUE
 
-CONTROLS = {
-    "reset": Control.RESET,
-    "stop": Control.STOP,
-    "hold": Control.HOLD,
-    "unhold": Control.UNHOLD,
-    "abort": Control.ABORT,
-    "clear": Control.CLEAR,
-}
-"""What can be asked of a running cell beside programs and skills."""
 PERIOD = 0.1
 """Between two looks at a cell that is watched, s."""
 LONGEST = 3600.0

@@ -6,13 +6,13 @@ import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Self, TypeVar
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, create_model, model_validator
 
 import config as shipped
 from cell.config_errors import explain
-from cell.margins import MARGIN, STEERED, too_high
+from cell.margins import MARGIN, too_high
 from drivers.arm.franka import FrankaArmConfig
 from drivers.errors import ConfigError
 from drivers.gripper.franka import FrankaGripperConfig
@@ -30,37 +30,24 @@ from sim.config import (
     SimSkinConfig,
     SimSwitchConfig,
 )
-from skills.catalogue import SkillSet
-from skills.contract import Limits, Smoothing
-from skills.grasp_from_rack import GraspFromRackParams
-from skills.recover import RecoverParams
-from skills.release_and_retract import ReleaseAndRetractParams
-from skills.spiral_adjust import SpiralAdjustParams
-from skills.spray_search import TOUCHED_TIME, SpraySearchParams
+from skills.catalogue import CATALOGUE, GRASP, SEARCH
+from skills.contract import Limits, SkillParams, Smoothing
+from skills.entry import Skill, SkillSet
+from skills.motion import Gains
+from skills.spray_search import TOUCHED_TIME
 from skills.square import SquareParams
-from skills.tactile.image import ImageParams
-from skills.tactile.likelihood import LikelihoodParams
+from skills.tactile.estimators import ESTIMATORS, EstimatorEntry
 from skills.tactile.observer import ObserverParams
-from skills.tactile.pca import PcaParams
-from skills.tactile.robust import RobustParams
-from skills.tactile_insert import TactileInsertParams
 
+P = TypeVar("P", bound=SkillParams)
+E = TypeVar("E", bound=ConfigModel)
 SHIPPED = Path(shipped.__file__).parent
 """Where the configs that come with the program are."""
 DEFAULT = SHIPPED / "sim.toml"
 NOT_INHERITED = (("limits", "force"), ("limits", "low"), ("limits", "high"), ("hole", "centre"), ("rack", "first"))
 """What a cell says itself, whatever its base says: what it may do, and where its parts stand."""
-RECIPE_SECTIONS = frozenset(
-    {"preset", "peg", "hole", "rack", "grasp", "search", "insert", "adjust", "release", "recover", "square"}
-)
+RECIPE_SECTIONS = frozenset({"preset", "peg", "hole", "rack", "square", *(skill.section for skill in CATALOGUE.skills)})
 """What a recipe may say: the part, its place and how to handle it; never the hardware."""
-
-
-class InsertSection(TactileInsertParams):
-    """[insert]: the skill's parameters and the estimator that steers it."""
-
-    estimator: Literal["image", "pca", "ml", "robust"] = "image"
-    """What turns taxels into the pose of the peg."""
 
 
 class JournalConfig(ConfigModel):
@@ -77,7 +64,33 @@ class CalibrationConfig(ConfigModel):
     """Written by `cell calibrate skin`."""
 
 
-class CellConfig(ConfigModel):
+def _catalogued() -> type[ConfigModel]:
+    """Return a model with a section for every skill and every estimator.
+
+    A section may be left out where all that it says has a default.
+
+    Raises:
+        ConfigError: Two claim the same section.
+    """
+    fields: dict[str, Any] = {}
+    for name, params in (
+        *((skill.section, skill.params) for skill in CATALOGUE.skills),
+        *((entry.name, entry.params) for entry in ESTIMATORS.values()),
+    ):
+        if name in fields:
+            raise ConfigError(f"config: [{name}]: the section of a skill and of an estimator; a free name allowed")
+        fields[name] = (params, ... if any(field.is_required() for field in params.model_fields.values()) else params())
+    return create_model("Catalogued", __base__=ConfigModel, **fields)
+
+
+if TYPE_CHECKING:
+    # What the catalogues add is typed by `CellConfig.params` and `estimator_params`.
+    Catalogued = ConfigModel
+else:
+    Catalogued = _catalogued()
+
+
+class CellConfig(Catalogued):
     """One cell."""
 
     preset: str = ""
@@ -90,21 +103,11 @@ class CellConfig(ConfigModel):
     peg: Peg
     hole: Hole
     rack: Rack
-    grasp: GraspFromRackParams
-    search: SpraySearchParams
-    insert: InsertSection
-    adjust: SpiralAdjustParams
-    release: ReleaseAndRetractParams
-    recover: RecoverParams
     square: SquareParams | None = None
     """What a square peg takes instead; needed where there is one."""
     arm: Annotated[SimArmConfig | FrankaArmConfig, Field(discriminator="kind")]
     gripper: Annotated[SimGripperConfig | FrankaGripperConfig, Field(discriminator="kind")]
     skin: Annotated[SimSkinConfig | CanSkinConfig | SerialSkinConfig, Field(discriminator="kind")]
-    image: ImageParams = ImageParams()
-    pca: PcaParams = PcaParams()
-    ml: LikelihoodParams = LikelihoodParams()
-    robust: RobustParams = RobustParams()
     smoothing: Smoothing = Smoothing()
     observer: ObserverParams = ObserverParams()
     switch: Annotated[SimSwitchConfig | SerialSwitchConfig, Field(discriminator="kind")]
@@ -130,11 +133,11 @@ class CellConfig(ConfigModel):
                 raise ValueError(
                     f"{name} = {depth}: deeper than the peg reaches; less than peg.length = {peg.length} allowed"
                 )
-        if self.grasp.clearance <= rack.depth:
+        grasp, search = self.params(GRASP), self.params(SEARCH)
+        if grasp.clearance <= rack.depth:
             raise ValueError(
-                f"grasp.clearance = {self.grasp.clearance}: leaves the peg in its slot; more than rack.depth = {rack.depth} allowed"
+                f"grasp.clearance = {grasp.clearance}: leaves the peg in its slot; more than rack.depth = {rack.depth} allowed"
             )
-        search = self.search
         least = (search.height + search.push_offset) / (search.touch_down - TOUCHED_TIME)
         if search.descent < least:
             raise ValueError(
@@ -148,14 +151,11 @@ class CellConfig(ConfigModel):
 
     @model_validator(mode="after")
     def _is_stable(self) -> Self:
-        steered = {name: getattr(self, name) for name in STEERED}
-        if self.peg.shape == "square" and self.square is not None:
-            steered |= {"square.insert": self.square.insert, "square.adjust": self.square.adjust}
-        for name, params in steered.items():
-            found = too_high(params.gains, self.skin.rate)
+        for name, gains in self.steered().items():
+            found = too_high(gains, self.skin.rate)
             if found is not None:
                 raise ValueError(
-                    f"{name}.gains.{found.kind} = {found.gain:g}: unstable from {found.limit:.4g} with this damping and"
+                    f"{name}.{found.kind} = {found.gain:g}: unstable from {found.limit:.4g} with this damping and"
                     f" frames at {self.skin.rate:g} Hz; at most {found.limit / MARGIN:.4g} allowed"
                 )
         return self
@@ -204,16 +204,39 @@ class CellConfig(ConfigModel):
         """Whether the skin is a stand-in, or a driver with an emulated board behind its wire."""
         return self.skin.kind == "sim" or self.is_skin_emulated()
 
+    def params(self, skill: Skill[P]) -> P:
+        """Return the parameters of a skill."""
+        params = getattr(self, skill.section)
+        assert isinstance(params, skill.params)
+        return params
+
+    def estimator_params(self, estimator: EstimatorEntry[E]) -> E:
+        """Return the parameters of an estimator."""
+        params = getattr(self, estimator.name)
+        assert isinstance(params, estimator.params)
+        return params
+
+    def with_params(self, skill: Skill[Any], **changes: Any) -> Self:
+        """Return a copy in which some parameters of a skill have other values, which are not checked."""
+        params: SkillParams = self.params(skill)
+        return self.model_copy(update={skill.section: params.model_copy(update=changes)})
+
+    def steered(self) -> dict[str, Gains]:
+        """Return, by key, all gains that act on what the skin tells."""
+        found = {
+            f"{skill.section}.{name}": getattr(self.params(skill), name)
+            for skill in CATALOGUE.skills
+            for name in skill.steered
+        }
+        if self.peg.shape == "square" and self.square is not None:
+            found |= {"square.insert.gains": self.square.insert.gains, "square.adjust.gains": self.square.adjust.gains}
+        return found
+
     def skill_set(self) -> SkillSet:
         """Return the parameters of every skill."""
         square = self.square if self.peg.shape == "square" else None
         return SkillSet(
-            grasp=self.grasp,
-            search=self.search,
-            insert=self.insert,
-            adjust=self.adjust,
-            release=self.release,
-            recover=self.recover,
+            sections={skill.section: self.params(skill) for skill in CATALOGUE.skills},
             square=square,
             retries=self.retries if square is None else square.retries,
         )
@@ -221,6 +244,12 @@ class CellConfig(ConfigModel):
     def job(self, slot: int = 0) -> Job:
         """Return the part and its place, taken from the rack's `slot`."""
         return Job(peg=self.peg, hole=self.hole, rack=self.rack, slot=slot)
+
+
+for _name in CellConfig.__annotations__.keys() & Catalogued.model_fields:
+    raise ConfigError(
+        f"config: [{_name}]: named by a skill or an estimator, and a key of every cell; a free name allowed"
+    )
 
 
 @dataclass(frozen=True, slots=True)

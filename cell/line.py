@@ -3,12 +3,13 @@
 from collections.abc import Callable
 
 from cell.states import State
-from plc_bridge.messages import Command, Refusal, Report, Result
-from plc_bridge.registers import Parameter
-from skills.catalogue import CATALOGUE, STAGES
-from skills.contract import Reason
+from drivers.errors import ConfigError
+from plc_bridge.messages import FIRST_PROGRAM, Command, Control, Refusal, Report, Result
+from plc_bridge.registers import STAGES, Parameter
+from skills.catalogue import CATALOGUE
+from skills.entry import Catalogue
 
-PROGRAMS: dict[int, str] = {entry.code: entry.name for entry in CATALOGUE.values()}
+PROGRAMS: dict[int, str] = {code: entry.name for code, entry in CATALOGUE.by_code.items()}
 
 PARAMETERS: tuple[Parameter, ...] = (
     Parameter("grasp.force", "N", 0.1, 1.0, 70.0, "grip force"),
@@ -19,12 +20,47 @@ PARAMETERS: tuple[Parameter, ...] = (
 )
 """Keys of the config that a command may replace for its own run."""
 
+CONTROLS: dict[str, Control] = {
+    "reset": Control.RESET,
+    "stop": Control.STOP,
+    "hold": Control.HOLD,
+    "unhold": Control.UNHOLD,
+    "abort": Control.ABORT,
+    "clear": Control.CLEAR,
+}
+"""What can be asked of a running cell beside programs and skills."""
+
 WORDS: dict[str, dict[int, str]] = {
     "report_state": {state.value: state.name for state in State},
-    "report_stage": dict(enumerate(STAGES, 1)),
-    "report_reason": {reason.value: reason.name for reason in Reason},
+    "report_stage": dict(CATALOGUE.stages),
+    "report_reason": dict(CATALOGUE.reasons),
 }
 """What the numbers in these registers mean."""
+
+
+def _require_fits(catalogue: Catalogue) -> None:
+    """Make sure that the PLC's map and the terminal can tell everything apart that the catalogue names.
+
+    Raises:
+        ConfigError: One line that names the entry, what it claims and what is allowed.
+    """
+    for name, entry in catalogue.items():
+        if not FIRST_PROGRAM <= entry.code < Control.LOST:
+            raise ConfigError(
+                f"skill catalogue: {name}: command code {entry.code}: {FIRST_PROGRAM} to {Control.LOST - 1} allowed"
+            )
+        if name in CONTROLS:
+            raise ConfigError(
+                f"skill catalogue: {name}: the name of a control; another than {', '.join(CONTROLS)} allowed"
+            )
+    for number, name in catalogue.stages.items():
+        if number > STAGES:
+            raise ConfigError(
+                f"skill catalogue: {name}: stage {number}: the PLC's map holds {STAGES}; 1 to {STAGES} allowed"
+            )
+
+
+_require_fits(CATALOGUE)
 
 
 class TerminalLine:

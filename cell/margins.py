@@ -22,8 +22,6 @@ POSES: dict[str, Vector] = {
 """Joint positions in the middle of the shipped hole's area, rad: peg tilted by 45 degrees as in the search, and upright."""
 LENGTH = 0.05
 """Of the peg, m; [gibbons], Sec. VI."""
-STEERED = ("search", "insert", "adjust")
-"""Sections of the config whose gains act on what the skin tells."""
 MARGIN = 1.2
 """A gain must stay stable when it is so many times as large, its damping as it is."""
 HELD: dict[str, Vector] = {

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from cell.journal import RunRow
 from cell.statistics import PUBLISHED_ATTEMPTS, PUBLISHED_SUCCESSES, PUBLISHED_TOTAL, wilson
 from drivers.quantities import Vector
-from skills.catalogue import STAGES
+from skills.catalogue import ADJUST, INSERT, SEARCH
 
 COLOURS = ("#bbbbbb", "#4477aa", "#66ccee", "#228833", "#ccbb44", "#ee6677", "#aa3377")
 """Of stage 0 (none) and stages 1 to 6; told apart by colour-blind readers too."""
@@ -102,15 +102,17 @@ def plot_speed_accuracy(points: Sequence[Point], path: Path) -> None:
 
 
 def _draw_plan(axes: Axes, samples: dict[str, Vector], stage: Vector) -> None:
-    for number, name in enumerate(STAGES, start=1):
-        if name not in ("spray_search", "tactile_insert", "spiral_adjust"):
-            continue
-        here = stage == number
+    for skill in (SEARCH, INSERT, ADJUST):
+        here = stage == skill.stage
         if here.any():
             # The way to the surface would dwarf what happens on it.
             here &= samples["tip_z"] < np.median(samples["tip_z"][here]) + ON_SURFACE
             axes.plot(
-                1e3 * samples["tip_x"][here], 1e3 * samples["tip_y"][here], lw=0.8, color=COLOURS[number], label=name
+                1e3 * samples["tip_x"][here],
+                1e3 * samples["tip_y"][here],
+                lw=0.8,
+                color=_colour(skill.stage),
+                label=skill.name,
             )
     found = _hole_event(stage)
     if found is not None:
@@ -135,11 +137,14 @@ def _shade_stages(axes: Axes, time: Vector, stage: Vector) -> None:
         return
     edges = [0, *(np.flatnonzero(np.diff(stage)) + 1), time.size]
     for first, last in pairwise(edges):
-        axes.axvspan(time[first], time[last - 1], color=COLOURS[int(stage[first]) % len(COLOURS)], alpha=0.15, lw=0)
+        axes.axvspan(time[first], time[last - 1], color=_colour(int(stage[first])), alpha=0.15, lw=0)
+
+
+def _colour(stage: int) -> str:
+    return COLOURS[stage % len(COLOURS)]
 
 
 def _hole_event(stage: Vector) -> int | None:
     """Return the last scan of a search that another stage followed, other than the clearing up."""
-    search, insert = STAGES.index("spray_search") + 1, STAGES.index("tactile_insert") + 1
-    found = np.flatnonzero((stage[:-1] == search) & (stage[1:] == insert))
+    found = np.flatnonzero((stage[:-1] == SEARCH.stage) & (stage[1:] == INSERT.stage))
     return int(found[-1]) if found.size else None

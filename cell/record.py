@@ -3,6 +3,7 @@
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from enum import IntEnum
 
 from cell.config import CellConfig
 from cell.journal import Journal, RunRow, config_hash, now_text, versions
@@ -10,12 +11,9 @@ from cell.samples import SampleStream
 from drivers.errors import CellError, FaultCode
 from drivers.quantities import ImpedanceSetpoint
 from plc_bridge.messages import Command
-from skills.catalogue import STAGES
+from skills.catalogue import CATALOGUE
 from skills.contract import Observation, Outcome, Reason
 from skills.flow import StageRecord
-
-STAGE_NUMBER = {"": 0, **{name: number for number, name in enumerate(STAGES, start=1)}}
-"""As the PLC reads it."""
 
 
 @dataclass(slots=True)
@@ -57,7 +55,8 @@ class Ending:
     """`success`, `failure`, `aborted` or `fault`."""
     stage: str
     """That did not succeed, or the last one."""
-    reason: Reason
+    reason: IntEnum
+    """A `Reason`, or one of the skill's own."""
 
 
 def ending_of(records: Sequence[StageRecord], fault: CellError | None, stage: str) -> Ending:
@@ -103,7 +102,7 @@ class RunRecord:
         Raises:
             JournalError: The samples cannot be written.
         """
-        self._stream.add(seen, setpoint, STAGE_NUMBER[self.clock.stage])
+        self._stream.add(seen, setpoint, CATALOGUE.stage_number(self.clock.stage))
 
     def finish(self, ending: Ending, fault: CellError | None) -> None:
         """Put on record how the run ended.

@@ -13,21 +13,18 @@ import numpy as np
 from cell.assembly import Cell, choices, make_estimator, make_tracker
 from cell.config import CellConfig, LoadedConfig, with_parameters
 from cell.journal import Journal, RunRow
-from cell.record import STAGE_NUMBER, RunRecord, StageClock, ending_of
+from cell.record import RunRecord, StageClock, ending_of
 from cell.states import Event, State, after, is_permitted
-from cell.statistics import PUBLISHED
 from drivers.errors import CellError, ConfigError, FaultCode, PlcLostError
 from drivers.quantities import ArmState, ImpedanceSetpoint
 from plc_bridge.messages import Command, Control, Refusal, Report, Result, Transition
-from skills.catalogue import CATALOGUE, STAGES, Entry
+from skills.catalogue import CATALOGUE
 from skills.contract import RESUME_TIME, Observation, Outcome, Request
+from skills.entry import Entry
 from skills.flow import StageRecord
 
 logger = logging.getLogger(__name__)
 
-BY_CODE = {entry.code: entry for entry in CATALOGUE.values()}
-COUNTED = tuple(stage.name for stage in PUBLISHED)
-"""Stages whose times make up the total, as in [gibbons], Table I."""
 REST_SPEED = 0.01
 """Of every joint of an arm that stands still, rad/s."""
 REST_TIME = 1.0
@@ -127,8 +124,8 @@ class Supervisor:
 
     def _take(self, command: Command) -> None:
         """Act on one command, whatever the state."""
-        if command.code in BY_CODE:
-            self._start(command, BY_CODE[command.code])
+        if command.code in CATALOGUE.by_code:
+            self._start(command, CATALOGUE.by_code[command.code])
         elif command.code == Control.LOST:
             if self._run is not None and self._request is not Request.STOP:
                 raise PlcLostError(
@@ -266,7 +263,7 @@ class Supervisor:
             run.clock.settle(records)
             ending = ending_of(records, fault, run.clock.stage)
             self.report = replace(
-                _with_times(self.report, run.clock), stage=STAGE_NUMBER[ending.stage], reason=ending.reason
+                _with_times(self.report, run.clock), stage=CATALOGUE.stage_number(ending.stage), reason=ending.reason
             )
             try:
                 run.finish(ending, fault)
@@ -336,7 +333,7 @@ class Supervisor:
             self._enter(Event.STOP)
             self._request = Request.STOP
         if run.clock.enter(self._context.stage, self._cell.clock.now()):
-            self.report = replace(_with_times(self.report, run.clock), stage=STAGE_NUMBER[run.clock.stage])
+            self.report = replace(_with_times(self.report, run.clock), stage=CATALOGUE.stage_number(run.clock.stage))
         self._publish()
         return self._request
 
@@ -375,8 +372,8 @@ class Supervisor:
 def _with_times(report: Report, clock: StageClock) -> Report:
     return replace(
         report,
-        stage_times=tuple(clock.times.get(name, 0.0) for name in STAGES),
-        total_time=sum(clock.times.get(name, 0.0) for name in COUNTED),
+        stage_times=CATALOGUE.in_places(clock.times),
+        total_time=sum(clock.times.get(name, 0.0) for name in CATALOGUE.counted),
     )
 
 

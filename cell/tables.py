@@ -19,8 +19,7 @@ from drivers.errors import FAULTS
 from drivers.skin.calibration import SkinCalibration
 from plc_bridge.images import Diagnostics, ReportImage
 from plc_bridge.messages import LeaseState, Refusal, Result
-from skills.catalogue import STAGES
-from skills.contract import Reason
+from skills.catalogue import CATALOGUE
 
 if TYPE_CHECKING:
     from cell.lab.frontier import FrontierLine
@@ -150,11 +149,11 @@ def report(image: ReportImage) -> dict[str, object]:
     """Return a report in words."""
     return {
         "state": State(image.state).name if image.state else "",
-        "stage": STAGES[image.stage - 1] if 0 < image.stage <= len(STAGES) else "",
+        "stage": CATALOGUE.stages.get(image.stage, ""),
         "progress": image.progress,
         "sequence": image.sequence,
         "result": Result(image.result).name.lower(),
-        "reason": Reason(image.reason).name.lower(),
+        "reason": CATALOGUE.reasons.get(image.reason, str(image.reason)).lower(),
         "refusal": Refusal(image.refusal).name.lower(),
         "fault": image.fault,
         "run": image.run,

@@ -143,7 +143,7 @@ def run_trial(config: CellConfig, seed: int) -> TrialRow:
     if fault is not None:
         outcome, reason = "failure", FaultCode(fault.code).name.lower()
     start = next((r.result.start for r in records if isinstance(r.result, SpraySearchResult)), None)
-    stages = [times[s.name] for s in PUBLISHED if s.name in times]
+    stages = [times[name] for name in CATALOGUE.counted if name in times]
     return TrialRow(
         seed=seed,
         outcome="void" if truth.is_void else outcome,

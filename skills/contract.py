@@ -40,7 +40,7 @@ class Outcome(StrEnum):
 
 
 class Reason(IntEnum):
-    """Why it ended so; the PLC reads the number."""
+    """Why a skill ended so, in the words that all skills share; the PLC reads the number."""
 
     NONE = 0
     MISSED_GRASP = 1
@@ -59,7 +59,8 @@ class SkillResult:
     """How a skill ended; every skill adds its facts."""
 
     outcome: Outcome
-    reason: Reason
+    reason: IntEnum
+    """A `Reason`, or one of the skill's own words as its entry in the catalogue names them."""
     elapsed: float
     """Time that counts as the skill's own, s; a free-space approach before it does not."""
 

@@ -13,6 +13,7 @@ from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillRes
 from skills.ground import Plane, nominal
 from skills.motion import VALIDITY, Gains
 from skills.seating import is_seated
+from skills.tactile.estimators import EstimatorName
 
 UPRIGHT = 0.3
 """Angle below which the push ahead fades, rad: an upright peg has no side to lean to."""
@@ -47,6 +48,8 @@ class TactileInsertParams(SkillParams):
     """Of the depth that the tilt allows: an aligned peg that is less deep never was in the hole. 0 leaves that to the adjustment."""
     lost_height: PositiveFloat
     """The tip this far above the surface is out of the hole, m."""
+    estimator: EstimatorName = "image"
+    """What turns taxels into the pose of the peg, in every skill."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import cell.supervisor
 from cell.assembly import Cell
 from cell.config import LoadedConfig
 from cell.journal import Journal, RunRow
@@ -14,8 +13,9 @@ from cell.supervisor import Supervisor
 from drivers.errors import CellError
 from plc_bridge.bridge import Bridge
 from plc_bridge.config import PlcConfig
-from skills.catalogue import Entry, SkillSet
+from skills.catalogue import CATALOGUE
 from skills.contract import Outcome, Reason, SkillContext, SkillResult
+from skills.entry import Program, SkillSet
 from skills.flow import StageRecord, run_stage
 from tests.fakes import FakeArm, FakeClock, FakeGripper, FakeSkin, FakeSwitch
 
@@ -84,8 +84,8 @@ def quick_cell(loaded: LoadedConfig, plc: PlcConfig, folder: Path) -> Iterator[Q
 
     supervisor.scan()
     bridge.start()
-    table = cell.supervisor.BY_CODE
-    before, table[CODE] = table[CODE], Entry("insert_peg", CODE, program, starts_empty=True)
+    table = CATALOGUE.by_code
+    before, table[CODE] = table[CODE], Program(name="insert_peg", code=CODE, run=program, starts_empty=True)
     thread = threading.Thread(target=serve)
     thread.start()
     try:

@@ -12,7 +12,6 @@ import numpy as np
 from cell.assembly import Cell
 from cell.config import CellConfig, LoadedConfig
 from cell.journal import Journal
-from cell.record import STAGE_NUMBER
 from cell.supervisor import Supervisor
 from drivers.protocols import Clock
 from drivers.skin.board_config import CanSkinConfig
@@ -85,7 +84,7 @@ class Rehearsal:
 
     def insert(self, stage: str = "", delay: float = 0.0, action: Callable[[], None] = lambda: None) -> Report:
         """Run `insert_peg` and return how it ended; so long, s, after `stage` begins, something happens."""
-        self._stage, self._delay, self._action, self._due = STAGE_NUMBER[stage], delay, action, math.inf
+        self._stage, self._delay, self._action, self._due = CATALOGUE.stage_number(stage), delay, action, math.inf
         report = self.give(INSERT)
         assert not stage or self._due == -math.inf, f"{stage} was never reached: {report}"
         return report

@@ -14,6 +14,7 @@ from rich.progress import Progress
 
 from cell.config import LoadedConfig
 from drivers.errors import ConfigError
+from skills.catalogue import SEARCH
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,8 +130,7 @@ def events(args: argparse.Namespace, loaded: LoadedConfig, progress: Progress) -
 
     config, trials = loaded.cell, args.trials or (4 if args.quick else 1000)
     if args.quick:
-        timeout = min(config.search.timeout, 8.0)
-        config = config.model_copy(update={"search": config.search.model_copy(update={"timeout": timeout})})
+        config = config.with_params(SEARCH, timeout=min(config.params(SEARCH).timeout, 8.0))
     seeds = range(args.seed, args.seed + trials)
     workers = args.workers or os.cpu_count() or 1
     found = study.run(config, seeds, min(trials, 200), workers, _out_folder(args.out), progress)

@@ -25,6 +25,7 @@ from sim.contact import FEATURE_BAND
 from sim.pads import breakaway_torque_of
 from sim.section import section_depth
 from sim.world import VOID_PENETRATION, VOID_SHARE
+from skills.catalogue import GRASP
 
 PEG, HOLE = 0.008, 0.0081
 """Diameters, m."""
@@ -175,7 +176,7 @@ def longest_step(config: CellConfig) -> float:
     torque = breakaway_torque_of(
         theta=0.0,
         offset=0.0,
-        grip_force=config.grasp.force,
+        grip_force=config.params(GRASP).force,
         reach_tip=job.peg.length,
         reach_back=job.peg.overhang,
         half_length=length / 2,

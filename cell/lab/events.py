@@ -8,6 +8,7 @@ an event at the threshold in use are run again, listening, to see what the judge
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from enum import IntEnum
 from functools import partial
 
 import numpy as np
@@ -19,7 +20,8 @@ from cell.workers import on_processes
 from drivers.errors import CellError, ConfigError
 from drivers.frames import end_point
 from drivers.quantities import ImpedanceSetpoint, TaxelFrame, Vector
-from skills import catalogue, spray_search
+from skills import spray_search
+from skills.catalogue import GRASP, SEARCH
 from skills.contract import Observation, Outcome, Reason, Request, SkillContext
 from skills.flow import run_stage
 from skills.ground import Ground, Plane
@@ -206,7 +208,7 @@ def watch(config: CellConfig, has_hole: bool, seed: int) -> Watched:
     """Let the search of this seed slide on, whatever it meets, while every detector watches."""
     row = Watched(seed, has_hole)
     cell = _cell(config, has_hole, HEIGHT, seed)
-    params = cell.config.search
+    params = cell.config.params(SEARCH)
     with opened(cell):
         ctx = cell.context(seed)
         seer = _Watch(cell, params, row)
@@ -232,7 +234,7 @@ def listen(config: CellConfig, detector: str, seed: int) -> Listened:
     kept: list[SpraySearchResult] = []
 
     def run(ctx: SkillContext) -> SpraySearchResult:
-        kept.append(spray_search.run(cell.config.search, ctx))
+        kept.append(spray_search.run(cell.config.params(SEARCH), ctx))
         return kept[-1]
 
     with opened(cell):
@@ -243,10 +245,10 @@ def listen(config: CellConfig, detector: str, seed: int) -> Listened:
 
 def _search(
     cell: Cell, ctx: SkillContext, run: Callable[[SkillContext], SpraySearchResult], seer: _Watch | None = None
-) -> tuple[str, Reason]:
+) -> tuple[str, IntEnum]:
     """Grasp and search; return how that ended."""
     fault: CellError | None = None
-    records = catalogue.grasp(cell.config.skill_set(), ctx)
+    records = GRASP.run(cell.config.skill_set(), ctx)
     if seer is not None:
         ctx.record, ctx.poll = seer.record, seer.poll
     try:
@@ -261,14 +263,14 @@ def _search(
 def _cell(config: CellConfig, has_hole: bool, detector: str, seed: int) -> Cell:
     assert config.sim is not None
     is_height = detector == HEIGHT
-    search = {"evidence": HEIGHT if is_height else "skin"}
-    event = config.search.event if is_height else _method(config.search.event, detector)
+    event = config.params(SEARCH).event
+    if not is_height:
+        event = _method(event, detector)
     return assemble(
-        config.model_copy(
+        config.with_params(SEARCH, evidence=HEIGHT if is_height else "skin", event=event).model_copy(
             update={
                 "sim": config.sim.model_copy(update={"seed": seed, "pace": "max"}),
                 "hole": config.hole.model_copy(update={"present": has_hole}),
-                "search": config.search.model_copy(update={**search, "event": event}),
             }
         )
     )

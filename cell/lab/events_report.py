@@ -31,6 +31,7 @@ from cell.lab.events import (
 )
 from cell.statistics import wilson
 from cell.workers import on_processes
+from skills.catalogue import SEARCH
 from skills.spray_search import SpraySearchParams
 from skills.tactile.hole_event import limit
 
@@ -129,7 +130,7 @@ def run(config: CellConfig, seeds: range, with_hole: int, workers: int, folder: 
         for rate, value in _curve(config, detector):
             lines.append(_line(config, detector, rate, value, empty, fell, None, False))
     title = (
-        f"{len(empty)} searches of {config.search.timeout:g} s without a hole, {len(fell)} falls, simulated, from seed {seeds[0]}; "
+        f"{len(empty)} searches of {config.params(SEARCH).timeout:g} s without a hole, {len(fell)} falls, simulated, from seed {seeds[0]}; "
         f"python {platform.python_version()}, "
         + ", ".join(f"{name} {versions()[name]}" for name in ("mujoco", "numpy", "code"))
     )
@@ -142,13 +143,13 @@ def run(config: CellConfig, seeds: range, with_hole: int, workers: int, folder: 
         files=[folder / TABLE, folder / "events.png"],
     )
     _write(lines, found.files[0])
-    draw(found, empty, config.search, found.files[1])
+    draw(found, empty, config.params(SEARCH), found.files[1])
     return found
 
 
 def _in_use(config: CellConfig, detector: str) -> tuple[float, float]:
     """Return a detector's threshold by the config, and the rate that it was derived from."""
-    search = config.search
+    search = config.params(SEARCH)
     if detector == HEIGHT:
         return search.dip, math.nan
     if detector == "derivative":
@@ -157,8 +158,8 @@ def _in_use(config: CellConfig, detector: str) -> tuple[float, float]:
 
 
 def _limit(config: CellConfig, method: str, rate: float) -> float:
-    params = config.search.event.model_copy(update={"method": method})
-    return limit(params, rate / config.skin.rate / config.search.timeout)
+    params = config.params(SEARCH).event.model_copy(update={"method": method})
+    return limit(params, rate / config.skin.rate / config.params(SEARCH).timeout)
 
 
 def _curve(config: CellConfig, detector: str) -> list[tuple[float, float]]:
@@ -188,7 +189,7 @@ def _line(
     elif math.isnan(stated):
         expected = math.nan
     else:
-        expected = float(np.mean([-math.expm1(-stated * row.slid / config.search.timeout) for row in empty]))
+        expected = float(np.mean([-math.expm1(-stated * row.slid / config.params(SEARCH).timeout) for row in empty]))
     finds = sum(one.found for one in heard) if heard is not None else -1
     low, high = wilson(stopped, len(empty))
     seen_low, seen_high = wilson(len(events), len(late))

@@ -19,6 +19,8 @@ from cell.journal import config_hash, versions
 from cell.statistics import Z95, mean, wilson
 from cell.trials import SUMMARY, TABLE, TrialRow, read_table, run_trials
 from drivers.errors import CellError, FaultCode
+from skills.catalogue import INSERT, SEARCH
+from skills.tactile.estimators import ESTIMATORS
 
 logger = logging.getLogger(__name__)
 
@@ -38,7 +40,7 @@ SWEEPS: dict[str, dict[str, tuple[str, ...]]] = {
         )
         for gain in (10.0, 20.0, 40.0, 80.0, 160.0)
     },
-    "estimator": {name: (f"insert.estimator={name}",) for name in ("image", "pca", "ml", "robust")},
+    "estimator": {name: (f"insert.estimator={name}",) for name in ESTIMATORS},
     "skin rate": {f"{rate:g} Hz": (f"skin.rate={rate:g}",) for rate in (10.0, 20.0, 50.0, 100.0)},
     "layout": {
         "P, parallelogram": ("skin.layout=parallelogram",),
@@ -51,7 +53,7 @@ STEPS: tuple[tuple[str, tuple[str, ...]], ...] = (
         "+ height evidence, judged at rest",
         ("search.evidence", "search.event", "search.dip", "search.fall", "search.rest", "search.probe"),
     ),
-    ("+ estimator: {estimator}", ("insert.estimator", "image", "pca", "ml", "robust", "smoothing", "observer")),
+    ("+ estimator: {estimator}", ("insert.estimator", *ESTIMATORS, "smoothing", "observer")),
     ("+ path: {path}", ("search",)),
     ("+ insertion that yields", ("insert",)),
     ("+ adjustment that is guided", ("adjust",)),
@@ -150,7 +152,9 @@ def chain(start: CellConfig, end: CellConfig) -> list[Variant]:
         left = [key for key in left if key not in new]
         if new:
             taken += [f"{key}={json.dumps(above[key])}" for key in new]
-            text = name.format(estimator=end.insert.estimator, path=end.search.path, retries=end.retries)
+            text = name.format(
+                estimator=end.params(INSERT).estimator, path=end.params(SEARCH).path, retries=end.retries
+            )
             steps.append(Variant(CHAIN, text, START, tuple(taken)))
     return steps
 

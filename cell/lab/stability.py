@@ -18,7 +18,7 @@ import numpy as np
 
 from cell.assembly import Cell, assemble, opened
 from cell.config import CellConfig
-from cell.margins import HELD, LENGTH, STEERED, margins
+from cell.margins import HELD, LENGTH, margins
 from cell.sampled_loop import largest_factor
 from cell.workers import on_processes
 from drivers.errors import CellError, SimulationUnstableError
@@ -27,6 +27,7 @@ from drivers.quantities import ImpedanceSetpoint, InHandTip, Twist, Vector
 from sim.tip_inertia import tip_inertia
 from sim.world import Peg, World
 from skills import grasp_from_rack
+from skills.catalogue import GRASP, INSERT, SEARCH
 from skills.contract import Observation, Outcome, SkillContext, Smoothing
 from skills.motion import Gains, Goal, move, tilted
 from skills.passivity import PassivityGuard, Verdict
@@ -131,9 +132,9 @@ class Shipped:
 def shipped_margins(config: CellConfig) -> list[Shipped]:
     """Return the margins of every gain that the skin steers."""
     return [
-        Shipped(skill, found.kind, 1.0 / config.skin.rate, found.gain, found.limit, found.factor)
-        for skill in STEERED
-        for found in margins(getattr(config, skill).gains, config.skin.rate)
+        Shipped(key.removesuffix(".gains"), found.kind, 1.0 / config.skin.rate, found.gain, found.limit, found.factor)
+        for key, gains in config.steered().items()
+        for found in margins(gains, config.skin.rate)
     ]
 
 
@@ -337,11 +338,12 @@ def _bench(config: CellConfig, case: Case) -> Iterator[Bench]:
     with opened(assemble(config)) as cell:
         ctx, world = cell.context(sim.seed), cell.clock
         assert isinstance(world, World)
-        if grasp_from_rack.run(config.grasp, ctx).outcome is not Outcome.SUCCESS:
+        if grasp_from_rack.run(config.params(GRASP), ctx).outcome is not Outcome.SUCCESS:
             raise CellError("study: the peg could not be taken from the rack")
-        axis, closing = tilted(config.search.lean, config.search.tilt)
+        search = config.params(SEARCH)
+        axis, closing = tilted(search.lean, search.tilt)
         tip = np.array(config.hole.centre) + np.array([0.0, 0.0, HEIGHT])
-        for _ in move(Goal(tip, axis, closing), config.search.transfer, ctx, ctx.in_hand(), settle=1.0):
+        for _ in move(Goal(tip, axis, closing), search.transfer, ctx, ctx.in_hand(), settle=1.0):
             pass
         _, data = world.physics()
-        yield Bench(cell, world, ctx, config.insert.gains, closing, np.array(data.qpos))
+        yield Bench(cell, world, ctx, config.params(INSERT).gains, closing, np.array(data.qpos))

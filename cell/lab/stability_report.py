@@ -14,6 +14,7 @@ from cell.journal import config_hash, versions
 from cell.lab.stability import QUICK, WHOLE, Boundary, Shipped, Trace, boundaries, measure, shipped_margins
 from cell.lab.stability_chart import UNITS, draw_map
 from cell.margins import HELD, MARGIN
+from skills.catalogue import INSERT
 
 CASES, FIGURES = "stability.csv", "stability.json"
 NAMED = ("mujoco", "numpy", "numba", "code")
@@ -40,7 +41,7 @@ def run(config: CellConfig, quick: bool, workers: int, folder: Path, done: Calla
     """Measure the map, compare it with theory, and write everything to `folder`."""
     grid = QUICK if quick else WHOLE
     traces, inertia = measure(config, grid, workers, done)
-    theory = boundaries(config.insert.gains, inertia, grid)
+    theory = boundaries(config.params(INSERT).gains, inertia, grid)
     shipped = shipped_margins(config)
     data = {
         "cases": len(traces),

@@ -27,6 +27,7 @@ from drivers.skin.layout import LAYOUTS, MODULE_OF, Layout
 from sim.config import SimSkinConfig
 from sim.pads import PadLoad, Pads
 from sim.skin import Taxels
+from skills.catalogue import INSERT
 from skills.contract import PegPose
 
 ESTIMATORS = ("image", "pca", "ml", "robust")
@@ -169,7 +170,7 @@ def kinds() -> list[tuple[Model, Condition]]:
 
 def _with(config: CellConfig, layout: Layout, name: str) -> CellConfig:
     skin = config.skin.model_copy(update={"layout": layout})
-    return config.model_copy(update={"skin": skin, "insert": config.insert.model_copy(update={"estimator": name})})
+    return config.with_params(INSERT, estimator=name).model_copy(update={"skin": skin})
 
 
 def made(

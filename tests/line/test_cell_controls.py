@@ -14,7 +14,6 @@ from cell.assembly import assemble, opened
 from cell.config import load
 from cell.journal import Journal
 from cell.line import PARAMETERS, PROGRAMS
-from cell.record import STAGE_NUMBER
 from cell.samples import read_samples
 from cell.states import State
 from cell.supervisor import REST_SPEED, Supervisor
@@ -152,7 +151,7 @@ def controlled(folder, seed):
 def moments(seed):
     """Return a scan of each stage, by the stage's number."""
     draw = random.Random(seed)
-    return {STAGE_NUMBER[name]: draw.randrange(length) for name, length in LENGTHS.items()}
+    return {CATALOGUE.stage_number(name): draw.randrange(length) for name, length in LENGTHS.items()}
 
 
 def assert_halted(braking, state):
@@ -190,7 +189,7 @@ def test_every_skill_is_ended_and_after_a_reset_the_next_run_starts(tmp_path, co
             assert_halted(cell.brakings[0], final)
             assert cell.states == [State.STARTING, State.EXECUTE, acting, final]
             assert (row.run, row.outcome, row.reason) == (run, "aborted", "stopped")
-            assert STAGE_NUMBER[row.stage] == cell.brakings[0].stage
+            assert CATALOGUE.stage_number(row.stage) == cell.brakings[0].stage
             assert_complete(row, cell)
             assert cell.plc.report.result == Result.ABORTED
             if control is Control.ABORT:
@@ -202,6 +201,6 @@ def assert_complete(row, cell):
     """Every stage has its time and its samples, and no scan is missing."""
     times = dict(json.loads(row.stage_times))
     samples = read_samples(cell.journal.samples_path(row.run))
-    assert [STAGE_NUMBER[name] for name in times] == sorted(set(samples["stage"]))
+    assert [CATALOGUE.stage_number(name) for name in times] == sorted(set(samples["stage"]))
     period = 1.0 / cell.cell.config.scan_rate
     assert np.diff(samples["stamp"]).max() == pytest.approx(period)

@@ -8,7 +8,7 @@ import pytest
 from cell.assembly import assemble, opened
 from cell.config import load
 from drivers.quantities import ImpedanceSetpoint
-from skills import catalogue
+from skills.catalogue import GRASP, RELEASE, find_and_seat
 from skills.contract import Observation, Outcome
 
 
@@ -36,7 +36,7 @@ def test_next_peg_is_held_where_the_cell_believes(seed: int, friction: float) ->
             cell.restock(ctx.job, seed + served)
             leaving.clear()
             ctx.record = watch
-            records = catalogue.grasp(skills, ctx)
+            records = GRASP.run(skills, ctx)
             ctx.record = lambda seen, setpoint: None
             assert records[-1].result.outcome is Outcome.SUCCESS
             stamps, heights = np.array([*leaving.items()]).T
@@ -47,5 +47,5 @@ def test_next_peg_is_held_where_the_cell_believes(seed: int, friction: float) ->
             along = (seen.tip - truth.tip) @ seen.axis
             assert abs(along) < 0.5e-3
             assert math.degrees(abs(seen.peg.theta - truth.theta)) < 1.5
-            assert catalogue.find_and_seat(skills, ctx)[-1].result.outcome is Outcome.SUCCESS
-            assert catalogue.release(skills, ctx)[-1].result.outcome is Outcome.SUCCESS
+            assert find_and_seat(skills, ctx)[-1].result.outcome is Outcome.SUCCESS
+            assert RELEASE.run(skills, ctx)[-1].result.outcome is Outcome.SUCCESS

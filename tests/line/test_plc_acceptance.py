@@ -12,6 +12,7 @@ from plc_bridge.images import CommandImage
 from plc_bridge.messages import Control, LeaseState, Refusal, Result, Transition
 from plc_bridge.peer import CellSilentError
 from plc_bridge.registers import VERSION, VERSION_MAJOR
+from skills.catalogue import GRASP
 from skills.contract import Outcome, Reason
 from tests.plc_lines import PLC_LINES
 from tests.quick_cell import CODE, STAGE, quick_cell
@@ -132,7 +133,7 @@ def test_parameters_at_their_limits_and_the_serial_number_reach_run_and_record(p
         row = served.record(report.run)
         assert (row.serial, row.recipe, row.sequence) == (f"PEG-{count}", 1, report.sequence)
         assert row.source.startswith(line.source)
-    assert [skills.grasp.force for skills in served.program.runs] == pytest.approx([1.0, 70.0])
+    assert [skills[GRASP].force for skills in served.program.runs] == pytest.approx([1.0, 70.0])
 
 
 def test_plc_of_another_major_version_is_refused(plc, served):

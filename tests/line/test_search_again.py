@@ -6,7 +6,8 @@ import numpy as np
 
 from cell.assembly import assemble, opened
 from cell.config import load
-from skills import catalogue, spiral_adjust, spray_search, tactile_insert
+from skills import spiral_adjust, spray_search, tactile_insert
+from skills.catalogue import GRASP, find_and_seat
 from skills.contract import Outcome, Reason
 from skills.ground import Plane
 
@@ -20,8 +21,8 @@ def test_peg_that_stands_in_the_hole_is_pulled_out_before_it_is_led_aside():
     deep, outside = [], []
     with opened(cell):
         ctx = cell.context(105)
-        catalogue.grasp(skills, ctx)
-        seated = catalogue.find_and_seat(skills, ctx)[-1].result
+        GRASP.run(skills, ctx)
+        seated = find_and_seat(skills, ctx)[-1].result
         assert seated.outcome is Outcome.SUCCESS
 
         def watch(seen, setpoint):
@@ -44,7 +45,7 @@ def test_peg_that_goes_no_deeper_is_given_up_after_the_patience_and_not_after_th
     cell = assemble(config)
     with opened(cell):
         ctx = cell.context(104)
-        catalogue.grasp(config.skill_set(), ctx)
+        GRASP.run(config.skill_set(), ctx)
         assert spray_search.run(config.search, ctx).reason is Reason.NO_HOLE
         tactile_insert.run(config.insert, ctx)
         ended = spiral_adjust.run(config.adjust, ctx)
@@ -59,7 +60,7 @@ def test_peg_that_jams_along_a_wrongly_felt_normal_is_freed_where_it_rests():
     cell = assemble(config)
     with opened(cell):
         ctx = cell.context(105)
-        catalogue.grasp(config.skill_set(), ctx)
+        GRASP.run(config.skill_set(), ctx)
         found = spray_search.run(config.search, ctx)
         felt = np.array([math.sin(math.radians(3.0)), 0.0, math.cos(math.radians(3.0))])
         wrong = Plane(found.plane.point, felt)

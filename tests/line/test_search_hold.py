@@ -5,7 +5,8 @@ import math
 from cell.assembly import assemble, opened
 from cell.config import load
 from drivers.quantities import ImpedanceSetpoint
-from skills import catalogue, spray_search
+from skills import spray_search
+from skills.catalogue import GRASP
 from skills.contract import Observation, Reason, Request
 
 RUNNING, HELD, RESUMED = 0.3, 10.0, 1.0
@@ -20,7 +21,7 @@ def test_setpoint_of_a_search_that_was_held_anywhere_goes_on_without_a_step() ->
     steps: list[float] = []
     with opened(cell):
         ctx = cell.context(105)
-        catalogue.grasp(config.skill_set(), ctx)
+        GRASP.run(config.skill_set(), ctx)
         began, cycle = cell.clock.now(), RUNNING + HELD + RESUMED
         last: list[ImpedanceSetpoint] = []
 

@@ -5,7 +5,8 @@ import pytest
 from cell.assembly import assemble, opened
 from cell.config import load
 from drivers.quantities import ImpedanceSetpoint
-from skills import catalogue, spray_search
+from skills import spray_search
+from skills.catalogue import GRASP, SEARCH
 from skills.contract import Observation, Outcome
 
 PARTS = {
@@ -28,7 +29,7 @@ def test_peg_comes_down_on_the_plate_even_where_the_hole_is_known_well_and_finds
     touched: list[float] = []
     with opened(cell):
         ctx = cell.context(seed)
-        catalogue.grasp(config.skill_set(), ctx)
+        GRASP.run(config.skill_set(), ctx)
         skills = config.skill_set()
 
         def watch(seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
@@ -37,7 +38,7 @@ def test_peg_comes_down_on_the_plate_even_where_the_hole_is_known_well_and_finds
                 touched.append(truth.hole[2] - truth.tip[2])
 
         ctx.record = watch
-        found = catalogue.search(skills, ctx)[-1].result
+        found = SEARCH.run(skills, ctx)[-1].result
     assert found.outcome is Outcome.SUCCESS
     # The middle of the end of a peg that leans, its edge on the plate, is above the plate by more than half of its radius.
     assert touched[0] < -config.peg.diameter / 4

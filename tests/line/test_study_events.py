@@ -16,7 +16,8 @@ from cell.lab.events import DETECTORS, HEIGHT, Watched, rice_chance, rice_limit,
 from cell.lab.events_report import RATES
 from drivers.errors import ConfigError
 from drivers.quantities import TaxelFrame
-from skills import catalogue, spray_search
+from skills import spray_search
+from skills.catalogue import GRASP
 from skills.tactile.hole_event import HoleEvent
 
 SEED = 101
@@ -49,7 +50,7 @@ def listened(cell_config, seed):
     cell = assemble(cell_config.model_copy(update={"sim": cell_config.sim.model_copy(update={"seed": seed})}))
     with opened(cell):
         ctx = cell.context(seed)
-        catalogue.grasp(cell_config.skill_set(), ctx)
+        GRASP.run(cell_config.skill_set(), ctx)
         event = NotedEvent(cell_config.search.event, cell_config.search.timeout)
         ctx.record = lambda seen, held: begun.append(seen.stamp) if not event.has_begun else None
         spray_search.run(cell_config.search, ctx, event=event)

@@ -1,0 +1,76 @@
+"""What keeps two entries of the catalogue apart, and what is derived from them."""
+
+from enum import IntEnum
+
+import pytest
+
+from drivers.errors import ConfigError
+from skills.catalogue import CATALOGUE, GRASP, SEARCH
+from skills.contract import Outcome, Reason, SkillParams, SkillResult
+from skills.entry import Catalogue, Program, Skill
+from skills.motion import Gains
+
+
+class KnockParams(SkillParams):
+    times: int = 3
+    gains: Gains = Gains(translation=1.0, rotation=1.0, translation_damping=1.0, rotation_damping=1.0)
+
+
+class KnockReason(IntEnum):
+    NOBODY_HOME = 100
+
+
+def knock(**changes):
+    told = {"name": "knock", "code": 110, "stage": 7, "section": "knock", "params": KnockParams}
+    return Skill(**{**told, "perform": lambda params, ctx: SkillResult(Outcome.SUCCESS, Reason.NONE, 0.0), **changes})
+
+
+def clash(*entries):
+    with pytest.raises(ConfigError) as refused:
+        Catalogue(*CATALOGUE.values(), *entries)
+    line = str(refused.value)
+    assert "\n" not in line
+    return line
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"name": "recover"}, ("name recover",)),
+        ({"code": 102}, ("knock: command code 102", "spray_search")),
+        ({"stage": 2}, ("knock: stage 2", "spray_search")),
+        ({"stage": 0}, ("knock: stage 0", "from 1")),
+        ({"section": "search"}, ("knock: config section search", "spray_search")),
+        ({"steered": ("times",)}, ("knock: steered 'times'", "Gains")),
+        ({"steered": ("strength",)}, ("knock: steered 'strength'", "Gains")),
+        ({"reasons": IntEnum("Low", {"TIRED": 11})}, ("knock: reason 11 TIRED", "from 100")),
+        ({"reasons": IntEnum("Taken", {"NO_HOLE": 101})}, ("knock: reason 101 NO_HOLE", "its own")),
+    ],
+)
+def test_a_clash_is_told_in_one_line_that_names_both(changes, words):
+    line = clash(knock(**changes))
+    assert all(word in line for word in words), line
+
+
+def test_a_program_cannot_have_the_command_code_of_a_skill():
+    line = clash(Program(name="twice", code=103, run=lambda skills, ctx: []))
+    assert "twice: command code 103 is that of tactile_insert" in line
+
+
+def test_two_skills_cannot_give_one_reason_two_numbers():
+    other = knock(name="ring", code=111, stage=8, section="ring", reasons=IntEnum("Ring", {"NOBODY_HOME": 101}))
+    assert "ring: reason NOBODY_HOME is that of knock" in clash(knock(reasons=KnockReason), other)
+
+
+def test_tables_derive_from_the_entries():
+    found = Catalogue(knock(reasons=KnockReason, counts=True), SEARCH, GRASP)
+    assert found.stages == {1: "grasp_from_rack", 2: "spray_search", 7: "knock"}
+    assert found.counted == ("spray_search", "knock")
+    assert (found.reasons[3], found.reasons[100]) == ("NO_HOLE", "NOBODY_HOME")
+    assert found.in_places({"knock": 2.5, "grasp_from_rack": 1.0}) == (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2.5)
+
+
+def test_a_stage_that_no_skill_has_is_told():
+    assert CATALOGUE.stage_number("") == 0
+    with pytest.raises(ConfigError, match=r"stage 'knock': no such skill; grasp_from_rack, .* allowed"):
+        CATALOGUE.stage_number("knock")
