@@ -21,6 +21,8 @@ from drivers.errors import CellError, ConfigError
 from drivers.gripper.franka import FrankaGripper, FrankaGripperConfig
 from drivers.parts import Job
 from drivers.protocols import Arm, Clock, Device, Gripper, Skin, SuccessSwitch
+from drivers.quantities import Pose
+from drivers.scene_facts import Sight
 from drivers.skin.board_config import EMULATED, CanSkinConfig, SerialSkinConfig
 from drivers.skin.boards import CanSkin, SerialSkin
 from drivers.skin.calibration import CalibratedSkin, SkinCalibration, read_calibration
@@ -61,6 +63,8 @@ class Cell:
     """Stand a fresh peg in the rack: simulated cells do, on hardware it is the operator's affair."""
     truth: "Callable[[], Truth] | None" = None
     """What no sensor tells; simulated cells only."""
+    sight: Callable[[], Sight] | None = None
+    """Where peg and hole really are, for pictures of a run; simulated cells only."""
     boards: tuple[Device, ...] = ()
     """Emulated boards that are powered before the devices are opened."""
 
@@ -135,6 +139,7 @@ def assemble(config: CellConfig) -> Cell:
         switch=switch,
         restock=world.restock,
         truth=world.truth,
+        sight=lambda: Sight(world.peg_pose(), Pose(world.plate.position, world.plate.rotation)),
         boards=boards,
     )
 

@@ -14,6 +14,7 @@ from typing import Self
 from cell.config import CellConfig
 from cell.samples import SampleStream
 from drivers.errors import JournalError
+from drivers.scene_facts import SceneFacts
 
 INDEX = "runs.sqlite"
 PACKAGES = ("tactile-insertion-cell", "mujoco", "numpy", "numba", "opencv-contrib-python-headless", "pymodbus")
@@ -154,13 +155,13 @@ class Journal:
         """Return where the samples of a run are."""
         return self.folder / f"run-{run:06d}.arrows"
 
-    def stream(self, run: int) -> SampleStream:
-        """Start the stream of samples of a run.
+    def stream(self, run: int, facts: SceneFacts | None = None) -> SampleStream:
+        """Start the stream of samples of a run, with what a picture of it has to know.
 
         Raises:
             JournalError: The file cannot be written.
         """
-        return SampleStream(self.samples_path(run))
+        return SampleStream(self.samples_path(run), facts)
 
     def _execute(self, statement: str, values: list[object]) -> sqlite3.Cursor:
         if self._index is None:

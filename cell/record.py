@@ -8,8 +8,10 @@ from enum import IntEnum
 from cell.config import CellConfig
 from cell.journal import Journal, RunRow, config_hash, now_text, versions
 from cell.samples import SampleStream
+from drivers import panda
 from drivers.errors import CellError, FaultCode
 from drivers.quantities import ImpedanceSetpoint
+from drivers.scene_facts import Chain, SceneFacts, Sight
 from plc_bridge.messages import Command
 from skills.catalogue import CATALOGUE
 from skills.contract import Observation, Outcome, Reason
@@ -70,6 +72,20 @@ def ending_of(records: Sequence[StageRecord], fault: CellError | None, stage: st
     return Ending(last.result.outcome.value, last.name, last.result.reason)
 
 
+def scene_facts(config: CellConfig) -> SceneFacts:
+    """Return what a picture of a run with this config has to know."""
+    chain = Chain(
+        a=tuple(panda.DH_A),
+        d=tuple(panda.DH_D),
+        alpha=tuple(panda.DH_ALPHA),
+        flange=panda.FLANGE_D,
+        hand_turn=panda.HAND_TURN,
+        finger_centre=panda.FINGER_CENTRE,
+        stroke=panda.HAND_STROKE,
+    )
+    return SceneFacts(arm=chain, job=config.job(), layout=config.skin.layout)
+
+
 class RunRecord:
     """The record of the run under way."""
 
@@ -94,15 +110,15 @@ class RunRecord:
                 config_hash=config_hash(config),
             )
         )
-        self._stream: SampleStream = journal.stream(self.row.run)
+        self._stream: SampleStream = journal.stream(self.row.run, scene_facts(config))
 
-    def add(self, seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
-        """Record one scan.
+    def add(self, seen: Observation, setpoint: ImpedanceSetpoint | None, sight: Sight | None = None) -> None:
+        """Record one scan, in a simulated cell with where peg and hole really are.
 
         Raises:
             JournalError: The samples cannot be written.
         """
-        self._stream.add(seen, setpoint, CATALOGUE.stage_number(self.clock.stage))
+        self._stream.add(seen, setpoint, CATALOGUE.stage_number(self.clock.stage), sight)
 
     def finish(self, ending: Ending, fault: CellError | None) -> None:
         """Put on record how the run ended.

@@ -345,7 +345,7 @@ class Supervisor:
     def _record(self, seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
         run = self._run
         assert run is not None
-        run.add(seen, setpoint)
+        run.add(seen, setpoint, self._cell.sight() if self._cell.sight is not None else None)
         if self.state is State.HOLDING and self._is_at_rest(seen.arm):
             self._enter(Event.FINISHED)
             self._request = Request.STAY

@@ -54,6 +54,42 @@ def rotation_about(axis: Vector, angle: float) -> Vector:
     return rotation
 
 
+def quaternion(rotation: Vector) -> tuple[float, float, float, float]:
+    """Return the unit quaternion, wxyz, w >= 0, of a rotation, shape (3, 3).
+
+    The largest of the four components is taken from the trace and divides the others, so that nothing cancels
+    (Shepperd's method).
+    """
+    m = rotation
+    squares = np.array(
+        [
+            1.0 + m[0, 0] + m[1, 1] + m[2, 2],
+            1.0 + m[0, 0] - m[1, 1] - m[2, 2],
+            1.0 - m[0, 0] + m[1, 1] - m[2, 2],
+            1.0 - m[0, 0] - m[1, 1] + m[2, 2],
+        ]
+    )
+    products = np.array(
+        [
+            [squares[0], m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]],
+            [m[2, 1] - m[1, 2], squares[1], m[1, 0] + m[0, 1], m[0, 2] + m[2, 0]],
+            [m[0, 2] - m[2, 0], m[1, 0] + m[0, 1], squares[2], m[2, 1] + m[1, 2]],
+            [m[1, 0] - m[0, 1], m[0, 2] + m[2, 0], m[2, 1] + m[1, 2], squares[3]],
+        ]
+    )
+    row = products[int(np.argmax(squares))]
+    w, x, y, z = (row / np.linalg.norm(row) * (1.0 if row[0] >= 0.0 else -1.0)).tolist()
+    return w, x, y, z
+
+
+def rotation_of(quaternion: Vector) -> Vector:
+    """Return the rotation, shape (3, 3), of a unit quaternion, wxyz, shape (4,)."""
+    w, x, y, z = quaternion
+    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    rotation: Vector = _ONE + 2.0 * w * K + 2.0 * (K @ K)
+    return rotation
+
+
 def end_point(T_base_tcp: Pose, theta: float, length: float) -> tuple[Vector, Vector]:
     """Return the peg's end point x_p, m, and its axis v, both shape (3,) in the base frame, [gibbons], Eq. (3)."""
     c, s = math.cos(theta), math.sin(theta)

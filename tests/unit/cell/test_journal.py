@@ -2,11 +2,16 @@ import json
 from dataclasses import replace
 
 import numpy as np
+import pyarrow as pa
 import pytest
 
 from cell.journal import Journal, RunRow, config_hash
-from cell.samples import BATCH, COLUMNS, TAXEL_COLUMNS, SampleStream, export_csv, read_samples
+from cell.record import scene_facts
+from cell.samples import BATCH, COLUMNS, TAXEL_COLUMNS, SampleStream, export_csv, read_facts, read_samples
 from drivers.errors import JournalError
+from drivers.frames import rotation_about, rotation_of
+from drivers.quantities import Pose
+from drivers.scene_facts import Sight
 from tests.fakes import Rig
 
 ROW = RunRow(0, "2025-01-01T00:00:00.000+00:00", "insert_peg", 1, "A-17", "10.0.0.5:4711", 42)
@@ -83,6 +88,57 @@ def test_samples_come_back_as_they_were(tmp_path, seen):
     assert samples["taxels"].shape == (BATCH + 7, 40)
 
 
+def test_joints_and_the_true_poses_come_back_as_they_were(tmp_path, seen):
+    lean = rotation_about(np.array([0.6, 0.0, 0.8]), 2.0)
+    sight = Sight(peg=Pose(np.array([0.5, 0.1, 0.2]), lean), hole=Pose(np.array([0.4, 0.0, 0.1]), np.eye(3)))
+    stream = SampleStream(tmp_path / "a.arrows")
+    stream.add(seen, None, 2, sight)
+    stream.close()
+    samples = read_samples(tmp_path / "a.arrows")
+    quaternion = np.array([samples[f"true_peg_q{part}"][0] for part in "wxyz"])
+    assert samples["joints"].tolist() == [seen.arm.q.tolist()]
+    assert samples["true_hole_x"].tolist() == [0.4]
+    np.testing.assert_allclose(rotation_of(quaternion), lean, atol=1e-15)
+
+
+def test_a_cell_that_knows_no_truth_records_none(tmp_path, seen):
+    stream = SampleStream(tmp_path / "a.arrows")
+    stream.add(seen, None, 2)
+    stream.close()
+    samples = read_samples(tmp_path / "a.arrows")
+    assert all(np.isnan(samples[name]).all() for name in COLUMNS if name.startswith("true_"))
+
+
+def test_samples_of_an_earlier_version_are_read_without_what_it_did_not_record(tmp_path, seen):
+    stream = SampleStream(tmp_path / "new.arrows")
+    stream.add(seen, None, 3)
+    stream.close()
+    with pa.OSFile(str(tmp_path / "new.arrows")) as file:
+        table = pa.ipc.open_stream(file).read_all()
+    early = table.select([name for name in table.column_names if name != "joints" and not name.startswith("true_")])
+    with pa.OSFile(str(tmp_path / "old.arrows"), "wb") as file, pa.ipc.new_stream(file, early.schema) as writer:
+        writer.write_table(early)
+    samples = read_samples(tmp_path / "old.arrows")
+    assert (samples["stage"].tolist(), samples["taxels"].shape, samples["joints"].shape) == ([3.0], (1, 40), (1, 0))
+    assert np.isnan(samples["true_peg_x"]).all()
+
+
+def test_the_facts_of_the_scene_stand_in_the_head_of_the_samples(tmp_path, seen, loaded):
+    facts = scene_facts(loaded.cell)
+    stream = SampleStream(tmp_path / "a.arrows", facts)
+    stream.add(seen, None, 1)
+    stream.close()
+    assert read_facts(tmp_path / "a.arrows") == facts
+
+
+def test_samples_without_facts_are_told_by_their_file(tmp_path, seen):
+    stream = SampleStream(tmp_path / "a.arrows")
+    stream.add(seen, None, 1)
+    stream.close()
+    with pytest.raises(JournalError, match=r"a\.arrows: recorded by another version"):
+        read_facts(tmp_path / "a.arrows")
+
+
 def test_samples_are_readable_when_the_program_was_killed(tmp_path, seen):
     stream = SampleStream(tmp_path / "a.arrows")
     for _ in range(2 * BATCH):
@@ -99,7 +155,8 @@ def test_csv_has_a_row_a_scan(tmp_path, seen):
     stream.close()
     export_csv(read_samples(tmp_path / "a.arrows"), tmp_path / "a.csv")
     lines = (tmp_path / "a.csv").read_text().splitlines()
-    assert (lines[0].split(","), len(lines)) == ([*COLUMNS, *TAXEL_COLUMNS], 2)
+    joints = [f"joint_{number}" for number in range(1, 8)]
+    assert (lines[0].split(","), len(lines)) == ([*COLUMNS, *TAXEL_COLUMNS, *joints], 2)
 
 
 def test_no_samples_are_told_by_their_file(tmp_path):

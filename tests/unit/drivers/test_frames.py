@@ -5,7 +5,17 @@ import math
 import numpy as np
 import pytest
 
-from drivers.frames import UP, angle_between, compose, end_point, invert, peg_in_finger, rotation_about
+from drivers.frames import (
+    UP,
+    angle_between,
+    compose,
+    end_point,
+    invert,
+    peg_in_finger,
+    quaternion,
+    rotation_about,
+    rotation_of,
+)
 from drivers.quantities import Pose
 
 
@@ -37,3 +47,12 @@ def test_a_pose_and_its_inverse_are_nothing() -> None:
 def test_a_nanoradian_between_two_vectors_is_seen() -> None:
     assert angle_between(UP, np.array([1e-9, 0.0, 1.0])) == pytest.approx(1e-9, rel=1e-6)
     assert angle_between(UP, -UP) == pytest.approx(math.pi)
+
+
+@pytest.mark.parametrize("axis", [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.6, 0.0, -0.8)])
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 0.3, 2.0, math.pi])
+def test_a_rotation_survives_its_quaternion(axis: tuple[float, float, float], angle: float) -> None:
+    rotation = rotation_about(np.array(axis), angle)
+    turned = np.array(quaternion(rotation))
+    np.testing.assert_allclose(rotation_of(turned), rotation, atol=1e-15)
+    assert (turned[0] >= 0.0, np.linalg.norm(turned)) == (True, pytest.approx(1.0))
