@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-from numba import carray
 
 from drivers import impedance
 from drivers.compiled import njit
@@ -194,25 +193,16 @@ def _net_force(data: int, pivot: Vector, plates: int, force: Vector, torque: Vec
     """Write what the plates do to the peg, N, and its torque about the pivot, N·m, base frame."""
     force[:] = 0.0
     torque[:] = 0.0
-    count = carray(native.pointer(data + native.DATA_NCON), (1,), np.int32)[0]
-    if count == 0:
-        return
-    first = native.load(data + native.DATA_CONTACT)
-    efc = native.load(data + native.DATA_EFC_FORCE)
-    for k in range(count):
-        address = first + k * native.CONTACT_BYTES
-        row = carray(native.pointer(address + native.CONTACT_EFC_ADDRESS), (1,), np.int32)[0]
-        pair = carray(native.pointer(address + native.CONTACT_GEOM1), (2,), np.int32)
-        if row < 0 or min(pair[0], pair[1]) >= plates:
+    for c in native.contacts(data):
+        if c.efc_address < 0 or min(c.geom1, c.geom2) >= plates:
             continue
         # The normal points from the first geom to the second; boxes come second.
-        sign = 1.0 if pair[0] < plates else -1.0
-        f = carray(native.pointer(efc + 8 * row), (3,), np.float64)
-        c = carray(native.pointer(address), (13,), np.float64)
-        fx = sign * (c[4] * f[0] + c[7] * f[1] + c[10] * f[2])
-        fy = sign * (c[5] * f[0] + c[8] * f[1] + c[11] * f[2])
-        fz = sign * (c[6] * f[0] + c[9] * f[1] + c[12] * f[2])
-        rx, ry, rz = c[1] - pivot[0], c[2] - pivot[1], c[3] - pivot[2]
+        sign = 1.0 if c.geom1 < plates else -1.0
+        f, n, at = native.contact_force(data, c), c.frame, c.pos
+        fx = sign * (n[0] * f[0] + n[3] * f[1] + n[6] * f[2])
+        fy = sign * (n[1] * f[0] + n[4] * f[1] + n[7] * f[2])
+        fz = sign * (n[2] * f[0] + n[5] * f[1] + n[8] * f[2])
+        rx, ry, rz = at[0] - pivot[0], at[1] - pivot[1], at[2] - pivot[2]
         force[0] += fx
         force[1] += fy
         force[2] += fz
@@ -224,22 +214,14 @@ def _net_force(data: int, pivot: Vector, plates: int, force: Vector, torque: Vec
 @njit(cache=True)
 def pad_force(data: int, left: int, right: int) -> float:  # pragma: no cover
     """Return the smaller of the forces between two geoms, the pads, and whatever they touch, N."""
-    count = carray(native.pointer(data + native.DATA_NCON), (1,), np.int32)[0]
-    if count == 0:
-        return 0.0
-    first = native.load(data + native.DATA_CONTACT)
-    efc = native.load(data + native.DATA_EFC_FORCE)
     on_left = on_right = 0.0
-    for k in range(count):
-        address = first + k * native.CONTACT_BYTES
-        row = carray(native.pointer(address + native.CONTACT_EFC_ADDRESS), (1,), np.int32)[0]
-        if row < 0:
+    for c in native.contacts(data):
+        if c.efc_address < 0:
             continue
-        pair = carray(native.pointer(address + native.CONTACT_GEOM1), (2,), np.int32)
-        normal = carray(native.pointer(efc + 8 * row), (1,), np.float64)[0]
-        if pair[0] == left or pair[1] == left:
+        normal = native.contact_force(data, c)[0]
+        if c.geom1 == left or c.geom2 == left:
             on_left += normal
-        if pair[0] == right or pair[1] == right:
+        if c.geom1 == right or c.geom2 == right:
             on_right += normal
     return min(on_left, on_right)
 

@@ -25,22 +25,18 @@ _SIN = np.sin(2.0 * math.pi / SAMPLES * np.arange(SAMPLES))
 
 
 @njit(cache=True)
-def aim(c, e1, e2, v, r, hole, origin, R, xpos, xmat, first):  # type: ignore[no-untyped-def]
+def aim(end, hole, origin, R, xpos, xmat):  # type: ignore[no-untyped-def]
     """Turn the boxes to where the part of the peg below the surface, projected on it, is furthest from the hole's axis.
 
     Args:
-        c: Middle of the peg's end, plate frame, m; `e1`, `e2` and `v` are its axes, v away from the end.
-        e1: See `c`.
-        e2: See `c`.
-        v: See `c`.
-        r: Radius of the peg, m.
+        end: The end of the peg in the plate's frame, see `sim.cylinder.End`.
         hole: Radius of the hole, m.
         origin: Place of the plate in the world, m.
         R: Its axes as columns.
-        xpos: Places of all geoms, written.
-        xmat: Axes of all geoms, written.
-        first: The first of the boxes.
+        xpos: Places of the boxes, shape (FLATS, 3), m, written.
+        xmat: Axes of the boxes, shape (FLATS, 3, 3), written.
     """
+    c, e1, e2, v, r = end.c, end.e1, end.e2, end.v, end.r
     tilt = math.sqrt(v[0] * v[0] + v[1] * v[1])
     ax, ay = (v[0] / tilt, v[1] / tilt) if tilt > 1e-6 else (1.0, 0.0)
     furthest, lowest = np.zeros(FLATS), np.full(FLATS, REACH)
@@ -73,7 +69,7 @@ def aim(c, e1, e2, v, r, hole, origin, R, xpos, xmat, first):  # type: ignore[no
     for k in range(FLATS):
         x, y = U[k, 0], U[k, 1]
         for i in range(3):
-            xpos[first + k, i] = origin[i] + (hole + w) * (R[i, 0] * x + R[i, 1] * y) - h * R[i, 2]
-            xmat[first + k, i, 0] = R[i, 0] * x + R[i, 1] * y
-            xmat[first + k, i, 1] = R[i, 1] * x - R[i, 0] * y
-            xmat[first + k, i, 2] = R[i, 2]
+            xpos[k, i] = origin[i] + (hole + w) * (R[i, 0] * x + R[i, 1] * y) - h * R[i, 2]
+            xmat[k, i, 0] = R[i, 0] * x + R[i, 1] * y
+            xmat[k, i, 1] = R[i, 1] * x - R[i, 0] * y
+            xmat[k, i, 2] = R[i, 2]

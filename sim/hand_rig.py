@@ -17,7 +17,7 @@ from drivers import impedance
 from drivers.compiled import njit
 from drivers.parts import Job
 from drivers.quantities import ImpedanceSetpoint, InHandTip, Vector
-from sim import contact, engine, native, rig
+from sim import contact, cylinder, engine, native, rig
 from sim.arm import SimArm
 from sim.config import ContactConfig, GripConfig, ModelConfig, SimConfig
 from sim.plate import Plate, geoms, words
@@ -252,7 +252,7 @@ def _inertia(world: World) -> Vector:
 
 
 def _cartesian_model(job: Job, tilt: float, inertia: Vector, breakaway: float) -> mujoco.MjModel:
-    contact.install()
+    cylinder.install()
     half = (job.peg.length + job.peg.overhang) / 2
     plate = Plate(np.zeros(3), np.eye(3), job.hole.diameter / 2, job.hole.depth)
     axis = rig.lean(tilt, 0.0)

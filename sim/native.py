@@ -32,17 +32,41 @@ DATA_USERDATA = 160800
 DATA_NCON = 160560
 DATA_CONTACT = 161472
 DATA_EFC_FORCE = 162080
-CONTACT_WORDS = 66
 CONTACT_BYTES = 584
-CONTACT_GEOM1 = 532
-CONTACT_EFC_ADDRESS = 576
-"""66 doubles (dist, pos, frame, includemargin, friction, solref, solreffriction, solimp, adhesion, mu, H), then 13 ints and padding."""
 
 CONTACT_FIELDS = {
-    "pos": 8, "frame": 32, "includemargin": 104, "friction": 112, "solref": 152, "solreffriction": 168, "solimp": 184,
-    "dim": 528, "geom1": CONTACT_GEOM1, "geom2": 536, "geom": 540, "exclude": 572, "efc_address": CONTACT_EFC_ADDRESS,
+    "dist": 0, "pos": 8, "frame": 32, "includemargin": 104, "friction": 112, "solref": 152, "solreffriction": 168,
+    "solimp": 184, "adhesion": 224, "mu": 232, "H": 240, "dim": 528, "geom1": 532, "geom2": 536, "geom": 540, "flex": 548,
+    "elem": 556, "vert": 564, "exclude": 572, "efc_address": 576,
 }  # fmt: skip
-"""Where the fields that `sim.contact` fills in are, bytes from the beginning of a contact."""
+"""Where the fields of an mjContact are, bytes from its beginning."""
+_DOUBLES = {"pos": 3, "frame": 9, "friction": 5, "solref": 2, "solreffriction": 2, "solimp": 5, "H": 36}
+_INTEGERS = {
+    "dim": 1,
+    "geom1": 1,
+    "geom2": 1,
+    "geom": 2,
+    "flex": 2,
+    "elem": 2,
+    "vert": 2,
+    "exclude": 1,
+    "efc_address": 1,
+}
+CONTACT = np.dtype(
+    {
+        "names": list(CONTACT_FIELDS),
+        "formats": [
+            ("i4", _INTEGERS[name]) if _INTEGERS.get(name, 1) > 1
+            else "i4" if name in _INTEGERS
+            else ("f8", _DOUBLES[name]) if name in _DOUBLES
+            else "f8"
+            for name in CONTACT_FIELDS
+        ],
+        "offsets": list(CONTACT_FIELDS.values()),
+        "itemsize": CONTACT_BYTES,
+    }
+)  # fmt: skip
+"""An mjContact as compiled code sees it."""
 
 _BALL = """<mujoco><worldbody><geom type="plane" size="1 1 1"/>
 <body pos="0 0 .09"><freejoint/><geom size=".1"/></body></worldbody></mujoco>"""
@@ -149,6 +173,25 @@ def pointer(typingctx, address):  # type: ignore[no-untyped-def]
 def load(address):  # type: ignore[no-untyped-def]
     """Return the pointer stored at an address, as an integer."""
     return carray(pointer(address), (1,), np.int64)[0]
+
+
+@njit(cache=True)
+def array(address, shape):  # type: ignore[no-untyped-def]
+    """Return a view of float64 of this shape on the array whose pointer is stored at an address."""
+    return carray(pointer(load(address)), shape, np.float64)
+
+
+@njit(cache=True)
+def contacts(data):  # type: ignore[no-untyped-def]
+    """Return a view of an mjData's contacts of this step, shape (ncon,), of `CONTACT`."""
+    count = carray(pointer(data + DATA_NCON), (1,), np.int32)[0]
+    return carray(pointer(load(data + DATA_CONTACT)), (count,), CONTACT)
+
+
+@njit(cache=True)
+def contact_force(data, contact):  # type: ignore[no-untyped-def]
+    """Return the force of a contact along its three axes, the normal first, shape (3,), N."""
+    return carray(pointer(load(data + DATA_EFC_FORCE) + 8 * contact.efc_address), (3,), np.float64)
 
 
 verify_layout()

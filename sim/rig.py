@@ -11,7 +11,7 @@ import numpy as np
 
 from drivers.compiled import njit
 from drivers.quantities import Vector
-from sim import contact, engine, native
+from sim import contact, cylinder, engine, native
 from sim.config import ModelConfig
 from sim.plate import EXACT, Plate, flags, geoms, words
 
@@ -46,7 +46,7 @@ def tilted_peg(
         model: Of the hole.
         is_judged: Whether the penetration is told also for facets.
     """
-    contact.install()
+    cylinder.install()
     length = 0.05
     axis = lean(tilt, azimuth)
     plate = Plate(np.zeros(3), np.eye(3), hole / 2, HOLE_DEPTH)

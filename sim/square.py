@@ -1,4 +1,4 @@
-"""Exact contacts between a square peg and plates with one square hole, beside `sim.contact`, which has the round ones.
+"""Exact contacts between a square peg and plates with one square hole, beside `sim.cylinder`, which has the round ones.
 
 Peg and solid are bounded by planes, so the places where they can touch are finite in number: the corners of the peg's
 end against plane, walls and floor, and the hole's four rim edges against the peg's edges. The hole's own corners are
@@ -11,14 +11,26 @@ import math
 
 import mujoco
 import numpy as np
-from numba import carray, types
+from numba import types
 
 from drivers.compiled import cfunc, njit
 from sim import native
-from sim.contact import FEATURE_BAND, NEAR, NONE, PLATE_TYPE, SAMPLE_BAND, USER, put
+from sim.contact import (
+    ABOVE,
+    FEATURE_BAND,
+    NEAR,
+    NONE,
+    PLATE_TYPE,
+    SAMPLE_BAND,
+    meeting,
+    peg_end,
+    plate_at,
+    plate_of,
+    put,
+)
 
 PEG_TYPE = mujoco.mjtGeom.mjGEOM_BOX
-"""Against `PLATE_TYPE` again a pair that nothing else uses; the plate's `geom_user` has half the hole's side for its radius."""
+"""Against `PLATE_TYPE` again a pair that nothing else uses; the plate's `hole` is half the side of a square one."""
 
 FLUSH = 0.02
 """Sine of the angle by which a normal may lie outside of a cone."""
@@ -38,80 +50,60 @@ def _dot(a, b):  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def collide(model, data, geom_plate, geom_peg):  # type: ignore[no-untyped-def]
     """Find every place where the end of the peg may touch the plate, and add it as a contact."""
-    last = max(geom_plate, geom_peg) + 1
-    user = carray(native.pointer(native.load(model + native.MODEL_GEOM_USER)), (last, USER), np.float64)[geom_plate]
-    xpos = carray(native.pointer(native.load(data + native.DATA_GEOM_XPOS)), (last, 3), np.float64)
-    xmat = carray(native.pointer(native.load(data + native.DATA_GEOM_XMAT)), (last, 3, 3), np.float64)
-    size = carray(native.pointer(native.load(model + native.MODEL_GEOM_SIZE)), (last, 3), np.float64)[geom_peg]
-    origin, R, A, middle = xpos[geom_plate], xmat[geom_plate], xmat[geom_peg], xpos[geom_peg]
-    half, hole, depth = size[2], user[0], user[1]
-    # The peg's end frame in the plate's frame: c the middle of the end face, E's columns the peg's axes, z away from it.
-    E, c = np.zeros((3, 3)), np.zeros(3)
-    for i in range(3):
-        for k in range(3):
-            c[i] += R[k, i] * (middle[k] - half * A[k, 2] - origin[k])
-            for j in range(3):
-                E[i, j] += R[k, i] * A[k, j]
-    highest = size[0] * abs(E[2, 0]) + size[1] * abs(E[2, 1])
-    if user[6] == NONE or c[2] - highest > 2e-3:
+    plate = plate_at(plate_of(model, geom_plate))
+    size = native.array(model + native.MODEL_GEOM_SIZE, (geom_peg + 1, 3))[geom_peg]
+    hole, depth = plate.hole, plate.depth
+    e1, e2, v, c, g = peg_end(data, geom_plate, geom_peg, size[2])
+    highest = size[0] * abs(e1[2]) + size[1] * abs(e2[2])
+    if plate.mode == NONE or c[2] - highest > ABOVE:
         return
-
-    body = carray(native.pointer(native.load(model + native.MODEL_GEOM_BODYID)), (last,), np.int32)[geom_peg]
-    root = carray(native.pointer(native.load(model + native.MODEL_BODY_ROOTID)), (body + 1,), np.int32)[body]
-    cvel = carray(native.pointer(native.load(data + native.DATA_CVEL)), (body + 1, 6), np.float64)[body]
-    com = carray(native.pointer(native.load(data + native.DATA_SUBTREE_COM)), (body + 1, 3), np.float64)[root]
-    twist = ((com[0], com[1], com[2]), (cvel[0], cvel[1], cvel[2]), (cvel[3], cvel[4], cvel[5]), math.inf)
-    address = native.load(data + native.DATA_USERDATA)
-    scratch = carray(native.pointer(address), (native.NUSERDATA,), np.float64)
-    ids = carray(native.pointer(address + 8 * native.CONTACT_WORDS), (14,), np.int32)
-    ids[1] = ids[3] = geom_plate
-    ids[2] = ids[4] = geom_peg
-    frame = (origin, R)
+    away = math.sqrt(_dot(c, c))
+    lever = max(size[0] + size[1], away + math.sqrt(2.0) * (hole + BEYOND) + NEAR)
+    meet = meeting(model, data, geom_plate, geom_peg, g, lever)
 
     # The end's corners: a point in the solid is below the plane and beyond a wall, so its clearance is the larger gap.
     corners = np.empty((4, 3))
     for n in range(4):
         s, t = size[0] * (1.0 if n in (0, 3) else -1.0), size[1] * (1.0 if n < 2 else -1.0)
         for k in range(3):
-            corners[n, k] = c[k] + s * E[k, 0] + t * E[k, 1]
+            corners[n, k] = c[k] + s * e1[k] + t * e2[k]
         p = (corners[n, 0], corners[n, 1], corners[n, 2])
         wall = hole - max(abs(p[0]), abs(p[1]))
         if p[2] >= wall:
-            put(model, data, scratch, ids, frame, twist, user, p[2], p, (0.0, 0.0, 1.0), False, FEATURE_BAND)
+            put(meet, p[2], p, (0.0, 0.0, 1.0), False, FEATURE_BAND)
             continue
         for k in range(2):
             gap = hole - abs(p[k])
             if gap < NEAR:
                 away = -1.0 if p[k] > 0.0 else 1.0
                 inward = (away, 0.0, 0.0) if k == 0 else (0.0, away, 0.0)
-                put(model, data, scratch, ids, frame, twist, user, gap, p, inward, True, FEATURE_BAND)
-        put(model, data, scratch, ids, frame, twist, user, p[2] + depth, p, (0.0, 0.0, 1.0), False, FEATURE_BAND)
+                put(meet, gap, p, inward, True, FEATURE_BAND)
+        put(meet, p[2] + depth, p, (0.0, 0.0, 1.0), False, FEATURE_BAND)
 
     # The hole's edges against the peg's: four round its end, four along it.
     for n in range(4):
         after = (n + 1) % 4
         # The faces on either side of the corner's own edge, and the one between it and the next corner's.
-        before = _outward(E, n)
-        between = _outward(E, after)
+        before = _outward(e1, e2, n)
+        between = _outward(e1, e2, after)
         start = (corners[n, 0], corners[n, 1], corners[n, 2])
-        along = (E[0, 2], E[1, 2], E[2, 2])
-        down = (-along[0], -along[1], -along[2])
+        down = (-v[0], -v[1], -v[2])
         length = 2.0 * size[0] if n % 2 == 0 else 2.0 * size[1]
         round_end = (
             (corners[after, 0] - start[0]) / length,
             (corners[after, 1] - start[1]) / length,
             (corners[after, 2] - start[2]) / length,
         )
-        _edges(model, data, scratch, ids, frame, twist, user, start, along, 2.0 * half, before, between, False)
-        _edges(model, data, scratch, ids, frame, twist, user, start, round_end, length, between, down, True)
+        _edges(meet, start, v, 2.0 * size[2], before, between, False)
+        _edges(meet, start, round_end, length, between, down, True)
 
 
 @njit(cache=True)
-def _outward(E, n):  # type: ignore[no-untyped-def]
+def _outward(e1, e2, n):  # type: ignore[no-untyped-def]
     """Return the outward normal of the side face that ends at corner n; corners go round from (+, +) by way of (-, +)."""
-    k = 0 if n % 2 == 0 else 1
+    side = e1 if n % 2 == 0 else e2
     sign = 1.0 if n < 2 else -1.0
-    return (sign * E[0, k], sign * E[1, k], sign * E[2, k])
+    return (sign * side[0], sign * side[1], sign * side[2])
 
 
 @njit(cache=True)
@@ -125,9 +117,9 @@ def _depth(p, inward, hole):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _edges(model, data, scratch, ids, frame, twist, user, start, along, length, one, other, is_end):  # type: ignore[no-untyped-def]
+def _edges(meet, start, along, length, one, other, is_end):  # type: ignore[no-untyped-def]
     """Add one edge of the peg, from `start` along a unit vector, against the hole's four; one and other its faces' normals."""
-    hole = user[0]
+    hole = meet.hole
     end = (start[0] + length * along[0], start[1] + length * along[1], start[2] + length * along[2])
     for k in range(4):
         sign = 1.0 if k < 2 else -1.0
@@ -165,7 +157,7 @@ def _edges(model, data, scratch, ids, frame, twist, user, start, along, length, 
             continue
         p = (start[0] + u * along[0], start[1] + u * along[1], start[2] + u * along[2])
         band = FEATURE_BAND if inside >= 0.0 else SAMPLE_BAND
-        put(model, data, scratch, ids, frame, twist, user, gap, p, n, True, band)
+        put(meet, gap, p, n, True, band)
 
 
 @cfunc(types.int32(types.intp, types.intp, types.intp, types.int32, types.int32, types.float64), cache=True)

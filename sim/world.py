@@ -19,7 +19,7 @@ from drivers.errors import SimulationUnstableError
 from drivers.parts import Job
 from drivers.quantities import Pose, Vector
 from drivers.skin.layout import Layout, pad_size
-from sim import contact, engine, scene, square
+from sim import contact, cylinder, engine, scene, square
 from sim.config import ContactConfig, GripConfig, SimConfig
 from sim.disturb import Draw, draw
 from sim.pads import PadLoad, breakaway_torque_of
@@ -98,7 +98,7 @@ class World:
         self._is_resting, self._peg_body = False, 0
         self._q, self._dq = HOME.copy(), np.zeros(7)
         self._data: mujoco.MjData = None
-        contact.install()
+        cylinder.install()
         square.install()
         self.restock(job, sim.seed)
 
