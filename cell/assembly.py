@@ -35,9 +35,11 @@ from drivers.transport.serial_line import SerialLine
 from drivers.transport.traffic import RecordedCan, RecordedLine, Recorder
 from drivers.transport.wires import ByteLink, CanLink
 from skills.catalogue import INSERT
-from skills.contract import Blend, Estimator, SkillContext, Tracker
+from skills.contract import SkillContext
+from skills.tactile.blend import Blend
 from skills.tactile.estimators import ESTIMATORS, TouchSetup
 from skills.tactile.observer import Observer
+from skills.tactile.pose import Estimator, Tracker
 
 if TYPE_CHECKING:
     from sim.bench import Bench

@@ -31,11 +31,12 @@ from sim.config import (
     SimSwitchConfig,
 )
 from skills.catalogue import CATALOGUE, GRASP, SEARCH
-from skills.contract import Limits, SkillParams, Smoothing
+from skills.contract import Limits, SkillParams
 from skills.entry import Skill, SkillSet
 from skills.motion import Gains
 from skills.spray_search import TOUCHED_TIME
 from skills.square import SquareParams
+from skills.tactile.blend import Smoothing
 from skills.tactile.estimators import ESTIMATORS, EstimatorEntry
 from skills.tactile.observer import ObserverParams
 

@@ -19,9 +19,10 @@ from drivers.errors import CellError, ConfigError, FaultCode, PlcLostError
 from drivers.quantities import ArmState, ImpedanceSetpoint
 from plc_bridge.messages import Command, Control, Refusal, Report, Result, Transition
 from skills.catalogue import CATALOGUE
-from skills.contract import RESUME_TIME, Observation, Outcome, Request
+from skills.contract import Observation, Outcome, Request
 from skills.entry import Entry
 from skills.flow import StageRecord
+from skills.scan_guards import RESUME_TIME
 
 logger = logging.getLogger(__name__)
 

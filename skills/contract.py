@@ -1,30 +1,21 @@
 """What a skill is: typed parameters and a context in, a typed result out."""
 
-import math
-from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from enum import Enum, IntEnum, StrEnum
-from typing import Annotated, Literal, NoReturn, Protocol
+from typing import NoReturn
 
 import numpy as np
-from pydantic import Field
 
-from drivers.errors import NotPassiveError, ScanOverrunError, SkinUntrustedError, TrackingError
+from drivers.errors import NotPassiveError, SkinUntrustedError
 from drivers.frames import end_point
 from drivers.parts import ConfigModel, Job
 from drivers.protocols import Arm, Clock, Gripper, Skin, SuccessSwitch
-from drivers.quantities import (
-    ArmState,
-    GripperState,
-    ImpedanceSetpoint,
-    InHandTip,
-    Pose,
-    SwitchState,
-    TaxelFrame,
-    Vector,
-)
+from drivers.quantities import ArmState, GripperState, ImpedanceSetpoint, InHandTip, SwitchState, TaxelFrame, Vector
 from skills.passivity import SOFTENED, STOP, PassivityGuard, Verdict
+from skills.scan_guards import Overruns, require_tracking, way_back
+from skills.tactile.blend import Blend, Smoothing
+from skills.tactile.pose import NO_PEG, Estimator, PegPose, Tracker
 
 
 class SkillParams(ConfigModel):
@@ -63,35 +54,6 @@ class SkillResult:
     """A `Reason`, or one of the skill's own words as its entry in the catalogue names them."""
     elapsed: float
     """Time that counts as the skill's own, s; a free-space approach before it does not."""
-
-
-@dataclass(frozen=True, slots=True)
-class PegPose:
-    """What an estimator knows of the peg in the hand."""
-
-    theta: float
-    """In-hand angle, rad, in [-pi/2, pi/2)."""
-    offset: float
-    """Distance of the peg's axis from the finger centre, in the plane of the pads, m, signed."""
-    sigma: float
-    """Standard deviation of theta, rad."""
-    residual: float
-    """Part of the frame that the estimate does not explain, 0 to 1."""
-    healthy: bool
-    """False where theta should not be used."""
-    stamp: float
-    """Time of the frame it was made from, s."""
-
-
-NO_PEG = PegPose(theta=0.0, offset=0.0, sigma=math.inf, residual=1.0, healthy=False, stamp=-math.inf)
-"""Before the first healthy estimate: straight out of the hand, and nothing to rely on."""
-
-
-class Estimator(Protocol):
-    """Taxels in, pose of the peg in the hand out; nothing is kept but what frames tell of the pads."""
-
-    def estimate(self, frame: TaxelFrame) -> PegPose:
-        """Return the pose of the peg in `frame`; `healthy` is False where there is none to be seen."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -138,66 +100,8 @@ class Interrupted(Exception):  # noqa: N818  a way to end, not an error
         self.reason = reason
 
 
-class Tracker(Protocol):
-    """Keeps the pose of the peg in the hand from frame to frame, and between them."""
-
-    def follow(self, stamp: float, tcp: Pose, length: float, new: PegPose | None) -> PegPose:
-        """Return the pose of the peg now, at every scan; not healthy as long as nothing is known.
-
-        Args:
-            stamp: Time now, s.
-            tcp: T_base_tcp now.
-            length: From the finger centre to the peg's end point, m.
-            new: A healthy estimate from a frame that has just come, if any; its stamp may lie in the past, and one
-                that is no newer than what is known is left out.
-        """
-
-
-class Smoothing(ConfigModel):
-    """How theta is taken over from frame to frame; noise of theta would kick the tip at the skin's rate."""
-
-    method: Literal["blend", "observer"] = "blend"
-    """Blend frames and hold theta between them, or observe it at every scan: see `skills.tactile.observer`."""
-    blend: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
-    """Weight of a new frame in the running estimate; 1 takes each frame as it is, as [gibbons] does."""
-    jump: Annotated[float, Field(gt=0.0)] = 0.15
-    """A frame further off than this, rad, is a slip of the peg and taken at once."""
-
-    def take(self, held: PegPose, new: PegPose) -> PegPose:
-        """Return the running estimate after a new healthy frame.
-
-        A peg looks the same turned by 180 degrees, so the angle next to the held one is meant.
-        """
-        if not held.healthy:
-            return new
-        step = math.remainder(new.theta - held.theta, math.pi)
-        return replace(new, theta=held.theta + (step if abs(step) > self.jump else self.blend * step))
-
-
-class Blend:
-    """Blends frames as `Smoothing` says, and holds theta between them."""
-
-    def __init__(self, smoothing: Smoothing) -> None:
-        """Start with nothing known."""
-        self._smoothing, self._peg = smoothing, NO_PEG
-
-    def follow(self, stamp: float, tcp: Pose, length: float, new: PegPose | None) -> PegPose:
-        """See `Tracker`."""
-        if new is not None and new.stamp > self._peg.stamp:
-            self._peg = self._smoothing.take(self._peg, new)
-        return self._peg
-
-
 LONGEST_BLIND = 1.0
 """A skill that holds a peg whose angle was known goes on without a new healthy frame for so long, s."""
-OVERRUN_WINDOW = 100
-"""Scans that overruns are counted over."""
-MOST_OVERRUNS = 5
-"""So many scans of the window may take longer than two periods; a scan that slips once is made up for."""
-TRACKING_LIMIT = 0.1
-"""Between the controlled point and its setpoint, m: what skills push with stays below half of it."""
-RESUME_TIME = 1.0
-"""From a hold back to the setpoint, s: a peg that left the plate while the arm braked comes down on it slowly."""
 LEAST_TRUSTED = 20
 """Taxels of both fingers without which no skill goes on: half of them, one module of each finger."""
 
@@ -314,10 +218,8 @@ class SkillContext:
             NotPassiveError: The held setpoint pumps energy into the arm; the arm is halted.
             CellError: A device is silent, stopped or not to be believed.
         """
-        elapsed, due = 0.0, math.inf
-        overruns: deque[bool] = deque(maxlen=OVERRUN_WINDOW)
-        guard = PassivityGuard(self.limits.force)
-        paused = None
+        elapsed, paused = 0.0, None
+        overruns, guard = Overruns(self.scan_period), PassivityGuard(self.limits.force)
         while elapsed < timeout:
             request = self.poll()
             if request is Request.STOP:
@@ -325,32 +227,36 @@ class SkillContext:
             if request is Request.HOLD:
                 self.arm.halt()
             seen = self.observe(elapsed)
-            overruns.append(seen.stamp > due + self.scan_period)
-            due = seen.stamp + self.scan_period
-            if sum(overruns) > MOST_OVERRUNS:
-                raise ScanOverrunError(
-                    f"scan: {sum(overruns)} of the last {len(overruns)} took longer than "
-                    f"{2e3 * self.scan_period:g} ms; {MOST_OVERRUNS} allowed: stop other programs, or lower scan_rate"
-                )
-            if request in (Request.HOLD, Request.STAY):
-                paused = seen.arm
-            elif request is Request.RESUME and paused is not None and self.held is not None:
-                self.arm.follow(_way_back(paused, self.held, seen.stamp, self.scan_period))
-            if request is Request.RUN and self.held is not None:
-                _require_tracking(seen.arm, self.held)
+            due = overruns.due_after(seen.stamp)
+            paused = seen.arm if request in (Request.HOLD, Request.STAY) else paused
+            self._keep_to_setpoint(seen, request, paused)
             if limited:
                 self._check(seen)
                 self._keep_passive(guard, seen, request)
             self.record(seen, self.held)
-            if holding and not seen.gripper.is_gripping:
-                self._interrupt(Reason.LOST_GRASP)
-            blind = seen.stamp - seen.peg.stamp
-            if holding and seen.peg.healthy and blind > LONGEST_BLIND:
-                raise SkinUntrustedError(f"skin: no angle of the peg for {blind:.2f} s > {LONGEST_BLIND} s limit")
+            if holding:
+                self._require_peg(seen)
             if request is Request.RUN:
                 yield seen
                 elapsed += self.scan_period
             self.clock.wait_until(due)
+
+    def _keep_to_setpoint(self, seen: Observation, request: Request, paused: ArmState | None) -> None:
+        """Make sure that the arm is about where it shall be, or lead it back to there from where it `paused`."""
+        if self.held is None:
+            return
+        if request is Request.RUN:
+            require_tracking(seen.arm, self.held)
+        elif request is Request.RESUME and paused is not None:
+            self.arm.follow(way_back(paused, self.held, seen.stamp, self.scan_period))
+
+    def _require_peg(self, seen: Observation) -> None:
+        """Make sure that the hand still holds the peg, and that the skin still sees it."""
+        if not seen.gripper.is_gripping:
+            self._interrupt(Reason.LOST_GRASP)
+        blind = seen.stamp - seen.peg.stamp
+        if seen.peg.healthy and blind > LONGEST_BLIND:
+            raise SkinUntrustedError(f"skin: no angle of the peg for {blind:.2f} s > {LONGEST_BLIND} s limit")
 
     def _check(self, seen: Observation) -> None:
         force = seen.arm.wrench.force
@@ -378,35 +284,3 @@ class SkillContext:
     def _interrupt(self, reason: Reason) -> NoReturn:
         self.arm.halt()
         raise Interrupted(reason)
-
-
-def _way_back(paused: ArmState, held: ImpedanceSetpoint, stamp: float, scan_period: float) -> ImpedanceSetpoint:
-    """Return the setpoint at `stamp` on the straight way from where the arm was `paused` to what it held before."""
-    theta, length = (0.0, 0.0) if held.in_hand is None else (held.in_hand.theta, held.in_hand.length)
-    tip, axis = end_point(paused.tcp, theta, length)
-    share = min((stamp - paused.stamp) / RESUME_TIME, 1.0)
-    mixed = axis + share * (held.axis - axis)
-    return replace(
-        held,
-        tip=tip + share * (held.tip - tip),
-        axis=mixed / float(np.linalg.norm(mixed)),
-        twist=None,
-        valid_until=stamp + 10.0 * scan_period,
-    )
-
-
-def _require_tracking(arm: ArmState, held: ImpedanceSetpoint) -> None:
-    """Make sure that the arm is about where it shall be.
-
-    Raises:
-        TrackingError: It is blocked, or was told to be somewhere else altogether.
-    """
-    point = arm.tcp.position
-    if held.in_hand is not None:
-        point, _ = end_point(arm.tcp, held.in_hand.theta, held.in_hand.length)
-    lag = math.dist(point, held.tip)
-    if lag > TRACKING_LIMIT:
-        raise TrackingError(
-            f"arm: controlled point {lag * 1e3:.0f} mm from its setpoint > {TRACKING_LIMIT * 1e3:.0f} mm limit; "
-            "it is blocked, or the setpoint cannot be reached"
-        )

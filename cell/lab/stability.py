@@ -28,9 +28,10 @@ from sim.tip_inertia import tip_inertia
 from sim.world import Peg, World
 from skills import grasp_from_rack
 from skills.catalogue import GRASP, INSERT, SEARCH
-from skills.contract import Observation, Outcome, SkillContext, Smoothing
+from skills.contract import Observation, Outcome, SkillContext
 from skills.motion import Gains, Goal, move, tilted
 from skills.passivity import PassivityGuard, Verdict
+from skills.tactile.blend import Smoothing
 
 HEIGHT = 0.1
 """Of the tip over the hole, m: the arm moves freely."""

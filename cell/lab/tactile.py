@@ -28,7 +28,7 @@ from sim.config import SimSkinConfig
 from sim.pads import PadLoad, Pads
 from sim.skin import Taxels
 from skills.catalogue import INSERT
-from skills.contract import PegPose
+from skills.tactile.pose import PegPose
 
 ESTIMATORS = ("image", "pca", "ml", "robust")
 Model = Literal["springs", "layer"]

@@ -13,10 +13,10 @@ from pydantic_core import PydanticKnownError
 from drivers.errors import ConfigError
 from drivers.parts import ConfigModel, Peg
 from drivers.skin.layout import Layout
-from skills.contract import Estimator
 from skills.tactile.image import ImageEstimator, ImageParams
 from skills.tactile.likelihood import LikelihoodEstimator, LikelihoodParams
 from skills.tactile.pca import PcaEstimator, PcaParams
+from skills.tactile.pose import Estimator
 from skills.tactile.robust import RobustEstimator, RobustParams
 
 P = TypeVar("P", bound=ConfigModel)

@@ -9,8 +9,8 @@ from pydantic import Field
 from drivers.parts import ConfigModel, Fraction
 from drivers.quantities import FINGERS, TAXELS, Mask, TaxelFrame, Vector
 from drivers.skin.layout import PITCH, Layout, finger_positions, triangles
-from skills.contract import PegPose
 from skills.tactile.plausible import is_print
+from skills.tactile.pose import PegPose
 
 LATTICE_ERROR: dict[Layout, float] = {"parallelogram": 3.2e-6, "base_to_base": 4.9e-6}
 """RMS error that the coarse lattice leaves in the image's second moments, m²; see `ImageEstimator`."""
@@ -73,7 +73,7 @@ class ImageEstimator:
         return whole.reshape(self._shape)
 
     def estimate(self, frame: TaxelFrame) -> PegPose:
-        """Return the pose of the peg in `frame`; see `skills.contract.Estimator`."""
+        """Return the pose of the peg in `frame`; see `skills.tactile.pose.Estimator`."""
         params = self._params
         pixels = self._pixels(frame)
         peak = float(pixels.max())

@@ -15,7 +15,7 @@ from drivers.compiled import njit
 from drivers.parts import ConfigModel, Fraction, Peg
 from drivers.quantities import FINGERS, TAXELS, Mask, TaxelFrame, Vector
 from drivers.skin.layout import Layout
-from skills.contract import PegPose
+from skills.tactile.pose import PegPose
 from skills.tactile.templates import TemplateParams, Templates, make_templates
 
 COARSE_THETA = 5
@@ -83,7 +83,7 @@ class LikelihoodEstimator:
         self._bank = Bank(params, make_templates(layout, peg, params.templates))
 
     def estimate(self, frame: TaxelFrame) -> PegPose:
-        """Return the pose of the peg in `frame`; see `skills.contract.Estimator`."""
+        """Return the pose of the peg in `frame`; see `skills.tactile.pose.Estimator`."""
         params = self._params
         values, trusted = frame.values.ravel(), frame.trusted.ravel()
         weights = weights_of(params, values, trusted)

@@ -17,7 +17,7 @@ from pydantic import Field
 from drivers.frames import end_point
 from drivers.parts import ConfigModel
 from drivers.quantities import Pose, Vector
-from skills.contract import NO_PEG, PegPose
+from skills.tactile.pose import NO_PEG, PegPose
 
 HISTORY = 100
 """Scans for which the finger's pose is remembered, to know it when an older frame was measured."""

@@ -15,8 +15,8 @@ from pydantic import Field
 from drivers.parts import ConfigModel, Peg
 from drivers.quantities import FINGERS, TAXELS, Mask, TaxelFrame, Vector
 from drivers.skin.layout import Layout, finger_positions
-from skills.contract import PegPose
 from skills.tactile.plausible import is_print
+from skills.tactile.pose import PegPose
 from skills.tactile.templates import TemplateParams, make_templates
 
 BINS = 180
@@ -72,7 +72,7 @@ class PcaEstimator:
         self._table(np.ones(FINGERS * TAXELS, dtype=bool))
 
     def estimate(self, frame: TaxelFrame) -> PegPose:
-        """Return the pose of the peg in `frame`; see `skills.contract.Estimator`."""
+        """Return the pose of the peg in `frame`; see `skills.tactile.pose.Estimator`."""
         params = self._params
         trusted = frame.trusted.ravel()
         values = np.where(trusted, frame.values.ravel(), 0.0)

@@ -18,8 +18,8 @@ from pydantic import Field
 from drivers.parts import Peg
 from drivers.quantities import Mask, TaxelFrame, Vector
 from drivers.skin.layout import MODULE_OF, Layout
-from skills.contract import PegPose
 from skills.tactile.likelihood import Bank, Found, LikelihoodParams, pose_of, weights_of
+from skills.tactile.pose import PegPose
 from skills.tactile.templates import make_templates
 
 BELOW = -6.0
@@ -70,7 +70,7 @@ class RobustEstimator:
         self._short = Bank(params, *(make_templates(layout, each, params.templates) for each in short))
 
     def estimate(self, frame: TaxelFrame) -> PegPose:
-        """Return the pose of the peg in `frame`; see `skills.contract.Estimator`."""
+        """Return the pose of the peg in `frame`; see `skills.tactile.pose.Estimator`."""
         params = self._params
         values = frame.values.ravel()
         trusted = frame.trusted.ravel() & (values > BELOW * params.noise)

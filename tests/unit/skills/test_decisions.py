@@ -9,10 +9,11 @@ from cell.config import load
 from drivers.errors import SwitchDisagreesError, SwitchUnknownError
 from drivers.quantities import SwitchState
 from sim.section import section_depth
-from skills.contract import NO_PEG, PegPose, Smoothing
 from skills.motion import minimum_jerk, tilted, tilted_by
 from skills.seating import is_seated, require_short_of_bottom
 from skills.spray_search import lowest_point
+from skills.tactile.blend import Smoothing
+from skills.tactile.pose import NO_PEG, PegPose
 from skills.tactile_insert import allowed_depth, push_stiffness, turned
 
 JOB = load().cell.job()

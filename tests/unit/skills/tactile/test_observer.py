@@ -6,8 +6,8 @@ import pytest
 
 from drivers.frames import end_point, rotation_about
 from drivers.quantities import Pose
-from skills.contract import PegPose
 from skills.tactile.observer import Observer, ObserverParams
+from skills.tactile.pose import PegPose
 
 LENGTH, SIGMA, SCAN, PERIOD = 0.05, math.radians(0.4), 0.01, 10
 HAND = Pose(np.array([0.5, 0.0, 0.15]), np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]]))

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from drivers.quantities import Pose
-from skills.contract import Blend, PegPose, Smoothing, Tracker
+from skills.tactile.blend import Blend, Smoothing
 from skills.tactile.observer import Observer, ObserverParams
+from skills.tactile.pose import PegPose, Tracker
 
 HAND = Pose(np.array([0.5, 0.0, 0.15]), np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]]))
 LENGTH, SIGMA = 0.05, math.radians(0.4)

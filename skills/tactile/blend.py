@@ -1,0 +1,46 @@
+"""Theta from frame to frame as a weighted mean, held between them: the simpler of the two trackers."""
+
+import math
+from dataclasses import replace
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from drivers.parts import ConfigModel
+from drivers.quantities import Pose
+from skills.tactile.pose import NO_PEG, PegPose
+
+
+class Smoothing(ConfigModel):
+    """How theta is taken over from frame to frame; noise of theta would kick the tip at the skin's rate."""
+
+    method: Literal["blend", "observer"] = "blend"
+    """Blend frames and hold theta between them, or observe it at every scan: see `skills.tactile.observer`."""
+    blend: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
+    """Weight of a new frame in the running estimate; 1 takes each frame as it is, as [gibbons] does."""
+    jump: Annotated[float, Field(gt=0.0)] = 0.15
+    """A frame further off than this, rad, is a slip of the peg and taken at once."""
+
+    def take(self, held: PegPose, new: PegPose) -> PegPose:
+        """Return the running estimate after a new healthy frame.
+
+        A peg looks the same turned by 180 degrees, so the angle next to the held one is meant.
+        """
+        if not held.healthy:
+            return new
+        step = math.remainder(new.theta - held.theta, math.pi)
+        return replace(new, theta=held.theta + (step if abs(step) > self.jump else self.blend * step))
+
+
+class Blend:
+    """Blends frames as `Smoothing` says, and holds theta between them."""
+
+    def __init__(self, smoothing: Smoothing) -> None:
+        """Start with nothing known."""
+        self._smoothing, self._peg = smoothing, NO_PEG
+
+    def follow(self, stamp: float, tcp: Pose, length: float, new: PegPose | None) -> PegPose:
+        """See `Tracker`."""
+        if new is not None and new.stamp > self._peg.stamp:
+            self._peg = self._smoothing.take(self._peg, new)
+        return self._peg

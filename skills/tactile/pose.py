@@ -1,0 +1,51 @@
+"""What is known of the peg in the hand, who reads it from a frame, and who keeps it from frame to frame."""
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+from drivers.quantities import Pose, TaxelFrame
+
+
+@dataclass(frozen=True, slots=True)
+class PegPose:
+    """What an estimator knows of the peg in the hand."""
+
+    theta: float
+    """In-hand angle, rad, in [-pi/2, pi/2)."""
+    offset: float
+    """Distance of the peg's axis from the finger centre, in the plane of the pads, m, signed."""
+    sigma: float
+    """Standard deviation of theta, rad."""
+    residual: float
+    """Part of the frame that the estimate does not explain, 0 to 1."""
+    healthy: bool
+    """False where theta should not be used."""
+    stamp: float
+    """Time of the frame it was made from, s."""
+
+
+NO_PEG = PegPose(theta=0.0, offset=0.0, sigma=math.inf, residual=1.0, healthy=False, stamp=-math.inf)
+"""Before the first healthy estimate: straight out of the hand, and nothing to rely on."""
+
+
+class Estimator(Protocol):
+    """Taxels in, pose of the peg in the hand out; nothing is kept but what frames tell of the pads."""
+
+    def estimate(self, frame: TaxelFrame) -> PegPose:
+        """Return the pose of the peg in `frame`; `healthy` is False where there is none to be seen."""
+
+
+class Tracker(Protocol):
+    """Keeps the pose of the peg in the hand from frame to frame, and between them."""
+
+    def follow(self, stamp: float, tcp: Pose, length: float, new: PegPose | None) -> PegPose:
+        """Return the pose of the peg now, at every scan; not healthy as long as nothing is known.
+
+        Args:
+            stamp: Time now, s.
+            tcp: T_base_tcp now.
+            length: From the finger centre to the peg's end point, m.
+            new: A healthy estimate from a frame that has just come, if any; its stamp may lie in the past, and one
+                that is no newer than what is known is left out.
+        """
