@@ -129,7 +129,7 @@ def assemble(config: CellConfig) -> Cell:
     assert config.sim is not None
     assert config.contact is not None
     assert config.grip is not None
-    world = World(config.sim, config.contact, config.grip, config.skin.layout, config.job())
+    world = World(config.arm_model(), config.sim, config.contact, config.grip, config.skin.layout, config.job())
     skin, clock = _skin(config, world, world.draw.skin)
     switch, clock, boards = _switch(config, world, clock)
     return Cell(
@@ -156,8 +156,8 @@ def _hardware(config: CellConfig, arm: FrankaArmConfig) -> Cell:
     return Cell(
         config=config,
         clock=clock,
-        arm=FrankaArm(arm, clock),
-        gripper=FrankaGripper(config.gripper),
+        arm=FrankaArm(arm, config.arm_model(), clock),
+        gripper=FrankaGripper(config.gripper, config.arm_model().hand.stroke),
         skin=skin,
         switch=_serial_switch(config.switch, clock),
         restock=lambda job, seed: None,

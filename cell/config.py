@@ -12,8 +12,9 @@ from pydantic import Field, ValidationError, create_model, model_validator
 
 import config as shipped
 from cell.config_errors import explain
-from cell.margins import MARGIN, too_high
+from cell.margins import MARGIN, Place, too_high
 from drivers.arm.franka import FrankaArmConfig
+from drivers.arm.model import ArmModel, read_arm
 from drivers.errors import ConfigError
 from drivers.gripper.franka import FrankaGripperConfig
 from drivers.parts import ConfigModel, FilePath, Hole, Job, Peg, Rack
@@ -45,6 +46,8 @@ E = TypeVar("E", bound=ConfigModel)
 SHIPPED = Path(shipped.__file__).parent
 """Where the configs that come with the program are."""
 DEFAULT = SHIPPED / "sim.toml"
+ARMS = SHIPPED / "arms"
+"""Where the files of figures of the arms are that come with the program."""
 NOT_INHERITED = (("limits", "force"), ("limits", "low"), ("limits", "high"), ("hole", "centre"), ("rack", "first"))
 """What a cell says itself, whatever its base says: what it may do, and where its parts stand."""
 RECIPE_SECTIONS = frozenset({"preset", "peg", "hole", "rack", "square", *(skill.section for skill in CATALOGUE.skills)})
@@ -151,9 +154,26 @@ class CellConfig(Catalogued):
         return self
 
     @model_validator(mode="after")
+    def _has_arm(self) -> Self:
+        file = arm_file(self.arm.model)
+        if not file.is_file():
+            known = ", ".join(f'"{path.stem}"' for path in sorted(ARMS.glob("*.toml")))
+            raise ValueError(
+                f'arm.model = "{self.arm.model}": no such arm; {known} or a file of figures, *.toml, allowed'
+            )
+        read_arm(file)
+        return self
+
+    @model_validator(mode="after")
     def _is_stable(self) -> Self:
+        place = self.place()
+        if not place.is_within_reach():
+            raise ValueError(
+                f"hole.centre = {self.hole.centre}: the arm, {place.arm.name}, does not reach it with the peg upright and"
+                f" tilted by {place.tilt} rad; a place within its reach allowed"
+            )
         for name, gains in self.steered().items():
-            found = too_high(gains, self.skin.rate)
+            found = too_high(gains, self.skin.rate, place)
             if found is not None:
                 raise ValueError(
                     f"{name}.{found.kind} = {found.gain:g}: unstable from {found.limit:.4g} with this damping and"
@@ -186,6 +206,22 @@ class CellConfig(Catalogued):
                 f'sim.model.hole = "{self.sim.model.hole}": facets round a hole, and hole.present = false; "exact" allowed'
             )
         return self
+
+    def arm_model(self) -> ArmModel:
+        """Return the figures of the cell's arm."""
+        return read_arm(arm_file(self.arm.model))
+
+    def place(self) -> Place:
+        """Return where and how the arm works with a peg that the skin steers."""
+        search, square = self.params(SEARCH), self.square if self.peg.shape == "square" else None
+        return Place(
+            arm=self.arm_model(),
+            tip=self.hole.centre,
+            lean=search.lean,
+            tilt=search.tilt if square is None else square.tilt,
+            elbow=search.transfer.elbow,
+            length=self.peg.length,
+        )
 
     def require_simulated(self, what: str) -> None:
         """Make sure that this is a simulated cell.
@@ -307,6 +343,11 @@ def _layers(path: Path) -> list[tuple[str, dict[str, Any]]]:
     for section, key in NOT_INHERITED:
         below.get(section, {}).pop(key, None)
     return [(str(base), below), (str(path), tree)]
+
+
+def arm_file(model: str) -> Path:
+    """Return the file of figures that an `arm.model` names, which may not exist."""
+    return Path(model) if model.endswith(".toml") else ARMS / f"{model}.toml"
 
 
 def with_parameters(config: CellConfig, parameters: Iterable[tuple[str, Any]]) -> CellConfig:

@@ -179,7 +179,7 @@ def now_text() -> str:
 
 @lru_cache
 def versions() -> dict[str, str]:
-    """Return the versions that a record names, and a fingerprint of this program's own code."""
+    """Return the versions that a record names, and a fingerprint of this program's own code and arms."""
     return {**{name: _version(name) for name in PACKAGES}, "code": _code_hash()}
 
 
@@ -195,6 +195,8 @@ def _code_hash() -> str:
     for package in OWN:
         for file in sorted((root / package).rglob("*.py")):
             digest.update(file.read_bytes())
+    for file in sorted((root / "config" / "arms").glob("*.toml")):
+        digest.update(file.read_bytes())
     return digest.hexdigest()[:16]
 
 

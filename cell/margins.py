@@ -11,17 +11,12 @@ from functools import lru_cache
 import numpy as np
 
 from cell.sampled_loop import largest_factor, one_period, radius
+from drivers.arm.inertia import tip_inertia
+from drivers.arm.kinematics import joints_at
+from drivers.arm.model import ArmModel
 from drivers.quantities import Vector
-from sim.tip_inertia import tip_inertia
-from skills.motion import Gains
+from skills.motion import Gains, tilted
 
-POSES: dict[str, Vector] = {
-    "tilted": np.array([-0.132, 0.649, 0.140, -1.621, -0.034, 1.530, -0.740]),
-    "upright": np.array([-0.073, 0.213, 0.110, -2.370, -0.440, 2.519, -0.343]),
-}
-"""Joint positions in the middle of the shipped hole's area, rad: peg tilted by 45 degrees as in the search, and upright."""
-LENGTH = 0.05
-"""Of the peg, m; [gibbons], Sec. VI."""
 MARGIN = 1.2
 """A gain must stay stable when it is so many times as large, its damping as it is."""
 HELD: dict[str, Vector] = {
@@ -29,6 +24,27 @@ HELD: dict[str, Vector] = {
     "rotation": np.diag([0.0, 0.0, 0.0, 1.0, 1.0, 1.0]),
 }
 """Whose error is as old as the frame, shape (6, 6); the other's is as it is now."""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where and how the arm works with a steered peg: the peg's end in the middle of the hole's area."""
+
+    arm: ArmModel
+    tip: tuple[float, float, float]
+    """End point of the peg, m, base frame."""
+    lean: float
+    """Azimuth that the peg leans to in the search, rad."""
+    tilt: float
+    """Tilt of the peg from the vertical in the search, rad; after it the peg is upright."""
+    elbow: float
+    """Position that the elbow's joint is drawn to, rad."""
+    length: float
+    """Distance from the finger centre to the peg's end, m."""
+
+    def is_within_reach(self) -> bool:
+        """Whether the arm reaches it with the peg tilted and upright."""
+        return all(_joints(self, tilt) is not None for tilt in (self.tilt, 0.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,32 +64,41 @@ class Margin:
         return self.limit / self.gain
 
 
-def margins(gains: Gains, rate: float) -> tuple[Margin, ...]:
-    """Return the margins of translation and rotation with `rate` frames a second, Hz."""
-    return tuple(_margin(kind, gains, rate) for kind in HELD)
+def margins(gains: Gains, rate: float, place: Place) -> tuple[Margin, ...]:
+    """Return the margins of translation and rotation with `rate` frames a second, Hz, at a place within reach."""
+    return tuple(_margin(kind, gains, rate, place) for kind in HELD)
 
 
-def too_high(gains: Gains, rate: float) -> Margin | None:
-    """Return what has less than the MARGIN, or None."""
+def too_high(gains: Gains, rate: float, place: Place) -> Margin | None:
+    """Return what has less than the MARGIN, or None; the place must be within reach."""
     for kind in HELD:
-        if not all(radius(one_period(*loop, 1.0 / rate, 0.0)) < 1.0 for loop in _loops(kind, gains, MARGIN)):
-            return _margin(kind, gains, rate)
+        if not all(radius(one_period(*loop, 1.0 / rate, 0.0)) < 1.0 for loop in _loops(kind, gains, MARGIN, place)):
+            return _margin(kind, gains, rate, place)
     return None
 
 
-def _margin(kind: str, gains: Gains, rate: float) -> Margin:
-    factor = min(largest_factor(*loop, 1.0 / rate, 0.0) for loop in _loops(kind, gains, 1.0))
+def _margin(kind: str, gains: Gains, rate: float, place: Place) -> Margin:
+    factor = min(largest_factor(*loop, 1.0 / rate, 0.0) for loop in _loops(kind, gains, 1.0, place))
     gain: float = getattr(gains, kind)
     return Margin(kind, gain, factor * gain)
 
 
-def _loops(kind: str, gains: Gains, factor: float) -> Iterator[tuple[Vector, Vector, Vector, Vector]]:
+def _loops(kind: str, gains: Gains, factor: float, place: Place) -> Iterator[tuple[Vector, Vector, Vector, Vector]]:
     stiffness, damping, held = np.diag(gains.stiffness()), np.diag(gains.damping()), HELD[kind]
-    for name in POSES:
-        yield inertia(name), factor * held @ stiffness, stiffness - held @ stiffness, damping
+    for inertia in inertias(place):
+        yield inertia, factor * held @ stiffness, stiffness - held @ stiffness, damping
 
 
-@lru_cache
-def inertia(pose: str) -> Vector:
-    """Return the arm's inertia at the tip in one of the POSES, shape (6, 6)."""
-    return tip_inertia(POSES[pose], LENGTH)
+@lru_cache(maxsize=64)
+def inertias(place: Place) -> tuple[Vector, Vector]:
+    """Return the arm's inertia at the peg's end with the peg tilted and upright, each shape (6, 6)."""
+    tilted_peg, upright = (_joints(place, tilt) for tilt in (place.tilt, 0.0))
+    assert tilted_peg is not None
+    assert upright is not None
+    return tip_inertia(place.arm, tilted_peg, place.length), tip_inertia(place.arm, upright, place.length)
+
+
+@lru_cache(maxsize=64)
+def _joints(place: Place, tilt: float) -> Vector | None:
+    axis, closing = tilted(place.lean, tilt)
+    return joints_at(place.arm, np.array(place.tip), axis, closing, place.length, place.elbow)

@@ -14,7 +14,7 @@ import math
 
 import numpy as np
 
-from drivers import panda
+from drivers.arm.model import ArmModel
 from drivers.compiled import njit
 from drivers.quantities import ImpedanceSetpoint, Vector
 
@@ -34,12 +34,30 @@ NULL_STIFFNESS = 10.0
 NULL_DAMPING = 3.0
 """Of the null space, N·m·s/rad."""
 
-_A, _D = panda.DH_A, panda.DH_D
-_COS_ALPHA, _SIN_ALPHA = np.cos(panda.DH_ALPHA), np.sin(panda.DH_ALPHA)
-_TURN_COS, _TURN_SIN = math.cos(panda.HAND_TURN), math.sin(panda.HAND_TURN)
-_REACH = panda.FLANGE_D + panda.FINGER_CENTRE
-_TORQUE_MAX = panda.TORQUE_MAX
-_RATE_MAX = panda.TORQUE_RATE_MAX
+FIGURES = 45
+DH_A, DH_D, COS_ALPHA, SIN_ALPHA, TORQUE_MAX, TORQUE_RATE = 0, 7, 14, 21, 28, 35
+REACH, TURN_COS, TURN_SIN = 42, 43, 44
+"""The arm's figures as the law takes them: kinematics, limits, distance from the last joint's frame to the finger
+centre, m, and the hand's turn about the flange."""
+
+
+def figures(arm: ArmModel) -> Vector:
+    """Return an arm's kinematics and limits as the words that the compiled functions read, shape (FIGURES,)."""
+    words = np.zeros(FIGURES)
+    dh, joints = arm.kinematics, arm.joints
+    alpha = np.array(dh.alpha)
+    for place, values in (
+        (DH_A, dh.a),
+        (DH_D, dh.d),
+        (COS_ALPHA, np.cos(alpha)),
+        (SIN_ALPHA, np.sin(alpha)),
+        (TORQUE_MAX, joints.torque),
+        (TORQUE_RATE, joints.torque_rate),
+    ):
+        words[place : place + 7] = values
+    words[REACH] = dh.flange + arm.hand.finger_centre
+    words[TURN_COS], words[TURN_SIN] = math.cos(arm.hand.turn), math.sin(arm.hand.turn)
+    return words
 
 
 def pack(setpoint: ImpedanceSetpoint, stamp: float) -> Vector:
@@ -76,10 +94,11 @@ def pack(setpoint: ImpedanceSetpoint, stamp: float) -> Vector:
 
 
 @njit(cache=True)
-def forward(q: Vector) -> tuple[Vector, Vector, Vector, Vector]:  # pragma: no cover
+def forward(arm: Vector, q: Vector) -> tuple[Vector, Vector, Vector, Vector]:  # pragma: no cover
     """Return the finger frame and the joints' axes, base frame.
 
     Args:
+        arm: Its figures, from `figures`.
         q: Joint positions, shape (7,), rad.
 
     Returns:
@@ -92,9 +111,9 @@ def forward(q: Vector) -> tuple[Vector, Vector, Vector, Vector]:  # pragma: no c
     origins = np.empty((7, 3))
     S = np.empty((3, 3))
     for i in range(7):
-        ca, sa = _COS_ALPHA[i], _SIN_ALPHA[i]
+        ca, sa, a, d = arm[COS_ALPHA + i], arm[SIN_ALPHA + i], arm[DH_A + i], arm[DH_D + i]
         for k in range(3):
-            o[k] += R[k, 0] * _A[i] - R[k, 1] * sa * _D[i] + R[k, 2] * ca * _D[i]
+            o[k] += R[k, 0] * a - R[k, 1] * sa * d + R[k, 2] * ca * d
         c, s = math.cos(q[i]), math.sin(q[i])
         for k in range(3):
             r0, r1, r2 = R[k, 0], R[k, 1] * ca + R[k, 2] * sa, -R[k, 1] * sa + R[k, 2] * ca
@@ -106,11 +125,12 @@ def forward(q: Vector) -> tuple[Vector, Vector, Vector, Vector]:  # pragma: no c
             origins[i, k] = o[k]
     finger = np.empty((3, 3))
     position = np.empty(3)
+    reach, turn_cos, turn_sin = arm[REACH], arm[TURN_COS], arm[TURN_SIN]
     for k in range(3):
-        position[k] = o[k] + _REACH * R[k, 2]
+        position[k] = o[k] + reach * R[k, 2]
         finger[k, 0] = R[k, 2]
-        finger[k, 1] = R[k, 0] * _TURN_COS + R[k, 1] * _TURN_SIN
-        finger[k, 2] = -R[k, 0] * _TURN_SIN + R[k, 1] * _TURN_COS
+        finger[k, 1] = R[k, 0] * turn_cos + R[k, 1] * turn_sin
+        finger[k, 2] = -R[k, 0] * turn_sin + R[k, 1] * turn_cos
     return position, finger, axes, origins
 
 
@@ -139,13 +159,14 @@ def solve(A: Vector, b: Vector) -> Vector:  # pragma: no cover
 
 @njit(cache=True)
 def torque(
-    words: Vector, state: Vector, q: Vector, dq: Vector, now: float, period: float
+    arm: Vector, words: Vector, state: Vector, q: Vector, dq: Vector, now: float, period: float
 ) -> Vector:  # pragma: no cover
     """Return the joint torques of one control step, within the arm's limits of torque and torque rate.
 
     Gravity and Coriolis torques are the robot controller's affair, as on the real arm.
 
     Args:
+        arm: Its figures, from `figures`.
         words: The held setpoint, from `pack`; past its validity it is overwritten by "hold still here".
         state: What the law remembers, shape (STATE_WORDS,), updated.
         q: Joint positions, shape (7,), rad.
@@ -156,7 +177,7 @@ def torque(
     Returns:
         Torques, shape (7,), N·m.
     """
-    position, finger, axes, origins = forward(q)
+    position, finger, axes, origins = forward(arm, q)
     x, v = np.empty(3), np.empty(3)
     if words[HAS_HAND] > 0.0:
         c, s, length = math.cos(words[THETA]), math.sin(words[THETA]), words[LENGTH]
@@ -234,13 +255,12 @@ def torque(
             b[k] += J[k, i] * null[i]
     solve(A, b)
     tau = np.empty(7)
-    step = _RATE_MAX * period
     for i in range(7):
         t = null[i]
         for k in range(6):
             t += J[k, i] * (wrench[k] - b[k])
-        last = state[TORQUE + i]
+        last, step, most = state[TORQUE + i], arm[TORQUE_RATE + i] * period, arm[TORQUE_MAX + i]
         t = min(max(t, last - step), last + step)
-        tau[i] = min(max(t, -_TORQUE_MAX[i]), _TORQUE_MAX[i])
+        tau[i] = min(max(t, -most), most)
         state[TORQUE + i] = tau[i]
     return tau

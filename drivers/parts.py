@@ -12,12 +12,13 @@ Coordinate = Annotated[float, Field(ge=-2.0, le=2.0)]
 Point = tuple[Coordinate, Coordinate, Coordinate]
 
 
-def _beside_config(path: Path, info: ValidationInfo) -> Path:
+def beside_config(path: Path, info: ValidationInfo) -> Path:
+    """Return a relative path as seen from the folder of the config file that is validated."""
     folder: Path | None = (info.context or {}).get("folder")
     return path if folder is None else folder / path
 
 
-FilePath = Annotated[Path, AfterValidator(_beside_config)]
+FilePath = Annotated[Path, AfterValidator(beside_config)]
 """A file; a relative path begins at the folder of the config file, wherever the program was started."""
 
 

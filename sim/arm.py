@@ -1,4 +1,4 @@
-"""The simulated Panda as an Arm."""
+"""The simulated arm as an Arm."""
 
 import math
 

@@ -4,6 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, NonNegativeInt, model_validator
 
+from drivers.arm.model import ArmName
 from drivers.parts import ConfigModel, Fraction
 from drivers.quantities import FINGERS, TAXELS
 from drivers.skin.health import SkinHealthConfig
@@ -177,9 +178,11 @@ class SimConfig(ConfigModel):
 
 
 class SimArmConfig(ConfigModel):
-    """The simulated Panda."""
+    """The simulated arm."""
 
     kind: Literal["sim"]
+    model: ArmName = "panda"
+    """Which arm: one of those that ship, or a file of figures beside the config."""
 
 
 class SimGripperConfig(ConfigModel):

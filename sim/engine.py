@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from drivers import impedance
+from drivers.arm.model import Hand
 from drivers.compiled import njit
 from drivers.quantities import Vector
 from sim import contact, native
@@ -18,12 +19,9 @@ RING = 20
 
 FORCE_FILTER = 0.005
 """Time constant of the low-pass on forces, s: single steps of a rigid contact say little."""
-DRIVE_FORCE, DRIVE_WIDTH = 0, 1
-"""Of the hand's drive: closing force commanded, N, where 0 opens to the width commanded, m."""
-FINGER_SPEED = 0.05
-"""Of each finger, m/s; data sheet of the hand."""
-FINGER_FORCE = 30.0
-"""That opens the fingers, N."""
+DRIVE_FORCE, DRIVE_WIDTH, DRIVE_SPEED, DRIVE_OPENING = 0, 1, 2, 3
+"""The hand's drive: closing force commanded, N, where 0 opens to the width commanded, m; speed of a finger, m/s, and the
+force that opens it, N, which are figures of the hand."""
 FINGER_GAIN = 2e4
 """Of a finger's position loop when it opens, N/m."""
 
@@ -43,6 +41,11 @@ def new_meters() -> Vector:
 def window(timestep: float) -> int:
     """Return over how many ticks of `timestep`, s, a penetration must last to count."""
     return math.floor(SUSTAINED_TIME / timestep + 0.5) + 1
+
+
+def new_drive(hand: Hand) -> Vector:
+    """Return the words of a hand that is commanded to open as wide as it goes, shape (4,)."""
+    return np.array([0.0, hand.stroke, hand.finger_speed, hand.finger_force])
 
 
 @njit(cache=True)
@@ -105,6 +108,7 @@ def advance(
     peg: tuple[Vector, Vector, Vector],
     hole: Vector,
     userdata: Vector,
+    arm: Vector,
     words: Vector,
     state: Vector,
     meters: Vector,
@@ -130,10 +134,11 @@ def advance(
         peg: Size, and views of place and axes of the peg, see `is_far`.
         hole: See `is_far`; with a negative radius nothing is ever near it.
         userdata: Where the contact function leaves the penetration.
+        arm: Its figures, see `drivers.impedance.figures`.
         words: The held setpoint, see `drivers.impedance`.
         state: State of the law.
         meters: What is metered, see the indices of this module; updated.
-        drive: Command of the hand's drive.
+        drive: The hand's drive, see the indices of this module.
         hinge: Index of the peg's hinge in `qpos`, or -1.
         lost: Angle of the hinge beyond which the peg is no longer held, rad.
         plates: How many of the first geoms are plates.
@@ -151,17 +156,17 @@ def advance(
     tick = 0
     while tick < ticks:
         if (phase + tick) % law_every == 0:
-            tau = impedance.torque(words, state, qpos[:7], qvel[:7], start + tick * timestep, law_every * timestep)
+            tau = impedance.torque(arm, words, state, qpos[:7], qvel[:7], start + tick * timestep, law_every * timestep)
             for i in range(7):
                 qfrc[i] = tau[i]
         if hinge < 0:
-            closing = drive[DRIVE_FORCE]
+            closing, speed, strongest = drive[DRIVE_FORCE], drive[DRIVE_SPEED], drive[DRIVE_OPENING]
             for i in range(7, 9):
                 if closing > 0.0:
-                    qfrc[i] = -closing * (1.0 + qvel[i] / FINGER_SPEED)
+                    qfrc[i] = -closing * (1.0 + qvel[i] / speed)
                 else:
-                    opening = min(max(FINGER_GAIN * (drive[DRIVE_WIDTH] / 2.0 - qpos[i]), -FINGER_FORCE), FINGER_FORCE)
-                    qfrc[i] = opening - FINGER_FORCE / FINGER_SPEED * qvel[i]
+                    opening = min(max(FINGER_GAIN * (drive[DRIVE_WIDTH] / 2.0 - qpos[i]), -strongest), strongest)
+                    qfrc[i] = opening - strongest / speed * qvel[i]
         userdata[contact.PENETRATION] = 0.0
         may_coarsen = models[1] != 0 and (phase + tick) % COARSE == 0 and tick + COARSE <= ticks
         stride = COARSE if may_coarsen and is_far(hole, peg[0], peg[1], peg[2]) else 1

@@ -14,6 +14,7 @@ import mujoco
 import numpy as np
 
 from drivers import impedance
+from drivers.arm.model import ArmModel
 from drivers.compiled import njit
 from drivers.parts import Job
 from drivers.quantities import ImpedanceSetpoint, InHandTip, Vector
@@ -59,15 +60,15 @@ class HandRow:
     fault: str = ""
 
 
-def measure(kind: str, job: Job) -> HandRow:
+def measure(kind: str, arm: ArmModel, job: Job) -> HandRow:
     """Measure one model of arm and grip; one that cannot work is told in its row."""
     try:
         with native.quiet():
             if kind == "rigid mover":
                 return _rigid(job)
             if kind.startswith("Cartesian"):
-                return _cartesian(job)
-            return _whole(kind, job, "pads" if "pads" in kind else "hinge")
+                return _cartesian(arm, job)
+            return _whole(kind, arm, job, "pads" if "pads" in kind else "hinge")
     except Exception as error:
         return HandRow(kind, math.nan, math.inf, math.inf, math.inf, math.inf, f"{type(error).__name__}: {error}")
 
@@ -88,10 +89,10 @@ def _rigid(job: Job) -> HandRow:
     return HandRow(KINDS[0], len(TILTS) * SECONDS / spent, worst, penetration, 0.0, 0.0)
 
 
-def _whole(kind: str, job: Job, grip: str) -> HandRow:
+def _whole(kind: str, model: ArmModel, job: Job, grip: str) -> HandRow:
     worst, penetration, spent, turned, left = -1.0, 0.0, 0.0, 0.0, 0.0
     for degrees in TILTS:
-        world, arm = _holding(job, grip)
+        world, arm = _holding(model, job, grip)
         tilt = math.radians(degrees)
         left = _lead(world, arm, tilt)
         before, began = _angle(world), world.now()
@@ -113,10 +114,10 @@ def _whole(kind: str, job: Job, grip: str) -> HandRow:
     return HandRow(kind, len(TILTS) * SECONDS / spent, worst, penetration, left, turned)
 
 
-def _holding(job: Job, grip: str) -> tuple[World, SimArm]:
+def _holding(model: ArmModel, job: Job, grip: str) -> tuple[World, SimArm]:
     """Return a world whose hand has the peg, pointing down, and whose hole is frictionless."""
     sim = SimConfig(timestep=TIMESTEP, pace="max", model=ModelConfig(grip=grip))
-    world = World(sim, ContactConfig(friction=0.0), GripConfig(friction=1.0, angle=0.0), "parallelogram", job)
+    world = World(model, sim, ContactConfig(friction=0.0), GripConfig(friction=1.0, angle=0.0), "parallelogram", job)
     arm = SimArm(world)
     arm.halt()
     world.drive[engine.DRIVE_FORCE] = GRIP
@@ -189,12 +190,12 @@ def _excess(job: Job, end: Vector, lean: float) -> float:
     return depth / math.exp(np.interp(math.log(lean), *_depths(job.peg.diameter, job.hole.diameter))) - 1.0
 
 
-def _cartesian(job: Job) -> HandRow:
+def _cartesian(arm_model: ArmModel, job: Job) -> HandRow:
     """Push with the arm's inertia at the tool, taken where the whole arm would push; no joints, and no friction in them."""
     worst, penetration, spent, turned, left = -1.0, 0.0, 0.0, 0.0, 0.0
     for degrees in TILTS:
         tilt = math.radians(degrees)
-        world, arm = _holding(job, "hinge")
+        world, arm = _holding(arm_model, job, "hinge")
         _lead(world, arm, tilt)
         inertia = np.diag(_inertia(world))
         model = _cartesian_model(job, tilt, inertia, world.breakaway())
@@ -245,7 +246,7 @@ def _inertia(world: World) -> Vector:
     model, data = world.physics()
     M = np.empty((model.nv, model.nv))
     mujoco.mj_fullM(model, data, M)
-    position, _, axes, origins = impedance.forward(world.q)
+    position, _, axes, origins = impedance.forward(impedance.figures(world.arm), world.q)
     J = np.vstack([np.cross(axes, position - origins).T, axes.T])
     inertia: Vector = np.linalg.inv(J @ np.linalg.solve(M[:7, :7], J.T))
     return inertia

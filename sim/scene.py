@@ -11,9 +11,9 @@ from copy import copy
 
 import mujoco
 
-from drivers import panda
+from drivers.arm.model import ArmModel, Inertial
 from drivers.parts import Job
-from sim import contact, native, panda_inertia
+from sim import contact, native
 from sim.config import ModelConfig
 from sim.plate import EXACT, Plate, flags, geoms, words
 
@@ -37,22 +37,25 @@ TOLERANCE = 1e-12
 acceleration errs by less than 1e-3 rad/s². The line search need not be finer than Newton's next step makes it."""
 
 
-def held_model(job: Job, plate: Plate, friction: float, timestep: float, how: ModelConfig = EXACT) -> mujoco.MjModel:
+def held_model(
+    arm: ArmModel, job: Job, plate: Plate, friction: float, timestep: float, how: ModelConfig = EXACT
+) -> mujoco.MjModel:
     """Return the arm with the peg on its hinge, above one plate."""
     axis = -job.peg.length / 2 + job.peg.overhang / 2
     # The peg's frame is that of `drivers.frames.peg_in_finger(0)`: x the closing axis, z from the tip to the finger.
-    peg = f"""<body name="peg" pos="0 0 {panda.FINGER_CENTRE}" quat="0 {math.sqrt(0.5)} {math.sqrt(0.5)} 0">
+    peg = f"""<body name="peg" pos="0 0 {arm.hand.finger_centre}" quat="0 {math.sqrt(0.5)} {math.sqrt(0.5)} 0">
       <joint name="pivot" type="hinge" axis="1 0 0" frictionloss="0.2"
         solreffriction="{2 * timestep} 1" solimpfriction="0.9999 0.9999 0.001 0.5 2"/>
       {_peg_geom(job, axis)}</body>"""
-    hand_mass = panda_inertia.HAND_MASS + 2 * panda_inertia.FINGER_MASS
+    hand_mass = arm.hand.body.mass + 2 * arm.hand.finger.mass
     plates = "".join(geoms("plate", plate, friction, timestep, how))
-    model = _compile(plates, _arm(timestep, hand_mass, peg, how), "", f'island="disable" {flags(how)}', timestep)
+    model = _compile(plates, _arm(arm, timestep, hand_mass, peg, how), "", f'island="disable" {flags(how)}', timestep)
     model.dof_invweight0[model.joint("pivot").dofadr] *= STIFFER
     return model
 
 
 def free_model(
+    arm: ArmModel,
     job: Job,
     plate: Plate,
     rack: Plate,
@@ -64,12 +67,13 @@ def free_model(
 ) -> mujoco.MjModel:
     """Return the arm with two moving fingers, pads of length and width `pad`, and the peg as a body of its own."""
     length, width = pad
+    hand = arm.hand
     fingers = ""
-    for name, sign in (("left", 1), ("right", -1)):
-        fingers += f"""<body name="{name}" pos="0 0 {panda.FINGER_CENTRE}">
-          <joint name="{name}" type="slide" axis="0 {sign} 0" limited="true" range="0 {panda.HAND_STROKE / 2}" armature="{FINGER_ARMATURE}"
+    for name, sign, finger in (("left", 1, hand.finger), ("right", -1, hand.finger.turned())):
+        fingers += f"""<body name="{name}" pos="0 0 {hand.finger_centre}">
+          <joint name="{name}" type="slide" axis="0 {sign} 0" limited="true" range="0 {hand.stroke / 2}" armature="{FINGER_ARMATURE}"
             solreflimit="{2 * timestep} 1" solimplimit="0.999 0.999 0.0005"/>
-          <inertial mass="{panda_inertia.FINGER_MASS}" pos="0 {sign * 0.01} 0" diaginertia="3e-6 3e-6 1e-6"/>
+          {_inertial(finger)}
           <geom name="{name}" type="box" size="{width / 2} {PAD_THICKNESS / 2} {length / 2}" pos="0 {sign * PAD_THICKNESS / 2} 0"
             contype="2" conaffinity="0" friction="{pad_friction} 0.002 0.0001" priority="1" solref="{2 * timestep} 1" solimp="0.999 0.999 0.0005"
             margin="{PAD_MARGIN}" gap="{PAD_MARGIN}"/>
@@ -77,9 +81,7 @@ def free_model(
     peg = f"""<body name="peg"><freejoint/>{_peg_geom(job, 0.0)}</body>"""
     plates = "".join(geoms("plate", plate, friction, timestep) + geoms("rack", rack, friction, timestep))
     extra = f'<equality><joint joint1="left" joint2="right" solref="{2 * timestep} 1" solimp="0.999 0.999 0.0005"/></equality>'
-    return _compile(
-        plates, _arm(timestep, panda_inertia.HAND_MASS, fingers, how) + peg, extra, 'island="enable"', timestep
-    )
+    return _compile(plates, _arm(arm, timestep, hand.body.mass, fingers, how) + peg, extra, 'island="enable"', timestep)
 
 
 def without_peg(model: mujoco.MjModel, longer: int) -> mujoco.MjModel:
@@ -105,19 +107,26 @@ def _peg_geom(job: Job, axis: float) -> str:
     )
 
 
-def _arm(timestep: float, hand_mass: float, in_hand: str, how: ModelConfig) -> str:
-    inner = f"""<body name="hand" pos="0 0 {panda.FLANGE_D}" euler="0 0 {panda.HAND_TURN}">
-      <inertial mass="{hand_mass}" pos="{words(panda_inertia.HAND_COM)}" diaginertia="{words(panda_inertia.HAND_INERTIA)}"/>
+def _arm(arm: ArmModel, timestep: float, hand_mass: float, in_hand: str, how: ModelConfig) -> str:
+    dh, joints = arm.kinematics, arm.joints
+    inner = f"""<body name="hand" pos="0 0 {dh.flange}" euler="0 0 {arm.hand.turn}">
+      {_inertial(arm.hand.body.model_copy(update={"mass": hand_mass}))}
       {in_hand}</body>"""
-    for i in range(panda.JOINTS - 1, -1, -1):
-        a, d, alpha = panda.DH_A[i], panda.DH_D[i], panda.DH_ALPHA[i]
-        mass, com, inertia = panda_inertia.LINKS[i]
+    for i, link in reversed(list(enumerate(arm.link))):
+        a, d, alpha = dh.a[i], dh.d[i], dh.alpha[i]
         inner = f"""<body name="link{i + 1}" pos="{a} {-d * math.sin(alpha)} {d * math.cos(alpha)}" euler="{alpha} 0 0">
-          <inertial mass="{mass}" pos="{words(com)}" fullinertia="{words(inertia)}"/>
-          <joint name="joint{i + 1}" type="hinge" axis="0 0 1" limited="true" range="{panda.Q_MIN[i]} {panda.Q_MAX[i]}"
-            frictionloss="{panda.FRICTION[i] if how.arm == "full" else 0.0}" solreffriction="{2 * timestep} 1" solimpfriction="0.9999 0.9999 0.001 0.5 2"/>
+          {_inertial(link)}
+          <joint name="joint{i + 1}" type="hinge" axis="0 0 1" limited="true" range="{joints.q_min[i]} {joints.q_max[i]}"
+            frictionloss="{joints.friction[i] if how.arm == "full" else 0.0}" solreffriction="{2 * timestep} 1" solimpfriction="0.9999 0.9999 0.001 0.5 2"/>
           {inner}</body>"""
     return inner
+
+
+def _inertial(body: Inertial) -> str:
+    """Return a body's masses; without products of inertia MuJoCo keeps the axes as they are."""
+    main, products = body.inertia[:3], body.inertia[3:]
+    inertia = f'fullinertia="{words(body.inertia)}"' if any(products) else f'diaginertia="{words(main)}"'
+    return f'<inertial mass="{body.mass}" pos="{words(body.com)}" {inertia}/>'
 
 
 def _compile(plates: str, bodies: str, extra: str, options: str, timestep: float) -> mujoco.MjModel:

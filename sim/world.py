@@ -14,7 +14,8 @@ from enum import Enum
 import mujoco
 import numpy as np
 
-from drivers import frames, impedance, panda
+from drivers import frames, impedance
+from drivers.arm.model import JOINTS, ArmModel
 from drivers.errors import SimulationUnstableError
 from drivers.parts import Job
 from drivers.quantities import Pose, Vector
@@ -26,8 +27,6 @@ from sim.pads import PadLoad, breakaway_torque_of
 from sim.plate import Plate
 
 GRAVITY = 9.81
-HOME: Vector = np.array([-0.45, -0.2, 0.05, -2.45, 0.0, 2.25, 0.785])
-"""Where the arm waits: above the rack, hand down."""
 SETTLED_GRIP = 0.05
 """The pads must have held the peg clear of the rack for so long before it is taken for held, s."""
 FLOOR_MARGIN = 0.5e-3
@@ -84,19 +83,22 @@ class Truth:
 class World:
     """One cell's physics."""
 
-    def __init__(self, sim: SimConfig, friction: ContactConfig, grip: GripConfig, layout: Layout, job: Job) -> None:
+    def __init__(
+        self, arm: ArmModel, sim: SimConfig, friction: ContactConfig, grip: GripConfig, layout: Layout, job: Job
+    ) -> None:
         """Keep the configuration and build the scene of the first run; the skin's layout tells the pads' size."""
+        self.arm, self._figures = arm, impedance.figures(arm)
         self._sim, self._contact, self._grip = sim, friction, grip
         self._pad = pad_size(layout)
-        self._law_every = round(panda.CONTROL_PERIOD / sim.timestep)
+        self._law_every = round(arm.control_period / sim.timestep)
         self._ticks = 0
         self._wall: float | None = None
         self.words = np.zeros(impedance.WORDS)
         self.law_state = np.zeros(impedance.STATE_WORDS)
-        self.drive = np.array([0.0, panda.HAND_STROKE])
+        self.drive = engine.new_drive(arm.hand)
         self._held_since = self._loose_since = self._load = 0.0
         self._is_resting, self._peg_body = False, 0
-        self._q, self._dq = HOME.copy(), np.zeros(7)
+        self._q, self._dq = np.array(arm.home), np.zeros(JOINTS)
         self._data: mujoco.MjData = None
         cylinder.install()
         square.install()
@@ -129,16 +131,26 @@ class World:
         )
         dt = self._sim.timestep
         self._models = {
-            Peg.HELD: scene.held_model(self.job, self.plate, drawn.friction, dt, self._sim.model),
+            Peg.HELD: scene.held_model(self.arm, self.job, self.plate, drawn.friction, dt, self._sim.model),
             Peg.FREE: scene.free_model(
-                self.job, self.plate, self.rack, drawn.friction, drawn.pad_friction, self._pad, dt, self._sim.model
+                self.arm,
+                self.job,
+                self.plate,
+                self.rack,
+                drawn.friction,
+                drawn.pad_friction,
+                self._pad,
+                dt,
+                self._sim.model,
             ),
         }
         # The held model once more with a longer step; both step the same data.
         self._coarse = None
         self._resting = None
         if self._sim.model.long_steps and self._law_every % engine.COARSE == 0:
-            self._coarse = scene.held_model(self.job, self.plate, drawn.friction, engine.COARSE * dt, self._sim.model)
+            self._coarse = scene.held_model(
+                self.arm, self.job, self.plate, drawn.friction, engine.COARSE * dt, self._sim.model
+            )
             self._resting = scene.without_peg(self._models[Peg.FREE], engine.COARSE)
         reach = self.plate.radius * (math.sqrt(2.0) if is_square else 1.0)
         self._hole = np.array([*self.plate.position, *self.plate.rotation[:, 2], reach])
@@ -200,6 +212,7 @@ class World:
             self._peg_views,
             self._near,
             data.userdata,
+            self._figures,
             self.words,
             self.law_state,
             self.meters,
@@ -351,7 +364,7 @@ class World:
 
     def tcp(self) -> Pose:
         """Return T_base_tcp from the arm's own kinematics."""
-        position, rotation, _, _ = impedance.forward(self._data.qpos[:7])
+        position, rotation, _, _ = impedance.forward(self._figures, self._data.qpos[:7])
         return Pose(position, rotation)
 
     def finger_gap(self) -> float:

@@ -18,13 +18,14 @@ import numpy as np
 
 from cell.assembly import Cell, assemble, opened
 from cell.config import CellConfig
-from cell.margins import HELD, LENGTH, margins
+from cell.margins import HELD, margins
 from cell.sampled_loop import largest_factor
 from cell.workers import on_processes
+from drivers.arm.inertia import tip_inertia
+from drivers.arm.model import JOINTS
 from drivers.errors import CellError, SimulationUnstableError
 from drivers.frames import angle_between, end_point, rotation_about
 from drivers.quantities import ImpedanceSetpoint, InHandTip, Twist, Vector
-from sim.tip_inertia import tip_inertia
 from sim.world import Peg, World
 from skills import grasp_from_rack
 from skills.catalogue import GRASP, INSERT, SEARCH
@@ -135,7 +136,7 @@ def shipped_margins(config: CellConfig) -> list[Shipped]:
     return [
         Shipped(key.removesuffix(".gains"), found.kind, 1.0 / config.skin.rate, found.gain, found.limit, found.factor)
         for key, gains in config.steered().items()
-        for found in margins(gains, config.skin.rate)
+        for found in margins(gains, config.skin.rate, config.place())
     ]
 
 
@@ -225,7 +226,12 @@ class Bench:
     @property
     def inertia(self) -> Vector:
         """The arm's, at the tip, shape (6, 6)."""
-        return tip_inertia(self.q[:7], LENGTH)
+        return tip_inertia(self.world.arm, self.q[:JOINTS], self.length)
+
+    @property
+    def length(self) -> float:
+        """Distance from the finger centre to the peg's end, m."""
+        return self.cell.config.peg.length
 
     def run(self, case: Case) -> Trace:
         """Step the setpoint aside and watch."""
@@ -236,7 +242,7 @@ class Bench:
         step = min(limit, (FORCE if case.kind == "translation" else TORQUE) / case.gain) * DIRECTIONS[case.kind]
         seen = ctx.observe()
         goal = _stepped(case.kind, seen.tip, seen.axis, step)
-        truth = _stepped(case.kind, *end_point(world.tcp(), theta, LENGTH), step)
+        truth = _stepped(case.kind, *end_point(world.tcp(), theta, self.length), step)
         stiffness, damping = gains_of(self.base, case.kind, case.gain)
         plain = ImpedanceSetpoint(ctx.new_id(), *goal, stiffness, damping, math.inf, ctx.in_hand(), self.roll)
         guard = PassivityGuard(ctx.limits.force)
@@ -252,7 +258,7 @@ class Bench:
             elif case.observer and case.delay == 0:
                 # An observer may know more of theta at every scan.
                 ctx.arm.follow(replace(plain, in_hand=ctx.in_hand()))
-            away.append(_distance(case.kind, end_point(seen.arm.tcp, theta, LENGTH), truth))
+            away.append(_distance(case.kind, end_point(seen.arm.tcp, theta, self.length), truth))
             verdicts.setdefault(guard.update(plain, seen.arm.tcp, seen.stamp), elapsed)
             if away[-1] > LOST * limit:
                 break
@@ -285,8 +291,10 @@ class Bench:
 def _commanded(case: Case, plain: ImpedanceSetpoint, frames: Sequence[Observation]) -> ImpedanceSetpoint:
     """Return what is handed to the arm at a frame."""
     used = frames[max(len(frames) - 1 - case.delay, 0)]
+    assert plain.in_hand is not None
+    in_hand = InHandTip(used.peg.theta, plain.in_hand.length, used.peg.stamp)
     if case.observer:
-        return replace(plain, in_hand=InHandTip(used.peg.theta, LENGTH, used.peg.stamp))
+        return replace(plain, in_hand=in_hand)
     # The law damps the twist less the setpoint's: with no stiffness, a twist of K e / D is the force K e, held.
     held = np.diag(HELD[case.kind]) > 0.0
     error = np.concatenate([plain.tip - used.tip, _turn(used, plain)])
@@ -297,7 +305,7 @@ def _commanded(case: Case, plain: ImpedanceSetpoint, frames: Sequence[Observatio
         plain,
         stiffness=np.where(held, 0.0, plain.stiffness),
         twist=Twist(force[:3], force[3:]),
-        in_hand=InHandTip(used.peg.theta, LENGTH, used.peg.stamp),
+        in_hand=in_hand,
         roll=plain.roll if case.kind == "translation" else None,
     )
 

@@ -20,6 +20,7 @@ from pydantic import Field
 
 from drivers import impedance
 from drivers.arm.link import CYCLES_KEPT, SIZE, Link, Phase, holding_words
+from drivers.arm.model import ArmModel, ArmName
 from drivers.errors import ArmReflexError, ArmSilentError, ArmStoppedError, CellError, DeviceNotOpenedError
 from drivers.parts import ConfigModel
 from drivers.protocols import Clock
@@ -44,6 +45,8 @@ class FrankaArmConfig(ConfigModel):
     """[arm] of a Franka arm."""
 
     kind: Literal["franka"]
+    model: ArmName = "fr3"
+    """Which arm: one of those that ship, or a file of figures beside the config."""
     host: Annotated[str, Field(min_length=1)]
     """Address of its control interface."""
     collision_torque: Annotated[float, Field(ge=5.0, le=100.0)]
@@ -77,9 +80,10 @@ class LoopFigures:
 class FrankaArm:
     """Hands setpoints to the torque loop, and reads what it last saw."""
 
-    def __init__(self, config: FrankaArmConfig, clock: Clock) -> None:
-        """Describe the arm; `clock` is the cell's."""
+    def __init__(self, config: FrankaArmConfig, arm: ArmModel, clock: Clock) -> None:
+        """Describe the arm, whose figures are those of `arm`; `clock` is the cell's."""
         self._config, self._clock = config, clock
+        self._figures, self._period = impedance.figures(arm), arm.control_period
         self._process: subprocess.Popen[bytes] | None = None
         self._link: Link | None = None
         self._is_open = False
@@ -106,6 +110,8 @@ class FrankaArm:
             "realtime": self._config.realtime,
             "torque": self._config.collision_torque,
             "force": self._config.collision_force,
+            "figures": self._figures.tolist(),
+            "period": self._period,
         }
         handle = os.memfd_create("arm")
         try:
@@ -193,7 +199,7 @@ class FrankaArm:
             raise ArmSilentError(
                 f"arm at {self._config.host}: no new state for {now - self._seen_at:.3f} s > {SILENT} s limit"
             )
-        position, rotation, _, _ = impedance.forward(q)
+        position, rotation, _, _ = impedance.forward(self._figures, q)
         return ArmState(
             stamp=now,
             q=q,

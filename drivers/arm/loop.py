@@ -19,8 +19,9 @@ from typing import Any
 import numpy as np
 import pylibfranka
 
-from drivers import impedance, panda
+from drivers import impedance
 from drivers.arm.link import CYCLES_KEPT, TEXT, Link, Phase, holding_words
+from drivers.arm.model import JOINTS
 from drivers.quantities import Vector
 
 logger = logging.getLogger(__name__)
@@ -29,8 +30,8 @@ PRIORITY = 80
 """Of the loop under SCHED_FIFO, where that is permitted."""
 LOOK_EVERY = 50
 """Cycles between looks at the standard input."""
-STEP = 0.98 * panda.TORQUE_RATE_MAX * panda.CONTROL_PERIOD
-"""Largest change of a torque from one cycle to the next, N·m: at the limit itself, rounding would be a violation."""
+RATE_USED = 0.98
+"""Share of the permitted torque rate that is used: at the limit itself, rounding would be a violation."""
 RECONNECT_PERIOD = 0.1
 """s, while the connection is gone."""
 
@@ -38,10 +39,15 @@ RECONNECT_PERIOD = 0.1
 class TorqueLoop:
     """Follows the setpoint of the link until the standard input ends."""
 
-    def __init__(self, link: Link, host: str, realtime: str, torque: float, force: float) -> None:
-        """Take the shared block, where the arm is, and when its reflex stops it, N·m and N."""
+    def __init__(
+        self, link: Link, host: str, realtime: str, torque: float, force: float, figures: list[float], period: float
+    ) -> None:
+        """Take the shared block, where the arm is, when its reflex stops it, N·m and N, its figures and period, s."""
         self._link, self._host, self._realtime = link, host, realtime
-        self._collision = [torque] * 7, [force] * 6
+        self._collision = [torque] * JOINTS, [force] * 6
+        self._figures, self._period = np.array(figures), period
+        rates = self._figures[impedance.TORQUE_RATE : impedance.TORQUE_RATE + JOINTS]
+        self._step = RATE_USED * rates * period
         self._robot: Any = None
         self._time = 0.0
         self._taken = -1
@@ -68,7 +74,8 @@ class TorqueLoop:
 
     def _warm_up(self) -> None:
         """Load the compiled law before the first cycle needs it."""
-        impedance.torque(holding_words(), np.zeros(impedance.STATE_WORDS), np.zeros(7), np.zeros(7), 0.0, 1e-3)
+        law, q, dq = np.zeros(impedance.STATE_WORDS), np.zeros(JOINTS), np.zeros(JOINTS)
+        impedance.torque(self._figures, holding_words(), law, q, dq, 0.0, self._period)
 
     def _connect(self) -> None:
         config = pylibfranka.RealtimeConfig
@@ -81,17 +88,17 @@ class TorqueLoop:
         link = self._link
         self._law[:] = 0.0
         control = self._robot.start_torque_control()
-        q, dq, last, count = np.empty(7), np.empty(7), time.monotonic(), 0
+        q, dq, last, count = np.empty(JOINTS), np.empty(JOINTS), time.monotonic(), 0
         while True:
             state, passed = control.readOnce()
             woke = time.monotonic()
             self._time += passed.to_sec()
             q[:], dq[:] = state.q, state.dq
             self._take()
-            before = self._law[impedance.TORQUE : impedance.TORQUE + 7].copy()
-            tau = impedance.torque(self._words, self._law, q, dq, self._time, panda.CONTROL_PERIOD)
-            tau = np.clip(tau, before - STEP, before + STEP)
-            self._law[impedance.TORQUE : impedance.TORQUE + 7] = tau
+            before = self._law[impedance.TORQUE : impedance.TORQUE + JOINTS].copy()
+            tau = impedance.torque(self._figures, self._words, self._law, q, dq, self._time, self._period)
+            tau = np.clip(tau, before - self._step, before + self._step)
+            self._law[impedance.TORQUE : impedance.TORQUE + JOINTS] = tau
             command = pylibfranka.Torques(tau.tolist())
             count += 1
             if count % LOOK_EVERY == 0 and _is_over():
@@ -106,7 +113,7 @@ class TorqueLoop:
             link["cycles"][0] += 1
             link["success"][0] += state.control_command_success_rate
             if count > 1:
-                link["missed"][0] += max(round(passed.to_sec() / panda.CONTROL_PERIOD) - 1, 0)
+                link["missed"][0] += max(round(passed.to_sec() / self._period) - 1, 0)
             self._publish(state, q, dq)
             # Not before there is a state to read.
             link["phase"][0] = Phase.RUNNING
@@ -130,7 +137,7 @@ class TorqueLoop:
         link = self._link
         # The external wrench is about the stiffness frame K; the cell wants it about its own finger frame.
         ee, k, wrench = state.O_T_EE, state.EE_T_K, state.O_F_ext_hat_K
-        tcp, _, _, _ = impedance.forward(q)
+        tcp, _, _, _ = impedance.forward(self._figures, q)
         arm = [ee[12 + i] + ee[i] * k[12] + ee[4 + i] * k[13] + ee[8 + i] * k[14] - tcp[i] for i in range(3)]
         link.begin("state_sequence")
         link["time"][0] = self._time

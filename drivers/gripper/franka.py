@@ -10,7 +10,6 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from drivers import panda
 from drivers.errors import DeviceNotOpenedError, GripperSilentError
 from drivers.parts import ConfigModel
 from drivers.quantities import GripperState
@@ -42,9 +41,9 @@ class FrankaGripperConfig(ConfigModel):
 class FrankaGripper:
     """Sends a command when it differs from the last one; a grasp that closes on nothing grips nothing."""
 
-    def __init__(self, config: FrankaGripperConfig) -> None:
-        """Describe the hand."""
-        self._config = config
+    def __init__(self, config: FrankaGripperConfig, stroke: float) -> None:
+        """Describe the hand; `stroke` is the largest distance between its pads, m."""
+        self._config, self._stroke = config, stroke
         self._process: subprocess.Popen[bytes] | None = None
         self._started = 0.0
         self._forget()
@@ -96,8 +95,7 @@ class FrankaGripper:
 
     def grip(self, force: float) -> None:
         """Close until `force`, N, is held or the fingers meet."""
-        stroke = panda.HAND_STROKE
-        self._command(f"grasp 0 {self._config.speed} {force} {stroke} {stroke}")
+        self._command(f"grasp 0 {self._config.speed} {force} {self._stroke} {self._stroke}")
 
     def release(self, width: float) -> None:
         """Open to `width`, m."""

@@ -94,8 +94,10 @@ def franka():
 def _franka_arm(franka) -> Bench:
     host, world = franka
     world.horizon = math.inf
-    config = FrankaArmConfig(kind="franka", host=host, collision_torque=60.0, collision_force=60.0, realtime="ignore")
-    return Bench(FrankaArm(config, world), world, clear=lambda: setattr(world, "horizon", math.inf))
+    config = FrankaArmConfig(
+        kind="franka", model="panda", host=host, collision_torque=60.0, collision_force=60.0, realtime="ignore"
+    )
+    return Bench(FrankaArm(config, world.world.arm, world), world, clear=lambda: setattr(world, "horizon", math.inf))
 
 
 @pytest.fixture(params=["fake", "sim", "franka", "hardware"])
@@ -130,7 +132,11 @@ def gripper_bench(request) -> Iterator[Bench]:
         host, world = request.getfixturevalue("franka")
         arm = _franka_arm((host, world)).device
         arm.open()
-        bench = Bench(FrankaGripper(FrankaGripperConfig(kind="franka", host=host)), world, clear=arm.close)
+        bench = Bench(
+            FrankaGripper(FrankaGripperConfig(kind="franka", host=host), world.world.arm.hand.stroke),
+            world,
+            clear=arm.close,
+        )
     else:
         cell = request.getfixturevalue("simulated_cell")
         bench = Bench(cell.gripper, cell.clock)

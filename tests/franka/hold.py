@@ -22,9 +22,11 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=60.0, help="of wall time")
     seconds = parser.parse_args().seconds
     host = address(1)
-    config = FrankaArmConfig(kind="franka", host=host, collision_torque=60.0, collision_force=60.0, realtime="ignore")
+    config = FrankaArmConfig(
+        kind="franka", model="panda", host=host, collision_torque=60.0, collision_force=60.0, realtime="ignore"
+    )
     with served(load().cell, host) as (world, server):
-        arm = FrankaArm(config, world)
+        arm = FrankaArm(config, world.world.arm, world)
         arm.open()
         state = arm.read()
         arm.follow(

@@ -43,11 +43,15 @@ class WiredCell:
 @contextmanager
 def opened(config: CellConfig, host: str) -> Iterator[WiredCell]:
     """Yield a cell with arm and hand on `host`, an address of the loopback, and skin and switch on emulated boards."""
-    franka = FrankaArmConfig(kind="franka", host=host, collision_torque=60.0, collision_force=60.0, realtime="ignore")
+    franka = FrankaArmConfig(
+        kind="franka", model="panda", host=host, collision_torque=60.0, collision_force=60.0, realtime="ignore"
+    )
     with served(config, host) as (world, server):
         seen: Any = Seen(world)
         wires = Wires(config, seen, seen.draw.skin)
-        arm, gripper = FrankaArm(franka, wires.clock), FrankaGripper(FrankaGripperConfig(kind="franka", host=host))
+        model = config.arm_model()
+        arm = FrankaArm(franka, model, wires.clock)
+        gripper = FrankaGripper(FrankaGripperConfig(kind="franka", host=host), model.hand.stroke)
         cell = Cell(config, wires.clock, arm, gripper, wires.skin, wires.switch, world.restock, boards=(wires,))
         with cell_opened(cell):
             try:

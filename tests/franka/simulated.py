@@ -25,7 +25,7 @@ from franka_sim.franka_sim_server import FrankaSimServer
 from franka_sim.gripper.backend import GripperBackend, GripperStateData
 
 from cell.config import CellConfig
-from drivers import impedance, panda
+from drivers import impedance
 from drivers.parts import Job
 from drivers.quantities import Vector
 from sim.gripper import SimGripper
@@ -53,13 +53,13 @@ class TorqueWorld(World):
         assert config.contact is not None
         assert config.grip is not None
         sim = config.sim.model_copy(update={"pace": "max"})
-        super().__init__(sim, config.contact, config.grip, config.skin.layout, config.job())
+        super().__init__(config.arm_model(), sim, config.contact, config.grip, config.skin.layout, config.job())
         self._law_every = NEVER
 
     def step(self, torque: Vector) -> None:
         """Advance by one control period with these joint torques, N·m."""
         self._data.qfrc_applied[:7] = torque
-        self.wait_until(self.now() + panda.CONTROL_PERIOD)
+        self.wait_until(self.now() + self.arm.control_period)
 
 
 @dataclass
@@ -100,7 +100,9 @@ class Arm:
     def update_torques(self, torques: Any) -> None:
         new = np.asarray(torques, dtype=float)
         if self.mode is ControlMode.TORQUE and new.any():
-            self.largest_rate = max(self.largest_rate, float(np.abs(new - self.torques).max()) / panda.CONTROL_PERIOD)
+            self.largest_rate = max(
+                self.largest_rate, float(np.abs(new - self.torques).max()) / self.world.arm.control_period
+            )
         self.torques = new
 
     def update_joint_positions(self, positions: Any) -> None:
@@ -112,7 +114,7 @@ class Arm:
         with self.lock:
             q, dq = self.world.q, self.world.dq
             force, torque = self.world.contact_force(), self.world.contact_torque()
-            position, rotation, _, _ = impedance.forward(q)
+            position, rotation, _, _ = impedance.forward(impedance.figures(self.world.arm), q)
         pose = np.eye(4)
         pose[:3, :3], pose[:3, 3] = rotation, position
         return {
@@ -142,7 +144,8 @@ class Arm:
                 torque = self.torques
             else:
                 torque = HOLD_STIFFNESS * (self.held - self.world.q) - HOLD_DAMPING * self.world.dq
-            self.world.step(np.clip(torque, -panda.TORQUE_MAX, panda.TORQUE_MAX))
+            most = np.array(self.world.arm.joints.torque)
+            self.world.step(np.clip(torque, -most, most))
             self.lock.notify_all()
 
     def restock(self, job: Job, seed: int) -> None:
@@ -216,7 +219,7 @@ class Hand(GripperBackend):
 
     def get_state(self) -> GripperStateData:
         state = self._state()
-        return GripperStateData(state.width, panda.HAND_STROKE, state.is_gripping, 30)
+        return GripperStateData(state.width, self._arm.world.arm.hand.stroke, state.is_gripping, 30)
 
     def _state(self) -> Any:
         with self._arm.lock:

@@ -18,12 +18,12 @@ from drivers.arm.franka import FrankaArm, FrankaArmConfig
 from drivers.arm.link import Phase
 from drivers.errors import ArmReflexError, ArmSilentError, ArmStoppedError, DeviceNotOpenedError
 from drivers.gripper.franka import FrankaGripper, FrankaGripperConfig
-from drivers.panda import TORQUE_RATE_MAX
 from drivers.quantities import ImpedanceSetpoint
 from tests.franka.insertion import inserted
 from tests.franka.simulated import address, served
 
 HOST = address(1)
+FIGURES = load().cell.arm_model()
 LONGEST = 20.0
 """s."""
 
@@ -39,8 +39,10 @@ def simulated():
 def arm(simulated):
     world, server = simulated
     server.is_patient = True
-    config = FrankaArmConfig(kind="franka", host=HOST, collision_torque=60.0, collision_force=60.0, realtime="ignore")
-    made = FrankaArm(config, world)
+    config = FrankaArmConfig(
+        kind="franka", model="panda", host=HOST, collision_torque=60.0, collision_force=60.0, realtime="ignore"
+    )
+    made = FrankaArm(config, world.world.arm, world)
     world.horizon = math.inf
     made.open()
     yield made
@@ -50,7 +52,7 @@ def arm(simulated):
 
 @pytest.fixture
 def gripper(arm):
-    made = FrankaGripper(FrankaGripperConfig(kind="franka", host=HOST))
+    made = FrankaGripper(FrankaGripperConfig(kind="franka", host=HOST), FIGURES.hand.stroke)
     made.open()
     yield made
     made.close()
@@ -104,7 +106,7 @@ def test_the_arm_follows_within_the_permitted_torque_rate(simulated, arm):
     world.largest_rate = 0.0
     wanted = moved(world, arm, 0.03)
     assert until(world, lambda: np.linalg.norm(arm.read().tcp.position - wanted.tip) < 0.004)
-    assert 0.0 < world.largest_rate < TORQUE_RATE_MAX
+    assert 0.0 < world.largest_rate < FIGURES.joints.torque_rate[0]
     assert arm.figures().missed == 0
 
 
@@ -176,10 +178,15 @@ def test_a_killed_loop_is_a_silent_arm_until_a_reset_starts_it_again(simulated, 
 def test_no_arm_at_an_address_is_told(simulated):
     world, _ = simulated
     config = FrankaArmConfig(
-        kind="franka", host="127.254.254.254", collision_torque=60.0, collision_force=60.0, realtime="ignore"
+        kind="franka",
+        model="panda",
+        host="127.254.254.254",
+        collision_torque=60.0,
+        collision_force=60.0,
+        realtime="ignore",
     )
     with pytest.raises(DeviceNotOpenedError, match=r"^arm at 127\.254\.254\.254: [^\n]+$"):
-        FrankaArm(config, world).open()
+        FrankaArm(config, world.world.arm, world).open()
 
 
 def test_a_grasp_that_closes_on_nothing_grips_nothing(simulated, gripper):
@@ -197,9 +204,9 @@ def test_a_grasp_that_closes_on_nothing_grips_nothing(simulated, gripper):
 @pytest.mark.skipif(Path("/sys/kernel/realtime").exists(), reason="this kernel is a real-time kernel")
 def test_a_kernel_that_is_not_real_time_is_told(simulated):
     world, _ = simulated
-    config = FrankaArmConfig(kind="franka", host=HOST, collision_torque=60.0, collision_force=60.0)
+    config = FrankaArmConfig(kind="franka", model="panda", host=HOST, collision_torque=60.0, collision_force=60.0)
     with pytest.raises(DeviceNotOpenedError, match="kernel does not have realtime capabilities"):
-        FrankaArm(config, world).open()
+        FrankaArm(config, world.world.arm, world).open()
 
 
 def test_a_whole_insertion_runs_through_the_clients(simulated):
@@ -209,4 +216,4 @@ def test_a_whole_insertion_runs_through_the_clients(simulated):
     assert told["switch_closed"]
     assert not told["is_void"]
     assert told["loop"]["missed"] == 0
-    assert told["largest_torque_rate"] < TORQUE_RATE_MAX
+    assert told["largest_torque_rate"] < FIGURES.joints.torque_rate[0]

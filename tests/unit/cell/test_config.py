@@ -4,7 +4,8 @@ import shutil
 import pytest
 
 from cell.assembly import make_estimator
-from cell.config import DEFAULT, SHIPPED, load, parse_set, with_parameters
+from cell.config import DEFAULT, SHIPPED, arm_file, load, parse_set, with_parameters
+from cell.margins import inertias
 from drivers.errors import ConfigError
 
 
@@ -19,6 +20,9 @@ def line_about(*sets, path=None):
 def test_the_shipped_cell_is_a_whole_config(loaded):
     assert loaded.cell.peg.diameter < loaded.cell.hole.diameter
     assert set(loaded.recipes) >= {0, 1}
+
+
+NEARER = ["hole.centre=[0.40, 0.0, 0.1]"]
 
 
 @pytest.mark.parametrize(
@@ -40,6 +44,8 @@ def test_the_shipped_cell_is_a_whole_config(loaded):
         ("scan_rate=5", ["scan_rate = 5", "10 to 1000"]),
         ("contact.friction=[0.1, 3]", ["contact.friction", "[0.1, 3]", "0 to 2"]),
         ("arm.kind=serial", ["arm.kind", "'serial'", '"sim"']),
+        ("arm.model=ur5", ["--set", 'arm.model = "ur5": no such arm; "fr3", "panda" or a file']),
+        ("arm.model=none.toml", ["arm.model", "none.toml", "no such arm"]),
         ("sim.timestep=0.0007", ["sim", "0.0007", "does not divide"]),
         ("plc.modbus.port=70000", ["plc.modbus.port = 70000", "65535"]),
         ("gibberish", ["gibberish", "KEY=VALUE"]),
@@ -157,6 +163,27 @@ def test_gains_beyond_the_sampled_loops_margin_are_refused_with_the_figure():
     load(sets=[f"insert.gains.translation={0.99 * allowed}"])
     with pytest.raises(ConfigError, match="at most"):
         load(sets=[f"insert.gains.translation={1.01 * allowed}"])
+
+
+def test_gains_are_judged_at_the_cells_own_arm_and_place():
+    shipped, other, nearer = (load(sets=sets).cell.place() for sets in ([], ["arm.model=fr3"], NEARER))
+    inertia, another, bent = (inertias(place)[1][2, 2] for place in (shipped, other, nearer))
+    assert another > 1.02 * inertia
+    assert abs(bent / inertia - 1.0) > 0.02
+
+
+def test_a_place_out_of_reach_is_told():
+    line = line_about("hole.centre=[1.2, 0.0, 0.1]")
+    assert line.startswith("--set: hole.centre = (1.2, 0.0, 0.1): the arm, Franka Emika Panda, does not reach it")
+
+
+def test_an_arm_of_ones_own_is_a_file_beside_the_config(tmp_path):
+    text = arm_file("panda").read_text()
+    (tmp_path / "own.toml").write_text(text.replace("flange = 0.107", "flange = 0.117"))
+    (tmp_path / "cell.toml").write_text(DEFAULT.read_text().replace("[arm]\n", '[arm]\nmodel = "own.toml"\n'))
+    cell = load(tmp_path / "cell.toml").cell
+    for config in (cell, with_parameters(cell, [("grasp.force", 20.0)])):
+        assert config.arm_model().kinematics.flange == 0.117
 
 
 def test_a_faster_skin_allows_what_a_slow_one_does_not():

@@ -5,11 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from drivers import impedance, panda
+from cell.config import arm_file
+from drivers import impedance
+from drivers.arm.model import read_arm
 from drivers.quantities import ImpedanceSetpoint, InHandTip, Vector
 
 Q: Vector = np.array([0.1, -0.5, 0.2, -2.2, 0.1, 1.8, 0.9])
-PERIOD = panda.CONTROL_PERIOD
+PANDA = read_arm(arm_file("panda"))
+ARM = impedance.figures(PANDA)
+PERIOD = PANDA.control_period
 
 
 def setpoint(tip: Vector, axis: Vector, **more: object) -> ImpedanceSetpoint:
@@ -25,7 +29,7 @@ def setpoint(tip: Vector, axis: Vector, **more: object) -> ImpedanceSetpoint:
 
 
 def tip_of(q: Vector, theta: float, length: float) -> tuple[Vector, Vector]:
-    position, finger, _, _ = impedance.forward(q)
+    position, finger, _, _ = impedance.forward(ARM, q)
     axis = -(math.cos(theta) * finger[:, 0] + math.sin(theta) * finger[:, 1])
     return position - length * axis, axis
 
@@ -37,8 +41,8 @@ def jacobian(q: Vector, theta: float, length: float) -> Vector:
         step = np.zeros(7)
         step[i] = h
         moved = (tip_of(q + step, theta, length)[0] - tip_of(q - step, theta, length)[0]) / (2 * h)
-        R0, R1 = impedance.forward(q - step)[1], impedance.forward(q + step)[1]
-        W = (R1 - R0) / (2 * h) @ impedance.forward(q)[1].T
+        R0, R1 = impedance.forward(ARM, q - step)[1], impedance.forward(ARM, q + step)[1]
+        W = (R1 - R0) / (2 * h) @ impedance.forward(ARM, q)[1].T
         rows.append([*moved, W[2, 1], W[0, 2], W[1, 0]])
     return np.array(rows).T
 
@@ -47,7 +51,7 @@ def settled(words: Vector, q: Vector, dq: Vector, now: float = 0.0) -> Vector:
     """Return the torque once the rate limit has let it through; the integral is off."""
     state = np.zeros(impedance.STATE_WORDS)
     for _ in range(200):
-        tau: Vector = impedance.torque(words, state, q, dq, now, PERIOD)
+        tau: Vector = impedance.torque(ARM, words, state, q, dq, now, PERIOD)
     return tau
 
 
@@ -79,9 +83,9 @@ def test_the_torque_turns_the_axis_towards_its_setpoint() -> None:
 def test_no_step_changes_a_torque_by_more_than_the_arm_allows() -> None:
     tip, axis = tip_of(Q, 0.0, 0.05)
     words = impedance.pack(setpoint(tip + 0.5, axis), 0.0)
-    tau = impedance.torque(words, np.zeros(impedance.STATE_WORDS), Q, np.zeros(7), 0.0, PERIOD)
-    assert np.abs(tau).max() <= panda.TORQUE_RATE_MAX * PERIOD * (1.0 + 1e-12)
-    assert (np.abs(settled(words, Q, np.zeros(7))) <= panda.TORQUE_MAX).all()
+    tau = impedance.torque(ARM, words, np.zeros(impedance.STATE_WORDS), Q, np.zeros(7), 0.0, PERIOD)
+    assert np.abs(tau).max() <= PANDA.joints.torque_rate[0] * PERIOD * (1.0 + 1e-12)
+    assert (np.abs(settled(words, Q, np.zeros(7))) <= np.array(PANDA.joints.torque)).all()
 
 
 def test_a_setpoint_past_its_validity_is_replaced_by_holding_still() -> None:
@@ -96,9 +100,9 @@ def test_the_integral_is_saturated_and_a_new_id_empties_it() -> None:
     given = setpoint(tip, leaning / np.linalg.norm(leaning), integral_gain=100.0, integral_limit=0.5)
     words, state = impedance.pack(given, 0.0), np.zeros(impedance.STATE_WORDS)
     for _ in range(2000):
-        impedance.torque(words, state, Q, np.zeros(7), 0.0, PERIOD)
+        impedance.torque(ARM, words, state, Q, np.zeros(7), 0.0, PERIOD)
     assert np.abs(state[impedance.INTEGRAL : impedance.INTEGRAL + 3]).max() == pytest.approx(0.5)
     words[impedance.ID] = 2
     words[impedance.INTEGRAL_GAIN] = 0.0
-    impedance.torque(words, state, Q, np.zeros(7), 0.0, PERIOD)
+    impedance.torque(ARM, words, state, Q, np.zeros(7), 0.0, PERIOD)
     np.testing.assert_array_equal(state[impedance.INTEGRAL : impedance.INTEGRAL + 3], 0.0)

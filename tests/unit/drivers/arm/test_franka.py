@@ -4,16 +4,19 @@ import os
 import numpy as np
 import pytest
 
-from drivers import impedance, panda
+from cell.config import arm_file
+from drivers import impedance
 from drivers.arm import franka as arm
 from drivers.arm.franka import FrankaArm, FrankaArmConfig
 from drivers.arm.link import SIZE, Link, Phase, holding_words
+from drivers.arm.model import read_arm
 from drivers.errors import ArmSilentError, DeviceNotOpenedError, GripperSilentError
 from drivers.gripper import franka as gripper
 from drivers.gripper.franka import FrankaGripper, FrankaGripperConfig
 from tests.fakes import FakeClock
 
-ARM = FrankaArmConfig(kind="franka", host="127.0.0.1", collision_torque=40.0, collision_force=40.0)
+FR3 = read_arm(arm_file("fr3"))
+ARM = FrankaArmConfig(kind="franka", model="fr3", host="127.0.0.1", collision_torque=40.0, collision_force=40.0)
 GRIPPER = FrankaGripperConfig(kind="franka", host="127.0.0.1")
 
 
@@ -45,14 +48,16 @@ def test_a_record_under_way_is_not_settled(ends):
 
 def test_holding_still_asks_for_no_torque_at_rest_and_resists_a_push():
     q, still, law = np.array([0.0, -0.3, 0.0, -2.2, 0.0, 2.0, 0.8]), np.zeros(7), np.zeros(impedance.STATE_WORDS)
-    words = holding_words()
-    assert np.allclose(impedance.torque(words, law, q, still, 0.0, panda.CONTROL_PERIOD), 0.0, atol=1e-9)
+    words, figures = holding_words(), impedance.figures(FR3)
+    assert np.allclose(impedance.torque(figures, words, law, q, still, 0.0, FR3.control_period), 0.0, atol=1e-9)
     for _ in range(100):
-        tau = impedance.torque(words, law, q + 0.05 * np.eye(7)[1], still, 0.0, panda.CONTROL_PERIOD)
+        tau = impedance.torque(figures, words, law, q + 0.05 * np.eye(7)[1], still, 0.0, FR3.control_period)
     assert tau[1] < -1.0
 
 
-@pytest.mark.parametrize(("module", "device"), [(arm, FrankaArm(ARM, FakeClock())), (gripper, FrankaGripper(GRIPPER))])
+@pytest.mark.parametrize(
+    ("module", "device"), [(arm, FrankaArm(ARM, FR3, FakeClock())), (gripper, FrankaGripper(GRIPPER, FR3.hand.stroke))]
+)
 def test_the_missing_library_is_told(monkeypatch, module, device):
     monkeypatch.setattr(module, "find_spec", lambda name: None)
     with pytest.raises(DeviceNotOpenedError, match=r"pylibfranka is not installed: pip install '[^\n]*\[franka\]'$"):
@@ -60,14 +65,14 @@ def test_the_missing_library_is_told(monkeypatch, module, device):
 
 
 def test_devices_that_were_never_opened_are_silent_and_take_a_halt():
-    device = FrankaArm(ARM, FakeClock())
+    device = FrankaArm(ARM, FR3, FakeClock())
     device.halt()
     device.close()
     assert device.phase is Phase.LOST
     for silent in (device.read, device.reset, device.figures):
         with pytest.raises(ArmSilentError):
             silent()
-    hand = FrankaGripper(GRIPPER)
+    hand = FrankaGripper(GRIPPER, FR3.hand.stroke)
     hand.close()
     with pytest.raises(GripperSilentError):
         hand.grip(30.0)
@@ -77,5 +82,5 @@ def test_devices_that_were_never_opened_are_silent_and_take_a_halt():
 
 def test_collision_limits_have_no_default():
     with pytest.raises(ValueError, match="collision_force"):
-        FrankaArmConfig.model_validate({"kind": "franka", "host": "a", "collision_torque": 40.0})
+        FrankaArmConfig.model_validate({"kind": "franka", "model": "fr3", "host": "a", "collision_torque": 40.0})
     assert math.isfinite(ARM.collision_force)

@@ -1,0 +1,53 @@
+"""An arm's inertia, at its joints and as it is felt at the peg's tip, from the masses of its links; pure numpy."""
+
+import numpy as np
+
+from drivers import frames
+from drivers.arm.kinematics import jacobian, links
+from drivers.arm.model import JOINTS, ArmModel
+from drivers.quantities import Vector
+
+_Z = np.array([0.0, 0.0, 1.0])
+
+
+def tip_inertia(arm: ArmModel, q: Vector, length: float) -> Vector:
+    """Return the inertia of the arm at the end point of a peg that sits straight in the hand, (J M⁻¹ Jᵀ)⁻¹.
+
+    Args:
+        arm: The arm.
+        q: Joint positions, shape (7,), rad.
+        length: Distance from the finger centre to the end point, m.
+
+    Returns:
+        Shape (6, 6), translation first, base frame: kg, kg·m and kg·m².
+    """
+    rotations, origins = links(arm, q)
+    axes = np.array([R[:, 2] for R in rotations])
+    tip = origins[-1] + (arm.kinematics.flange + arm.hand.finger_centre + length) * axes[-1]
+    J = jacobian(tip, axes, origins)
+    return np.linalg.inv(J @ np.linalg.inv(joint_inertia(arm, q)) @ J.T).astype(np.float64)
+
+
+def joint_inertia(arm: ArmModel, q: Vector) -> Vector:
+    """Return the mass matrix of the arm with an empty hand, shape (7, 7), kg·m².
+
+    The fingers count as points at the hand's centre of mass, as in the stand-in that holds a peg.
+    """
+    rotations, origins = links(arm, q)
+    axes = np.array([R[:, 2] for R in rotations])
+    M = np.zeros((JOINTS, JOINTS))
+    for i, (R, link) in enumerate(zip(rotations, arm.link, strict=True)):
+        M += _body(link.mass, origins[i] + R @ link.com, R @ link.tensor() @ R.T, axes, origins, i + 1)
+    turned = rotations[-1] @ frames.rotation_about(_Z, arm.hand.turn)
+    body = arm.hand.body
+    com = origins[-1] + arm.kinematics.flange * axes[-1] + turned @ body.com
+    mass = body.mass + 2 * arm.hand.finger.mass
+    M += _body(mass, com, turned @ body.tensor() @ turned.T, axes, origins, JOINTS)
+    return M
+
+
+def _body(mass: float, com: Vector, inertia: Vector, axes: Vector, origins: Vector, joints: int) -> Vector:
+    """Return what one body, moved by the first `joints`, adds to the mass matrix; inertia about its com, base frame."""
+    J = jacobian(com, axes, origins, joints)
+    M: Vector = mass * J[:3].T @ J[:3] + J[3:].T @ inertia @ J[3:]
+    return M

@@ -1,0 +1,98 @@
+"""Where an arm's links, hand and tip are at given joint positions, and at which ones the tip is somewhere; pure numpy.
+
+The torque loop has its own compiled kinematics, `drivers.impedance.forward`; these are for questions asked once.
+"""
+
+import math
+
+import numpy as np
+
+from drivers import frames
+from drivers.arm.model import JOINTS, ArmModel
+from drivers.quantities import Vector
+
+_X, _Z = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
+LONGEST_STEP = 0.2
+"""Largest change of a joint in one step towards a solution, rad."""
+STEPS = 100
+"""Steps after which there is none."""
+CLOSE = 1e-9
+"""Distance at which a solution is found, m and rad."""
+DAMPING = 1e-6
+"""Of the least-squares step, so that it stays finite at a singular pose."""
+
+
+def links(arm: ArmModel, q: Vector) -> tuple[list[Vector], Vector]:
+    """Return the links' axes as columns, each shape (3, 3), and their origins, shape (7, 3), m, base frame."""
+    R, origin = np.eye(3), np.zeros(3)
+    rotations, origins = [], np.zeros((JOINTS, 3))
+    dh = arm.kinematics
+    for i, (a, d, alpha, angle) in enumerate(zip(dh.a, dh.d, dh.alpha, q, strict=True)):
+        leant = R @ frames.rotation_about(_X, alpha)
+        origin = origin + a * R[:, 0] + d * leant[:, 2]
+        R = leant @ frames.rotation_about(_Z, angle)
+        rotations.append(R)
+        origins[i] = origin
+    return rotations, origins
+
+
+def jacobian(point: Vector, axes: Vector, origins: Vector, joints: int = JOINTS) -> Vector:
+    """Return how a point that the first `joints` carry moves and turns with the joints, shape (6, 7), base frame.
+
+    Args:
+        point: Shape (3,), m.
+        axes: Of the joints, shape (7, 3).
+        origins: Points on them, shape (7, 3), m.
+        joints: How many of them move the point.
+    """
+    J = np.zeros((6, JOINTS))
+    J[:3, :joints] = np.cross(axes, point - origins)[:joints].T
+    J[3:, :joints] = axes[:joints].T
+    return J
+
+
+def joints_at(arm: ArmModel, tip: Vector, axis: Vector, closing: Vector, length: float, elbow: float) -> Vector | None:
+    """Return the joint positions at which a peg that sits straight in the hand has its end point and axis somewhere.
+
+    Newton's method from the arm's home, the elbow's joint held, the joints kept within their limits.
+
+    Args:
+        arm: The arm.
+        tip: Where the end point shall be, shape (3,), m, base frame.
+        axis: Axis of the peg from its tip to the finger, unit, shape (3,), base frame.
+        closing: Closing axis of the hand, unit, normal to `axis`, shape (3,), base frame.
+        length: Distance from the finger centre to the end point, m.
+        elbow: Position of the elbow's joint, rad.
+
+    Returns:
+        Shape (7,), rad; None where the arm does not reach.
+    """
+    wanted = np.column_stack([-axis, np.cross(closing, -axis), closing])
+    low, high = np.array(arm.joints.q_min), np.array(arm.joints.q_max)
+    hand = frames.rotation_about(_Z, arm.hand.turn)
+    moving = [i for i in range(JOINTS) if i != arm.kinematics.elbow - 1]
+    q = np.array(arm.home)
+    q[arm.kinematics.elbow - 1] = elbow
+    for _ in range(STEPS):
+        rotations, origins = links(arm, q)
+        axes = np.array([R[:, 2] for R in rotations])
+        point = origins[-1] + (arm.kinematics.flange + arm.hand.finger_centre + length) * axes[-1]
+        flange = rotations[-1] @ hand
+        # The finger frame: x out of the hand, z along the closing axis.
+        finger = np.column_stack([flange[:, 2], flange[:, 0], flange[:, 1]])
+        error = np.concatenate([tip - point, _turn(wanted @ finger.T)])
+        if float(np.abs(error).max()) < CLOSE:
+            return q
+        J = jacobian(point, axes, origins)[:, moving]
+        step = np.linalg.solve(J.T @ J + DAMPING * np.eye(len(moving)), J.T @ error)
+        step *= min(1.0, LONGEST_STEP / max(float(np.abs(step).max()), 1e-12))
+        q[moving] = np.clip(q[moving] + step, low[moving], high[moving])
+    return None
+
+
+def _turn(R: Vector) -> Vector:
+    """Return the rotation vector of a rotation matrix, shape (3,), rad."""
+    twice = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    sine, cosine = 0.5 * float(np.linalg.norm(twice)), 0.5 * (float(np.trace(R)) - 1.0)
+    turn: Vector = 0.5 * twice * (math.atan2(sine, cosine) / sine if sine > 1e-12 else 1.0)
+    return turn

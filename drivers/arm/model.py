@@ -1,0 +1,165 @@
+"""What the cell knows of an arm: kinematics, limits, masses, friction and hand, as data read from a file of figures.
+
+The law, the margins and the stand-in are given an `ArmModel`; none of them has a figure of its own. An arm is one file
+of figures with their sources, as those in `config/arms/`, and `arm.model` of a cell's config names it.
+"""
+
+import math
+import tomllib
+from functools import lru_cache
+from pathlib import Path
+from typing import Annotated, Self
+
+import numpy as np
+from pydantic import AfterValidator, Field, ValidationError, ValidationInfo, model_validator
+
+from drivers.errors import ConfigError
+from drivers.parts import ConfigModel, beside_config
+from drivers.quantities import Vector
+
+JOINTS = 7
+"""Joints of every arm that the law can move: six for the pose of the tip, one for the elbow."""
+
+
+def _file_beside_config(name: str, info: ValidationInfo) -> str:
+    return str(beside_config(Path(name), info)) if name.endswith(".toml") else name
+
+
+ArmName = Annotated[str, Field(min_length=1), AfterValidator(_file_beside_config)]
+"""Name of an arm that ships with the program, or a file of figures, `*.toml`, relative to the folder of the config file."""
+
+Angle = Annotated[float, Field(ge=-2 * math.pi, le=2 * math.pi)]
+Distance = Annotated[float, Field(ge=-2.0, le=2.0)]
+Angles = tuple[Angle, Angle, Angle, Angle, Angle, Angle, Angle]
+Distances = tuple[Distance, Distance, Distance, Distance, Distance, Distance, Distance]
+Torque = Annotated[float, Field(gt=0.0, le=1000.0)]
+Torques = tuple[Torque, Torque, Torque, Torque, Torque, Torque, Torque]
+Rate = Annotated[float, Field(gt=0.0, le=1e5)]
+Rates = tuple[Rate, Rate, Rate, Rate, Rate, Rate, Rate]
+Friction = Annotated[float, Field(ge=0.0, le=50.0)]
+Frictions = tuple[Friction, Friction, Friction, Friction, Friction, Friction, Friction]
+Moment = Annotated[float, Field(ge=-10.0, le=10.0)]
+
+
+class Inertial(ConfigModel):
+    """Mass of one rigid body, in the body's own frame."""
+
+    mass: Annotated[float, Field(gt=0.0, le=50.0)]
+    """Mass, kg."""
+    com: tuple[Distance, Distance, Distance]
+    """Centre of mass, m."""
+    inertia: tuple[Moment, Moment, Moment, Moment, Moment, Moment]
+    """Inertia about the centre of mass: xx, yy, zz, xy, xz, yz, kg·m²."""
+
+    def tensor(self) -> Vector:
+        """Return the inertia about the centre of mass, shape (3, 3), kg·m²."""
+        xx, yy, zz, xy, xz, yz = self.inertia
+        return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+    def turned(self) -> "Inertial":
+        """Return the same body after half a turn about z."""
+        (x, y, z), (xx, yy, zz, xy, xz, yz) = self.com, self.inertia
+        return Inertial(mass=self.mass, com=(-x, -y, z), inertia=(xx, yy, zz, xy, -xz, -yz))
+
+    @model_validator(mode="after")
+    def _is_positive(self) -> Self:
+        if np.linalg.eigvalsh(self.tensor())[0] <= 0.0:
+            raise ValueError("inertia: not positive definite; xx, yy, zz, xy, xz, yz about the centre of mass allowed")
+        return self
+
+
+class Kinematics(ConfigModel):
+    """Modified Denavit-Hartenberg figures (Craig's convention), joints 1 to 7, and the flange behind them."""
+
+    a: Distances
+    """Length of the link before the joint, m."""
+    d: Distances
+    """Offset along the joint's axis, m."""
+    alpha: Angles
+    """Twist of the link before the joint, rad."""
+    flange: Distance
+    """Distance from the frame of the last joint to the flange, along z, m."""
+    elbow: Annotated[int, Field(ge=1, le=JOINTS)]
+    """Number of the joint that turns the elbow about the line from shoulder to wrist: what the null space is drawn by."""
+
+
+class Joints(ConfigModel):
+    """Limits and friction, joints 1 to 7."""
+
+    q_min: Angles
+    """Lower end of the permitted positions, rad."""
+    q_max: Angles
+    """Upper end, rad."""
+    torque: Torques
+    """Largest torque, N·m."""
+    torque_rate: Rates
+    """Largest change of a commanded torque, N·m/s: beyond it the arm ends the motion with a reflex."""
+    friction: Frictions
+    """Dry friction of the stand-in's joints, N·m."""
+
+    @model_validator(mode="after")
+    def _is_in_order(self) -> Self:
+        for number, (low, high) in enumerate(zip(self.q_min, self.q_max, strict=True), 1):
+            if low >= high:
+                raise ValueError(f"q_min of joint {number} = {low}: less than its q_max = {high} allowed")
+        return self
+
+
+class Hand(ConfigModel):
+    """The parallel hand on the flange."""
+
+    turn: Angle
+    """Rotation of the hand about the flange's z, rad."""
+    finger_centre: Annotated[float, Field(gt=0.0, le=0.5)]
+    """Distance from the flange to the middle between the pads, along z, m."""
+    stroke: Annotated[float, Field(gt=0.0, le=0.5)]
+    """Largest distance between the pads, m."""
+    finger_speed: Annotated[float, Field(gt=0.0, le=1.0)]
+    """Largest speed of one finger, m/s."""
+    finger_force: Annotated[float, Field(gt=0.0, le=500.0)]
+    """Force with which the drive opens a finger, N."""
+    body: Inertial
+    """Of the hand without its fingers; its frame lies at the flange, turned by `turn`."""
+    finger: Inertial
+    """Of the finger that opens along y; its frame lies in the middle between the pads. The other is the same after half a turn about z."""
+
+
+class ArmModel(ConfigModel):
+    """One type of arm with its hand, as published."""
+
+    name: Annotated[str, Field(min_length=1)]
+    control_period: Annotated[float, Field(ge=1e-4, le=1e-2)]
+    """Period of the torque loop, s."""
+    home: Angles
+    """Joint positions at which the stand-in waits, rad."""
+    kinematics: Kinematics
+    joints: Joints
+    hand: Hand
+    link: tuple[Inertial, Inertial, Inertial, Inertial, Inertial, Inertial, Inertial]
+    """Links 1 to 7, each in the frame of its joint."""
+
+    @model_validator(mode="after")
+    def _is_home_permitted(self) -> Self:
+        limits = zip(self.home, self.joints.q_min, self.joints.q_max, strict=True)
+        for number, (q, low, high) in enumerate(limits, 1):
+            if not low <= q <= high:
+                raise ValueError(f"home of joint {number} = {q}: {low} to {high} allowed")
+        return self
+
+
+@lru_cache
+def read_arm(path: Path) -> ArmModel:
+    """Return the arm of a file of figures, as it was when it was first read.
+
+    Raises:
+        ConfigError: No such file, not TOML, or figures that no arm can have.
+    """
+    try:
+        return ArmModel.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: not TOML: {error}".replace("\n", " ")) from None
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        raise ConfigError(f"{path}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
