@@ -6,7 +6,7 @@ from cell.config import arm_file
 from drivers import impedance
 from drivers.arm.inertia import joint_inertia, tip_inertia
 from drivers.arm.model import read_arm
-from sim import contact, scene
+from sim import cylinder, scene
 from sim.plate import Plate
 
 
@@ -21,7 +21,7 @@ def q(request, arm):
 
 
 def test_the_arms_inertia_is_that_of_the_physics(arm, q, loaded):
-    contact.install()
+    cylinder.install()
     plate = Plate(np.zeros(3), np.eye(3), 0.004, 0.02)
     model = scene.held_model(arm, loaded.cell.job(), plate, 0.1, 5e-4)
     data = mujoco.MjData(model)
