@@ -8,7 +8,6 @@ from enum import IntEnum
 from cell.config import CellConfig
 from cell.journal import Journal, RunRow, config_hash, now_text, versions
 from cell.samples import SampleStream
-from drivers import panda
 from drivers.errors import CellError, FaultCode
 from drivers.quantities import ImpedanceSetpoint
 from drivers.scene_facts import Chain, SceneFacts, Sight
@@ -74,14 +73,16 @@ def ending_of(records: Sequence[StageRecord], fault: CellError | None, stage: st
 
 def scene_facts(config: CellConfig) -> SceneFacts:
     """Return what a picture of a run with this config has to know."""
+    arm = config.arm_model()
+    dh, hand = arm.kinematics, arm.hand
     chain = Chain(
-        a=tuple(panda.DH_A),
-        d=tuple(panda.DH_D),
-        alpha=tuple(panda.DH_ALPHA),
-        flange=panda.FLANGE_D,
-        hand_turn=panda.HAND_TURN,
-        finger_centre=panda.FINGER_CENTRE,
-        stroke=panda.HAND_STROKE,
+        a=dh.a,
+        d=dh.d,
+        alpha=dh.alpha,
+        flange=dh.flange,
+        hand_turn=hand.turn,
+        finger_centre=hand.finger_centre,
+        stroke=hand.stroke,
     )
     return SceneFacts(arm=chain, job=config.job(), layout=config.skin.layout)
 
