@@ -1,15 +1,20 @@
-"""The command line: commands, their options, and what is allowed in each."""
+"""What the options of several commands share: their types, the config and the journal that they name; imports nothing heavy."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterable
 from pathlib import Path
-from typing import NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
+from cell.nearest import did_you_mean
 from drivers.errors import ConfigError
+
+if TYPE_CHECKING:
+    from cell.config import LoadedConfig
+    from cell.journal import Journal
 
 
 class Parser(argparse.ArgumentParser):
-    """Raises what is wrong, so that it is told like any other wrong use."""
+    """Raises what is wrong, so that it is told like any other wrong use, and names what may have been meant."""
 
     def error(self, message: str) -> NoReturn:
         """Raise.
@@ -19,97 +24,102 @@ class Parser(argparse.ArgumentParser):
         """
         raise ConfigError(message)
 
-
-def parser(formats: Sequence[str], studies: Sequence[str]) -> Parser:
-    """Return the parser of all commands; `formats` are those of the register map, `studies` the names of the studies."""
-    whole = Parser(
-        prog="cell", description="Inserts a loosely held peg by touch. Without --config: the simulated cell."
-    )
-    commands = whole.add_subparsers(dest="command", required=True, metavar="COMMAND")
-
-    def add(name: str, text: str, *shared: str) -> argparse.ArgumentParser:
-        command = commands.add_parser(name, help=text, description=text)
-        command.add_argument("-v", "--verbose", action="store_true", help="log everything")
-        command.add_argument("--json", action="store_true", help="print the result as JSON")
-        if "config" in shared:
-            command.add_argument("--config", type=Path, metavar="F", help="TOML file of the cell")
-            command.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="replace one key")
-        if "journal" in shared:
-            command.add_argument("--journal", type=Path, metavar="DIR", help="folder of the records of runs")
-        return command
-
-    add("check", "open every device of a config, read each once, say what is wrong", "config")
-    command = add("demo", "the main job: a PLC peer triggers insertions over Modbus TCP", "config", "journal")
-    command.add_argument("--trials", type=_positive, default=5, metavar="N")
-    command.add_argument("--out", type=Path, default=Path("out/demo"), metavar="DIR", help="where the pictures go")
-    add("serve", "obey the PLC until SIGINT or SIGTERM", "config", "journal")
-    command = add("run", "one skill or program, by hand", "config", "journal")
-    command.add_argument("name", metavar="NAME")
-    command.add_argument("--connect", type=_address, metavar="HOST:PORT", help="on a cell that is served there")
-    command.add_argument("--recipe", type=_natural, default=0, metavar="N")
-    command.add_argument("--serial", default="", metavar="TEXT", help="of the part, for the record")
-    command = add("watch", "live state of a cell that is served")
-    command.add_argument("--connect", type=_address, required=True, metavar="HOST:PORT")
-    command.add_argument("--once", action="store_true", help="the state now, and no more")
-    command = add("trials", "many insertions on fresh simulated cells", "config")
-    command.add_argument("--trials", type=_positive, default=40, metavar="N")
-    command.add_argument("--seed", type=_natural, default=1, metavar="S", help="of the first trial")
-    where = command.add_mutually_exclusive_group()
-    where.add_argument("--workers", type=_positive, metavar="N", help="processes; one for each core")
-    where.add_argument("--scheduler", type=_scheduler, metavar="tcp://HOST:PORT", help="of a Dask cluster")
-    command.add_argument("--out", type=Path, required=True, metavar="DIR")
-    command = add("skin", "both fingers live, or as they were recorded", "config")
-    command.add_argument("--seconds", type=float, metavar="S", help="how long; until stopped, in a pipe 1")
-    command.add_argument("--out", type=Path, metavar="PNG", help="picture of the last frame")
-    command.add_argument("--record", type=Path, metavar="FILE", help="write the traffic of the wire")
-    command.add_argument("--replay", type=Path, metavar="FILE", help="recorded traffic, or a text recording")
-    command = add("calibrate", "measure a device and write a dated file", "config")
-    command.add_argument("device", choices=["skin"], metavar="DEVICE", help="skin")
-    command.add_argument("--out", type=Path, metavar="DIR", help="instead of calibration/ beside the config file")
-    command = add("study", "one study", "config")
-    command.add_argument("name", choices=studies, metavar="NAME", help=", ".join(studies))
-    command.add_argument("--out", type=Path, default=Path("out/study"), metavar="DIR", help="where its files go")
-    command.add_argument("--quick", action="store_true", help="less of everything")
-    command.add_argument("--seed", type=_natural, default=1, metavar="S", help="of the first trial")
-    command.add_argument(
-        "--trials", type=_positive, metavar="N", help="wire: through each, 20; frontier: a variant, 40; events: 1000"
-    )
-    command.add_argument("--workers", type=_positive, metavar="N", help="processes; one for each core")
-    command.add_argument("--profile", action="store_true", help="speed: where the time of a trial goes")
-    command = add("runs", "the newest runs on record", "journal")
-    command.add_argument("--last", type=_positive, default=20, metavar="N")
-    command = add("show", "one run on record, with its plots", "journal")
-    command.add_argument("number", type=_positive, metavar="RUN")
-    command.add_argument("--export", type=Path, metavar="DIR", help="raw samples as CSV")
-    add("faults", "every fault code: meaning, cause, what to do")
-    command = add("map", "the register map")
-    command.add_argument("--format", choices=formats, default="md")
-    return whole
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        if action.choices is not None and value not in action.choices:
+            known = [str(choice) for choice in action.choices]
+            what = action.metavar if isinstance(action.metavar, str) else "/".join(action.option_strings)
+            raise ConfigError(f"{what} {value}: {', '.join(known)} allowed{did_you_mean(str(value), known)}")
 
 
-def _positive(text: str) -> int:
+def add_shared(parser: argparse.ArgumentParser) -> None:
+    """Add what every command has."""
+    parser.add_argument("-v", "--verbose", action="store_true", help="log everything")
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+
+
+def add_config(parser: argparse.ArgumentParser) -> None:
+    """Add --config and --set."""
+    parser.add_argument("--config", type=Path, metavar="F", help="TOML file of the cell")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="replace one key")
+
+
+def add_journal(parser: argparse.ArgumentParser) -> None:
+    """Add --journal."""
+    parser.add_argument("--journal", type=Path, metavar="DIR", help="folder of the records of runs")
+
+
+def load_config(args: argparse.Namespace, default_pace: str | None = None) -> "LoadedConfig":
+    """Return the config that --config and --set name, at `default_pace` unless --set says another.
+
+    Raises:
+        ConfigError: Something in it is wrong.
+    """
+    from cell.config import load
+
+    sets = list(args.set)
+    if default_pace is not None and not any(text.startswith("sim.pace=") for text in sets):
+        sets.append(f"sim.pace={default_pace}")
+    return load(args.config, sets=sets)
+
+
+def open_journal(args: argparse.Namespace, folder: str = "") -> "Journal":
+    """Return the journal that --journal names, else the one in the config's `folder`, else the user's own; not yet open."""
+    from cell.journal import Journal, default_folder
+
+    return Journal(args.journal or (Path(folder).expanduser() if folder else default_folder()))
+
+
+def out_folder(folder: Path) -> Path:
+    """Return the folder that a command writes to, made if need be.
+
+    Raises:
+        ConfigError: It cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError(f"{folder}: cannot be made: {error.strerror}") from None
+    return folder
+
+
+def require_known(what: str, name: str, known: Iterable[str]) -> None:
+    """Make sure that a name is a known one.
+
+    Raises:
+        ConfigError: It is not; `what` says of what.
+    """
+    known = list(known)
+    if name not in known:
+        raise ConfigError(f"{what} {name}: no such name; {', '.join(known)} allowed{did_you_mean(name, known)}")
+
+
+def positive(text: str) -> int:
+    """Return a whole number of at least 1."""
     if not text.isdigit() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"{text!r}: a whole number >= 1 allowed")
     return int(text)
 
 
-def _natural(text: str) -> int:
+def natural(text: str) -> int:
+    """Return a whole number of at least 0."""
     if not text.isdigit():
         raise argparse.ArgumentTypeError(f"{text!r}: a whole number >= 0 allowed")
     return int(text)
 
 
-def _address(text: str) -> tuple[str, int]:
+def address(text: str) -> tuple[str, int]:
+    """Return host and port of `HOST:PORT`."""
     host, colon, port = text.rpartition(":")
     if not colon or not host or not port.isdigit() or not 0 < int(port) < 65536:
         raise argparse.ArgumentTypeError(f"{text!r}: HOST:PORT allowed, as in 127.0.0.1:5020")
     return host.strip("[]"), int(port)
 
 
-def _scheduler(text: str) -> str:
-    protocol, colon, address = text.partition("://")
+def scheduler(text: str) -> str:
+    """Return the address of a Dask scheduler as it is."""
+    protocol, colon, place = text.partition("://")
     try:
-        _address(address)
+        address(place)
     except argparse.ArgumentTypeError:
         colon = ""
     if not colon or protocol not in ("tcp", "tls"):

@@ -9,12 +9,14 @@ from datetime import UTC, datetime
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
-from cell.config import CellConfig
-from cell.samples import SampleStream
 from drivers.errors import JournalError
-from drivers.scene_facts import SceneFacts
+
+if TYPE_CHECKING:
+    from cell.config import CellConfig
+    from cell.samples import SampleStream
+    from drivers.scene_facts import SceneFacts
 
 INDEX = "runs.sqlite"
 PACKAGES = ("tactile-insertion-cell", "mujoco", "numpy", "numba", "opencv-contrib-python-headless", "pymodbus")
@@ -155,12 +157,14 @@ class Journal:
         """Return where the samples of a run are."""
         return self.folder / f"run-{run:06d}.arrows"
 
-    def stream(self, run: int, facts: SceneFacts | None = None) -> SampleStream:
+    def stream(self, run: int, facts: "SceneFacts | None" = None) -> "SampleStream":
         """Start the stream of samples of a run, with what a picture of it has to know.
 
         Raises:
             JournalError: The file cannot be written.
         """
+        from cell.samples import SampleStream  # Arrow, which who only asks for runs does not need
+
         return SampleStream(self.samples_path(run), facts)
 
     def _execute(self, statement: str, values: list[object]) -> sqlite3.Cursor:
@@ -183,7 +187,7 @@ def versions() -> dict[str, str]:
     return {**{name: _version(name) for name in PACKAGES}, "code": _code_hash()}
 
 
-def config_hash(config: CellConfig) -> str:
+def config_hash(config: "CellConfig") -> str:
     """Return a short fingerprint of a whole config."""
     text = json.dumps(config.model_dump(mode="json"), sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]

@@ -1,8 +1,5 @@
-"""Pictures: one run from its samples, and one chart of speed against accuracy."""
+"""Pictures of one run from its samples, and of both fingers."""
 
-import math
-from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
@@ -11,8 +8,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from cell.journal import RunRow
-from cell.statistics import PUBLISHED_ATTEMPTS, PUBLISHED_SUCCESSES, PUBLISHED_TOTAL, wilson
-from drivers.quantities import Vector
+from cell.skin_view import BRIGHT
+from drivers.errors import ConfigError
+from drivers.quantities import FINGER_NAMES, FINGERS, TaxelFrame, Vector
+from drivers.skin.layout import Layout, finger_positions
 from skills.catalogue import ADJUST, INSERT, SEARCH
 
 COLOURS = ("#bbbbbb", "#4477aa", "#66ccee", "#228833", "#ccbb44", "#ee6677", "#aa3377")
@@ -21,17 +20,6 @@ COLOURS = ("#bbbbbb", "#4477aa", "#66ccee", "#228833", "#ccbb44", "#ee6677", "#a
 
 ON_SURFACE = 0.005
 """The plan shows the tip where it is no higher above where it mostly was than this, m."""
-
-
-@dataclass(frozen=True, slots=True)
-class Point:
-    """One way of working, on the chart of speed against accuracy."""
-
-    label: str
-    successes: int
-    attempts: int
-    time: float
-    """Mean total time of the successes, s."""
 
 
 def plot_run(row: RunRow, samples: dict[str, Vector], path: Path) -> None:
@@ -75,30 +63,40 @@ def plot_run(row: RunRow, samples: dict[str, Vector], path: Path) -> None:
     figure.savefig(path, dpi=110)
 
 
-def plot_speed_accuracy(points: Sequence[Point], path: Path) -> None:
-    """Draw success rate, with its Wilson 95 % interval, against mean total time, with the published point."""
-    figure = Figure(figsize=(7.5, 5), layout="constrained")
-    axes = figure.add_subplot()
-    published = Point("[gibbons], Table I", PUBLISHED_SUCCESSES, PUBLISHED_ATTEMPTS, PUBLISHED_TOTAL)
-    longest = PUBLISHED_TOTAL
-    for point, colour, marker in zip((published, *points), ("#222222", *COLOURS[1:]), "sovD^<>", strict=False):
-        if not math.isfinite(point.time):
-            axes.plot([], [], marker, color=colour, label=f"{point.label}: {point.successes}/{point.attempts}, no time")
-            continue
-        low, high = wilson(point.successes, point.attempts)
-        rate = point.successes / point.attempts
-        label = f"{point.label}: {point.successes}/{point.attempts}, {point.time:.1f} s"
-        error = [[100 * (rate - low)], [100 * (high - rate)]]
-        axes.errorbar([point.time], [100 * rate], yerr=error, fmt=marker, color=colour, capsize=4, label=label)
-        longest = max(longest, point.time)
-    axes.set_xlim(0.0, 1.15 * longest)
-    axes.set_ylim(0.0, 104.0)
-    axes.set_xlabel("mean total time of successes: search + insertion + adjustment (s)")
-    axes.set_ylabel("success rate (%), Wilson 95 % interval")
-    axes.set_title("Speed against accuracy")
-    axes.grid(alpha=0.3)
-    axes.legend(loc="lower right", fontsize=9)
-    figure.savefig(path, dpi=110)
+def draw_fingers(frame: TaxelFrame, layout: Layout, path: Path) -> None:
+    """Save a picture of both fingers.
+
+    Raises:
+        ConfigError: The file cannot be written.
+    """
+    figure = Figure(figsize=(10, 4), layout="constrained")
+    places = finger_positions(layout) * 1e3
+    for number, axes in enumerate(figure.subplots(1, FINGERS, sharex=True, sharey=True)):
+        x, y = places[number].T
+        good = frame.trusted[number]
+        shown = axes.scatter(
+            x[good],
+            y[good],
+            c=frame.values[number][good],
+            s=400,
+            cmap="viridis",
+            vmin=0.0,
+            vmax=BRIGHT,
+            edgecolors="#888888",
+        )
+        axes.scatter(x[~good], y[~good], marker="x", s=200, color="#ee6677")
+        axes.set_title(f"{FINGER_NAMES[number]} finger, frame {frame.sequence}")
+        axes.set_xlabel("x along the finger (mm)")
+        axes.set_aspect("equal")
+        axes.margins(0.15)
+        if number == 0:
+            axes.set_ylabel("y (mm)")
+    figure.colorbar(shown, ax=figure.axes, label="counts above the baseline; cross: not trusted")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(path, dpi=110)
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"--out {path}: cannot be written: {error}") from None
 
 
 def _draw_plan(axes: Axes, samples: dict[str, Vector], stage: Vector) -> None:

@@ -8,7 +8,6 @@ from threading import Event
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 from rich.console import Group
 from rich.table import Table
 from rich.text import Text
@@ -120,38 +119,6 @@ def fingers(seen: Seen, layout: Layout) -> Group:
         heat = " ".join("-" if np.isnan(value) else f"{value:.0f}" for value in figures.temperature)
         line += f"  {figures.rate:.1f} Hz  {figures.lost} lost  {figures.refused} refused  temperature {heat}"
     return Group(table, Text(line))
-
-
-def draw(frame: TaxelFrame, layout: Layout, path: Path) -> None:
-    """Save a picture of both fingers."""
-    figure = Figure(figsize=(10, 4), layout="constrained")
-    places = finger_positions(layout) * 1e3
-    for number, axes in enumerate(figure.subplots(1, FINGERS, sharex=True, sharey=True)):
-        x, y = places[number].T
-        good = frame.trusted[number]
-        shown = axes.scatter(
-            x[good],
-            y[good],
-            c=frame.values[number][good],
-            s=400,
-            cmap="viridis",
-            vmin=0.0,
-            vmax=BRIGHT,
-            edgecolors="#888888",
-        )
-        axes.scatter(x[~good], y[~good], marker="x", s=200, color="#ee6677")
-        axes.set_title(f"{FINGER_NAMES[number]} finger, frame {frame.sequence}")
-        axes.set_xlabel("x along the finger (mm)")
-        axes.set_aspect("equal")
-        axes.margins(0.15)
-        if number == 0:
-            axes.set_ylabel("y (mm)")
-    figure.colorbar(shown, ax=figure.axes, label="counts above the baseline; cross: not trusted")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(path, dpi=110)
-    except (OSError, ValueError) as error:
-        raise ConfigError(f"--out {path}: cannot be written: {error}") from None
 
 
 class _PlayClock:

@@ -1,1 +1,1 @@
-"""One study, one chart: speed against accuracy."""
+"""The laboratory: simulated trials, studies and the demo; it uses the product, and the product never imports it."""

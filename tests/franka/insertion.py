@@ -17,7 +17,7 @@ from typing import Any
 from cell.assembly import Cell
 from cell.assembly import opened as cell_opened
 from cell.config import CellConfig, load
-from cell.trials import run_trial
+from cell.lab.trials import run_trial
 from drivers.arm.franka import FrankaArm, FrankaArmConfig
 from drivers.errors import CellError
 from drivers.gripper.franka import FrankaGripper, FrankaGripperConfig

@@ -8,9 +8,10 @@ from dataclasses import fields
 
 import pytest
 
-from cell import cli, demo
 from cell.cli import FAULT, GOOD, NOT_GOOD, WRONG_USE, main
+from cell.commands import map as map_command
 from cell.config import DEFAULT
+from cell.lab import demo
 from drivers.errors import FAULTS
 from plc_bridge.images import Diagnostics
 from plc_bridge.peer import Peer
@@ -71,7 +72,7 @@ def test_a_run_that_is_not_on_record_is_a_fault(capsys, tmp_path):
 
 
 def test_a_defect_is_one_line_too(capsys, monkeypatch):
-    monkeypatch.setitem(cli._COMMANDS, "map", lambda args: 1 / 0)
+    monkeypatch.setattr(map_command, "run", lambda args: 1 / 0)
     assert main(["map"]) == FAULT
     assert capsys.readouterr().err.count("\n") == 1
 

@@ -15,11 +15,11 @@ from functools import partial
 
 import pytest
 
-from cell import workers
 from cell.cli import FAULT, main
 from cell.config import load
-from cell.trials import PARTIAL, run_trial, run_trials
-from cell.workers import on_cluster
+from cell.lab import workers
+from cell.lab.trials import PARTIAL, run_trial, run_trials
+from cell.lab.workers import on_cluster
 from drivers.errors import CellError
 
 SHORT = ["search.timeout=2.0"]
@@ -27,7 +27,7 @@ SEEDS = range(5, 9)
 LOCAL = ("--host", "127.0.0.1", "--dashboard-address", "127.0.0.1:0")
 KILLED = """
 from cell.config import load
-from cell.trials import run_trials
+from cell.lab.trials import run_trials
 run_trials(load(sets={sets}).cell, range(5, 100), 2, __import__("pathlib").Path({folder!r}), lambda row: print(row.seed, flush=True), {scheduler!r})
 """
 

@@ -7,7 +7,7 @@ import pytest
 
 from cell.assembly import assemble, opened
 from cell.config import load
-from cell.trials import run_trial
+from cell.lab.trials import run_trial
 from drivers.quantities import ImpedanceSetpoint
 from skills.motion import Gains, stay
 from skills.passivity import SOFTENED, PassivityGuard, Verdict

@@ -6,7 +6,7 @@ import pytest
 
 from cell.assembly import assemble, opened
 from cell.config import load
-from cell.trials import run_trial
+from cell.lab.trials import run_trial
 from drivers.frames import rotation_about
 from drivers.quantities import Pose
 from sim import engine, world

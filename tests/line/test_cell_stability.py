@@ -7,7 +7,7 @@ import logging
 import pytest
 
 from cell.cli import GOOD, main
-from cell.lab.stability_report import cases
+from cell.lab.stability.report import cases
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from cell.config import load
-from cell.trials import run_trial, run_trials
+from cell.lab.trials import run_trial, run_trials
 
 SHORT = ["search.timeout=2.0"]
 

@@ -6,7 +6,7 @@ import pytest
 
 from cell.assembly import assemble, opened
 from cell.config import load
-from cell.trials import run_trial
+from cell.lab.trials import run_trial
 from drivers.errors import SkinSilentError
 from drivers.quantities import SwitchState
 from skills.catalogue import insert_peg

@@ -7,11 +7,12 @@ from pathlib import Path
 import pytest
 
 from cell.config import CellConfig, load
-from cell.lab import contact, contact_pictures
-from cell.lab.boundaries import boundary_bouncing, boundary_bound
-from cell.lab.contact import Findings, TrialsRow
-from cell.lab.ladder import SHIPPED, Plan, Rung, model
-from cell.lab.needs import end_alike, needed
+from cell.lab.contact import charts as contact_pictures
+from cell.lab.contact import measure as contact
+from cell.lab.contact.boundaries import boundary_bouncing, boundary_bound
+from cell.lab.contact.ladder import SHIPPED, Plan, Rung, model
+from cell.lab.contact.measure import Findings, TrialsRow
+from cell.lab.contact.needs import end_alike, needed
 
 SHIPPED_STEP = 5e-4
 EXACT = Rung(SHIPPED, "closed form", model(), SHIPPED_STEP)
@@ -34,12 +35,12 @@ def found(config: CellConfig) -> Findings:
 
 
 def verdicts(found: Findings) -> dict[str, str]:
-    return {row.name: contact_pictures.verdict(row) for row in found.rungs}
+    return {row.name: contact.verdict(row) for row in found.rungs}
 
 
 def test_the_shipped_model_is_good(found):
     row = found.rungs[0]
-    assert contact_pictures.verdict(row) == "good"
+    assert contact.verdict(row) == "good"
     assert row.error < 0.003
     assert row.penetration < 1e-6
 

@@ -12,8 +12,8 @@ import pytest
 from cell.assembly import assemble, opened
 from cell.cli import main
 from cell.config import load
-from cell.lab.events import DETECTORS, HEIGHT, Watched, rice_chance, rice_limit, watch
-from cell.lab.events_report import RATES
+from cell.lab.events.measure import DETECTORS, HEIGHT, Watched, rice_chance, rice_limit, watch
+from cell.lab.events.report import RATES
 from drivers.errors import ConfigError
 from drivers.quantities import TaxelFrame
 from skills import spray_search

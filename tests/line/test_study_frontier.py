@@ -11,9 +11,9 @@ import pytest
 
 from cell.cli import main
 from cell.config import load, presets
-from cell.lab import frontier
-from cell.lab.frontier import CHAIN, PRESET, START, Variant, chain, measure, variants
-from cell.trials import TABLE, read_table
+from cell.lab.frontier import measure as frontier
+from cell.lab.frontier.measure import CHAIN, PRESET, START, Variant, chain, measure, variants
+from cell.lab.trials import TABLE, read_table
 
 QUICK = ["study", "frontier", "--quick", "--json", "--trials", "1", "--set", "search.timeout=1.0"]
 

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from cell.lab import line
+from cell.lab.line import measure as line
 
 MOMENT = line.Effort(rounds=2, reads=20, flat_out=10, starts=4, windows=1, window=0.3)
 

@@ -3,7 +3,7 @@
 import pytest
 
 from cell.config import load
-from cell.lab import speed
+from cell.lab.speed import measure as speed
 
 SHORT = ('sim.pace="max"', "hole.area=[0.002, 0.002]")
 

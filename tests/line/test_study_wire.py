@@ -1,8 +1,8 @@
 """The study of the wires: what it measures must be possible."""
 
-from cell.lab import switch_wire
-from cell.lab.wire import compared, decode_rates, latencies
-from cell.trials import COLUMNS, TrialRow
+from cell.lab.trials import COLUMNS, TrialRow
+from cell.lab.wire import switch_wire
+from cell.lab.wire.measure import compared, decode_rates, latencies
 from drivers.switch.board import REOPEN_PERIOD
 from tests.emulation import emulated_or_skip
 

@@ -12,7 +12,7 @@ import pytest
 import drivers
 from cell.assembly import assemble, opened
 from cell.config import load
-from cell.trials import run_trial
+from cell.lab.trials import run_trial
 from drivers.errors import SwitchUnknownError
 from drivers.quantities import SwitchState
 from drivers.switch.board import SerialSuccessSwitch, SerialSwitchConfig

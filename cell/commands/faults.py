@@ -1,0 +1,42 @@
+"""`cell faults`: every fault code with its meaning, its cause and what to do, or one of them."""
+
+import argparse
+from dataclasses import asdict
+
+from cell.nearest import did_you_mean
+from cell.terminal import GOOD, show
+from drivers.errors import FAULTS, ConfigError, FaultCode
+
+SUMMARY = "every fault code: meaning, cause, what to do"
+STOPS_ITSELF = False
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add which fault."""
+    parser.add_argument("code", nargs="?", metavar="CODE", help="number or name of one fault, as in 1002")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Show the faults."""
+    from rich.table import Table
+
+    codes = list(FAULTS) if args.code is None else [_found(args.code)]
+    table = Table("code", "name", "meaning", "cause", "what to do", show_lines=True)
+    for code in codes:
+        text = FAULTS[code]
+        table.add_row(str(code.value), code.name, text.meaning, text.cause, text.remedy)
+    show(args, table, [{"code": code.value, "name": code.name, **asdict(FAULTS[code])} for code in codes])
+    return GOOD
+
+
+def _found(text: str) -> FaultCode:
+    """Return the fault of a number or a name.
+
+    Raises:
+        ConfigError: There is none.
+    """
+    known = {str(code.value): code for code in FAULTS} | {code.name: code for code in FAULTS}
+    if text.upper() not in known:
+        numbers = ", ".join(str(code.value) for code in FAULTS)
+        raise ConfigError(f"fault {text}: no such code; {numbers} allowed{did_you_mean(text.upper(), known)}")
+    return known[text.upper()]

@@ -1,0 +1,38 @@
+"""`cell show`: one run on record, with its plots."""
+
+import argparse
+from dataclasses import asdict
+from pathlib import Path
+
+from cell.arguments import add_journal, open_journal, out_folder, positive
+from cell.terminal import GOOD, show, written
+
+SUMMARY = "one run on record, with its plots"
+STOPS_ITSELF = False
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add which run, and where its files go."""
+    add_journal(parser)
+    parser.add_argument("number", type=positive, metavar="RUN")
+    parser.add_argument("--export", type=Path, metavar="DIR", help="raw samples as CSV")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Draw the run, export its samples where that is wished, and show what is on record."""
+    from cell import words
+    from cell.plots import plot_run
+    from cell.samples import export_csv, read_samples
+
+    with open_journal(args) as journal:
+        row = journal.find(args.number)
+    samples = read_samples(journal.samples_path(row.run))
+    folder = out_folder(args.export) if args.export else journal.folder
+    files = [folder / f"run-{row.run:06d}.png"]
+    plot_run(row, samples, files[0])
+    if args.export:
+        files.append(folder / f"run-{row.run:06d}.csv")
+        export_csv(samples, files[-1])
+    show(args, words.run(row), {**asdict(row), "files": [str(path) for path in files]})
+    written(args, files)
+    return GOOD

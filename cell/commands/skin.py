@@ -1,0 +1,57 @@
+"""`cell skin`: both fingers, live or as they were recorded."""
+
+import argparse
+import math
+import sys
+from contextlib import nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cell.arguments import add_config, load_config
+from cell.terminal import GOOD, console, show
+
+if TYPE_CHECKING:
+    from cell.skin_view import Seen
+
+SUMMARY = "both fingers live, or as they were recorded"
+STOPS_ITSELF = True
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add how long, and what is recorded, replayed and drawn."""
+    add_config(parser)
+    parser.add_argument("--seconds", type=float, metavar="S", help="how long; until stopped, in a pipe 1")
+    parser.add_argument("--out", type=Path, metavar="PNG", help="picture of the last frame")
+    parser.add_argument("--record", type=Path, metavar="FILE", help="write the traffic of the wire")
+    parser.add_argument("--replay", type=Path, metavar="FILE", help="recorded traffic, or a text recording")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Show every frame in place on a terminal, in a pipe the last one."""
+    from rich.live import Live
+
+    from cell import skin_view
+
+    args.set += [] if args.record is None else [f"skin.record={args.record.as_posix()}"]
+    config = load_config(args).cell
+    is_live = sys.stdout.isatty() and not args.json
+    seconds = args.seconds if args.seconds is not None else math.inf if is_live else 1.0
+    seen: list[Seen] = []
+    with Live(console=console(), auto_refresh=False) if is_live else nullcontext() as live:
+
+        def tell(now: "Seen") -> None:
+            seen[:] = [now]
+            if live is not None:
+                live.update(skin_view.fingers(now, config.skin.layout), refresh=True)
+
+        if args.replay is None:
+            skin_view.watch(config, seconds, tell, args.stop)
+        else:
+            skin_view.play(config, args.replay, seconds, tell, args.stop, at_pace=is_live)
+    if args.out is not None:
+        from cell.plots import draw_fingers
+
+        draw_fingers(seen[0].frame, config.skin.layout, args.out)
+    if not is_live:
+        show(args, skin_view.fingers(seen[0], config.skin.layout), skin_view.as_data(seen[0]))
+    return GOOD

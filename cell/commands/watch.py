@@ -1,0 +1,46 @@
+"""`cell watch`: the live state of a cell that is served elsewhere."""
+
+import argparse
+import json
+import sys
+from dataclasses import asdict, replace
+from typing import TYPE_CHECKING
+
+from cell.arguments import address
+from cell.terminal import GOOD, console, say
+
+if TYPE_CHECKING:
+    from plc_bridge.images import Diagnostics, ReportImage
+
+SUMMARY = "live state of a cell that is served"
+STOPS_ITSELF = True
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add where the cell is served, and how long it is watched."""
+    parser.add_argument("--connect", type=address, required=True, metavar="HOST:PORT")
+    parser.add_argument("--once", action="store_true", help="the state now, and no more")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Show every change until a signal: on a terminal in place, in a pipe line by line."""
+    from rich.text import Text
+
+    from cell import client, words
+
+    last: dict[str, object] = {}
+    with console().status("") as status:
+
+        def tell(report: "ReportImage", counts: "Diagnostics") -> None:
+            data = {**words.report(report), "diagnostics": asdict(counts)}
+            line = words.line(report, counts)
+            if sys.stdout.isatty() and not args.json and not args.once:
+                status.update(Text(line))
+            else:
+                told = {**data, "diagnostics": asdict(replace(counts, requests=0))}  # looking is a request too
+                if told != last:
+                    say(json.dumps(data) if args.json else line)
+                last.update(told)
+
+        client.watch_remote(args.connect, tell, args.stop, args.once)
+    return GOOD

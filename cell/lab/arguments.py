@@ -1,0 +1,56 @@
+"""Options that studies share; imports nothing heavy."""
+
+import argparse
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cell.arguments import add_config, load_config, natural, positive
+
+if TYPE_CHECKING:
+    from cell.config import LoadedConfig
+
+
+def add_study(parser: argparse.ArgumentParser) -> None:
+    """Add what every study of a simulated cell has: the config, where its files go, and whether it is cut short."""
+    add_config(parser)
+    add_out(parser)
+    parser.add_argument("--quick", action="store_true", help="less of everything")
+
+
+def add_out(parser: argparse.ArgumentParser) -> None:
+    """Add --out."""
+    parser.add_argument("--out", type=Path, default=Path("out/study"), metavar="DIR", help="where its files go")
+
+
+def add_seed(parser: argparse.ArgumentParser) -> None:
+    """Add --seed."""
+    parser.add_argument("--seed", type=natural, default=1, metavar="S", help="of the first trial")
+
+
+def add_trials(parser: argparse.ArgumentParser, of_what: str) -> None:
+    """Add --trials; `of_what` says what they are, and how many without the option."""
+    parser.add_argument("--trials", type=positive, metavar="N", help=of_what)
+
+
+def add_workers(parser: argparse.ArgumentParser) -> None:
+    """Add --workers."""
+    parser.add_argument(
+        "--workers", type=positive, default=os.cpu_count() or 1, metavar="N", help="processes; one for each core"
+    )
+
+
+def load_simulated(args: argparse.Namespace, what: str, pace: str | None = "max") -> "LoadedConfig":
+    """Return the config that --config and --set name.
+
+    Args:
+        args: As parsed.
+        what: Command that needs it.
+        pace: Of the simulated cell where --set says none; None leaves it to the file.
+
+    Raises:
+        ConfigError: Something in it is wrong, or it is no simulated cell.
+    """
+    loaded = load_config(args, default_pace=pace)
+    loaded.cell.require_simulated(what)
+    return loaded

@@ -1,0 +1,52 @@
+"""`cell demo`: the main job on the embedded default, asked for by a PLC peer."""
+
+import argparse
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cell.arguments import add_config, add_journal, load_config, open_journal, out_folder, positive
+from cell.terminal import GOOD, NOT_GOOD, progress, say, show
+
+if TYPE_CHECKING:
+    from plc_bridge.images import ReportImage
+
+SUMMARY = "the main job: a PLC peer triggers insertions over Modbus TCP"
+STOPS_ITSELF = True
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add how many insertions, and where records and pictures go."""
+    add_config(parser)
+    add_journal(parser)
+    parser.add_argument("--trials", type=positive, default=5, metavar="N", help="insertions that the peer asks for")
+    parser.add_argument("--out", type=Path, default=Path("out/demo"), metavar="DIR", help="where the pictures go")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the insertions, draw one and the chart; GOOD when all of them succeeded."""
+    from cell import words
+    from cell.lab.demo import draw_demo, run_demo
+    from cell.lab.published import stage_table
+    from cell.lab.tables import stages
+
+    loaded = load_config(args, default_pace="max")
+    folder = out_folder(args.out)
+    with open_journal(args, loaded.cell.journal.folder) as journal, progress() as bars:
+        bar = bars.add_task("insertions", total=args.trials)
+
+        def watch(done: int, report: "ReportImage") -> None:
+            stage = words.report(report)["stage"] or "waiting"
+            bars.update(bar, completed=done, description=f"insertions: {stage}")
+
+        result = run_demo(loaded, journal, args.trials, watch, args.stop)
+        pictures = draw_demo(result, journal, folder)
+    lines = stage_table(result.tried())
+    results = [words.report(report) for report in result.reports]
+    data = {"results": results, "stages": [asdict(line) for line in lines], "pictures": [str(p) for p in pictures]}
+    show(args, stages(lines), data)
+    if not args.json:
+        for row in result.rows:
+            say(f"run {row.run}: {row.outcome} {row.stage} {row.reason}".rstrip())
+        say("pictures:", *pictures)
+    return GOOD if len(results) == args.trials and all(r["result"] == "success" for r in results) else NOT_GOOD

@@ -1,0 +1,56 @@
+"""`cell study`: one study, with the options that are its own."""
+
+import argparse
+from importlib import import_module
+from typing import TYPE_CHECKING, Protocol, cast
+
+from cell.arguments import Parser, add_shared
+from cell.terminal import GOOD, show, written
+
+if TYPE_CHECKING:
+    from cell.lab.report import StudyReport
+
+SUMMARY = "one study: how fast, how exact, where a method fails"
+STOPS_ITSELF = False
+
+
+class Study(Protocol):
+    """What `study.py` of a study has; it imports what it needs when it is run."""
+
+    SUMMARY: str
+    """What it measures, in one line for the help."""
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Add its own arguments to those of every command."""
+
+    def run(self, args: argparse.Namespace) -> "StudyReport":
+        """Measure, draw, write, and return what there is to show."""
+
+
+STUDIES = ("speed", "contact", "line", "wire", "tactile", "stability", "frontier", "events", "startup")
+"""Each is a package of this laboratory, with a module `study`."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the studies, each with its own arguments."""
+    studies = parser.add_subparsers(dest="name", required=True, metavar="NAME", parser_class=Parser)
+    for name in STUDIES:
+        study = load_study(name)
+        own = studies.add_parser(name, help=study.SUMMARY, description=study.SUMMARY)
+        add_shared(own)
+        study.add_arguments(own)
+
+
+def load_study(name: str) -> Study:
+    """Return the module of a study."""
+    return cast(Study, import_module(f"cell.lab.{name}.study"))
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the study; GOOD when it is completed, whatever it found."""
+    from rich.console import Group
+
+    report = load_study(args.name).run(args)
+    show(args, Group(*report.tables), report.result)
+    written(args, report.written)
+    return GOOD

@@ -1,0 +1,55 @@
+"""`cell trials`: many insertions on fresh simulated cells, one row each."""
+
+import argparse
+import json
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cell.arguments import add_config, natural, positive, scheduler
+from cell.lab.arguments import load_simulated
+from cell.terminal import GOOD, progress, show, written
+
+if TYPE_CHECKING:
+    from cell.lab.trials import TrialRow
+
+SUMMARY = "many insertions on fresh simulated cells"
+STOPS_ITSELF = False
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add how many, of which seeds, where they run and where the rows go."""
+    add_config(parser)
+    parser.add_argument("--trials", type=positive, default=40, metavar="N")
+    parser.add_argument("--seed", type=natural, default=1, metavar="S", help="of the first trial")
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--workers", type=positive, metavar="N", help="processes; one for each core")
+    where.add_argument("--scheduler", type=scheduler, metavar="tcp://HOST:PORT", help="of a Dask cluster")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run them, write table, summary and chart, and show the stages beside the published ones."""
+    from rich.console import Group
+
+    from cell.lab.charts import CHART, Point, plot_speed_accuracy
+    from cell.lab.published import stage_table
+    from cell.lab.tables import outcomes, stages
+    from cell.lab.trials import SUMMARY as TOLD
+    from cell.lab.trials import TABLE, run_trials
+
+    config = load_simulated(args, "trials").cell
+    seeds = range(args.seed, args.seed + args.trials)
+    with progress() as bars:
+        bar = bars.add_task("trials", total=args.trials)
+
+        def done(row: "TrialRow") -> None:
+            bars.advance(bar)
+
+        rows = run_trials(config, seeds, args.workers or os.cpu_count() or 1, args.out, done, args.scheduler)
+    lines = stage_table([row.tried() for row in rows])
+    plot_speed_accuracy([Point.of_total(lines[-1])], args.out / CHART)
+    summary = json.loads((args.out / TOLD).read_text(encoding="utf-8"))
+    show(args, Group(stages(lines), outcomes(rows)), summary)
+    written(args, [args.out / name for name in (TABLE, TOLD, CHART)])
+    return GOOD

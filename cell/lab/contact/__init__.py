@@ -1,0 +1,1 @@
+"""Study of models of contact: how fast, how exact, where each fails."""

@@ -1,0 +1,134 @@
+"""The main job on the embedded default: a PLC peer that asks for every insertion over Modbus TCP, and a cell that obeys."""
+
+import json
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from cell.assembly import assemble, opened
+from cell.config import LoadedConfig
+from cell.journal import Journal, RunRow
+from cell.lab.charts import CHART, Point, plot_speed_accuracy
+from cell.lab.published import PUBLISHED, Tried, stage_table
+from cell.line import PARAMETERS, PROGRAMS
+from cell.plots import plot_run
+from cell.samples import read_samples
+from cell.supervisor import Supervisor
+from drivers.errors import CellError
+from plc_bridge.bridge import Bridge
+from plc_bridge.images import ReportImage
+from plc_bridge.messages import Control, Result
+from plc_bridge.peer import Peer
+from skills.catalogue import CATALOGUE
+
+LONGEST = 3600.0
+"""A run that takes longer in wall time is given up by the peer, s."""
+RUN_PICTURE = "trial.png"
+
+
+@dataclass(frozen=True, slots=True)
+class DemoResult:
+    """What the peer saw and the journal has."""
+
+    reports: list[ReportImage]
+    """What the PLC read at the end of each insertion."""
+    rows: list[RunRow]
+    """The same runs on record."""
+
+    def tried(self) -> list[Tried]:
+        """Return the runs as the stage table needs them."""
+        return [as_tried(row) for row in self.rows]
+
+
+def as_tried(row: RunRow) -> Tried:
+    """Return a run on record as the stage table needs it."""
+    names = {stage.name for stage in PUBLISHED}
+    times = {name: time for name, time in json.loads(row.stage_times) if name in names}
+    return Tried(row.outcome == "success", row.stage, times)
+
+
+def run_demo(
+    loaded: LoadedConfig,
+    journal: Journal,
+    trials: int,
+    watch: Callable[[int, ReportImage], None],
+    stop: threading.Event,
+) -> DemoResult:
+    """Run `trials` insertions and return how they went; the calling thread is the scan thread.
+
+    Args:
+        loaded: A simulated cell.
+        journal: Opened.
+        trials: How many insertions the peer asks for.
+        watch: Told by the peer's thread how many insertions have ended, and what it reads meanwhile.
+        stop: Ends the demo when it is set; the arm is stopped first.
+
+    Raises:
+        CellError: The port is in use, or the peer lost the cell.
+    """
+    bridge = Bridge(loaded.cell.plc, PROGRAMS, PARAMETERS)
+    reports: list[ReportImage] = []
+    errors: list[CellError] = []
+    with opened(assemble(loaded.cell)) as cell:
+        supervisor = Supervisor(cell, loaded, bridge, journal, stop)
+        bridge.start()
+        has_ended = threading.Event()
+
+        def ask() -> None:
+            try:
+                _be_plc(*bridge.address, trials, reports, watch)
+            except CellError as error:
+                errors.append(error)
+            finally:
+                has_ended.set()
+                supervisor.quit()
+
+        first = journal.last_run() + 1
+        peer = threading.Thread(target=ask, name="plc")
+        peer.start()
+        try:
+            supervisor.serve()
+            was_interrupted = not has_ended.is_set()
+        finally:
+            bridge.close()
+            peer.join()
+    if errors and not was_interrupted:
+        raise errors[0]
+    rows = [row for row in reversed(journal.runs(trials)) if row.run >= first and row.program == "insert_peg"]
+    return DemoResult(reports, rows)
+
+
+def _be_plc(
+    host: str, port: int, trials: int, reports: list[ReportImage], watch: Callable[[int, ReportImage], None]
+) -> None:
+    """Ask for one insertion after the other, as a PLC does; after a fault or a stop reset the cell."""
+    peer = Peer(host, port)
+    peer.connect()
+    try:
+        peer.take()
+        for number in range(trials):
+            report = peer.run(
+                CATALOGUE["insert_peg"].code,
+                serial=f"demo-{number + 1}",
+                timeout=LONGEST,
+                watch=lambda seen, number=number: watch(number, seen),  # type: ignore[misc]
+            )
+            reports.append(report)
+            watch(number + 1, report)
+            if report.result in (Result.FAULT, Result.ABORTED):
+                peer.run(Control.RESET, timeout=LONGEST)
+        peer.release()
+    finally:
+        peer.close()
+
+
+def draw_demo(result: DemoResult, journal: Journal, folder: Path) -> list[Path]:
+    """Draw one trial, a success where there is one, and the chart; return the files."""
+    pictures = []
+    shown = next((row for row in result.rows if row.outcome == "success"), result.rows[0] if result.rows else None)
+    if shown is not None:
+        plot_run(shown, read_samples(journal.samples_path(shown.run)), folder / RUN_PICTURE)
+        pictures.append(folder / RUN_PICTURE)
+    plot_speed_accuracy([Point.of_total(stage_table(result.tried())[-1])], folder / CHART)
+    return [*pictures, folder / CHART]

@@ -1,0 +1,1 @@
+"""Study of hole events, false and true."""

@@ -1,0 +1,325 @@
+"""Hole events, false and true: how often a search stops on a plate without a hole, and how soon where there is one.
+
+A search slides over the plate and nothing stops it, while every detector watches. Until its first event a search that
+listens to a detector goes the very same way, so that one run tells of all detectors and all thresholds. The seeds with
+an event at the threshold in use are run again, listening, to see what the judgement at rest makes of it.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from enum import IntEnum
+from functools import partial
+
+import numpy as np
+
+from cell.assembly import Cell, assemble, opened
+from cell.config import CellConfig
+from cell.lab.workers import on_processes
+from cell.record import ending_of
+from drivers.errors import CellError, ConfigError
+from drivers.frames import end_point
+from drivers.quantities import ImpedanceSetpoint, TaxelFrame, Vector
+from skills import spray_search
+from skills.catalogue import GRASP, SEARCH
+from skills.contract import Observation, Outcome, Reason, Request, SkillContext
+from skills.flow import run_stage
+from skills.ground import Ground, Plane
+from skills.spray_search import SpraySearchParams, SpraySearchResult, lowest_point
+from skills.tactile.hole_event import HoleEvent, HoleEventParams
+
+HEIGHT = "height"
+DETECTORS: tuple[str, ...] = (HEIGHT, "derivative", "difference", "cusum")
+"""The dip of the tip, and the methods of the skin; see `skills.tactile.hole_event`."""
+OVER = 5e-5
+"""The peg's lowest point so far below the plate is over the hole, m: the plate's contacts yield by a hundredth of it."""
+FALL = 2e-4
+"""A fall is at least so deep, m; shallower passes over the hole's edge are none."""
+WINDOW = 1.0
+"""After the beginning of a fall in which an event counts as its detection, s."""
+
+High = tuple[float, float, float]
+"""Time since sliding began or since the fall, s; largest value so far; way of the peg's edge since then, m."""
+
+
+@dataclass(slots=True)
+class Highs:
+    """The times at which a detector's value was larger than ever before: all that thresholds need to know."""
+
+    values: list[High] = field(default_factory=list)
+
+    def note(self, time: float, value: float, way: float = 0.0) -> None:
+        """Take one value."""
+        if value > (self.values[-1][1] if self.values else 0.0):
+            self.values.append((time, value, way))
+
+    def first(self, limit: float) -> High | None:
+        """Return when `limit` was passed first."""
+        return next((high for high in self.values if high[1] > limit), None)
+
+    @property
+    def largest(self) -> float:
+        """Return the largest value, or 0."""
+        return self.values[-1][1] if self.values else 0.0
+
+
+@dataclass(slots=True)
+class Watched:
+    """One search that nothing stopped."""
+
+    seed: int
+    has_hole: bool
+    ended: str = ""
+    """Why it ended before its time; empty where it went on to the timeout or, with a hole, to the end of the window."""
+    slid: float = 0.0
+    """Time of sliding, s; with a hole, until the fall."""
+    spread: float = 0.0
+    """Standard deviation of the height about the learnt plane, m."""
+    crossings: float = 0.0
+    """How often the height passes its median upwards, 1/s."""
+    before: dict[str, Highs] = field(default_factory=dict)
+    """Of every detector while the peg slid over solid plate."""
+    after: dict[str, Highs] | None = None
+    """The same from the fall on; None where the peg never fell."""
+    began_in_hole: bool = False
+    """The peg came down right into the hole: there is no fall to be seen."""
+
+
+@dataclass(frozen=True, slots=True)
+class Listened:
+    """One search on a plate without a hole, stopped by its evidence."""
+
+    seed: int
+    detector: str
+    rests: int
+    """False probes."""
+    found: bool
+    """It took the place for the hole."""
+
+
+class _Watch:
+    """Sees everything that a search sees, and the truth beside it."""
+
+    def __init__(self, cell: Cell, params: SpraySearchParams, row: Watched) -> None:
+        self.row = row
+        self.seen: Observation | None = None
+        self._cell, self._radius, self._length = cell, cell.config.peg.diameter / 2, cell.config.peg.length
+        self.skin = {name: HoleEvent(_method(params.event, name), params.timeout) for name in DETECTORS[1:]}
+        self.heights: list[float] = []
+        self._start: float | None = None
+        self._over: float | None = None
+        self._place, self._deepest, self._way = np.zeros(3), 0.0, 0.0
+        self.is_done = False
+        row.before = {name: Highs() for name in DETECTORS}
+
+    def record(self, seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
+        self.seen = seen
+
+    def poll(self) -> Request:
+        return Request.STOP if self.is_done else Request.RUN
+
+    def slide(self) -> None:
+        """Take note that the sliding begins."""
+        for event in self.skin.values():
+            event.restart()
+        assert self.seen is not None
+        self._start = self.seen.stamp
+
+    def feel(self, frame: TaxelFrame) -> None:
+        for name, event in self.skin.items():
+            self._note(name, event.take(frame))
+
+    def height(self, below: float) -> None:
+        """Take the dip of one scan; the last call of a scan."""
+        assert self.seen is not None
+        if self._start is None:
+            return
+        if self.row.has_hole:
+            self._compare(self._start)
+        self._note(HEIGHT, below)
+        if self._over is None:
+            self.heights.append(below)
+            self.row.slid = self.seen.stamp - self._start
+
+    def _compare(self, start: float) -> None:
+        """Compare with the truth: has the peg begun to fall?"""
+        assert self.seen is not None
+        truth, now = self._cell.truth(), self.seen.stamp  # type: ignore[misc]
+        _, axis = end_point(self.seen.arm.tcp, truth.theta, self._length)
+        edge = lowest_point(np.array(truth.tip), axis, self._radius)
+        depth = truth.depth + truth.tip[2] - edge[2]
+        if self._over is None and depth > OVER:
+            self.row.began_in_hole = now - start < 0.05
+            self._over, self._place, self._deepest = now, edge, 0.0
+            self.row.after = {name: Highs() for name in DETECTORS}
+        if self._over is not None:
+            self._deepest = max(self._deepest, depth)
+            self._way = float(np.linalg.norm((edge - self._place)[:2]))
+            if now - self._over >= WINDOW:
+                self.is_done = self._deepest >= FALL
+                if not self.is_done:
+                    self.row.after = None
+                self._over = None
+
+    def _note(self, name: str, value: float) -> None:
+        assert self.seen is not None
+        if self._start is None:
+            return
+        if self._over is not None and self.row.after is not None:
+            self.row.after[name].note(self.seen.stamp - self._over, value, self._way)
+        else:
+            self.row.before[name].note(self.seen.stamp - self._start, value)
+
+
+class _StillGround(Ground):
+    """Learns the plate and tells the watch of every dip, but the search of none."""
+
+    def __init__(self, watch: _Watch) -> None:
+        super().__init__()
+        self._watch, self._learnt = watch, Ground()
+
+    def learn(self, edge: Vector, sense: int) -> None:
+        self._learnt.learn(edge, sense)
+
+    def below(self, edge: Vector, sense: int) -> float:
+        self._watch.height(self._learnt.below(edge, sense))
+        return 0.0
+
+    def plane(self, near: Vector) -> Plane:
+        return self._learnt.plane(near)
+
+
+class _StillSkin(HoleEvent):
+    """Tells the watch of every frame, but the search of none."""
+
+    def __init__(self, watch: _Watch, params: SpraySearchParams) -> None:
+        super().__init__(params.event, params.timeout)
+        self._watch = watch
+
+    def update(self, frame: TaxelFrame) -> bool:
+        self._watch.feel(frame)
+        return False
+
+    def restart(self) -> None:
+        self._watch.slide()
+
+
+def watch(config: CellConfig, has_hole: bool, seed: int) -> Watched:
+    """Let the search of this seed slide on, whatever it meets, while every detector watches."""
+    row = Watched(seed, has_hole)
+    cell = _cell(config, has_hole, HEIGHT, seed)
+    params = cell.config.params(SEARCH)
+    with opened(cell):
+        ctx = cell.context(seed)
+        seer = _Watch(cell, params, row)
+        outcome, reason = _search(
+            cell, ctx, lambda c: spray_search.run(params, c, _StillGround(seer), _StillSkin(seer, params)), seer
+        )
+    if not seer.is_done and reason is not Reason.NO_HOLE:
+        row.ended = f"{outcome} {reason.name.lower()}"
+    if not seer.is_done:
+        row.after = None
+    heights = np.array(seer.heights)
+    if heights.size:
+        swing = heights - np.median(heights)
+        row.spread = float(swing.std())
+        seconds = heights.size / cell.config.scan_rate
+        row.crossings = float(np.count_nonzero((swing[:-1] < 0.0) & (swing[1:] >= 0.0)) / seconds)
+    return row
+
+
+def listen(config: CellConfig, detector: str, seed: int) -> Listened:
+    """Run the search of this seed on a plate without a hole, with the evidence of one detector."""
+    cell = _cell(config, False, detector, seed)
+    kept: list[SpraySearchResult] = []
+
+    def run(ctx: SkillContext) -> SpraySearchResult:
+        kept.append(spray_search.run(cell.config.params(SEARCH), ctx))
+        return kept[-1]
+
+    with opened(cell):
+        _search(cell, cell.context(seed), run)
+    rests = kept[-1].rests if kept else 0
+    return Listened(seed, detector, rests, bool(kept) and kept[-1].outcome is Outcome.SUCCESS)
+
+
+def _search(
+    cell: Cell, ctx: SkillContext, run: Callable[[SkillContext], SpraySearchResult], seer: _Watch | None = None
+) -> tuple[str, IntEnum]:
+    """Grasp and search; return how that ended."""
+    fault: CellError | None = None
+    records = GRASP.run(cell.config.skill_set(), ctx)
+    if seer is not None:
+        ctx.record, ctx.poll = seer.record, seer.poll
+    try:
+        if records[-1].result.outcome is Outcome.SUCCESS:
+            records.append(run_stage("spray_search", run, ctx))
+    except CellError as error:
+        fault = error
+    ending = ending_of(records[-1:], fault, ctx.stage)
+    return ending.outcome, ending.reason
+
+
+def _cell(config: CellConfig, has_hole: bool, detector: str, seed: int) -> Cell:
+    assert config.sim is not None
+    is_height = detector == HEIGHT
+    event = config.params(SEARCH).event
+    if not is_height:
+        event = _method(event, detector)
+    return assemble(
+        config.with_params(SEARCH, evidence=HEIGHT if is_height else "skin", event=event).model_copy(
+            update={
+                "sim": config.sim.model_copy(update={"seed": seed, "pace": "max"}),
+                "hole": config.hole.model_copy(update={"present": has_hole}),
+            }
+        )
+    )
+
+
+def _method(params: HoleEventParams, method: str) -> HoleEventParams:
+    return params.model_copy(update={"method": method})
+
+
+def measure(
+    config: CellConfig,
+    seeds: Sequence[int],
+    with_hole: int,
+    workers: int,
+    done: Callable[[], None],
+) -> list[Watched]:
+    """Watch a search of every seed without a hole, and of the first `with_hole` with one.
+
+    Args:
+        config: Of the cell; its evidence does not matter.
+        seeds: One search each.
+        with_hole: How many of them also on a plate with the hole.
+        workers: Processes.
+        done: Told of every search.
+
+    Raises:
+        ConfigError: Not a simulated cell, or one whose plate cannot be without a hole.
+    """
+    if config.sim is None or config.sim.model.hole not in ("exact", "unpredicted"):
+        raise ConfigError('study events: needs a simulated cell with sim.model.hole = "exact"')
+    rows: list[Watched] = []
+    for has_hole, some in ((False, seeds), (True, seeds[:with_hole])):
+        for row in on_processes(partial(watch, config, has_hole), some, workers):
+            rows.append(row)
+            done()
+    return sorted(rows, key=lambda row: (row.has_hole, row.seed))
+
+
+def rice_limit(row: Watched, false_alarms: float, horizon: float) -> float:
+    """Return the dip, m, that the height's own spread passes so often in a search of this length, s.
+
+    [rice]: a normal process passes the level u upwards crossings·exp(-u²/2 spread²) times a second.
+    """
+    passes = max(row.crossings * horizon / false_alarms, 1.0 + 1e-9)
+    return row.spread * math.sqrt(2.0 * math.log(passes))
+
+
+def rice_chance(row: Watched, dip: float) -> float:
+    """Return the chance that the height passes the dip, m, in the time that the search slid, by the same formula."""
+    if row.spread == 0.0:
+        return 0.0
+    return -math.expm1(-row.crossings * row.slid * math.exp(-0.5 * (dip / row.spread) ** 2))

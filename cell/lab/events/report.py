@@ -1,0 +1,227 @@
+"""What the study of hole events found: every detector as it is set, and over all thresholds."""
+
+import csv
+import math
+import platform
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, fields
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from cell.config import CellConfig
+from cell.journal import versions
+from cell.lab.events.measure import (
+    DETECTORS,
+    HEIGHT,
+    Highs,
+    Listened,
+    Watched,
+    listen,
+    measure,
+    rice_chance,
+)
+from cell.lab.workers import on_processes
+from cell.statistics import wilson
+from skills.catalogue import SEARCH
+from skills.tactile.hole_event import limit
+
+TABLE = "events.csv"
+RATES = tuple(float(f"{rate:.1g}") for rate in np.geomspace(1e-4, 3.0, 10))
+"""Stated false alarms a search over which the charts go."""
+DIPS = (5e-5, 1e-4, 1.5e-4, 2e-4, 2.5e-4, 3e-4, 4e-4, 5e-4, 7e-4, 1e-3)
+FALLS = (0.08, 0.1, 0.12, 0.14, 0.16, 0.18, 0.2, 0.22, 0.25, 0.3, 0.4)
+"""Thresholds by hand over which the charts go: m, and fractions of the average."""
+NAMES = {
+    HEIGHT: "height of the tip",
+    "derivative": "skin: fall, frame to frame",
+    "difference": "skin: difference of several frames",
+    "cusum": "skin: CUSUM",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class EventLine:
+    """One detector at one threshold; times in s, ways in m, NaN where there is nothing to tell."""
+
+    detector: str
+    in_use: bool
+    """At the threshold of the config; the others are the charts' curves."""
+    stated: float
+    """False alarms in a search that the threshold was derived from; NaN where it was set by hand."""
+    threshold: float
+    """m for the height, fraction for the derivative, else standard deviations."""
+    searches: int
+    """Without a hole."""
+    stopped: int
+    """Of them, those with a false event."""
+    low: float
+    """Wilson 95 % interval of the share of those."""
+    high: float
+    expected: float
+    """That share, from what the threshold was derived from or, for the height, from the spread about the plane."""
+    probes: int
+    """False events of all searches together, judged at rest; -1 where nobody listened."""
+    finds: int
+    """Searches in which the judgement took such a place for the hole."""
+    finds_high: float
+    """Upper end of the Wilson 95 % interval of that share; the lower is 0 where there are none."""
+    falls: int
+    """Falls of the peg, one in each search with a hole."""
+    early: int
+    """Of them, those that a false event came before."""
+    detected: int
+    """Of the others, those with an event within the window."""
+    detected_low: float
+    detected_high: float
+    delay: float
+    """Median, from the beginning of the fall to the event."""
+    delay_p95: float
+    way: float
+    """Median of how far the peg's edge has moved by then."""
+    way_p95: float
+
+
+@dataclass(frozen=True, slots=True)
+class EventStudy:
+    """All that the study found."""
+
+    title: str
+    lines: list[EventLine]
+    empty: list[Watched]
+    """Searches without a hole."""
+    in_hole: int
+    """Searches that began with the peg in the hole: no fall."""
+    never: int
+    """Searches with a hole in which the peg never fell."""
+    others: list[str]
+    """Endings of searches without a hole other than by their timeout."""
+
+
+def run(config: CellConfig, seeds: range, with_hole: int, workers: int, done: Callable[[], None]) -> EventStudy:
+    """Run the study.
+
+    Args:
+        config: Of a simulated cell.
+        seeds: One search without a hole each.
+        with_hole: How many of them are searched with a hole too.
+        workers: Processes.
+        done: Told of every search.
+    """
+    rows = measure(config, seeds, with_hole, workers, done)
+    empty, full = [row for row in rows if not row.has_hole], [row for row in rows if row.has_hole]
+    fell = [row for row in full if row.after is not None and not row.began_in_hole]
+    lines: list[EventLine] = []
+    for detector in DETECTORS:
+        used, stated = _in_use(config, detector)
+        stopped = [row.seed for row in empty if row.before[detector].first(used) is not None]
+        heard: list[Listened] = []
+        if detector != "derivative":
+            heard += on_processes(partial(listen, config, detector), stopped, workers)
+        lines.append(_line(config, detector, stated, used, empty, fell, heard, True))
+        for rate, value in _curve(config, detector):
+            lines.append(_line(config, detector, rate, value, empty, fell, None, False))
+    title = (
+        f"{len(empty)} searches of {config.params(SEARCH).timeout:g} s without a hole, {len(fell)} falls, simulated, from seed {seeds[0]}; "
+        f"python {platform.python_version()}, "
+        + ", ".join(f"{name} {versions()[name]}" for name in ("mujoco", "numpy", "code"))
+    )
+    return EventStudy(
+        title=title,
+        lines=lines,
+        empty=empty,
+        in_hole=sum(row.began_in_hole for row in full),
+        never=sum(row.after is None for row in full),
+        others=[f"seed {row.seed}: {row.ended}" for row in empty if row.ended],
+    )
+
+
+def _in_use(config: CellConfig, detector: str) -> tuple[float, float]:
+    """Return a detector's threshold by the config, and the rate that it was derived from."""
+    search = config.params(SEARCH)
+    if detector == HEIGHT:
+        return search.dip, math.nan
+    if detector == "derivative":
+        return search.event.threshold, math.nan
+    return _limit(config, detector, search.event.false_alarms), search.event.false_alarms
+
+
+def _limit(config: CellConfig, method: str, rate: float) -> float:
+    params = config.params(SEARCH).event.model_copy(update={"method": method})
+    return limit(params, rate / config.skin.rate / config.params(SEARCH).timeout)
+
+
+def _curve(config: CellConfig, detector: str) -> list[tuple[float, float]]:
+    """Return rates and thresholds over which a detector is charted."""
+    if detector == HEIGHT:
+        return [(math.nan, dip) for dip in DIPS]
+    if detector == "derivative":
+        return [(math.nan, fall) for fall in FALLS]
+    return [(rate, _limit(config, detector, rate)) for rate in RATES]
+
+
+def _line(
+    config: CellConfig,
+    detector: str,
+    stated: float,
+    threshold: float,
+    empty: Sequence[Watched],
+    fell: Sequence[Watched],
+    heard: Sequence[Listened] | None,
+    in_use: bool,
+) -> EventLine:
+    stopped = sum(row.before[detector].first(threshold) is not None for row in empty)
+    late = [row for row in fell if row.before[detector].first(threshold) is None]
+    events = [event for row in late if (event := _after(row)[detector].first(threshold)) is not None]
+    if detector == HEIGHT:
+        expected = float(np.mean([rice_chance(row, threshold) for row in empty]))
+    elif math.isnan(stated):
+        expected = math.nan
+    else:
+        expected = float(np.mean([-math.expm1(-stated * row.slid / config.params(SEARCH).timeout) for row in empty]))
+    finds = sum(one.found for one in heard) if heard is not None else -1
+    low, high = wilson(stopped, len(empty))
+    seen_low, seen_high = wilson(len(events), len(late))
+    times, ways = [event[0] for event in events], [event[2] for event in events]
+    is_judged = heard is not None and detector != "derivative"
+    return EventLine(
+        detector=detector,
+        in_use=in_use,
+        stated=stated,
+        threshold=threshold,
+        searches=len(empty),
+        stopped=stopped,
+        low=low,
+        high=high,
+        expected=expected,
+        probes=sum(one.rests for one in heard) if heard is not None and is_judged else -1,
+        finds=finds if is_judged else -1,
+        finds_high=wilson(finds, len(empty))[1] if is_judged else math.nan,
+        falls=len(fell),
+        early=len(fell) - len(late),
+        detected=len(events),
+        detected_low=seen_low,
+        detected_high=seen_high,
+        delay=_quantile(times, 0.5),
+        delay_p95=_quantile(times, 0.95),
+        way=_quantile(ways, 0.5),
+        way_p95=_quantile(ways, 0.95),
+    )
+
+
+def _after(row: Watched) -> dict[str, Highs]:
+    assert row.after is not None
+    return row.after
+
+
+def _quantile(values: Sequence[float], share: float) -> float:
+    return float(np.quantile(values, share)) if values else math.nan
+
+
+def write(lines: Sequence[EventLine], path: Path) -> None:
+    """Write lines as CSV."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, [field.name for field in fields(EventLine)], lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(asdict(line) for line in lines)

@@ -1,0 +1,41 @@
+"""`cell study events`: hole events, false ones on plates without a hole, and true ones where a peg falls."""
+
+import argparse
+from dataclasses import asdict
+
+from cell.arguments import out_folder
+from cell.lab.arguments import add_seed, add_study, add_trials, add_workers, load_simulated
+from cell.lab.report import StudyReport, finite
+from cell.terminal import progress
+
+SUMMARY = "hole events, false and true: how often a search stops without a hole, how soon where there is one"
+QUICK_TIMEOUT = 8.0
+"""Of a search with --quick, s."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what is simulated, and how many searches there are."""
+    add_study(parser)
+    add_seed(parser)
+    add_trials(parser, "searches without a hole; 1000, with --quick 4")
+    add_workers(parser)
+
+
+def run(args: argparse.Namespace) -> StudyReport:
+    """Search with and without a hole, write the table, draw the chart."""
+    from cell.lab.events import charts, report, tables
+    from skills.catalogue import SEARCH
+
+    config, folder = load_simulated(args, "study events").cell, out_folder(args.out)
+    trials = args.trials or (4 if args.quick else 1000)
+    if args.quick:
+        config = config.with_params(SEARCH, timeout=min(config.params(SEARCH).timeout, QUICK_TIMEOUT))
+    seeds, with_hole = range(args.seed, args.seed + trials), min(trials, 200)
+    with progress() as bars:
+        bar = bars.add_task("searches", total=len(seeds) + with_hole)
+        found = report.run(config, seeds, with_hole, args.workers, lambda: bars.advance(bar))
+    files = [folder / report.TABLE, folder / charts.CHART]
+    report.write(found.lines, files[0])
+    charts.draw(found, config.params(SEARCH), files[1])
+    result = {"title": found.title, "lines": [asdict(line) for line in found.lines], "others": found.others}
+    return StudyReport([tables.table(found)], finite(result), files)

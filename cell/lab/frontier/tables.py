@@ -1,0 +1,29 @@
+"""The table of the frontier."""
+
+from collections.abc import Sequence
+
+from rich.table import Table
+from rich.text import Text
+
+from cell.lab.frontier.measure import FrontierLine
+
+
+def frontier(lines: Sequence[FrontierLine], title: str) -> Table:
+    """Return how well and how fast each variant works."""
+    table = Table(title=title, caption="times are of the successes, s; forces are each trial's largest, N")
+    for name in ("", "variant", "success", "Wilson 95 %", "mean", "median", "p95", "force p95", "voids", "retries"):
+        table.add_column(name, justify="left" if name in ("", "variant") else "right")
+    table.add_column("endings other than success")
+    for before, line in zip((None, *lines), lines, strict=False):
+        is_new = before is None or before.family != line.family
+        table.add_row(
+            line.family if is_new else "",
+            line.variant,
+            f"{line.successes}/{line.trials}",
+            f"{100 * line.low:.1f} to {100 * line.high:.1f} %",
+            *(f"{value:.1f}" for value in (line.mean, line.median, line.p95, line.force_p95)),
+            str(line.voids),
+            str(line.retries),
+            Text(line.error or line.endings),
+        )
+    return table

@@ -1,0 +1,1 @@
+"""Study of the line to a PLC."""

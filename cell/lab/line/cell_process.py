@@ -1,0 +1,129 @@
+"""The two servers of the study, each in a process of its own: the whole cell in real time, and a bare one."""
+
+import multiprocessing
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+from cell.assembly import assemble, opened
+from cell.config import LoadedConfig
+from cell.journal import Journal
+from cell.lab.line.client import Address
+from cell.line import PARAMETERS, PROGRAMS
+from cell.supervisor import Supervisor
+from drivers.errors import CellError
+from drivers.protocols import Clock
+from plc_bridge.bridge import Bridge
+from plc_bridge.messages import Command, Refusal, Report
+
+PATIENCE = 60.0
+"""For a process that has much to do, and for a PLC that a busy computer makes silent, s."""
+
+
+Scan = tuple[float, int]
+"""When a scan began to ask for commands, s, and a state that it published; it may publish several."""
+
+
+class _Stopwatch:
+    """A line and a clock that note every scan; a scan begins after a wait."""
+
+    def __init__(self, bridge: Bridge, clock: Clock) -> None:
+        self._bridge, self._clock = bridge, clock
+        self._asked = 0.0
+        self._is_new = True
+        self.scans: list[Scan] = []
+
+    def poll(self) -> Command | None:
+        """Ask the bridge."""
+        if self._is_new:
+            self._asked, self._is_new = time.perf_counter(), False
+        return self._bridge.poll()
+
+    def publish(self, report: Report) -> None:
+        """Tell the bridge."""
+        self.scans.append((self._asked, report.state))
+        self._bridge.publish(report)
+
+    def now(self) -> float:
+        """Ask the clock."""
+        return self._clock.now()
+
+    def wait_until(self, stamp: float) -> None:
+        """Wait by the clock."""
+        self._clock.wait_until(stamp)
+        self._is_new = True
+
+    def refuse(self, command: Command, refusal: Refusal) -> None:
+        """Tell the bridge."""
+        self._bridge.refuse(command, refusal)
+
+
+def _serve(loaded: LoadedConfig, connections: int, pipe: Connection) -> None:
+    """Serve the cell until the other end has had enough, and send it all scans."""
+    plc = loaded.cell.plc
+    free = plc.modbus.model_copy(update={"port": 0, "connections": connections})
+    patient = plc.model_copy(update={"modbus": free, "life_timeout": PATIENCE, "lease_timeout": PATIENCE})
+    bridge, stop = Bridge(patient, PROGRAMS, PARAMETERS), threading.Event()
+
+    def wait() -> None:
+        pipe.recv()
+        stop.set()
+
+    threading.Thread(target=wait, daemon=True).start()
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        Journal(Path(folder)) as journal,
+        opened(assemble(loaded.cell)) as cell,
+    ):
+        stopwatch = _Stopwatch(bridge, cell.clock)
+        supervisor = Supervisor(replace(cell, clock=stopwatch), loaded, stopwatch, journal, stop)
+        supervisor.scan()
+        bridge.start()
+        pipe.send(bridge.address)
+        supervisor.serve()
+        bridge.close()
+    pipe.send(stopwatch.scans)
+
+
+@contextmanager
+def cell_process(loaded: LoadedConfig, scans: list[Scan], connections: int) -> Iterator[Address]:
+    """Yield where a cell of its own process listens; afterwards `scans` has all that it did."""
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe()
+    process = context.Process(target=_serve, args=(loaded, connections, theirs))
+    process.start()
+    theirs.close()
+    try:
+        yield _received(ours)
+        ours.send(None)
+        scans.extend(_received(ours))
+    finally:
+        process.kill()
+        process.join()
+
+
+def _received(pipe: Connection) -> Any:
+    if not pipe.poll(PATIENCE):
+        raise CellError("the cell's process does not answer")
+    try:
+        return pipe.recv()
+    except EOFError:
+        raise CellError("the cell's process has ended") from None
+
+
+@contextmanager
+def bare_server() -> Iterator[Address]:
+    """Yield where pymodbus's own server listens, in a process of its own."""
+    command = [sys.executable, "-m", "plc_bridge.bare"]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        yield "127.0.0.1", int(process.stdout.readline())
+        process.communicate(timeout=PATIENCE)

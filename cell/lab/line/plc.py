@@ -1,0 +1,96 @@
+"""A PLC that starts runs over a connection that measures."""
+
+import random
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from cell.lab.line.cell_process import PATIENCE
+from cell.lab.line.client import Client
+from cell.states import State
+from drivers.errors import CellError
+from plc_bridge.images import CommandImage, ReportImage
+from plc_bridge.messages import Control, Result
+from plc_bridge.registers import VERSION
+from skills.catalogue import CATALOGUE
+
+CYCLE = 0.02
+"""Between two signs of life while a run goes on, s."""
+_INSERT, _GRASP = CATALOGUE["insert_peg"].code, CATALOGUE["grasp_from_rack"].code
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """One command, in times of this computer, s."""
+
+    sent: float
+    written: float
+    seen: float
+    is_at_once: bool
+    """The first answer said Busy."""
+
+
+class Plc:
+    """A PLC that starts runs, over a connection that measures."""
+
+    def __init__(self, client: Client) -> None:
+        self._client, self._rng = client, random.Random(1)
+        self._image = CommandImage(sequence=client.report().sequence, version=VERSION)
+        self.cycle()
+
+    def cycle(self, **changes: int) -> ReportImage:
+        """Count life up and write the block; return the report."""
+        life = self._image.life % 0xFFFF + 1
+        self._image = replace(self._image, life=life, life_tail=life, **changes)  # type: ignore[arg-type]
+        self._client.write(self._image)
+        return self._client.report()
+
+    def trigger(self, code: int) -> ReportImage:
+        """Send a command."""
+        return self.cycle(sequence=(self._image.sequence + 1) % 0x10000, code=code)
+
+    def until(self, is_met: Callable[[ReportImage], bool]) -> ReportImage:
+        """Cycle until the report is as wanted, and return it."""
+        deadline = time.monotonic() + PATIENCE
+        while not is_met(report := self.cycle()):
+            if time.monotonic() > deadline:
+                raise CellError(f"the cell does not get on: {report}")
+        return report
+
+    def finish(self) -> None:
+        """Stop what runs, acknowledge it, and make the cell ready."""
+        self._client.stop()
+        self.until(lambda report: report.state == State.STOPPED)
+        self.trigger(Control.RESET)
+        self.until(lambda report: report.state == State.IDLE)
+        self.cycle(acknowledge=self._image.sequence)
+
+    def time_start(self, period: float) -> Start:
+        """Start a run, time it, and stop it."""
+        time.sleep(self._rng.uniform(0.0, period))
+        life = self._image.life % 0xFFFF + 1
+        self._image = replace(
+            self._image, life=life, life_tail=life, sequence=(self._image.sequence + 1) % 0x10000, code=_GRASP
+        )
+        sent = time.perf_counter()
+        self._client.write(self._image)
+        written = time.perf_counter()
+        is_at_once = self._client.is_busy()
+        while (report := self._client.report()).state == State.IDLE:
+            if time.perf_counter() - sent > PATIENCE:
+                raise CellError(f"the cell does not start: {report}")
+        seen = time.perf_counter()
+        self.finish()
+        return Start(sent, written, seen, is_at_once)
+
+    def keep_running(self, is_over: threading.Event) -> None:
+        """Start insertions, one after the other, until it is over."""
+        while not is_over.is_set():
+            report = self.trigger(_INSERT)
+            while not is_over.wait(CYCLE) and (report.sequence != self._image.sequence or not report.result):
+                report = self.cycle()
+            self.cycle(acknowledge=self._image.sequence)
+            if report.result == Result.FAULT:
+                raise CellError(f"fault {report.fault} while measuring")
+        self.finish()

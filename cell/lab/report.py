@@ -1,0 +1,30 @@
+"""What a study leaves: tables for people, the same as data for programs, and files."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+
+@dataclass(frozen=True, slots=True)
+class StudyReport:
+    """The result of a study."""
+
+    tables: "Sequence[RenderableType]"
+    result: object
+    """The same for JSON."""
+    written: list[Path] = field(default_factory=list)
+    """Tables, figures and charts."""
+
+
+def finite(value: Any) -> Any:
+    """Return the same with null for what JSON cannot say: a model that failed has no figure."""
+    if isinstance(value, dict):
+        return {key: finite(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

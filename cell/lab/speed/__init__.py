@@ -1,0 +1,1 @@
+"""Study of how fast the stand-in runs."""

@@ -1,0 +1,1 @@
+"""Study of where the loop through the skin goes unstable."""

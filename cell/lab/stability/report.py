@@ -1,0 +1,101 @@
+"""What `cell study stability` finds: the map beside theory, every case as CSV, figures as JSON."""
+
+import csv
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from cell.config import CellConfig
+from cell.journal import config_hash, versions
+from cell.lab.stability.measure import QUICK, WHOLE, Boundary, Shipped, Trace, boundaries, measure, shipped_margins
+from cell.margins import HELD, MARGIN
+from skills.catalogue import INSERT
+
+CASES, FIGURES = "stability.csv", "stability.json"
+UNITS = {"translation": "N/m", "rotation": "N·m/rad"}
+
+
+@dataclass(frozen=True, slots=True)
+class StabilityReport:
+    """What came out."""
+
+    traces: list[Trace]
+    theory: list[Boundary]
+    shipped: list[Shipped]
+    data: dict[str, Any]
+    """As in the JSON file."""
+
+
+def cases(quick: bool) -> int:
+    """Return how many cases there are."""
+    grid = QUICK if quick else WHOLE
+    return sum(2 * len(grid.periods) * len(grid.delays) * len(grid.gains[kind]) for kind in HELD)
+
+
+def run(config: CellConfig, quick: bool, workers: int, done: Callable[[int], None]) -> StabilityReport:
+    """Measure the map, and compare it with theory."""
+    grid = QUICK if quick else WHOLE
+    traces, inertia = measure(config, grid, workers, done)
+    theory = boundaries(config.params(INSERT).gains, inertia, grid)
+    shipped = shipped_margins(config)
+    data = {
+        "cases": len(traces),
+        "against_theory": compare(traces, theory),
+        "guard": caught(traces),
+        "margin_needed": MARGIN,
+        "shipped": [asdict(line) for line in shipped],
+        "theory": [asdict(line) for line in theory],
+        "inertia": inertia.tolist(),
+        "versions": versions(),
+        "config_hash": config_hash(config),
+        "config": config.model_dump(mode="json"),
+    }
+    return StabilityReport(traces, theory, shipped, data)
+
+
+def write(found: StabilityReport, folder: Path) -> list[Path]:
+    """Write every case as CSV and the figures as JSON, and return the files."""
+    files = [folder / CASES, folder / FIGURES]
+    _write_cases(found.traces, found.theory, files[0])
+    files[1].write_text(json.dumps(found.data, indent=2) + "\n", encoding="utf-8")
+    return files
+
+
+def compare(traces: Sequence[Trace], theory: Sequence[Boundary]) -> dict[str, int]:
+    """Count how the arm agrees with theory, which is about the loop without the observer."""
+    counts = {"stable_below": 0, "unstable_above": 0, "stable_above": 0, "unstable_below": 0}
+    for trace in traces:
+        if not trace.case.observer:
+            side = "below" if trace.case.gain < _limit(trace, theory) else "above"
+            counts[f"{'stable' if trace.is_stable else 'unstable'}_{side}"] += 1
+    return counts
+
+
+def caught(traces: Sequence[Trace]) -> dict[str, int]:
+    """Count what the guard would have stopped."""
+    unstable = [trace for trace in traces if not trace.is_stable]
+    return {
+        "unstable": len(unstable),
+        "unstable_stopped": sum(trace.stopped_at is not None for trace in unstable),
+        "unstable_with_observer": sum(trace.case.observer for trace in unstable),
+        "stable": len(traces) - len(unstable),
+        "stable_stopped": sum(trace.is_stable and trace.stopped_at is not None for trace in traces),
+    }
+
+
+def _limit(trace: Trace, theory: Sequence[Boundary]) -> float:
+    case = trace.case
+    return next(b.gain for b in theory if (b.kind, b.period, b.delay) == (case.kind, case.period, case.delay))
+
+
+def _write_cases(traces: Sequence[Trace], theory: Sequence[Boundary], path: Path) -> None:
+    rows = []
+    for trace in traces:
+        facts = asdict(trace)
+        rows.append({**facts.pop("case"), "theory": _limit(trace, theory), **facts})
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, rows[0].keys(), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)

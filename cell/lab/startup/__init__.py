@@ -1,0 +1,1 @@
+"""Study of how long a command takes before it does anything."""

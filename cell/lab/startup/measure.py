@@ -1,0 +1,100 @@
+"""What it takes to start a command: time of the processor, and which heavy packages come along.
+
+A technician waits for `cell faults` beside a cell that stands still; a fleet of small computers asks `cell runs` every
+minute. Time is that of the processor, user and system, of a process of its own, so that other work on the computer
+changes it little.
+"""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from statistics import median
+
+LIMIT = 0.6
+"""Longest that a command that only tells something may take, s of the processor."""
+HEAVY = (
+    *("can", "canopen", "cryptography", "cv2", "distributed", "matplotlib", "mujoco", "numba", "pyarrow", "pymodbus"),
+    *("scipy", "serial"),
+)
+"""Packages that a command imports only to use them."""
+COMMANDS: dict[str, tuple[str, ...]] = {
+    "--help": ("--help",),
+    "--version": ("--version",),
+    "faults": ("faults",),
+    "map": ("map",),
+    "runs": ("runs",),
+    "study --help": ("study", "--help"),
+    "trials --help": ("trials", "--help"),
+}
+"""Commands that only tell something; `runs` reads the user's own journal unless a folder is given."""
+_LISTING = """
+import json, os, sys
+from cell.cli import main
+out = os.dup(1)
+os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+try:
+    main(sys.argv[1:])
+except SystemExit:
+    pass
+os.write(out, "\\n".join(name for name in sys.modules if "." not in name).encode())
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class StartLine:
+    """One command."""
+
+    command: str
+    time: float
+    """Median of the processor's time, s."""
+    worst: float
+    """Longest, s."""
+    starts: int
+    heavy: str
+    """Packages of `HEAVY` that it imported."""
+
+    @property
+    def holds(self) -> bool:
+        """Whether the median is within the limit."""
+        return self.time <= LIMIT
+
+
+def measure(starts: int, journal: str, done: Callable[[], None]) -> list[StartLine]:
+    """Start every command in processes of its own.
+
+    Args:
+        starts: How often each.
+        journal: Folder whose runs `runs` tells.
+        done: Told of every command.
+    """
+    lines = []
+    for name, arguments in COMMANDS.items():
+        if name == "runs":
+            arguments = (*arguments, "--journal", journal)
+        times = [processor_time(arguments) for _ in range(starts)]
+        lines.append(StartLine(name, median(times), max(times), starts, " ".join(heavy_imports(arguments))))
+        done()
+    return lines
+
+
+def processor_time(arguments: Sequence[str]) -> float:
+    """Return what one start of the program takes of the processor, user and system, s.
+
+    Raises:
+        RuntimeError: The command did not end well.
+    """
+    process = subprocess.Popen([sys.executable, "-m", "cell", *arguments], stdout=subprocess.DEVNULL)
+    _, status, used = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode != 0:
+        raise RuntimeError(f"cell {' '.join(arguments)}: exit status {process.returncode}")
+    return used.ru_utime + used.ru_stime
+
+
+def heavy_imports(arguments: Sequence[str]) -> list[str]:
+    """Return the heavy packages that one command imports."""
+    command = [sys.executable, "-c", _LISTING, *arguments]
+    listed = subprocess.run(command, check=True, capture_output=True, text=True).stdout.split()
+    return [name for name in HEAVY if name in listed]

@@ -1,0 +1,53 @@
+"""Tables that several commands of the laboratory show; nothing is printed here."""
+
+from collections.abc import Sequence
+from dataclasses import fields
+from typing import Any
+
+from rich.table import Table
+
+from cell.lab.published import PUBLISHED, PUBLISHED_ATTEMPTS, PUBLISHED_SUCCESSES, PUBLISHED_TOTAL, StageLine
+from cell.lab.trials import TrialRow
+from cell.statistics import wilson
+
+
+def stages(lines: Sequence[StageLine]) -> Table:
+    """Return this cell's stage table beside [gibbons], Table I."""
+    table = Table(title="Stages, beside [gibbons], Table I", caption="times are means of the successes")
+    for name in ("stage", "success", "Wilson 95 %", "time (s)", "published", "time (s)"):
+        table.add_column(name, justify="left" if name == "stage" else "right")
+    published = [(p.label, p.successes, p.attempts, p.time) for p in PUBLISHED]
+    published.append(("total", PUBLISHED_SUCCESSES, PUBLISHED_ATTEMPTS, PUBLISHED_TOTAL))
+    for line, (label, successes, attempts, time) in zip(lines, published, strict=True):
+        low, high = wilson(line.successes, line.attempts)
+        table.add_row(
+            label,
+            f"{line.successes}/{line.attempts}",
+            f"{100 * low:.1f} to {100 * high:.1f} %",
+            "-" if line.time is None else f"{line.time:.1f}",
+            f"{successes}/{attempts}",
+            f"{time:.1f}",
+        )
+    return table
+
+
+def outcomes(rows: Sequence[TrialRow]) -> Table:
+    """Return how many trials ended how."""
+    table = Table("outcome", "stage", "reason", "trials")
+    kinds = sorted({(row.outcome, row.stage, row.reason) for row in rows})
+    for kind in kinds:
+        count = sum((row.outcome, row.stage, row.reason) == kind for row in rows)
+        table.add_row(*kind, str(count))
+    return table
+
+
+def plain(title: str, lines: Sequence[Any]) -> Table:
+    """Return lines of one dataclass as they are, SI units."""
+    table = Table(title=title)
+    names = [field.name for field in fields(lines[0])]
+    for name in names:
+        table.add_column(name, justify="right")
+    for line in lines:
+        values = (getattr(line, name) for name in names)
+        table.add_row(*(f"{value:.4g}" if isinstance(value, float) else str(value) for value in values))
+    return table

@@ -1,0 +1,1 @@
+"""Study of reading the peg's angle from the taxels."""

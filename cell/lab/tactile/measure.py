@@ -1,0 +1,322 @@
+"""How well and how fast each estimator reads the angle of the peg, where it fails, and whether it knows.
+
+Frames come from two models of the pads, neither of them the estimators' templates: the stand-in's bed of springs,
+and an elastic layer, which is finer and shares nothing with either. Both pass through the stand-in's taxels (gains,
+offsets, drift, creep, noise, converter) and through the health check that the live skin has. Frames of one kind
+follow each other at angles drawn at random, and an estimator that learns of the pads begins anew with each kind.
+"""
+
+import csv
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from copy import copy
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from cell.assembly import make_estimator
+from cell.config import CellConfig
+from cell.lab.tactile.elastic_layer import layer_pads
+from drivers.errors import ConfigError
+from drivers.quantities import Mask, TaxelFrame, Vector
+from drivers.skin.health import SkinHealth
+from drivers.skin.layout import LAYOUTS, MODULE_OF, Layout
+from sim.config import SimSkinConfig
+from sim.pads import PadLoad, Pads
+from sim.skin import Taxels
+from skills.catalogue import INSERT
+from skills.tactile.pose import PegPose
+
+ESTIMATORS = ("image", "pca", "ml", "robust")
+Model = Literal["springs", "layer"]
+FRAMES, QUICK_FRAMES = 800, 40
+FRAMES_A_SKIN = 8
+"""So many grasps are read with one draw of gains before the next is drawn."""
+BETWEEN = 2.0
+"""Time between them, s; the offsets drift all the while."""
+WIDEST = math.radians(80.0)
+WRONG = math.radians(5.0)
+"""An angle told that is further off than this is a failure."""
+GRIP = 30.0
+OFFSET = 0.7e-3
+"""Standard deviation of the peg's offset from the finger centre, m."""
+PUSH, LEVER = 7.0, 0.045
+"""Largest force across the pads, N, and its mean lever about the finger centre, m; as a search shows them."""
+DEPTHS = (0.45e-3, 0.6e-3)
+"""How far the peg is pressed into the layer, m."""
+COVERED = 1.96
+ALIVE: Mask = np.ones(MODULE_OF.shape, dtype=bool)
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """What is unusual about a grasp or a skin."""
+
+    name: str
+    noise: float = 1.0
+    """Multiple of the configured noise."""
+    sensitivity: float = 1.0
+    """Multiple of the configured sensitivity: with a high one the converter stops at its rail."""
+    dead: Literal["none", "known", "unknown"] = "none"
+    """One module, drawn anew for each skin: reads zero from the start, or feels nothing any more and still hisses."""
+    off_centre: tuple[float, float] | None = None
+    """Offset to either side, m, drawn between these."""
+    reach_back: tuple[float, float] | None = None
+    """How far the peg reaches beyond the finger centre, m, drawn between these."""
+    forgets: bool = False
+    """Every frame is the first that the estimator sees."""
+
+
+CONDITIONS = (
+    Condition("nominal"),
+    Condition("first frame", forgets=True),
+    Condition("module dead, known", dead="known"),
+    Condition("module dead, unknown", dead="unknown"),
+    Condition("noise doubled", noise=2.0),
+    Condition("2 to 3 mm off centre", off_centre=(2e-3, 3e-3)),
+    Condition("half contact", reach_back=(0.0, 4e-3)),
+    Condition("saturated", sensitivity=6.0),
+)
+ON_LAYER = CONDITIONS[:4]
+"""Those that the elastic layer, which takes its time, is read in too."""
+
+
+@dataclass(frozen=True, slots=True)
+class Read:
+    """One frame, read by one estimator."""
+
+    theta: float
+    """True, rad."""
+    error: float
+    """Estimated less true, folded to half a turn, rad."""
+    sigma: float
+    healthy: bool
+    spent: float
+    """s."""
+
+
+@dataclass(frozen=True, slots=True)
+class TactileLine:
+    """One estimator on one kind of frames; errors are those of the angles that were told, degrees."""
+
+    layout: str
+    model: str
+    condition: str
+    estimator: str
+    frames: int
+    told: float
+    """Share of the frames for which an angle was told."""
+    rmse: float
+    p95: float
+    worst: float
+    covered: float
+    """Share of the told angles whose error is within 1.96 sigma: 0.95 when sigma is honest."""
+    time: float
+    """Median for one frame, s."""
+
+
+@dataclass(frozen=True, slots=True)
+class Missed:
+    """One thing that the bed of springs does not show as an elastic layer does."""
+
+    layout: str
+    what: str
+    size: float
+    """Fraction."""
+
+
+@dataclass(frozen=True, slots=True)
+class TactileStudy:
+    """All that the study found."""
+
+    lines: list[TactileLine]
+    """One for each layout, model, condition and estimator."""
+    nominal: dict[tuple[str, str], list[Read]]
+    """Of the nominal springs every frame, by layout and estimator."""
+    fidelity: list[Missed]
+
+    def as_data(self) -> dict[str, Any]:
+        """Return it for JSON."""
+        lines, fidelity = ([asdict(each) for each in part] for part in (self.lines, self.fidelity))
+        return {"lines": lines, "fidelity": fidelity}
+
+
+def parts() -> int:
+    """Return how often `study` says that a part is done."""
+    return len(LAYOUTS) * len(kinds())
+
+
+def study(config: CellConfig, is_quick: bool, done: Callable[[], None]) -> TactileStudy:
+    """Read frames of every kind with every estimator, and compare the pads with an elastic layer.
+
+    Args:
+        config: Of a cell with a simulated skin.
+        is_quick: A twentieth of the frames.
+        done: Told after every kind of frames.
+    """
+    skin, count = simulated_skin(config), QUICK_FRAMES if is_quick else FRAMES
+    lines: list[TactileLine] = []
+    nominal: dict[tuple[str, str], list[Read]] = {}
+    for layout in LAYOUTS:
+        estimators = {name: make_estimator(_with(config, layout, name)) for name in ESTIMATORS}
+        for model, condition in kinds():
+            frames = list(made(skin, layout, model, condition, count, config))
+            for name, estimator in estimators.items():
+                copy(estimator).estimate(frames[0][1])
+                reader = copy(estimator)
+                reads = [
+                    _read((copy(estimator) if condition.forgets else reader).estimate, theta, frame)
+                    for theta, frame in frames
+                ]
+                lines.append(summed(layout, model, condition.name, name, reads))
+                if (model, condition.name) == ("springs", "nominal"):
+                    nominal[layout, name] = reads
+            done()
+    return TactileStudy(lines, nominal, fidelity(config))
+
+
+def simulated_skin(config: CellConfig) -> SimSkinConfig:
+    """Return the skin that is studied.
+
+    Raises:
+        ConfigError: It is a real one.
+    """
+    if not isinstance(config.skin, SimSkinConfig):
+        raise ConfigError(f'study tactile: skin.kind = "{config.skin.kind}": its pegs are simulated; "sim" allowed')
+    return config.skin
+
+
+def kinds() -> list[tuple[Model, Condition]]:
+    """Return what kinds of frames are read on each layout."""
+    return [*(("springs", condition) for condition in CONDITIONS), *(("layer", condition) for condition in ON_LAYER)]
+
+
+def _with(config: CellConfig, layout: Layout, name: str) -> CellConfig:
+    skin = config.skin.model_copy(update={"layout": layout})
+    return config.with_params(INSERT, estimator=name).model_copy(update={"skin": skin})
+
+
+def made(
+    skin: SimSkinConfig, layout: Layout, model: Model, condition: Condition, count: int, config: CellConfig
+) -> Iterator[tuple[float, TaxelFrame]]:
+    """Yield true angle, rad, and frame of so many grasps, always the same ones."""
+    rng = np.random.default_rng(np.random.SeedSequence([LAYOUTS.index(layout), *condition.name.encode()]))
+    skin = skin.model_copy(
+        update={
+            "layout": layout,
+            "noise": min(condition.noise * skin.noise, 0.2),
+            "sensitivity": condition.sensitivity * skin.sensitivity,
+        }
+    )
+    pads = Pads(skin.pad, layout)
+    angles = rng.permutation(np.linspace(-WIDEST, WIDEST, count))
+    for number, theta in enumerate(angles):
+        if number % FRAMES_A_SKIN == 0:
+            taxels, feels = Taxels(skin, rng), ALIVE
+            module = int(rng.integers(MODULE_OF.max() + 1))
+            if condition.dead == "known":
+                taxels.dead = taxels.dead | (module == MODULE_OF)
+            elif condition.dead == "unknown":
+                feels = np.not_equal(module, MODULE_OF)
+            rest = np.zeros(MODULE_OF.shape)
+            health = SkinHealth(
+                skin.health, np.array([taxels.measure(rest, 0.0) for _ in range(skin.health.baseline_frames)])
+            )
+        offset = rng.normal(0.0, OFFSET)
+        if condition.off_centre is not None:
+            offset = rng.choice([-1.0, 1.0]) * rng.uniform(*condition.off_centre)
+        back = config.peg.overhang if condition.reach_back is None else rng.uniform(*condition.reach_back)
+        grasp = _grasped if model == "springs" else _pressed
+        pressure = grasp(pads, layout, float(theta), offset, back, config, rng)
+        values, trusted = health.update(taxels.measure(np.where(feels, pressure, 0.0), BETWEEN), BETWEEN * number)
+        yield float(theta), TaxelFrame(values, trusted, BETWEEN * number, number)
+
+
+def _grasped(
+    pads: Pads, layout: Layout, theta: float, offset: float, back: float, config: CellConfig, rng: np.random.Generator
+) -> Vector:
+    push = rng.uniform(-PUSH, PUSH)
+    load = PadLoad(theta, offset, GRIP, push, LEVER * push, config.peg.length, back, config.peg.diameter)
+    return pads.pressure(load)
+
+
+def _pressed(
+    pads: Pads, layout: Layout, theta: float, offset: float, back: float, config: CellConfig, rng: np.random.Generator
+) -> Vector:
+    depth = rng.uniform(*DEPTHS)
+    move, tilt = depth * rng.uniform(-0.1, 0.1), depth / 0.02 * rng.uniform(-0.15, 0.15)
+    depths = ((depth + move, tilt), (depth - move, -tilt))
+    reach = (config.peg.length, back)
+    return layer_pads(layout).readings(theta, offset, depths, reach, config.peg.diameter)[0]
+
+
+def _read(estimate: Callable[[TaxelFrame], PegPose], theta: float, frame: TaxelFrame) -> Read:
+    started = time.perf_counter()
+    pose = estimate(frame)
+    spent = time.perf_counter() - started
+    return Read(theta, (pose.theta - theta + math.pi / 2) % math.pi - math.pi / 2, pose.sigma, pose.healthy, spent)
+
+
+def summed(layout: str, model: str, condition: str, estimator: str, reads: Sequence[Read]) -> TactileLine:
+    """Return the line that sums up frames; NaN where no angle was told."""
+    told = [read for read in reads if read.healthy]
+    error = np.abs([read.error for read in told]) if told else np.array([math.nan])
+    sigma = np.array([read.sigma for read in told]) if told else np.array([math.nan])
+    degrees = np.degrees(error)
+    return TactileLine(
+        layout=layout,
+        model=model,
+        condition=condition,
+        estimator=estimator,
+        frames=len(reads),
+        told=len(told) / len(reads),
+        rmse=float(np.sqrt(np.mean(degrees**2))),
+        p95=float(np.percentile(degrees, 95)),
+        worst=float(degrees.max()),
+        covered=float(np.mean(error < COVERED * sigma)),
+        time=float(np.median([read.spent for read in reads])),
+    )
+
+
+def fidelity(config: CellConfig) -> list[Missed]:
+    """Compare the stand-in's pads with an elastic layer under pegs at all angles, with equal load and no push.
+
+    The layer's readings are scaled to the springs' by least squares, as a calibration would.
+    """
+    found = []
+    reach, diameter = (config.peg.length, config.peg.overhang), config.peg.diameter
+    for layout in LAYOUTS:
+        layer, springs = layer_pads(layout), Pads(simulated_skin(config).pad, layout)
+        rms, worst, stiffening = [], [], []
+        for theta in np.linspace(-WIDEST, WIDEST, 33):
+            felt, loads = zip(
+                *(layer.readings(theta, 0.0, ((d, 0.0), (d, 0.0)), reach, diameter) for d in DEPTHS), strict=True
+            )
+            read = [springs.pressure(PadLoad(theta, 0.0, float(load[0]), 0.0, 0.0, *reach, diameter)) for load in loads]
+            scale = np.vdot(felt[1], read[1]) / np.vdot(read[1], read[1])
+            away = (felt[1] - scale * read[1]) / felt[1].max()
+            rms.append(float(np.mean(away**2)))
+            worst.append(float(np.abs(away).max()))
+            rises = [float(pair[1].max() / pair[0].max()) for pair in (felt, read)]
+            stiffening.append(abs(rises[1] / rises[0] - 1.0))
+        found += [
+            Missed(
+                layout,
+                "shape of the print: RMS over taxels and angles, of the largest reading",
+                math.sqrt(np.mean(rms)),
+            ),
+            Missed(layout, "shape of the print: worst taxel", max(worst)),
+            Missed(layout, "growth of the largest reading with the load: mean", float(np.mean(stiffening))),
+        ]
+    return found
+
+
+def write_lines(lines: Sequence[TactileLine], path: Path) -> None:
+    """Write lines as CSV."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, [field.name for field in fields(TactileLine)], lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(asdict(line) for line in lines)

@@ -1,0 +1,304 @@
+"""Many insertions, each on a fresh simulated cell of its own seed, on every core; one row each in trials.csv."""
+
+import csv
+import json
+import math
+import platform
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field, fields
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TextIO
+
+from cell.assembly import Cell, assemble, opened
+from cell.config import CellConfig
+from cell.journal import config_hash, versions
+from cell.lab.published import PUBLISHED, Tried, stage_table
+from cell.lab.workers import on_cluster, on_processes
+from cell.record import StageClock, ending_of
+from cell.statistics import spread, wilson
+from drivers.errors import CellError, ConfigError, FaultCode
+from drivers.quantities import ImpedanceSetpoint
+from skills.catalogue import CATALOGUE
+from skills.contract import Observation, Reason, SkillContext
+from skills.flow import StageRecord
+from skills.spray_search import SpraySearchResult
+
+if TYPE_CHECKING:
+    from sim.world import Truth
+
+WATCHED = frozenset({"spray_search", "tactile_insert"})
+"""Stages over which the estimate in use is compared with the truth."""
+TABLE, PARTIAL, SUMMARY = "trials.csv", "trials.partial.jsonl", "summary.json"
+
+
+@dataclass(frozen=True, slots=True)
+class TrialRow:
+    """One row of trials.csv; SI units and radians, empty where a stage was not reached."""
+
+    seed: int
+    outcome: str
+    """`success`, `failure`, `aborted` or `void`."""
+    reason: str
+    stage: str
+    grasp_time: float | None
+    search_time: float | None
+    insert_time: float | None
+    adjust_time: float | None
+    total_time: float | None
+    """search + insert + adjust."""
+    retries: int
+    peak_contact_force: float
+    max_penetration: float
+    max_in_hand_rotation: float
+    theta_rmse: float | None
+    tip_rmse: float | None
+    hole_x: float
+    hole_y: float
+    start_x: float | None
+    start_y: float | None
+    switch_closed: bool
+    depth: float
+    sim_time: float
+    wall_time: float
+
+    def tried(self) -> Tried:
+        """Return the row as the stage table needs it."""
+        names = ("search_time", "insert_time", "adjust_time")
+        times = {
+            stage.name: value
+            for stage, name in zip(PUBLISHED, names, strict=True)
+            if (value := getattr(self, name)) is not None
+        }
+        return Tried(self.outcome == "success", self.stage, times)
+
+
+COLUMNS = tuple(f.name for f in fields(TrialRow))
+
+
+@dataclass(slots=True)
+class Watcher:
+    """Compares, at every scan of the watched stages, the estimate in use with the truth."""
+
+    cell: Cell
+    ctx: SkillContext
+    clock: StageClock = field(default_factory=StageClock)
+    ending: "Truth | None" = None
+    """The truth when the insertion had ended and before anything was cleared away."""
+    count: int = 0
+    theta: float = 0.0
+    """Sum of squared errors, rad²."""
+    tip: float = 0.0
+    """Sum of squared errors, m²."""
+
+    def record(self, seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
+        """Take one scan."""
+        self.clock.enter(self.ctx.stage, seen.stamp)
+        if self.cell.truth is None or (self.ctx.stage not in WATCHED and self.ctx.stage != "recover"):
+            return
+        truth = self.cell.truth()
+        if self.ctx.stage == "recover":
+            self.ending = self.ending or truth
+            return
+        if math.isnan(truth.theta):
+            return
+        self.count += 1
+        self.theta += (seen.peg.theta - truth.theta) ** 2
+        self.tip += math.dist(seen.tip.tolist(), truth.tip) ** 2
+
+    def rmse(self, total: float) -> float | None:
+        """Return the root of the mean, or None when nothing was watched."""
+        return math.sqrt(total / self.count) if self.count else None
+
+
+def run_trial(config: CellConfig, seed: int) -> TrialRow:
+    """Run `insert_peg` once on a fresh cell of this seed, without sockets and without waiting for the wall clock.
+
+    A fault ends the trial as a failure whose reason is the fault's name; the times are then those between the stages'
+    beginnings.
+    """
+    assert config.sim is not None
+    wall = time.perf_counter()
+    config = config.model_copy(update={"sim": config.sim.model_copy(update={"seed": seed, "pace": "max"})})
+    cell = assemble(config)
+    assert cell.truth is not None
+    records: list[StageRecord] = []
+    fault: CellError | None = None
+    with opened(cell):
+        ctx = cell.context(seed)
+        watcher = Watcher(cell, ctx)
+        ctx.record = watcher.record
+        try:
+            records = CATALOGUE["insert_peg"].run(config.skill_set(), ctx)
+        except CellError as error:
+            fault = error
+        truth = watcher.ending or cell.truth()
+        sim_time = cell.clock.now()
+    watcher.clock.leave(sim_time)
+    watcher.clock.settle(records)
+    times = watcher.clock.times
+    ending = ending_of(records, fault, ctx.stage)
+    outcome, reason = ending.outcome, "" if ending.reason is Reason.NONE else ending.reason.name.lower()
+    if fault is not None:
+        outcome, reason = "failure", FaultCode(fault.code).name.lower()
+    start = next((r.result.start for r in records if isinstance(r.result, SpraySearchResult)), None)
+    stages = [times[name] for name in CATALOGUE.counted if name in times]
+    return TrialRow(
+        seed=seed,
+        outcome="void" if truth.is_void else outcome,
+        reason=reason,
+        stage=ending.stage,
+        grasp_time=times.get("grasp_from_rack"),
+        search_time=times.get("spray_search"),
+        insert_time=times.get("tactile_insert"),
+        adjust_time=times.get("spiral_adjust"),
+        total_time=sum(stages) if stages else None,
+        retries=sum(record.retried for record in records),
+        peak_contact_force=truth.peak_contact_force,
+        max_penetration=truth.max_penetration,
+        max_in_hand_rotation=truth.max_in_hand_rotation,
+        theta_rmse=watcher.rmse(watcher.theta),
+        tip_rmse=watcher.rmse(watcher.tip),
+        hole_x=truth.hole[0],
+        hole_y=truth.hole[1],
+        start_x=float(start[0]) if start else None,
+        start_y=float(start[1]) if start else None,
+        switch_closed=truth.switch_closed,
+        depth=truth.depth,
+        sim_time=sim_time,
+        wall_time=time.perf_counter() - wall,
+    )
+
+
+def run_trials(
+    config: CellConfig,
+    seeds: Sequence[int],
+    workers: int,
+    folder: Path,
+    done: Callable[[TrialRow], None],
+    scheduler: str | None = None,
+) -> list[TrialRow]:
+    """Run a trial of every seed on `workers` processes, or on a cluster, and return the rows, sorted by seed.
+
+    Rows go to a partial file as they finish; the same call again takes them up and runs only what is missing.
+
+    Args:
+        config: The cell of every trial, but for its seed.
+        seeds: One trial each.
+        workers: Processes; the rows do not depend on it.
+        folder: Where trials.csv and summary.json go.
+        done: Told of every row, those of an earlier call included.
+        scheduler: Address of a Dask scheduler whose workers shall run the trials instead.
+
+    Raises:
+        ConfigError: The folder cannot be written, or the packages for a cluster are missing.
+        CellError: A worker was killed, or the cluster is not there.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        kept = (folder / PARTIAL).open("a+", encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"--out {folder}: cannot be written: {error.strerror}") from None
+    with kept:
+        rows = {row.seed: row for row in _resume(kept, config) if row.seed in set(seeds)}
+        for row in rows.values():
+            done(row)
+        missing = [seed for seed in seeds if seed not in rows]
+        task = partial(run_trial, config)
+        for row in on_cluster(task, missing, scheduler) if scheduler else on_processes(task, missing, workers):
+            rows[row.seed] = row
+            kept.write(json.dumps(asdict(row)) + "\n")
+            kept.flush()
+            done(row)
+    ordered = [rows[seed] for seed in sorted(seeds)]
+    write_table(ordered, folder / TABLE)
+    (folder / SUMMARY).write_text(json.dumps(summarise(ordered, config), indent=2) + "\n", encoding="utf-8")
+    (folder / PARTIAL).unlink()
+    return ordered
+
+
+def _resume(kept: TextIO, config: CellConfig) -> list[TrialRow]:
+    """Return the rows of an interrupted call with the same config and versions, and make the file ready to append.
+
+    What is good stays where it is: a call that is killed while it takes up loses nothing either.
+    """
+    head = json.dumps({"config": config_hash(config), "versions": versions()}) + "\n"
+    kept.seek(0)
+    lines = kept.read().splitlines(keepends=True)
+    rows: list[TrialRow] = []
+    if lines and lines[0] == head:
+        for line in lines[1:]:
+            if not line.endswith("\n"):
+                break  # cut off in the middle
+            try:
+                rows.append(TrialRow(**json.loads(line)))
+            except (json.JSONDecodeError, TypeError):
+                break
+        kept.truncate(sum(len(line.encode()) for line in lines[: 1 + len(rows)]))
+    else:
+        kept.truncate(0)
+        kept.write(head)
+        kept.flush()
+    return rows
+
+
+def write_table(rows: Sequence[TrialRow], path: Path) -> None:
+    """Write rows as CSV."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        writer.writerows([_cell(getattr(row, name)) for name in COLUMNS] for row in rows)
+
+
+def read_table(path: Path) -> list[TrialRow]:
+    """Read what `write_table` wrote.
+
+    Raises:
+        OSError: No such file, or not readable.
+        ValueError: Not such a table.
+    """
+    with path.open(newline="", encoding="utf-8") as file:
+        table = csv.DictReader(file)
+        if tuple(table.fieldnames or ()) != COLUMNS:
+            raise ValueError(f"{path}: other columns than this program writes")
+        return [TrialRow(**{f.name: _READERS[f.type](row[f.name]) for f in fields(TrialRow)}) for row in table]
+
+
+_READERS: dict[Any, Callable[[str], Any]] = {
+    int: int,
+    float: float,
+    str: str,
+    bool: "true".__eq__,
+    float | None: lambda text: float(text) if text else None,
+}
+"""How a cell of each type is read."""
+
+
+def _cell(value: object) -> object:
+    if value is None:
+        return ""
+    return str(value).lower() if isinstance(value, bool) else value
+
+
+def summarise(rows: Sequence[TrialRow], config: CellConfig) -> dict[str, Any]:
+    """Return counts, the interval of the success rate, times of the successes, versions and the whole config."""
+    outcomes = [row.outcome for row in rows]
+    successes = outcomes.count("success")
+    low, high = wilson(successes, len(rows))
+    good = [row for row in rows if row.outcome == "success"]
+    times = ("grasp_time", "search_time", "insert_time", "adjust_time", "total_time", "sim_time", "wall_time")
+    return {
+        "trials": len(rows),
+        "seeds": [rows[0].seed, rows[-1].seed] if rows else [],
+        "outcomes": {name: outcomes.count(name) for name in ("success", "failure", "aborted", "void")},
+        "reasons": dict(Counter(f"{row.stage}: {row.reason}" for row in rows if row.reason)),
+        "success_rate": successes / len(rows) if rows else None,
+        "wilson_95": [low, high],
+        "times": {name: spread([v for row in good if (v := getattr(row, name)) is not None]) for name in times},
+        "stages": [asdict(line) for line in stage_table([row.tried() for row in rows])],
+        "config_hash": config_hash(config),
+        "versions": {"python": platform.python_version(), **versions()},
+        "config": config.model_dump(mode="json"),
+    }

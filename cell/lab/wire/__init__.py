@@ -1,0 +1,1 @@
+"""Study of the wires of skin and switch."""

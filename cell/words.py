@@ -1,0 +1,50 @@
+"""A report of the line and a run on record in words, as terminals show them; nothing is printed here."""
+
+import json
+from dataclasses import asdict
+
+from rich.table import Table
+
+from cell.journal import RunRow
+from cell.states import State
+from plc_bridge.images import Diagnostics, ReportImage
+from plc_bridge.messages import LeaseState, Refusal, Result
+from skills.catalogue import CATALOGUE
+
+
+def report(image: ReportImage) -> dict[str, object]:
+    """Return a report in words."""
+    return {
+        "state": State(image.state).name if image.state else "",
+        "stage": CATALOGUE.stages.get(image.stage, ""),
+        "progress": image.progress,
+        "sequence": image.sequence,
+        "result": Result(image.result).name.lower(),
+        "reason": CATALOGUE.reasons.get(image.reason, str(image.reason)).lower(),
+        "refusal": Refusal(image.refusal).name.lower(),
+        "fault": image.fault,
+        "run": image.run,
+        "lease": LeaseState(image.lease).name.lower(),
+        "holder": image.holder,
+        "stage_times": list(image.stage_times),
+        "total_time": image.total_time,
+    }
+
+
+def line(image: ReportImage, counts: Diagnostics) -> str:
+    """Return a report and the counts as one line."""
+    told = {key: value for key, value in report(image).items() if value not in ("", "none")}
+    return " ".join(f"{key}={value}" for key, value in (*told.items(), *asdict(counts).items()))
+
+
+def run(row: RunRow) -> Table:
+    """Return everything that the index has of one run."""
+    table = Table(show_header=False)
+    for name in RunRow.__slots__:
+        value = getattr(row, name)
+        if name == "stage_times":
+            value = ", ".join(f"{stage} {time:.2f} s" for stage, time in json.loads(value))
+        elif name == "versions":
+            value = ", ".join(f"{package} {version}" for package, version in json.loads(value).items())
+        table.add_row(name, str(value))
+    return table

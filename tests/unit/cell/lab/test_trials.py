@@ -1,0 +1,143 @@
+import csv
+import json
+from dataclasses import asdict, replace
+
+import pytest
+
+from cell.journal import config_hash, versions
+from cell.lab import trials
+from cell.lab.trials import COLUMNS, PARTIAL, TrialRow, run_trials, summarise, write_table
+from drivers.errors import ConfigError
+
+ROW = TrialRow(
+    seed=3,
+    outcome="success",
+    reason="",
+    stage="release_and_retract",
+    grasp_time=3.0,
+    search_time=10.0,
+    insert_time=4.0,
+    adjust_time=2.0,
+    total_time=16.0,
+    retries=0,
+    peak_contact_force=17.0,
+    max_penetration=1e-7,
+    max_in_hand_rotation=0.5,
+    theta_rmse=0.07,
+    tip_rmse=0.003,
+    hole_x=0.5,
+    hole_y=0.01,
+    start_x=0.51,
+    start_y=-0.01,
+    switch_closed=True,
+    depth=0.02,
+    sim_time=25.0,
+    wall_time=1.5,
+)
+LOST = replace(
+    ROW,
+    seed=4,
+    outcome="failure",
+    reason="no_hole",
+    stage="spray_search",
+    insert_time=None,
+    adjust_time=None,
+    switch_closed=False,
+)
+
+
+@pytest.fixture
+def ran(monkeypatch):
+    """Replace the worker pool; return the seeds that were really run."""
+    seeds = []
+
+    def on_processes(task, missing, workers):
+        for seed in missing:
+            seeds.append(seed)
+            yield replace(ROW, seed=seed)
+
+    monkeypatch.setattr(trials, "on_processes", on_processes)
+    return seeds
+
+
+def test_the_table_has_the_promised_columns(tmp_path):
+    write_table([ROW, LOST], tmp_path / "t.csv")
+    head, *rows = (tmp_path / "t.csv").read_text().splitlines()
+    assert head == (
+        "seed,outcome,reason,stage,grasp_time,search_time,insert_time,adjust_time,total_time,retries,peak_contact_force,"
+        "max_penetration,max_in_hand_rotation,theta_rmse,tip_rmse,hole_x,hole_y,start_x,start_y,switch_closed,depth,"
+        "sim_time,wall_time"
+    )
+    assert len(rows) == 2
+
+
+def test_a_stage_that_was_not_reached_is_empty(tmp_path):
+    write_table([LOST], tmp_path / "t.csv")
+    with (tmp_path / "t.csv").open() as file:
+        row = next(csv.DictReader(file))
+    assert (row["insert_time"], row["search_time"], row["switch_closed"]) == ("", "10.0", "false")
+
+
+def test_a_void_counts_as_a_failure(loaded):
+    summary = summarise([ROW, replace(ROW, seed=4, outcome="void")], loaded.cell)
+    assert (summary["success_rate"], summary["outcomes"]["void"]) == (0.5, 1)
+
+
+def test_times_are_those_of_the_successes(loaded):
+    summary = summarise([ROW, LOST], loaded.cell)
+    assert summary["times"]["total_time"] == {"mean": 16.0, "median": 16.0, "p95": 16.0, "n": 1}
+
+
+def test_the_summary_has_the_whole_config(loaded):
+    assert summarise([ROW], loaded.cell)["config"]["peg"]["diameter"] == loaded.cell.peg.diameter
+
+
+def test_rows_are_sorted_by_seed(loaded, ran, tmp_path):
+    rows = run_trials(loaded.cell, [9, 7, 8], 2, tmp_path, lambda row: None)
+    assert [row.seed for row in rows] == [7, 8, 9]
+
+
+def interrupted(folder, config, rows, rest=""):
+    """Leave behind what a killed call leaves."""
+    head = {"config": config_hash(config), "versions": versions()}
+    lines = [json.dumps(entry) for entry in (head, *map(asdict, rows))]
+    (folder / PARTIAL).write_text("\n".join(lines) + "\n" + rest)
+
+
+def test_a_killed_call_is_taken_up_where_it_was(loaded, ran, tmp_path):
+    interrupted(tmp_path, loaded.cell, [replace(ROW, seed=1), replace(ROW, seed=3)], rest='{"seed": 2, "outc')
+    done = []
+    rows = run_trials(loaded.cell, [1, 2, 3], 2, tmp_path, done.append)
+    assert (ran, len(rows), len(done)) == ([2], 3, 3)
+    assert not (tmp_path / PARTIAL).exists()
+
+
+def test_a_call_killed_while_it_takes_up_loses_nothing(loaded, monkeypatch, tmp_path):
+    interrupted(tmp_path, loaded.cell, [replace(ROW, seed=1), replace(ROW, seed=3)], rest=json.dumps(asdict(LOST)))
+    left = []
+
+    def killed(task, missing, workers):
+        left.extend((tmp_path / PARTIAL).read_text().splitlines()[1:])
+        raise KeyboardInterrupt
+        yield
+
+    monkeypatch.setattr(trials, "on_processes", killed)
+    with pytest.raises(KeyboardInterrupt):
+        run_trials(loaded.cell, [1, 2, 3], 2, tmp_path, lambda row: None)
+    assert [json.loads(line)["seed"] for line in left] == [1, 3]
+
+
+def test_another_config_starts_anew(loaded, ran, tmp_path):
+    interrupted(tmp_path, loaded.cell.model_copy(update={"scan_rate": 50.0}), [replace(ROW, seed=1)])
+    run_trials(loaded.cell, [1, 2], 2, tmp_path, lambda row: None)
+    assert ran == [1, 2]
+
+
+def test_a_folder_that_cannot_be_made_is_told(loaded, ran, tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ConfigError, match="--out"):
+        run_trials(loaded.cell, [1], 1, tmp_path / "file" / "out", lambda row: None)
+
+
+def test_the_columns_are_the_rows_fields():
+    assert list(asdict(ROW)) == list(COLUMNS)

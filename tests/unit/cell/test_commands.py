@@ -1,0 +1,85 @@
+"""Every command and every study has the same parts, and what does not exist is told with what may have been meant."""
+
+import json
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from cell.cli import COMMANDS, GOOD, WRONG_USE, load_command, main
+from cell.lab.commands.study import STUDIES, load_study
+from cell.nearest import did_you_mean
+from cell.versions import PINS, packages
+from drivers.errors import FaultCode
+
+ROOT = Path(__file__).parents[3]
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_command_has_its_parts(name, capsys):
+    command = load_command(name)
+    assert isinstance(command.STOPS_ITSELF, bool)
+    with pytest.raises(SystemExit, match="0"):
+        main([name, "--help"])
+    assert command.SUMMARY in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_a_study_has_its_parts_and_a_help_of_its_own(name, capsys):
+    study = load_study(name)
+    with pytest.raises(SystemExit, match="0"):
+        main(["study", name, "--help"])
+    told = " ".join(capsys.readouterr().out.split())
+    assert study.SUMMARY in told
+    assert f"cell study {name}" in told
+    assert callable(study.run)
+
+
+def test_a_profile_is_an_option_of_the_study_that_has_one(capsys):
+    assert main(["study", "contact", "--profile"]) == WRONG_USE
+    assert "--profile" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "meant"),
+    [
+        (["fualts"], "faults"),
+        (["study", "tactil"], "tactile"),
+        (["run", "insert_pegg"], "insert_peg"),
+        (["map", "--format", "jsn"], "json"),
+        (["faults", "skin_slient"], "SKIN_SILENT"),
+    ],
+)
+def test_a_slip_of_the_fingers_is_answered_with_what_was_meant(words, meant, capsys):
+    assert main(words) == WRONG_USE
+    assert capsys.readouterr().err.rstrip().endswith(f"; did you mean {meant}?")
+
+
+def test_nothing_is_guessed_from_a_word_that_is_like_none():
+    assert did_you_mean("xyzzy", ["check", "demo", "serve"]) == ""
+
+
+@pytest.mark.parametrize("word", ["1002", FaultCode(1002).name, FaultCode(1002).name.lower()])
+def test_one_fault_is_told_by_its_number_or_its_name(word, capsys):
+    assert main(["faults", word, "--json"]) == GOOD
+    assert [entry["code"] for entry in json.loads(capsys.readouterr().out)] == [1002]
+
+
+def test_a_fault_that_does_not_exist_is_wrong_use(capsys):
+    assert main(["faults", "9999"]) == WRONG_USE
+    assert "1002" in capsys.readouterr().err
+
+
+def test_the_version_is_told_with_those_that_the_suite_ran_with(capsys):
+    with pytest.raises(SystemExit, match="0"):
+        main(["--version"])
+    told = capsys.readouterr().out
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert told.startswith(f"cell {project['version']}, Python ")
+    assert "numpy" in told
+    assert "differs" not in told
+
+
+def test_every_package_of_the_program_is_pinned():
+    assert PINS.read_text() == (ROOT / "constraints.txt").read_text()
+    assert [line.name for line in packages() if line.tested == "not pinned"] == []
