@@ -11,30 +11,11 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from drivers.compiled import njit
 from drivers.parts import ConfigModel, Fraction, Peg
 from drivers.quantities import FINGERS, TAXELS, Mask, TaxelFrame, Vector
 from drivers.skin.layout import Layout
 from skills.tactile.pose import PegPose
 from skills.tactile.templates import TemplateParams, Templates, make_templates
-
-COARSE_THETA = 5
-COARSE_OFFSET = 4
-"""Every so many templates are tried first, along angle and offset."""
-NEAR = 2
-"""So many of those offsets to either side of the finger centre; all of them only when none of these fits."""
-FINE = 10
-"""Templates to either side of a likely angle that are tried then."""
-MODES = 2
-"""Likely angles that are looked at; between the lattice's rows two may look alike."""
-RIVAL = 30.0
-"""A second one counts when its log likelihood, on the coarse grid, comes as near to the best."""
-AMOUNTS = 6
-"""What is fitted: four loads, angle and offset."""
-HOPELESS = 20.0
-"""Angles whose log posterior has fallen so far below the best are not looked at further."""
-NEVER = -1e30
-"""Log likelihood of the impossible."""
 
 
 class LikelihoodParams(ConfigModel):
@@ -146,7 +127,9 @@ class Bank:
             is_wide: Try all offsets and not only those near the finger centre.
             believed: Which print is expected, as place and surety of `Found`; any without.
         """
-        return Found(*_posterior(is_wide, *(believed or self._middle), values, weights, *self._arguments, self.left))
+        from skills.tactile.posterior import posterior  # compiled; only who compares needs the compiler
+
+        return Found(*posterior(is_wide, *(believed or self._middle), values, weights, *self._arguments, self.left))
 
 
 def weights_of(params: LikelihoodParams, values: Vector, trusted: Mask) -> Vector:
@@ -167,204 +150,3 @@ def pose_of(params: LikelihoodParams, found: Found, frame: TaxelFrame) -> PegPos
     )
     sigma = min(found.sigma, math.pi / 2)
     return PegPose(found.theta, found.offset, sigma, found.residual, bool(healthy), frame.stamp)
-
-
-@njit(cache=True, fastmath=True)
-def _sums(weights, weighed, even, rising, first):  # type: ignore[no-untyped-def]
-    """Return one finger's sums of even², even·rising, rising², values·even, values·rising, each times the weight."""
-    ee = er = rr = ye = yr = np.float32(0.0)
-    for k in range(first, first + TAXELS):
-        we = weights[k] * even[k]
-        ee += we * even[k]
-        er += we * rising[k]
-        rr += weights[k] * rising[k] * rising[k]
-        ye += weighed[k] * even[k]
-        yr += weighed[k] * rising[k]
-    return ee, er, rr, ye, yr
-
-
-@njit(cache=True, fastmath=True)
-def _evidence(weights, weighed, even, rising, tightness, solution):  # type: ignore[no-untyped-def]
-    """Return the log likelihood of one template, the loads integrated out; `solution` gets their amounts.
-
-    Amounts: mean, half the difference (left less right), common rise, opposite rise.
-    """
-    lee, ler, lrr, lye, lyr = _sums(weights, weighed, even, rising, 0)
-    ree, rer, rrr, rye, ryr = _sums(weights, weighed, even, rising, TAXELS)
-    # Differences of near-equal sums follow: no longer single precision.
-    lee, ler, lrr, lye, lyr = float(lee), float(ler), float(lrr), float(lye), float(lyr)
-    ee, er, rr, dee, der, drr = lee + ree, ler + rer, lrr + rrr, lee - ree, ler - rer, lrr - rrr
-    y0, y1, y2, y3 = lye + rye, lye - rye, lyr + ryr, lyr - ryr
-    if ee <= 0.0 or y0 <= 0.0:
-        return NEVER
-    # A spread is a fraction of the mean load.
-    share = ee / y0
-    p1, p2, p3 = tightness[0] * share * share, tightness[1] * share * share, tightness[2] * share * share
-    # Triangular factors of [[ee, dee, er, der], [., ee+p1, der, er], [., ., rr+p2, drr], [., ., ., rr+p3]].
-    r0 = 1.0 / ee
-    l10, l20, l30 = dee * r0, er * r0, der * r0
-    u21, u31 = der - l20 * dee, er - l30 * dee
-    r1 = 1.0 / (ee + p1 - l10 * dee)
-    l21, l31 = u21 * r1, u31 * r1
-    u32 = drr - l30 * er - l31 * u21
-    r2 = 1.0 / (rr + p2 - l20 * er - l21 * u21)
-    l32 = u32 * r2
-    r3 = 1.0 / (rr + p3 - l30 * der - l31 * u31 - l32 * u32)
-    z1 = y1 - l10 * y0
-    z2 = y2 - l20 * y0 - l21 * z1
-    z3 = y3 - l30 * y0 - l31 * z1 - l32 * z2
-    solution[3] = z3 * r3
-    solution[2] = z2 * r2 - l32 * solution[3]
-    solution[1] = z1 * r1 - l21 * solution[2] - l31 * solution[3]
-    solution[0] = y0 * r0 - l10 * solution[1] - l20 * solution[2] - l30 * solution[3]
-    shrunk = p1 * r1 * p2 * r2 * p3 * r3
-    return 0.5 * (y0 * y0 * r0 + z1 * z1 * r1 + z2 * z2 * r2 + z3 * z3 * r3 + math.log(shrunk))
-
-
-@njit(cache=True, fastmath=True)
-def _at(i, j, w, weights, weighed, prior, even, rising, tightness, solution):  # type: ignore[no-untyped-def]
-    """Return the log posterior at angle i, which may run over either end, offset j and print w."""
-    n, m = even.shape[1], even.shape[2]
-    if i < 0 or i >= n:
-        # Half a turn on, the same axis has the opposite offset.
-        i, j = i % n, m - 1 - j
-    return _evidence(weights, weighed, even[w, i, j], rising[w, i, j], tightness, solution) - prior[w, j]
-
-
-@njit(cache=True, fastmath=True)
-def _row(i, j, w, weights, weighed, prior, even, rising, tightness, solution):  # type: ignore[no-untyped-def]
-    """Climb along the prints and offsets of angle i from j and w.
-
-    Returns the log posterior with the offset integrated out and the print at its best, mean and best place of the
-    offset, best place of the print, the same between two of them, and its surety.
-    """
-    last, m = even.shape[0] - 1, even.shape[2]
-    j = min(max(j, 1), m - 2)
-    if last > 0:
-        w = min(max(w, 1), last - 1)
-    here = _at(i, j, w, weights, weighed, prior, even, rising, tightness, solution)
-    more = between = surety = 0.0
-    if last > 0:
-        low = _at(i, j, w - 1, weights, weighed, prior, even, rising, tightness, solution)
-        high = _at(i, j, w + 1, weights, weighed, prior, even, rising, tightness, solution)
-        while low > here and w > 1:
-            w, high, here = w - 1, here, low
-            low = _at(i, j, w - 1, weights, weighed, prior, even, rising, tightness, solution)
-        while high > here and w < last - 1:
-            w, low, here = w + 1, here, high
-            high = _at(i, j, w + 1, weights, weighed, prior, even, rising, tightness, solution)
-        bend, lean = 2.0 * here - low - high, 0.5 * (high - low)
-        if bend < -0.5 * NEVER:
-            # No neighbour is impossible.
-            surety = max(bend, 0.0)
-            between = lean / max(surety, abs(lean), 1e-9)
-            more = lean * between - 0.5 * surety * between * between
-    low = _at(i, j - 1, w, weights, weighed, prior, even, rising, tightness, solution)
-    high = _at(i, j + 1, w, weights, weighed, prior, even, rising, tightness, solution)
-    while low > here and j > 1:
-        j, high, here = j - 1, here, low
-        low = _at(i, j - 1, w, weights, weighed, prior, even, rising, tightness, solution)
-    while high > here and j < m - 2:
-        j, low, here = j + 1, here, high
-        high = _at(i, j + 1, w, weights, weighed, prior, even, rising, tightness, solution)
-    bend, lean, middle = 2.0 * here - low - high, 0.5 * (high - low), float(j)
-    if 0.0 < bend < -NEVER and low <= here and high <= here:
-        # A parabola through the three: its area is that of a Gaussian.
-        more += 0.5 * lean * lean / bend - 0.5 * math.log(bend)
-        middle += lean / bend
-    return here + more, middle, j, w, w + between, surety
-
-
-@njit(cache=True, fastmath=True)
-def _posterior(  # type: ignore[no-untyped-def]
-    is_wide, place, surety, values, weights, beside, tightness, theta, offset, even, rising, left
-):
-    """Compare one frame with the templates; return the fields of `Found` and fill the residuals."""
-    n, m = theta.size, offset.size
-    narrow = weights.astype(np.float32)
-    weighed = (weights * values).astype(np.float32)
-    solution = np.zeros(4)
-    step, across = theta[1] - theta[0], offset[1] - offset[0]
-    middle, usual = m // 2, round(place)
-    prior = np.empty((even.shape[0], m))
-    for w in range(even.shape[0]):
-        prior[w] = beside + 0.5 * surety * (w - place) ** 2
-    coarse, nearest = np.full(n // COARSE_THETA, NEVER), np.zeros(n // COARSE_THETA, np.int64)
-    reach = middle // COARSE_OFFSET if is_wide else NEAR
-    for a in range(coarse.size):
-        for way in (1, -1):
-            for k in range(int(way < 0), reach + 1):
-                j = middle + way * k * COARSE_OFFSET
-                value = _at(a * COARSE_THETA, j, usual, narrow, weighed, prior, even, rising, tightness, solution)
-                if value > coarse[a]:
-                    coarse[a], nearest[a] = value, j
-                elif not is_wide and k > 0:
-                    break
-    rows, about = np.empty(MODES * (2 * FINE + 1)), np.empty(MODES * (2 * FINE + 1))
-    breadths, sureties = np.empty(rows.size), np.empty(rows.size)
-    turns, places, prints = np.empty(rows.size, np.int64), np.empty(rows.size, np.int64), np.empty(rows.size, np.int64)
-    count = 0
-    for mode in range(MODES):
-        a = int(np.argmax(coarse))
-        if coarse[a] <= NEVER or (mode > 0 and coarse[a] < rows[:count].max() - RIVAL):
-            break
-        for way in (1, -1):
-            j, w = nearest[a], usual
-            for b in range(int(way < 0), FINE + 1):
-                i = a * COARSE_THETA + way * b
-                rows[count], about[count], j, w, breadths[count], sureties[count] = _row(
-                    i, j, w, narrow, weighed, prior, even, rising, tightness, solution
-                )
-                turns[count], places[count], prints[count] = i, j, w
-                count += 1
-                if rows[count - 1] < rows[:count].max() - HOPELESS:
-                    break
-        for b in range(-(FINE // COARSE_THETA), FINE // COARSE_THETA + 1):
-            coarse[(a + b) % coarse.size] = NEVER
-    if count == 0:
-        left[:] = 0.0
-        return 0.0, 0.0, math.pi / 2, 0.0, -NEVER, 1.0, NEVER, place, 0.0
-    best = np.argmax(rows[:count])
-    i, j, w = turns[best], places[best], prints[best]
-    if not 0 <= i < n:
-        i, j = i % n, m - 1 - j
-    _evidence(narrow, weighed, even[w, i, j], rising[w, i, j], tightness, solution)
-    misfit = missed = power = seen = 0.0
-    for k in range(values.size):
-        side = 1.0 if k < TAXELS else -1.0
-        fit = (solution[0] + side * solution[1]) * even[w, i, j, k] + (solution[2] + side * solution[3]) * rising[
-            w, i, j, k
-        ]
-        left[k] = (values[k] - fit) * math.sqrt(weights[k])
-        if weights[k] > 0.0:
-            misfit += left[k] ** 2
-            missed += (values[k] - fit) ** 2
-            power += values[k] ** 2
-            seen += 1.0
-    misfit /= max(seen - AMOUNTS, 1.0)
-    # What is not explained makes every reading tell less.
-    worth = 1.0 / max(misfit, 1.0)
-    mass = first = second = aside = 0.0
-    for k in range(count):
-        chance = math.exp((rows[k] - rows[best]) * worth)
-        away = (turns[k] - turns[best]) * step
-        away -= math.pi * round(away / math.pi)
-        mass += chance
-        first += chance * away
-        second += chance * away * away
-        aside += chance * (about[k] - middle) * (1.0 if 0 <= turns[k] < n else -1.0)
-    first /= mass
-    angle = (theta[i] + first + math.pi / 2) % math.pi - math.pi / 2
-    sigma = math.sqrt(second / mass - first * first + step * step / 12.0)
-    residual = min(missed / (power + 1e-9), 1.0)
-    return (
-        angle,
-        aside / mass * across,
-        sigma,
-        solution[0],
-        misfit,
-        residual,
-        rows[best],
-        breadths[best],
-        sureties[best],
-    )

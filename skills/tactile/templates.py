@@ -15,15 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from drivers.compiled import njit
 from drivers.parts import ConfigModel, Peg
 from drivers.quantities import FINGERS, TAXELS, Vector
 from drivers.skin.layout import Layout, finger_positions, pad_size
-
-HALF_LINE = 0.02
-"""Distance from the finger centre at which a load that rises by 1 has risen by 1, m."""
-FAR = 25.0
-"""Squared distance beyond which a line is not felt, in squared standard deviations of the blur."""
 
 
 class TemplateParams(ConfigModel):
@@ -64,6 +58,8 @@ class Templates:
 @lru_cache(maxsize=64)
 def make_templates(layout: Layout, peg: Peg, params: TemplateParams) -> Templates:
     """Return the templates of a peg on one layout; takes a fraction of a second the first time."""
+    from skills.tactile.template_fill import fill  # compiled; only who compares frames needs the compiler
+
     half = math.pi / 2
     count = max(4, 4 * round(math.pi / params.theta_step / 4))
     theta = np.arange(count, dtype=np.float64) * (math.pi / count) - half
@@ -88,16 +84,16 @@ def make_templates(layout: Layout, peg: Peg, params: TemplateParams) -> Template
     arguments = (disc, disc_weights, groove, groove_weights, params.blur)
     pad = (length / 2, width / 2, peg.length, peg.overhang)
     right = slice(TAXELS, None)
-    _fill(theta, lines, taxels, *pad, *arguments, even[..., right], rising[..., right])
+    fill(theta, lines, taxels, *pad, *arguments, even[..., right], rising[..., right])
     # The left finger is the right one's mirror image about the finger's axis.
     mirrored = [np.zeros_like(even[:1, :, right]) for _ in range(2)]
-    _fill(-theta[:1], lines, taxels, *pad, *arguments, *mirrored)
+    fill(-theta[:1], lines, taxels, *pad, *arguments, *mirrored)
     for table, first in zip((even, rising), mirrored, strict=True):
         table[1:, :, :TAXELS] = table[:0:-1, ::-1, right]
         table[0, :, :TAXELS] = first[0, ::-1]
     under = np.zeros((1, face.size, 1))
     middle = lines[lines.size // 2 - face.size // 2 :][: face.size]
-    _fill(np.zeros(1), middle, np.zeros((1, 2)), 0.1, 0.1, 0.1, 0.1, *arguments, under, np.zeros_like(under))
+    fill(np.zeros(1), middle, np.zeros((1, 2)), 0.1, 0.1, 0.1, 0.1, *arguments, under, np.zeros_like(under))
     whole = float(face @ under[0, :, 0])
     made = Templates(theta, offset, _beside(even, face, whole), _beside(rising, face, whole))
     for array in (made.theta, made.offset, made.even, made.rising):
@@ -121,55 +117,3 @@ def _beside(lines: Vector, face: Vector, whole: float) -> NDArray[np.float32]:
         summed += face[k] * lines[:, k : k + count]
     made: NDArray[np.float32] = (summed / whole).astype(np.float32)
     return made
-
-
-@njit(cache=True, fastmath=True)
-def _fill(  # type: ignore[no-untyped-def]
-    theta,
-    offset,
-    taxels,
-    half_length,
-    half_width,
-    tip,
-    back,
-    disc,
-    disc_weights,
-    groove,
-    groove_weights,
-    blur,
-    even,
-    rising,
-):
-    """Fill the readings of all taxels for every angle and offset, in units of the load over 2·sqrt(2 pi)·blur."""
-    scale = 1.0 / (blur * math.sqrt(2.0))
-    for i in range(theta.size):
-        c, s = math.cos(theta[i]), math.sin(theta[i])
-        for j in range(offset.size):
-            low, high = -back, tip
-            for start, step, half in ((-offset[j] * s, c, half_length), (offset[j] * c, s, half_width)):
-                if abs(step) > 1e-9:
-                    low = max(low, -start / step - abs(half / step))
-                    high = min(high, -start / step + abs(half / step))
-                elif abs(start) > half:
-                    high = low
-            if high <= low:
-                continue
-            for k in range(taxels.shape[0]):
-                constant, slope = 0.0, 0.0
-                for m in range(disc.shape[0]):
-                    x, y = taxels[k, 0] + disc[m, 0], taxels[k, 1] + disc[m, 1]
-                    along, beside = c * x + s * y, c * y - s * x - offset[j]
-                    spread = 0.0
-                    for g in range(groove.size):
-                        square = ((beside - groove[g]) / blur) ** 2
-                        if square < FAR:
-                            spread += groove_weights[g] * math.exp(-0.5 * square)
-                    if spread == 0.0:
-                        continue
-                    to_high, to_low = (high - along) * scale, (low - along) * scale
-                    area = math.erf(to_high) - math.erf(to_low)
-                    bend = (math.exp(-to_high * to_high) - math.exp(-to_low * to_low)) / (scale * math.sqrt(math.pi))
-                    constant += disc_weights[m] * spread * area
-                    slope += disc_weights[m] * spread * (along * area - bend)
-                even[i, j, k] = constant
-                rising[i, j, k] = slope / HALF_LINE

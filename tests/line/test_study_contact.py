@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from cell.config import CellConfig, load
-from cell.lab.contact import charts as contact_pictures
+from cell.lab.contact import charts, tables
 from cell.lab.contact import measure as contact
 from cell.lab.contact.boundaries import boundary_bouncing, boundary_bound
 from cell.lab.contact.ladder import SHIPPED, Plan, Rung, model
@@ -98,10 +98,10 @@ def test_a_grip_without_friction_never_outruns_them(config):
 
 
 def test_tables_and_pictures_are_written(found, tmp_path: Path):
-    written = contact.write(found, tmp_path) + contact_pictures.draw(found, tmp_path)
+    written = contact.write(found, tmp_path) + charts.draw(found, tmp_path)
     assert all(path.stat().st_size > 0 for path in written if "outcomes" not in path.name)
     assert len((tmp_path / "contact.csv").read_text().splitlines()) == 1 + len(SMALL.rungs)
-    assert len(contact_pictures.tables(found)) == 3
+    assert len(tables.tables(found)) == 3
 
 
 @pytest.mark.parametrize("hole", ["unpredicted", "flats", "boxes"])
@@ -129,7 +129,7 @@ def test_trials_end_alike_when_only_their_forces_differ_by_less_than_from_seed_t
 def test_what_cannot_be_run_is_told_and_is_like_nothing(found):
     trials = [contact._not_run("mover", "not run: why")]
     assert not end_alike("mover", trials)
-    table = contact_pictures.tables(replace(found, trials=[*rows_of(), *trials]))[2]
+    table = tables.tables(replace(found, trials=[*rows_of(), *trials]))[2]
     assert "not run: why" in list(table.columns[1].cells)
 
 

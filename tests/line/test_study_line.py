@@ -4,6 +4,7 @@ import json
 
 import pytest
 
+from cell.lab.line import charts
 from cell.lab.line import measure as line
 
 MOMENT = line.Effort(rounds=2, reads=20, flat_out=10, starts=4, windows=1, window=0.3)
@@ -22,6 +23,8 @@ def test_nothing_is_lost_and_no_command_waits_for_a_second_scan(samples):
 
 def test_table_and_picture_are_written(samples, tmp_path):
     lines = line.measures(samples)
-    _, as_json, picture = line.write(samples, lines, tmp_path)
+    _, as_json = line.write(lines, tmp_path)
+    picture = tmp_path / charts.CHART
+    charts.draw(samples, picture)
     assert [row["name"] for row in json.loads(as_json.read_text())] == [each.name for each in lines]
     assert picture.stat().st_size > 10_000

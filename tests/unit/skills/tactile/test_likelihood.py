@@ -8,7 +8,8 @@ import pytest
 from drivers.skin.layout import LAYOUTS, MODULE_OF, finger_positions, pad_size
 from sim.pads import contact_span
 from skills.tactile.likelihood import LikelihoodEstimator, LikelihoodParams
-from skills.tactile.templates import HALF_LINE, TemplateParams, make_templates
+from skills.tactile.template_fill import HALF_LINE
+from skills.tactile.templates import TemplateParams, make_templates
 from tests.pegs import ALL, LOAD, folded, framed, readings, rms_degrees, shipped, swept
 
 
