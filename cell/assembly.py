@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from sim.bench import Bench
     from sim.boards import SkinSource
     from sim.switch import SwitchSource
-    from sim.world import Truth
+    from sim.truth import Truth
 
 SEARCH_STREAM = 3
 """Key of the random stream for choices of the skills; the simulated world draws from the ones before it."""

@@ -30,19 +30,19 @@ class SimArm:
 
     def follow(self, setpoint: ImpedanceSetpoint) -> None:
         """Hold `setpoint` until the next one or until its validity ends."""
-        words = self._world.words
+        words = self._world.control.words
         words[:] = impedance.pack(setpoint, self._world.now())
-        self._world.law_state[impedance.IS_HOLDING] = 0.0
+        self._world.control.law[impedance.IS_HOLDING] = 0.0
 
     def halt(self) -> None:
         """Hold still where the arm is, compliant."""
-        words = self._world.words
+        words = self._world.control.words
         words[impedance.STIFFNESS : impedance.STIFFNESS + 6] = HALT_STIFFNESS
         words[impedance.DAMPING : impedance.DAMPING + 6] = HALT_DAMPING
         words[impedance.HAS_ROLL] = 1.0
         words[impedance.INTEGRAL_GAIN] = 0.0
         words[impedance.VALID_UNTIL] = -math.inf
-        self._world.law_state[impedance.IS_HOLDING] = 0.0
+        self._world.control.law[impedance.IS_HOLDING] = 0.0
 
     def reset(self) -> None:
         """Hold still; the simulated arm has no reflexes."""
@@ -52,7 +52,7 @@ class SimArm:
         """Return the state now; the external wrench is the plates' force on the peg, exact but for a 5 ms low-pass."""
         world = self._world
         now = world.now()
-        words = world.words
+        words = world.control.words
         return ArmState(
             stamp=now,
             q=world.q,

@@ -1,6 +1,7 @@
 """The inner loop of the stand-in, compiled: torque law, `mj_step`, and what is metered at every step."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,19 +34,98 @@ FAR = 0.003
 """How far from the hole's edge every point of the peg's end is then, m; in 1 ms it moves less than a tenth of that."""
 
 
+def new_drive(hand: Hand) -> Vector:
+    """Return the words of a hand that is commanded to open as wide as it goes, shape (4,)."""
+    return np.array([0.0, hand.stroke, hand.finger_speed, hand.finger_force])
+
+
+class Models(NamedTuple):
+    """Which models the physics steps with."""
+
+    fine: int
+    """Address of the mjModel."""
+    coarse: int
+    """Address of its twin with a time step `COARSE` times as long, or 0."""
+    hole: Vector
+    """What the twin keeps away from, see `is_far`; with a negative radius nothing is ever near it."""
+
+
+class State(NamedTuple):
+    """The mjData that is stepped."""
+
+    data: int
+    """Its address."""
+    qpos: Vector
+    """View of its positions; the arm's seven come first, as in the velocities and forces."""
+    qvel: Vector
+    """View of its velocities."""
+    qfrc: Vector
+    """View of its applied generalised forces."""
+    userdata: Vector
+    """View of where the contact function leaves the penetration."""
+
+
+class PegView(NamedTuple):
+    """The peg where it is now."""
+
+    size: Vector
+    """Radius and half the length, m."""
+    middle: Vector
+    """View of its middle, shape (3,), m, base frame."""
+    axes: Vector
+    """View of its axes, shape (3, 3), z from its end upward."""
+
+
+class Watch(NamedTuple):
+    """What is metered, and what ends the stepping."""
+
+    peg: PegView
+    pivot: Vector
+    """View of the finger centre's position, shape (3,), m, base frame."""
+    plates: int
+    """How many of the first geoms are plates."""
+    hinge: int
+    """Index of the peg's hinge among the positions, or -1."""
+    lost: float
+    """Angle of the hinge beyond which the peg is no longer held, rad."""
+
+
+class Control(NamedTuple):
+    """What is commanded, and the figures that tell what comes of it."""
+
+    arm: Vector
+    """Figures of the arm, see `drivers.impedance.figures`."""
+    words: Vector
+    """The held setpoint, see `drivers.impedance`."""
+    law: Vector
+    """State of the torque law."""
+    drive: Vector
+    """The hand's drive, see the indices of this module."""
+
+
+class Span(NamedTuple):
+    """A stretch of time."""
+
+    start: float
+    """Time before its first tick, s."""
+    timestep: float
+    """Length of a tick, s."""
+    ticks: int
+    law_every: int
+    """Ticks in a control period."""
+    phase: int
+    """Ticks since the last control period began."""
+
+
 def new_meters() -> Vector:
     """Return meters at zero, shape (METER_WORDS,)."""
     return np.zeros(METER_WORDS)
 
 
-def window(timestep: float) -> int:
+@njit(cache=True)
+def window(timestep: float) -> int:  # pragma: no cover
     """Return over how many ticks of `timestep`, s, a penetration must last to count."""
     return math.floor(SUSTAINED_TIME / timestep + 0.5) + 1
-
-
-def new_drive(hand: Hand) -> Vector:
-    """Return the words of a hand that is commanded to open as wide as it goes, shape (4,)."""
-    return np.array([0.0, hand.stroke, hand.finger_speed, hand.finger_force])
 
 
 @njit(cache=True)
@@ -71,7 +151,7 @@ def is_far(hole: Vector, size: Vector, middle: Vector, axes: Vector) -> bool:  #
 
 @njit(cache=True)
 def pad_gap(
-    pads: tuple[int, int], sizes: Vector, places: Vector, axes: Vector, peg: tuple[Vector, Vector, Vector]
+    pads: tuple[int, int], sizes: Vector, places: Vector, axes: Vector, peg: PegView
 ) -> float:  # pragma: no cover
     """Return a distance, m, that no pad is nearer to the peg than; negative where one may touch it.
 
@@ -80,9 +160,9 @@ def pad_gap(
         sizes: Half the extents of all geoms, shape (n, 3), m; likewise `places` and `axes`, shape (n, 9).
         places: Their middles, m, base frame.
         axes: Their axes.
-        peg: Size, place and axes of the peg, see `is_far`.
+        peg: The peg.
     """
-    size, middle, turned = peg
+    size, middle, turned = peg.size, peg.middle, peg.axes
     least = math.inf
     for pad in pads:
         gap = -math.inf
@@ -99,98 +179,77 @@ def pad_gap(
 
 @njit(cache=True)
 def advance(
-    models: tuple[int, int],
-    data: int,
-    qpos: Vector,
-    qvel: Vector,
-    qfrc: Vector,
-    pivot: Vector,
-    peg: tuple[Vector, Vector, Vector],
-    hole: Vector,
-    userdata: Vector,
-    arm: Vector,
-    words: Vector,
-    state: Vector,
-    meters: Vector,
-    drive: Vector,
-    hinge: int,
-    lost: float,
-    plates: int,
-    start: float,
-    timestep: float,
-    ticks: int,
-    law_every: int,
-    phase: int,
+    models: Models, state: State, watch: Watch, control: Control, meters: Vector, span: Span
 ) -> int:  # pragma: no cover
-    """Advance the physics by `ticks`, with the torque law every `law_every` of them.
+    """Advance the physics by a stretch of time, with the torque law once every control period.
 
     Args:
-        models: Addresses of the mjModel and of its twin with a time step `COARSE` times as long, or 0.
-        data: Address of the mjData of both.
-        qpos: View of its positions; likewise `qvel`, `qfrc` (applied forces) and `userdata`.
-        qvel: Velocities; the arm's seven come first, as in `qpos`.
-        qfrc: Applied generalised forces.
-        pivot: View of the finger centre's position, m, base frame.
-        peg: Size, and views of place and axes of the peg, see `is_far`.
-        hole: See `is_far`; with a negative radius nothing is ever near it.
-        userdata: Where the contact function leaves the penetration.
-        arm: Its figures, see `drivers.impedance.figures`.
-        words: The held setpoint, see `drivers.impedance`.
-        state: State of the law.
-        meters: What is metered, see the indices of this module; updated.
-        drive: The hand's drive, see the indices of this module.
-        hinge: Index of the peg's hinge in `qpos`, or -1.
-        lost: Angle of the hinge beyond which the peg is no longer held, rad.
-        plates: How many of the first geoms are plates.
-        start: Time before the first tick, s.
-        timestep: Of one tick, s.
-        ticks: How many to take.
-        law_every: Ticks in a control period.
-        phase: Ticks since the last control period began.
+        models: The model, and its twin for where nothing can touch the hole.
+        state: Of both; updated.
+        watch: What is metered.
+        control: What is commanded.
+        meters: What was metered, see the indices of this module; updated.
+        span: The stretch.
 
     Returns:
-        How many were taken: fewer when the peg got lost, none when the state is no longer finite.
+        How many ticks were taken: fewer when the peg got lost, none when the state is no longer finite.
     """
-    lasting = math.floor(SUSTAINED_TIME / timestep + 0.5) + 1
+    qpos, qvel, qfrc, peg = state.qpos, state.qvel, state.qfrc, watch.peg
+    lasting = window(span.timestep)
     force, torque = np.zeros(3), np.zeros(3)
     tick = 0
-    while tick < ticks:
-        if (phase + tick) % law_every == 0:
-            tau = impedance.torque(arm, words, state, qpos[:7], qvel[:7], start + tick * timestep, law_every * timestep)
+    while tick < span.ticks:
+        if (span.phase + tick) % span.law_every == 0:
+            now, period = span.start + tick * span.timestep, span.law_every * span.timestep
+            tau = impedance.torque(control.arm, control.words, control.law, qpos[:7], qvel[:7], now, period)
             for i in range(7):
                 qfrc[i] = tau[i]
-        if hinge < 0:
-            closing, speed, strongest = drive[DRIVE_FORCE], drive[DRIVE_SPEED], drive[DRIVE_OPENING]
-            for i in range(7, 9):
-                if closing > 0.0:
-                    qfrc[i] = -closing * (1.0 + qvel[i] / speed)
-                else:
-                    opening = min(max(FINGER_GAIN * (drive[DRIVE_WIDTH] / 2.0 - qpos[i]), -strongest), strongest)
-                    qfrc[i] = opening - strongest / speed * qvel[i]
-        userdata[contact.PENETRATION] = 0.0
-        may_coarsen = models[1] != 0 and (phase + tick) % COARSE == 0 and tick + COARSE <= ticks
-        stride = COARSE if may_coarsen and is_far(hole, peg[0], peg[1], peg[2]) else 1
-        native.step(models[0] if stride == 1 else models[1], data)
+        if watch.hinge < 0:
+            _drive_fingers(state, control.drive)
+        state.userdata[contact.PENETRATION] = 0.0
+        may_coarsen = models.coarse != 0 and (span.phase + tick) % COARSE == 0 and tick + COARSE <= span.ticks
+        stride = COARSE if may_coarsen and is_far(models.hole, peg.size, peg.middle, peg.axes) else 1
+        native.step(models.fine if stride == 1 else models.coarse, state.data)
         tick += stride
-
-        _net_force(data, pivot, plates, force, torque)
-        blend = stride * timestep / (FORCE_FILTER + stride * timestep)
-        size = 0.0
-        for i in range(3):
-            meters[FORCE + i] += blend * (force[i] - meters[FORCE + i])
-            meters[TORQUE + i] += blend * (torque[i] - meters[TORQUE + i])
-            size += meters[FORCE + i] * meters[FORCE + i]
-        if hinge >= 0:
-            meters[PEAK_FORCE] = max(meters[PEAK_FORCE], math.sqrt(size))
-            meters[TURN_MAX] = max(meters[TURN_MAX], abs(qpos[hinge] - meters[TURN_FROM]))
+        _net_force(state.data, watch.pivot, watch.plates, force, torque)
+        _meter(meters, force, torque, stride * span.timestep, watch.hinge, qpos)
         for _ in range(stride):
-            judge(meters, userdata[contact.PENETRATION], lasting)
-        if hinge >= 0 and abs(qpos[hinge]) > lost:
+            judge(meters, state.userdata[contact.PENETRATION], lasting)
+        if watch.hinge >= 0 and abs(qpos[watch.hinge]) > watch.lost:
             break
     total = 0.0
     for i in range(7):
         total += qpos[i] + qvel[i]
     return tick if math.isfinite(total) and abs(total) < 1e4 else 0
+
+
+@njit(cache=True)
+def _drive_fingers(state: State, drive: Vector) -> None:  # pragma: no cover
+    """Apply the hand's drive to the two fingers, which move at 7 and 8."""
+    closing, speed, strongest = drive[DRIVE_FORCE], drive[DRIVE_SPEED], drive[DRIVE_OPENING]
+    for i in range(7, 9):
+        if closing > 0.0:
+            state.qfrc[i] = -closing * (1.0 + state.qvel[i] / speed)
+        else:
+            opening = FINGER_GAIN * (drive[DRIVE_WIDTH] / 2.0 - state.qpos[i])
+            opening = min(max(opening, -strongest), strongest)
+            state.qfrc[i] = opening - strongest / speed * state.qvel[i]
+
+
+@njit(cache=True)
+def _meter(
+    meters: Vector, force: Vector, torque: Vector, elapsed: float, hinge: int, qpos: Vector
+) -> None:  # pragma: no cover
+    """Meter a step's net force, N, and torque, N·m, of `elapsed` s, and how far the held peg has turned."""
+    blend = elapsed / (FORCE_FILTER + elapsed)
+    size = 0.0
+    for i in range(3):
+        meters[FORCE + i] += blend * (force[i] - meters[FORCE + i])
+        meters[TORQUE + i] += blend * (torque[i] - meters[TORQUE + i])
+        size += meters[FORCE + i] * meters[FORCE + i]
+    if hinge >= 0:
+        meters[PEAK_FORCE] = max(meters[PEAK_FORCE], math.sqrt(size))
+        meters[TURN_MAX] = max(meters[TURN_MAX], abs(qpos[hinge] - meters[TURN_FROM]))
 
 
 @njit(cache=True)

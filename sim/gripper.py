@@ -25,21 +25,21 @@ class SimGripper:
 
     def grip(self, force: float) -> None:
         """Close until `force`, N, is held or the fingers meet."""
-        self._world.drive[engine.DRIVE_FORCE] = force
+        self._world.control.drive[engine.DRIVE_FORCE] = force
 
     def release(self, width: float) -> None:
         """Open to `width`, m."""
-        self._world.drive[engine.DRIVE_FORCE] = 0.0
-        self._world.drive[engine.DRIVE_WIDTH] = width
+        self._world.control.drive[engine.DRIVE_FORCE] = 0.0
+        self._world.control.drive[engine.DRIVE_WIDTH] = width
 
     def read(self) -> GripperState:
         """Return the newest state."""
         world = self._world
         width = world.finger_gap()
-        force = world.finger_force
+        force = float(world.control.drive[engine.DRIVE_FORCE])
         is_gripping = force > 0.0 and world.pad_force() > GRIPPING_SHARE * force
         if force > 0.0:
             is_moving = not is_gripping and width > POSITION_TOLERANCE
         else:
-            is_moving = abs(width - world.finger_width) > POSITION_TOLERANCE
+            is_moving = abs(width - float(world.control.drive[engine.DRIVE_WIDTH])) > POSITION_TOLERANCE
         return GripperState(width=width, is_gripping=is_gripping, is_moving=is_moving)

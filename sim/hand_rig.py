@@ -120,8 +120,8 @@ def _holding(model: ArmModel, job: Job, grip: str) -> tuple[World, SimArm]:
     world = World(model, sim, ContactConfig(friction=0.0), GripConfig(friction=1.0, angle=0.0), "parallelogram", job)
     arm = SimArm(world)
     arm.halt()
-    world.drive[engine.DRIVE_FORCE] = GRIP
-    world.hold(0.0)
+    world.control.drive[engine.DRIVE_FORCE] = GRIP
+    world.stepper.hold(0.0)
     world.wait_until(0.5)
     return world, arm
 
@@ -198,7 +198,7 @@ def _cartesian(arm_model: ArmModel, job: Job) -> HandRow:
         world, arm = _holding(arm_model, job, "hinge")
         _lead(world, arm, tilt)
         inertia = np.diag(_inertia(world))
-        model = _cartesian_model(job, tilt, inertia, world.breakaway())
+        model = _cartesian_model(job, tilt, inertia, world.stepper.breakaway())
         data = mujoco.MjData(model)
         data.qpos[2] = 2e-3
         meters, log = engine.new_meters(), np.zeros((round(SECONDS / TIMESTEP), 4))

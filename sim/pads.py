@@ -12,7 +12,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from drivers.quantities import Vector
+from drivers.parts import Peg
+from drivers.quantities import Pose, Vector
 from drivers.skin.layout import Layout, finger_positions, pad_size
 from sim.config import PadConfig
 from sim.pad_solver import CELL, lie, spread
@@ -46,6 +47,38 @@ class PadLoad:
     """Of the peg, or the side of a square one, m."""
     is_flat: bool = False
     """The peg is square and lies in the pads with two of its faces."""
+
+
+def load_of(peg: Peg, tcp: Pose, pose: Pose, grip_force: float, force: Vector, torque: Vector) -> PadLoad:
+    """Return what the pads hold: the grip, and the reaction of what pushes the peg, whose inertia is too small to count.
+
+    Args:
+        peg: The part.
+        tcp: T_base_tcp, at the finger centre.
+        pose: Of the peg's middle, z from its end upward, base frame.
+        grip_force: Of the hand, N.
+        force: Of the plates on the peg, shape (3,), N, base frame.
+        torque: Of that force about the finger centre, shape (3,), N·m, base frame.
+    """
+    axis = tcp.rotation.T @ pose.rotation[:, 2]
+    theta = math.atan2(-axis[1], -axis[0])
+    way = pose.position - tcp.position
+    lateral = tcp.rotation @ np.array([-math.sin(theta), math.cos(theta), 0.0])
+    closing = tcp.rotation[:, 2]
+    half = (peg.length + peg.overhang) / 2
+    reach = half - float(way @ pose.rotation[:, 2])
+    return PadLoad(
+        theta=theta,
+        offset=float(way @ lateral),
+        grip_force=grip_force,
+        across=float(force @ closing),
+        # A force f along z at the lever s along the peg gives s·f about (z × peg), with the sign turned.
+        tilting=-float(torque @ lateral),
+        reach_tip=reach,
+        reach_back=2 * half - reach,
+        diameter=peg.diameter,
+        is_flat=peg.shape == "square",
+    )
 
 
 def contact_span(load: PadLoad, length: float, width: float) -> tuple[float, float]:

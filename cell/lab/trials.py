@@ -27,7 +27,7 @@ from skills.flow import StageRecord
 from skills.spray_search import SpraySearchResult
 
 if TYPE_CHECKING:
-    from sim.world import Truth
+    from sim.truth import Truth
 
 WATCHED = frozenset({"spray_search", "tactile_insert"})
 """Stages over which the estimate in use is compared with the truth."""

@@ -54,11 +54,11 @@ class TorqueWorld(World):
         assert config.grip is not None
         sim = config.sim.model_copy(update={"pace": "max"})
         super().__init__(config.arm_model(), sim, config.contact, config.grip, config.skin.layout, config.job())
-        self._law_every = NEVER
+        self.stepper.law_every = NEVER
 
     def step(self, torque: Vector) -> None:
         """Advance by one control period with these joint torques, N·m."""
-        self._data.qfrc_applied[:7] = torque
+        self.physics()[1].qfrc_applied[:7] = torque
         self.wait_until(self.now() + self.arm.control_period)
 
 

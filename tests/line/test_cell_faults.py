@@ -157,7 +157,7 @@ def test_physics_that_diverge_are_a_fault(tmp_path, monkeypatch):
         line = TerminalLine(Command(1, GRASP), reports.append)
         supervisor = Supervisor(cell, loaded, line, journal)
         assert isinstance(cell.clock, World)
-        cell.clock._data.qvel[:7] = math.inf
+        cell.clock.physics()[1].qvel[:7] = math.inf
         supervisor.scan()
     assert (reports[-1].state, reports[-1].fault) == (State.ABORTED, FaultCode.SIMULATION_UNSTABLE)
 

@@ -9,8 +9,9 @@ from cell.config import load
 from cell.lab.trials import run_trial
 from drivers.frames import rotation_about
 from drivers.quantities import Pose
-from sim import engine, world
-from sim.world import Peg, World
+from sim import engine, truth
+from sim.situation import Peg
+from sim.world import World
 from skills import grasp_from_rack
 from skills.contract import Outcome
 
@@ -50,10 +51,11 @@ def test_a_square_peg_at_rest_in_its_hole_stays_at_rest() -> None:
         assert isinstance(physics, World)
         up = physics.plate.rotation[:, 2]
         leaning = rotation_about(physics.plate.rotation[:, 0], math.radians(0.1)) @ physics.plate.rotation
-        physics._enter_free(width=0.08, peg=Pose(physics.plate.position + up * (physics._half - 0.019), leaning))
+        half = physics.stepper.scene.size.half
+        physics.stepper.enter_free(width=0.08, peg=Pose(physics.plate.position + up * (half - 0.019), leaning))
         physics.wait_until(physics.now() + 2.0)
         before = physics.truth().tip
         assert physics.truth().switch_closed
         physics.wait_until(physics.now() + 30.0)
         assert math.dist(physics.truth().tip, before) < 2e-6
-        assert physics.meters[engine.SUSTAINED] < world.VOID_PENETRATION
+        assert physics.meters[engine.SUSTAINED] < truth.VOID_PENETRATION

@@ -13,8 +13,9 @@ from cell.config import load
 from cell.record import ending_of
 from drivers.frames import rotation_about
 from drivers.quantities import Pose
-from sim import engine, world
-from sim.world import Peg, World
+from sim import engine, truth
+from sim.situation import Peg
+from sim.world import World
 from skills import grasp_from_rack
 from skills.catalogue import CATALOGUE
 from skills.contract import Outcome, Reason
@@ -53,15 +54,15 @@ def pad_torque(grip: float, friction: float, length_tip: float, length_back: flo
 def turn_the_peg(physics: World, torque: float, seconds: float) -> float:
     """Twist the held peg about the closing axis with `torque`, N·m; return by how much it turned in the hand, rad."""
     before = physics.truth().theta
-    physics._data.qfrc_applied[7] = torque
+    physics.physics()[1].qfrc_applied[7] = torque
     physics.wait_until(physics.now() + seconds)
-    physics._data.qfrc_applied[7] = 0.0
+    physics.physics()[1].qfrc_applied[7] = 0.0
     return abs(physics.truth().theta - before)
 
 
 def test_the_pivot_breaks_away_where_a_model_of_the_pads_says() -> None:
     _, physics = holding(1)
-    length, _ = physics._pad
+    length, _ = physics.pad
     back = min(length / 2, physics.job.peg.overhang)
     # An 8 mm peg pressed 0.3 mm into the rubber touches it over 2 sqrt(2 R d).
     expected = pad_torque(30.0, physics.draw.pad_friction, length / 2, back, 2.0 * math.sqrt(0.008 * 0.0003))
@@ -73,7 +74,7 @@ def test_the_pivot_breaks_away_where_a_model_of_the_pads_says() -> None:
 
 def test_a_peg_loaded_to_sixty_percent_does_not_creep_in_the_hand() -> None:
     _, physics = holding(2)
-    assert turn_the_peg(physics, 0.6 * physics.breakaway(), 60.0) < math.radians(0.2)
+    assert turn_the_peg(physics, 0.6 * physics.stepper.breakaway(), 60.0) < math.radians(0.2)
 
 
 def test_a_peg_at_rest_in_the_grip_stays_at_rest_for_a_minute() -> None:
@@ -88,28 +89,29 @@ def test_a_peg_at_rest_in_the_hole_stays_at_rest_for_a_minute() -> None:
     _, physics = cell_of(4)
     up = physics.plate.rotation[:, 2]
     leaning = rotation_about(np.array([1.0, 0.0, 0.0]), math.radians(0.1)) @ physics.plate.rotation
-    physics._enter_free(width=0.08, peg=Pose(physics.plate.position + up * (physics._half - 0.019), leaning))
+    half = physics.stepper.scene.size.half
+    physics.stepper.enter_free(width=0.08, peg=Pose(physics.plate.position + up * (half - 0.019), leaning))
     physics.wait_until(physics.now() + 2.0)
     tip = np.array(physics.truth().tip)
     assert physics.truth().switch_closed
     physics.wait_until(physics.now() + 60.0)
     assert np.linalg.norm(np.array(physics.truth().tip) - tip) < 2e-6
-    assert float(np.abs(physics._data.qvel[9:]).max()) < 1e-4
-    assert physics.meters[engine.SUSTAINED] < world.VOID_PENETRATION
+    assert float(np.abs(physics.physics()[1].qvel[9:]).max()) < 1e-4
+    assert physics.meters[engine.SUSTAINED] < truth.VOID_PENETRATION
 
 
 def test_an_empty_slot_is_a_missed_grasp() -> None:
     cell, physics = cell_of(5)
-    physics._drop()
+    physics.stepper.lose()
     result = grasp_from_rack.run(cell.config.grasp, cell.context(5))
     assert (result.outcome, result.reason) == (Outcome.FAILURE, Reason.MISSED_GRASP)
 
 
 def test_a_peg_that_is_stuck_in_its_slot_slips_through_the_pads() -> None:
     cell, physics = cell_of(6)
-    peg = physics._model.body("peg").id
+    model, data = physics.physics()
     # Somebody holds it down with more than the pads' friction can bear.
-    physics._data.xfrc_applied[peg, 2] = -2.5 * 2.0 * 0.6 * 30.0
+    data.xfrc_applied[model.body("peg").id, 2] = -2.5 * 2.0 * 0.6 * 30.0
     result = grasp_from_rack.run(cell.config.grasp, cell.context(6))
     assert result.outcome is Outcome.FAILURE
     assert result.reason in (Reason.LOST_GRASP, Reason.MISSED_GRASP, Reason.FORCE_LIMIT)
@@ -141,9 +143,10 @@ def test_pads_that_close_squarely_on_a_thin_peg_press_it_and_do_not_throw_it(see
 def test_the_law_knows_the_arm_that_the_physics_moves() -> None:
     """The finger centre of the law's kinematics is where MuJoCo has it."""
     _, physics = holding(7)
-    body = physics._model.body("peg").id
-    mujoco.mj_forward(physics._model, physics._data)
-    assert np.linalg.norm(physics.tcp().position - physics._data.xpos[body]) < 1e-12
+    model, data = physics.physics()
+    body = model.body("peg").id
+    mujoco.mj_forward(model, data)
+    assert np.linalg.norm(physics.tcp().position - data.xpos[body]) < 1e-12
 
 
 def test_a_peg_that_nobody_can_touch_costs_nothing_and_stays() -> None:

@@ -19,7 +19,7 @@ from cell.lab.contact.ladder import SHIPPED
 from cell.lab.contact.measure import Findings, MapRow, RungRow, verdict
 from cell.plots import COLOURS
 from drivers.quantities import Vector
-from sim.world import VOID_PENETRATION
+from sim.truth import VOID_PENETRATION
 
 CHART, MAP = "contact.png", "integration.png"
 FAMILIES = {

@@ -24,7 +24,7 @@ from sim import hand_rig, native, rig
 from sim.contact import FEATURE_BAND
 from sim.pads import breakaway_torque_of
 from sim.section import section_depth
-from sim.world import VOID_PENETRATION, VOID_SHARE
+from sim.truth import VOID_PENETRATION, VOID_SHARE
 from skills.catalogue import GRASP
 
 PEG, HOLE = 0.008, 0.0081

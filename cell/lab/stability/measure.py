@@ -26,7 +26,8 @@ from drivers.arm.model import JOINTS
 from drivers.errors import CellError, SimulationUnstableError
 from drivers.frames import angle_between, end_point, rotation_about
 from drivers.quantities import ImpedanceSetpoint, InHandTip, Twist, Vector
-from sim.world import Peg, World
+from sim.situation import Peg
+from sim.world import World
 from skills import grasp_from_rack
 from skills.catalogue import GRASP, INSERT, SEARCH
 from skills.contract import Observation, Outcome, SkillContext
@@ -283,7 +284,7 @@ class Bench:
         """Put arm and peg back to where they were, at rest, and let the skin see them."""
         _, data = self.world.physics()
         data.qpos[:], data.qvel[:] = self.q, 0.0
-        self.world.law_state[:] = 0.0
+        self.world.control.law[:] = 0.0
         self.ctx.arm.halt()
         self.world.wait_until(self.world.now() + 2.0 / self.cell.config.skin.rate)
 

@@ -1,0 +1,287 @@
+"""Steps a trial's scene: which of its models runs, what it takes over when the peg changes hands, and one call a stretch."""
+
+import math
+
+import mujoco
+import numpy as np
+
+from drivers import frames, impedance
+from drivers.arm.model import JOINTS, ArmModel
+from drivers.errors import SimulationUnstableError
+from drivers.quantities import Pose, Vector
+from sim import engine, situation
+from sim.config import GripConfig, SimConfig
+from sim.pace import Pace
+from sim.pads import breakaway_torque_of
+from sim.situation import Peg
+from sim.trial_scene import Mechanism, TrialScene
+
+NOWHERE: Vector = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0, -math.inf])
+"""A hole that nothing is near."""
+FINGERS, PEG = slice(7, 9), slice(9, 15)
+"""Degrees of freedom of the free model after the arm's seven; the held model has the hinge at 7."""
+HINGE = 7
+
+
+class Stepper:
+    """Moves arm, hand and peg through one trial after the other; the arm stays where it is between them."""
+
+    def __init__(self, arm: ArmModel, sim: SimConfig, grip: GripConfig, pad: tuple[float, float], pace: Pace) -> None:
+        """Set the arm down where it waits; `pad` is length and width of a pad, m."""
+        self._model_of, self._grip, self._pad, self._pace = sim.model, grip, pad, pace
+        self.law_every = round(arm.control_period / sim.timestep)
+        """Ticks in a control period."""
+        self.control = engine.Control(
+            impedance.figures(arm),
+            np.zeros(impedance.WORDS),
+            np.zeros(impedance.STATE_WORDS),
+            engine.new_drive(arm.hand),
+        )
+        self.meters = engine.new_meters()
+        self.peg, self.peg_length = Peg.FREE, math.nan
+        self._running: Mechanism | None = None
+        self._q, self._dq = np.array(arm.home), np.zeros(JOINTS)
+        self._in_grip_since = self._loose_since = self._load = 0.0
+        self._is_resting = False
+
+    @property
+    def has_twins(self) -> bool:
+        """Whether longer steps can be taken."""
+        return self._model_of.long_steps and self.law_every % engine.COARSE == 0
+
+    @property
+    def running(self) -> Mechanism:
+        """The mechanism that is stepped."""
+        assert self._running is not None
+        return self._running
+
+    def restock(self, scene: TrialScene, pad_friction: float) -> None:
+        """Begin a trial with a fresh peg in the rack; `pad_friction` is the Coulomb coefficient of its pads."""
+        self.scene, self._pad_friction = scene, pad_friction
+        self.meters = engine.new_meters()
+        self.enter_free(float(self.control.drive[engine.DRIVE_WIDTH]), scene.racked())
+
+    # From one situation to the other; positions and velocities go along.
+
+    def enter_free(self, width: float, peg: Pose) -> None:
+        """Let the peg be a body of its own, its middle at a pose, between fingers `width` m apart."""
+        self._run(Peg.FREE, self.scene.free)
+        data = self.running.data
+        data.qpos[7] = data.qpos[8] = width / 2
+        data.qpos[9:12] = peg.position
+        quat = np.empty(4)
+        mujoco.mju_mat2Quat(quat, peg.rotation.flatten())
+        data.qpos[12:16] = quat
+        self._begin(weight=self.scene.size.weight)
+
+    def enter_held(self) -> None:
+        """Hang the peg into the hand's hinge, as it lies between the pads."""
+        tcp, peg = self.tcp(), self.peg_pose()
+        axis = tcp.rotation.T @ peg.rotation[:, 2]
+        # The nearest point of the peg's axis to the finger centre is where the pads hold it.
+        reach = float((tcp.position - peg.position) @ peg.rotation[:, 2]) + self.scene.size.half
+        self._run(Peg.HELD, self.scene.held)
+        self.peg_length = reach - self._grip.slip
+        for model in self._steppers:
+            model.geom("peg").pos[2] = model.body("peg").ipos[2] = self.scene.size.half - self.peg_length
+        theta = math.atan2(-axis[1], -axis[0])
+        self.running.data.qpos[HINGE] = self.meters[engine.TURN_FROM] = theta
+        self._begin(weight=self.scene.size.weight)
+
+    def hold(self, theta: float) -> None:
+        """Put the peg into the hand at this in-hand angle, rad, as after a grasp; with pads they must still close."""
+        reach = frames.compose(self.tcp(), frames.peg_in_finger(theta, self.scene.job.peg.length))
+        middle = Pose(reach.position + self.scene.size.half * reach.rotation[:, 2], reach.rotation)
+        self.enter_free(self.scene.job.peg.diameter, middle)
+        if self._model_of.grip == "hinge":
+            self.enter_held()
+
+    def lose(self) -> None:
+        """Take the peg out of play: it fell out of the hand."""
+        self.enter_free(self.scene.job.peg.diameter, Pose(np.array([0.0, 0.0, -1.0]), np.eye(3)))
+        self.running.data.xfrc_applied[self.running.peg_body, 2] = 0.0
+        self.peg = Peg.GONE
+
+    def _run(self, peg: Peg, mechanism: Mechanism) -> None:
+        """Let a mechanism run from the arm's present state."""
+        if self._running is not None:
+            self._q, self._dq = self.q, self.dq
+        self.peg, self._running = peg, mechanism
+        is_held = peg is Peg.HELD
+        self._steppers = [mechanism.model]
+        if is_held and mechanism.twin is not None:
+            self._steppers.append(mechanism.twin)
+        self._is_resting = False
+        mujoco.mj_resetData(mechanism.model, mechanism.data)
+        mechanism.data.qpos[:7], mechanism.data.qvel[:7] = self._q, self._dq
+
+    def _begin(self, weight: float) -> None:
+        """Complete the state after its positions have been set; the peg's weight is in N."""
+        mechanism, now = self.running, self._pace.now()
+        data, is_held = mechanism.data, self.peg is Peg.HELD
+        data.xfrc_applied[mechanism.peg_body, 2] = -weight
+        mujoco.mj_forward(mechanism.model, data)
+        size = self.scene.size
+        self.peg_view = engine.PegView(
+            np.array([size.reach, size.half]),
+            data.geom_xpos[mechanism.peg_geom],
+            data.geom_xmat[mechanism.peg_geom].reshape(3, 3),
+        )
+        self._state = engine.State(data._address, data.qpos, data.qvel, data.qfrc_applied, data.userdata)
+        self._watch = engine.Watch(
+            self.peg_view,
+            data.xpos[mechanism.pivot],
+            mechanism.plates,
+            HINGE if is_held else -1,
+            situation.LOST_TURN,
+        )
+        self._set_near(self.scene.hole)
+        self._in_grip_since = self._loose_since = now
+
+    def _set_near(self, hole: Vector) -> None:
+        addresses = [model._address for model in self._steppers]
+        self._models = engine.Models(addresses[0], addresses[1] if len(addresses) > 1 else 0, hole)
+
+    # The physics.
+
+    def advance(self, ticks: int) -> int:
+        """Advance the physics by so many ticks, or fewer where the peg changes its situation; return how many it took.
+
+        Raises:
+            SimulationUnstableError: The state is no longer finite.
+        """
+        if self.peg is Peg.HELD:
+            slips_at = self.breakaway()
+            for model in self._steppers:
+                model.dof_frictionloss[self.scene.pivot_dof] = slips_at
+        else:
+            self._let_rest()
+        pace = self._pace
+        span = engine.Span(pace.now(), pace.timestep, ticks, self.law_every, pace.ticks % self.law_every)
+        taken: int = engine.advance(self._models, self._state, self._watch, self.control, self.meters, span)
+        if not taken:
+            # Time goes on all the same: whoever reports the fault waits for the end of the scan.
+            pace.ticks += ticks
+            raise SimulationUnstableError(
+                f"simulation at {pace.now():.3f} s: state not finite (time step {pace.timestep} s); reduce gains or sim.timestep"
+            )
+        pace.ticks += taken
+        self._pass_on()
+        return taken
+
+    def _let_rest(self) -> None:
+        """Leave a peg that lies still, out of the pads' reach, out of the physics; take it in again before they reach it."""
+        mechanism = self.running
+        if mechanism.twin is None:
+            return
+        data, now = mechanism.data, self._pace.now()
+        gap = engine.pad_gap(self.scene.pads, mechanism.model.geom_size, data.geom_xpos, data.geom_xmat, self.peg_view)
+        rests = situation.may_rest(self._is_resting, gap, now - self._loose_since, data.qvel[PEG])
+        if rests == self._is_resting:
+            return
+        self._is_resting = rests
+        force = data.xfrc_applied[mechanism.peg_body]
+        if rests:
+            self._load = float(force[2])
+            self._steppers = [mechanism.model, mechanism.twin]
+            self._set_near(NOWHERE)
+            force[2] = data.qvel[PEG] = 0.0
+        else:
+            self._loose_since = now
+            self._steppers = [mechanism.model]
+            self._set_near(self.scene.hole)
+            force[2] = self._load
+
+    def _pass_on(self) -> None:
+        """Change the peg's situation when what happened asks for it."""
+        grip_force = float(self.control.drive[engine.DRIVE_FORCE])
+        if self.peg is Peg.HELD:
+            following = situation.after_hold(self.theta(), grip_force)
+            if following is Peg.GONE:
+                self.lose()
+            elif following is Peg.FREE:
+                self.enter_free(self.scene.job.peg.diameter, self.peg_pose())
+        elif self.peg is Peg.FREE:
+            height = self.lowest() - self.scene.rack.position[2]
+            if not situation.is_in_grip(self.pad_force(), grip_force, height):
+                self._in_grip_since = self._pace.now()
+            elif self._model_of.grip == "hinge" and self._pace.now() - self._in_grip_since > situation.SETTLED_GRIP:
+                self.enter_held()
+
+    # What is where now.
+
+    @property
+    def q(self) -> Vector:
+        """Joint positions, shape (7,), rad."""
+        return np.array(self.running.data.qpos[:7])
+
+    @property
+    def dq(self) -> Vector:
+        """Joint velocities, shape (7,), rad/s."""
+        return np.array(self.running.data.qvel[:7])
+
+    def physics(self) -> tuple[mujoco.MjModel, mujoco.MjData]:
+        """Return the model that the next step takes, and the data."""
+        is_far = engine.is_far(self._models.hole, *self.peg_view)
+        return (self._steppers[-1] if is_far else self._steppers[0]), self.running.data
+
+    def tcp(self) -> Pose:
+        """Return T_base_tcp from the arm's own kinematics."""
+        position, rotation, _, _ = impedance.forward(self.control.arm, self.running.data.qpos[:7])
+        return Pose(position, rotation)
+
+    def peg_pose(self) -> Pose:
+        """Return the pose of the peg's middle, z from its end upward."""
+        return Pose(self.peg_view.middle.copy(), self.peg_view.axes.copy())
+
+    def end(self) -> Vector:
+        """Return the middle of the peg's end face, m, base frame."""
+        pose = self.peg_pose()
+        end: Vector = pose.position - self.scene.size.half * pose.rotation[:, 2]
+        return end
+
+    def lowest(self) -> float:
+        """Return the height of the peg's lowest point, m, base frame."""
+        axis = self.peg_view.axes[:, 2]
+        return float(self.end()[2] - self.scene.size.reach * math.hypot(axis[0], axis[1]))
+
+    def depth(self) -> tuple[float, bool]:
+        """Return how deep the tip is below the hole's mouth along its axis, m, and whether it is in the hole."""
+        plate = self.scene.plate
+        depth, beside = engine.below_mouth(
+            self.scene.size.half, self.peg_view.middle, self.peg_view.axes, plate.position, plate.rotation
+        )
+        return depth, depth > 0.0 and beside < plate.radius
+
+    def theta(self) -> float:
+        """Return the angle of the held peg's hinge, rad."""
+        return float(self.running.data.qpos[HINGE])
+
+    def pad_force(self) -> float:
+        """Return the smaller of the forces between the pads and the peg, N."""
+        if self.peg is Peg.HELD:
+            return float(self.control.drive[engine.DRIVE_FORCE])
+        if self.peg is Peg.GONE:
+            return 0.0
+        squeezed: float = engine.pad_force(self.running.data._address, *self.scene.pads)
+        return squeezed
+
+    def feels_plates(self) -> bool:
+        """Whether the peg is in the hand, so that forces on it are felt by the arm."""
+        return self.peg is Peg.HELD or (self.peg is Peg.FREE and self._model_of.grip == "pads")
+
+    def breakaway(self) -> float:
+        """Return the torque at which the pivot slips, N·m; the held peg's axis goes through the finger centre."""
+        length, width = self._pad
+        peg = self.scene.job.peg
+        return breakaway_torque_of(
+            theta=self.theta(),
+            offset=0.0,
+            grip_force=self.pad_force(),
+            reach_tip=self.peg_length,
+            reach_back=2 * self.scene.size.half - self.peg_length,
+            half_length=length / 2,
+            half_width=width / 2,
+            friction=self._pad_friction,
+            flat=peg.diameter if peg.shape == "square" else 0.0,
+        )
