@@ -1,0 +1,57 @@
+"""The decisions of the adjustment, each by itself."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cell.config import load
+from drivers.quantities import InHandTip, Pose
+from skills.catalogue import ADJUST
+from skills.spiral_adjust import Aim, Guide, Stall
+
+PARAMS = load().cell.params(ADJUST)
+PERIOD, LEAST = PARAMS.guided_period, PARAMS.jammed
+DEEP = PARAMS.guided_depth + 1e-6
+
+
+def test_less_than_the_least_gain_is_no_gain():
+    stall = Stall().after(1e-3, 1.0, LEAST)
+    assert stall.after(1e-3 + LEAST, 2.0, LEAST) == stall
+    assert stall.after(1e-3 + 1.01 * LEAST, 2.0, LEAST).since == 2.0
+
+
+def test_another_theta_is_no_gain_in_depth():
+    stall = Stall(deepest=2e-3, since=1.0).measured_anew(depth=2.5e-3, before=1.9e-3)
+    assert (stall.deepest, stall.since) == (pytest.approx(2.6e-3), 1.0)
+
+
+def test_the_hole_guides_from_its_depth_on_and_for_good():
+    shallow = Guide().after(PARAMS.guided_depth, 1.0, PARAMS)
+    guided = shallow.after(DEEP, 2.0, PARAMS)
+    assert (shallow.is_on, guided.is_on, guided.began) == (False, True, 2.0)
+    assert guided.after(0.0, 2.1, PARAMS).began == 2.0
+
+
+@pytest.mark.parametrize(("gain", "is_jammed"), [(0.99, True), (1.01, False)])
+def test_a_period_that_gains_too_little_is_a_jam(gain, is_jammed):
+    guide = replace(Guide().after(DEEP, 1.0, PARAMS), reached=5e-3)
+    assert not guide.after(5e-3, 1.0 + 0.99 * PERIOD, PARAMS).is_jammed
+    assert guide.after(5e-3 + gain * LEAST, 1.0 + 1.01 * PERIOD, PARAMS).is_jammed is is_jammed
+
+
+def test_the_spiral_grows_and_the_guided_circles_fade():
+    free = [np.linalg.norm(Guide().offset(time, PARAMS)) for time in (1.0, 2.0)]
+    guided = [np.linalg.norm(Guide(began=1.0).offset(1.0 + share * PERIOD, PARAMS)) for share in (0.1, 0.9)]
+    assert free == pytest.approx([PARAMS.growth, 2 * PARAMS.growth])
+    assert guided[1] < guided[0] <= PARAMS.guided_radius
+
+
+def test_after_a_jam_the_peg_is_aimed_where_it_rests_and_after_the_next_by_the_plate():
+    upright = Pose(np.zeros(3), np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]))
+    normal, held = np.array([0.0, 0.0, 1.0]), InHandTip(math.radians(2.0), 0.05, 3.0)
+    once = Aim(InHandTip(0.0, 0.05, 0.0), normal).freed(held, upright, normal)
+    assert once.in_hand is held
+    assert once.direction @ normal == pytest.approx(math.cos(held.theta))
+    assert once.freed(held, upright, normal).direction is normal
