@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from cell.states import State
+from cell.states import ASKED, State
 from drivers.errors import ConfigError
 from plc_bridge.messages import FIRST_PROGRAM, Command, Control, Refusal, Report, Result
 from plc_bridge.registers import STAGES, Parameter
@@ -20,14 +20,7 @@ PARAMETERS: tuple[Parameter, ...] = (
 )
 """Keys of the config that a command may replace for its own run."""
 
-CONTROLS: dict[str, Control] = {
-    "reset": Control.RESET,
-    "stop": Control.STOP,
-    "hold": Control.HOLD,
-    "unhold": Control.UNHOLD,
-    "abort": Control.ABORT,
-    "clear": Control.CLEAR,
-}
+CONTROLS: dict[str, Control] = {event.value: Control[event.name] for event in ASKED}
 """What can be asked of a running cell beside programs and skills."""
 
 WORDS: dict[str, dict[int, str]] = {

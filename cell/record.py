@@ -52,23 +52,27 @@ class StageClock:
 class Ending:
     """How a run ended."""
 
-    outcome: str
-    """`success`, `failure`, `aborted` or `fault`."""
+    outcome: Outcome
     stage: str
     """That did not succeed, or the last one."""
     reason: IntEnum
     """A `Reason`, or one of the skill's own."""
 
+    @property
+    def word(self) -> str:
+        """The reason as records have it; empty where there is none."""
+        return "" if self.reason is Reason.NONE else self.reason.name.lower()
+
 
 def ending_of(records: Sequence[StageRecord], fault: CellError | None, stage: str) -> Ending:
     """Return how a run ended: by its first stage that did not succeed and was not tried again, or by a fault in `stage`."""
     if fault is not None or not records:
-        return Ending("fault", stage, Reason.NONE)
+        return Ending(Outcome.FAULT, stage, Reason.NONE)
     last = next(
         (record for record in records if record.result.outcome is not Outcome.SUCCESS and not record.retried),
         records[-1],
     )
-    return Ending(last.result.outcome.value, last.name, last.result.reason)
+    return Ending(last.result.outcome, last.name, last.result.reason)
 
 
 def scene_facts(config: CellConfig) -> SceneFacts:
@@ -131,7 +135,7 @@ class RunRecord:
             self.row,
             outcome=ending.outcome,
             stage=ending.stage,
-            reason=ending.reason.name.lower() if ending.reason is not Reason.NONE else "",
+            reason=ending.word,
             fault=fault.code if fault is not None else FaultCode.NONE,
             message=str(fault or ""),
             stage_times=json.dumps(list(self.clock.times.items())),

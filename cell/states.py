@@ -42,6 +42,12 @@ class Event(Enum):
     """The acting state has done what it does."""
 
 
+ASKED = (Event.RESET, Event.STOP, Event.HOLD, Event.UNHOLD, Event.ABORT, Event.CLEAR)
+"""The controls that a PLC or a technician asks for by name; START comes with the name of a program.
+
+Line, terminal and records derive theirs from these, name by name.
+"""
+
 _STOPPABLE = (
     State.STARTING,
     State.IDLE,

@@ -2,9 +2,10 @@
 
 import logging
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from threading import Event as ThreadEvent
 from typing import Protocol
 
@@ -13,8 +14,8 @@ import numpy as np
 from cell.assembly import Cell, choices, make_estimator, make_tracker
 from cell.config import CellConfig, LoadedConfig, with_parameters
 from cell.journal import Journal, RunRow
-from cell.record import RunRecord, StageClock, ending_of
-from cell.states import Event, State, after, is_permitted
+from cell.record import Ending, RunRecord, StageClock, ending_of
+from cell.states import ASKED, Event, State, after, is_permitted
 from drivers.errors import CellError, ConfigError, FaultCode, PlcLostError
 from drivers.quantities import ArmState, ImpedanceSetpoint
 from plc_bridge.messages import Command, Control, Refusal, Report, Result, Transition
@@ -30,15 +31,7 @@ REST_SPEED = 0.01
 """Of every joint of an arm that stands still, rad/s."""
 REST_TIME = 1.0
 """Longest time for an arm to come to rest, s: the speed of a real one never reads zero."""
-_RESULT = {"success": Result.SUCCESS, "failure": Result.FAILURE, "aborted": Result.ABORTED}
-_EVENT = {
-    Control.STOP: Event.STOP,
-    Control.HOLD: Event.HOLD,
-    Control.UNHOLD: Event.UNHOLD,
-    Control.ABORT: Event.ABORT,
-    Control.CLEAR: Event.CLEAR,
-    Control.RESET: Event.RESET,
-}
+_EVENT = {Control[event.name]: event for event in ASKED}
 
 
 class Line(Protocol):
@@ -100,22 +93,22 @@ class Supervisor:
         """Do one scan outside a program: read every device, take a command, publish, wait for the next scan."""
         clock = self._cell.clock
         started = clock.now()
-        try:
-            if self.state in (State.IDLE, State.COMPLETE):
-                self._context.observe()
-            else:
-                # What was lost comes back only while somebody listens to it.
-                for device in (self._cell.gripper, self._cell.skin, self._cell.switch):
-                    with suppress(CellError):
-                        device.read()
-            self._take_all()
-        except CellError as error:
-            self._fault(error)
-        except Exception as error:
-            logger.exception("error inside this program")
-            self._fault(_as_fault(error))
+        fault = _fault_of(self._look)
+        if fault is not None:
+            self._fault(fault)
         self._publish()
         clock.wait_until(started + self._context.scan_period)
+
+    def _look(self) -> None:
+        """Read every device, and act on the commands that wait."""
+        if self.state in (State.IDLE, State.COMPLETE):
+            self._context.observe()
+        else:
+            # What was lost comes back only while somebody listens to it.
+            for device in (self._cell.gripper, self._cell.skin, self._cell.switch):
+                with suppress(CellError):
+                    device.read()
+        self._take_all()
 
     def _take_all(self) -> None:
         """Act on every command that waits: a start behind an acknowledgement shall not wait for another scan."""
@@ -133,42 +126,47 @@ class Supervisor:
                     f"{command.source}: no sign of life: see plc.life_timeout, on CAN plc.can.plc_timeout"
                 )
         elif command.code == Control.ACKNOWLEDGE:
-            if self.state is State.COMPLETE:
-                self._enter(Event.RESET)
-                self._enter(Event.FINISHED)
+            self._leave_complete()
         elif command.code in _EVENT:
-            self._control(command, Control(command.code))
+            self._control(command, _EVENT[Control(command.code)])
         else:
             self._refuse(command, Refusal.UNKNOWN_CODE)
 
-    def _control(self, command: Command, control: Control) -> None:
-        if control is Control.RESET and self.state is State.ABORTED:
-            self._control(command, Control.CLEAR)
-        if not is_permitted(self.state, _EVENT[control]):
+    def _control(self, command: Command, event: Event) -> None:
+        """Obey a control, or refuse it where the state does not permit it."""
+        if event is Event.RESET and self.state is State.ABORTED:
+            self._control(command, Event.CLEAR)
+        if not is_permitted(self.state, event):
             self._refuse(command, Refusal.NOT_READY)
             return
-        self._enter(_EVENT[control])
-        is_stop = control in (Control.STOP, Control.ABORT)
-        if self._run is None and not is_stop:
-            self.report = self._fresh(command, fault=self.report.fault)
-        if control is Control.CLEAR:
-            self._cell.arm.reset()
-            self.report = replace(self.report, fault=FaultCode.NONE)
-            self._enter(Event.FINISHED)
-        elif control is Control.RESET:
-            self._cell.arm.reset()
-            self._context.observe()
-            self._enter(Event.FINISHED)
-        elif is_stop:
+        self._enter(event)
+        if event in (Event.STOP, Event.ABORT):
             self._halt_now(Request.STOP)
             if self._run is None:
                 self._enter(Event.FINISHED)
-        elif control is Control.HOLD:
+        elif event is Event.HOLD:
             self._halt_now(Request.HOLD)
-        elif control is Control.UNHOLD:
+        elif event is Event.UNHOLD:
             self._request, self._since = Request.RESUME, self._cell.clock.now()
-        if self._run is None and not is_stop:
-            self.report = replace(self.report, result=Result.SUCCESS)
+        else:
+            self._rearm(command, event)
+
+    def _rearm(self, command: Command, event: Event) -> None:
+        """Make the arm move again after a stop or a fault: CLEAR acknowledges the fault, RESET makes the cell ready."""
+        self.report = self._fresh(command, fault=self.report.fault)
+        self._cell.arm.reset()
+        if event is Event.CLEAR:
+            self.report = replace(self.report, fault=FaultCode.NONE)
+        else:
+            self._context.observe()
+        self._enter(Event.FINISHED)
+        self.report = replace(self.report, result=Result.SUCCESS)
+
+    def _leave_complete(self) -> None:
+        """Be idle again where the last run is complete."""
+        if self.state is State.COMPLETE:
+            self._enter(Event.RESET)
+            self._enter(Event.FINISHED)
 
     def _refuse(self, command: Command, refusal: Refusal) -> None:
         self._line.refuse(command, refusal)
@@ -192,9 +190,7 @@ class Supervisor:
             logger.warning("command %d: %s", command.sequence, error)
             self._refuse(command, Refusal.PARAMETER)
             return
-        if self.state is State.COMPLETE:
-            self._enter(Event.RESET)
-            self._enter(Event.FINISHED)
+        self._leave_complete()
         self._enter(Event.START)
         self.report = self._fresh(command)
         self._publish()
@@ -204,43 +200,45 @@ class Supervisor:
         """Run a program to its end, whatever that is; afterwards the cell is in a state that waits."""
         self._request = Request.RUN
         records: list[StageRecord] = []
-        fault: CellError | None = None
-        try:
+
+        def work() -> None:
             self._run = RunRecord(self._journal, command, entry.name, config)
             self.report = replace(self.report, run=self._run.row.run)
             self._prepare(entry, config)
             self._enter(Event.FINISHED)
-            records = entry.run(config.skill_set(), self._context)
-        except CellError as error:
-            fault = error
-        except Exception as error:
-            logger.exception("run %d: error inside this program", self.report.run)
-            fault = _as_fault(error)
+            records.extend(entry.run(config.skill_set(), self._context))
+            for record in records:
+                CATALOGUE.stage_number(record.name)
+
+        fault = _fault_of(work)
         if fault is not None:
             self._enter(Event.ABORT)
             self._since = self._cell.clock.now()
             self.report = replace(self.report, fault=fault.code)
         if self.state in (State.STOPPING, State.ABORTING):
-            later = self._come_to_rest()
+            later = _fault_of(self._come_to_rest)
             fault = fault or later
         self._halt()
-        self._conclude(records, fault)
+        run, self._run = self._run, None
+        ending = ending_of(records, fault, run.clock.stage if run is not None else "")
+        if run is not None:
+            later = _fault_of(partial(self._put_on_record, run, records, ending, fault))
+            fault = fault or later
+        if fault is None:
+            self._settle(ending.outcome)
+        else:
+            self._fault(fault)
+            # Also under sequence 0, which a counter comes to again.
+            self.report = replace(self.report, result=Result.FAULT)
 
-    def _come_to_rest(self) -> CellError | None:
-        """Halt the arm at every scan until it stands still; return what fails meanwhile."""
+    def _come_to_rest(self) -> None:
+        """Halt the arm at every scan until it stands still."""
         clock = self._cell.clock
-        try:
-            while not self._is_at_rest(self._cell.arm.read()):
-                self._publish()
-                self._cell.arm.halt()
-                clock.wait_until(clock.now() + self._context.scan_period)
-                self._take_all()
-        except CellError as error:
-            return error
-        except Exception as error:
-            logger.exception("error inside this program")
-            return _as_fault(error)
-        return None
+        while not self._is_at_rest(self._cell.arm.read()):
+            self._publish()
+            self._cell.arm.halt()
+            clock.wait_until(clock.now() + self._context.scan_period)
+            self._take_all()
 
     def _prepare(self, entry: Entry, config: CellConfig) -> None:
         ctx = self._context
@@ -256,29 +254,25 @@ class Supervisor:
         # A recipe may bring another peg, and a preset another method.
         ctx.estimator, ctx.tracker = make_estimator(config), make_tracker(config)
 
-    def _conclude(self, records: Sequence[StageRecord], fault: CellError | None) -> None:
-        """Put the ending on record and enter the state that follows."""
-        run, self._run = self._run, None
-        if run is not None:
-            run.clock.leave(self._cell.clock.now())
-            run.clock.settle(records)
-            ending = ending_of(records, fault, run.clock.stage)
+    def _put_on_record(
+        self, run: RunRecord, records: Sequence[StageRecord], ending: Ending, fault: CellError | None
+    ) -> None:
+        """Tell the journal and the line how a run ended."""
+        run.clock.leave(self._cell.clock.now())
+        run.clock.settle(records)
+        try:
+            run.finish(ending, fault)
+        finally:
+            self.last = run.row
+            logger.info("run %d: %s %s %s", run.row.run, run.row.program, ending.outcome, ending.stage)
             self.report = replace(
                 _with_times(self.report, run.clock), stage=CATALOGUE.stage_number(ending.stage), reason=ending.reason
             )
-            try:
-                run.finish(ending, fault)
-            except CellError as error:
-                fault = fault or error
-            self.last = run.row
-            logger.info("run %d: %s %s %s", run.row.run, run.row.program, ending.outcome, ending.stage)
-        if fault is not None:
-            self._fault(fault)
-            # Also under sequence 0, which a counter comes to again.
-            self.report = replace(self.report, result=Result.FAULT)
-            return
-        self.report = replace(self.report, result=_RESULT[ending.outcome])
-        if ending.outcome == Outcome.ABORTED:
+
+    def _settle(self, outcome: Outcome) -> None:
+        """Enter the state that follows a run without a fault, and report how it ended."""
+        self.report = replace(self.report, result=Result[outcome.name])
+        if outcome is Outcome.ABORTED:
             if self.state not in (State.STOPPING, State.ABORTING):
                 self._enter(Event.STOP)
         else:
@@ -333,8 +327,9 @@ class Supervisor:
         if self._quit.is_set() and self._request is not Request.STOP:
             self._enter(Event.STOP)
             self._request = Request.STOP
+        number = CATALOGUE.stage_number(self._context.stage)
         if run.clock.enter(self._context.stage, self._cell.clock.now()):
-            self.report = replace(_with_times(self.report, run.clock), stage=CATALOGUE.stage_number(run.clock.stage))
+            self.report = replace(_with_times(self.report, run.clock), stage=number)
         self._publish()
         return self._request
 
@@ -378,5 +373,13 @@ def _with_times(report: Report, clock: StageClock) -> Report:
     )
 
 
-def _as_fault(error: Exception) -> CellError:
-    return CellError(f"{type(error).__name__}: {error}".replace("\n", " "))
+def _fault_of(act: Callable[[], None]) -> CellError | None:
+    """Do something, and return what broke, an error inside this program too, as the fault that the line reads."""
+    try:
+        act()
+    except CellError as error:
+        return error
+    except Exception as error:
+        logger.exception("error inside this program")
+        return CellError(f"{type(error).__name__}: {error}".replace("\n", " "))
+    return None

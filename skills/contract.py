@@ -23,11 +23,14 @@ class SkillParams(ConfigModel):
 
 
 class Outcome(StrEnum):
-    """How a skill or a program ended."""
+    """How a skill, a program or a run ended: the words of records, tables and, by their names, of the PLC's result."""
 
     SUCCESS = "success"
     FAILURE = "failure"
     ABORTED = "aborted"
+    """Somebody stopped it."""
+    FAULT = "fault"
+    """Something is broken; no skill returns this, the supervisor says it of a run in which a `CellError` was raised."""
 
 
 class Reason(IntEnum):

@@ -21,6 +21,7 @@ from plc_bridge.images import ReportImage
 from plc_bridge.messages import Control, Result
 from plc_bridge.peer import Peer
 from skills.catalogue import CATALOGUE
+from skills.contract import Outcome
 
 LONGEST = 3600.0
 """A run that takes longer in wall time is given up by the peer, s."""
@@ -45,7 +46,7 @@ def as_tried(row: RunRow) -> Tried:
     """Return a run on record as the stage table needs it."""
     names = {stage.name for stage in PUBLISHED}
     times = {name: time for name, time in json.loads(row.stage_times) if name in names}
-    return Tried(row.outcome == "success", row.stage, times)
+    return Tried(row.outcome == Outcome.SUCCESS, row.stage, times)
 
 
 def run_demo(
@@ -126,7 +127,9 @@ def _be_plc(
 def draw_demo(result: DemoResult, journal: Journal, folder: Path) -> list[Path]:
     """Draw one trial, a success where there is one, and the chart; return the files."""
     pictures = []
-    shown = next((row for row in result.rows if row.outcome == "success"), result.rows[0] if result.rows else None)
+    shown = next(
+        (row for row in result.rows if row.outcome == Outcome.SUCCESS), result.rows[0] if result.rows else None
+    )
     if shown is not None:
         plot_run(shown, read_samples(journal.samples_path(shown.run)), folder / RUN_PICTURE)
         pictures.append(folder / RUN_PICTURE)

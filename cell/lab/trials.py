@@ -22,7 +22,7 @@ from cell.statistics import spread, wilson
 from drivers.errors import CellError, ConfigError, FaultCode
 from drivers.quantities import ImpedanceSetpoint
 from skills.catalogue import CATALOGUE
-from skills.contract import Observation, Reason, SkillContext
+from skills.contract import Observation, Outcome, SkillContext
 from skills.flow import StageRecord
 from skills.spray_search import SpraySearchResult
 
@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
 WATCHED = frozenset({"spray_search", "tactile_insert"})
 """Stages over which the estimate in use is compared with the truth."""
+VOID = "void"
+"""Instead of an `Outcome`, of a trial in which the physics cheated."""
 TABLE, PARTIAL, SUMMARY = "trials.csv", "trials.partial.jsonl", "summary.json"
 
 
@@ -40,7 +42,7 @@ class TrialRow:
 
     seed: int
     outcome: str
-    """`success`, `failure`, `aborted` or `void`."""
+    """An `Outcome`, a fault being a failure, or `VOID`."""
     reason: str
     stage: str
     grasp_time: float | None
@@ -72,7 +74,7 @@ class TrialRow:
             for stage, name in zip(PUBLISHED, names, strict=True)
             if (value := getattr(self, name)) is not None
         }
-        return Tried(self.outcome == "success", self.stage, times)
+        return Tried(self.outcome == Outcome.SUCCESS, self.stage, times)
 
 
 COLUMNS = tuple(f.name for f in fields(TrialRow))
@@ -140,14 +142,14 @@ def run_trial(config: CellConfig, seed: int) -> TrialRow:
     watcher.clock.settle(records)
     times = watcher.clock.times
     ending = ending_of(records, fault, ctx.stage)
-    outcome, reason = ending.outcome, "" if ending.reason is Reason.NONE else ending.reason.name.lower()
+    outcome, reason = ending.outcome, ending.word
     if fault is not None:
-        outcome, reason = "failure", FaultCode(fault.code).name.lower()
+        outcome, reason = Outcome.FAILURE, FaultCode(fault.code).name.lower()
     start = next((r.result.start for r in records if isinstance(r.result, SpraySearchResult)), None)
     stages = [times[name] for name in CATALOGUE.counted if name in times]
     return TrialRow(
         seed=seed,
-        outcome="void" if truth.is_void else outcome,
+        outcome=VOID if truth.is_void else outcome,
         reason=reason,
         stage=ending.stage,
         grasp_time=times.get("grasp_from_rack"),
@@ -285,14 +287,14 @@ def _cell(value: object) -> object:
 def summarise(rows: Sequence[TrialRow], config: CellConfig) -> dict[str, Any]:
     """Return counts, the interval of the success rate, times of the successes, versions and the whole config."""
     outcomes = [row.outcome for row in rows]
-    successes = outcomes.count("success")
+    successes = outcomes.count(Outcome.SUCCESS)
     low, high = wilson(successes, len(rows))
-    good = [row for row in rows if row.outcome == "success"]
+    good = [row for row in rows if row.outcome == Outcome.SUCCESS]
     times = ("grasp_time", "search_time", "insert_time", "adjust_time", "total_time", "sim_time", "wall_time")
     return {
         "trials": len(rows),
         "seeds": [rows[0].seed, rows[-1].seed] if rows else [],
-        "outcomes": {name: outcomes.count(name) for name in ("success", "failure", "aborted", "void")},
+        "outcomes": {name: outcomes.count(name) for name in (Outcome.SUCCESS, Outcome.FAILURE, Outcome.ABORTED, VOID)},
         "reasons": dict(Counter(f"{row.stage}: {row.reason}" for row in rows if row.reason)),
         "success_rate": successes / len(rows) if rows else None,
         "wilson_95": [low, high],

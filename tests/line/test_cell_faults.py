@@ -26,6 +26,10 @@ from drivers.errors import (
 from drivers.quantities import Pose, SwitchState
 from plc_bridge.messages import Command, Control, Result
 from sim.world import World
+from skills.catalogue import CATALOGUE
+from skills.contract import Outcome, Reason, SkillResult
+from skills.entry import Program
+from skills.flow import run_stage
 from tests.fakes import HAND_DOWN
 
 GRASP, ADJUST = 101, 104
@@ -175,3 +179,25 @@ def test_a_lost_skin_is_listened_to_while_the_cell_waits_for_a_reset(rig):
     before = rig.skin.reads
     rig.scan(5)
     assert rig.skin.reads == before + 5
+
+
+def stray(skills, ctx):
+    """A program whose stage no skill of the catalogue has."""
+    return [
+        run_stage("wander", lambda c: next(SkillResult(Outcome.SUCCESS, Reason.NONE, 0.0) for _ in c.scan(1.0)), ctx)
+    ]
+
+
+def unseen(skills, ctx):
+    """The same without a scan."""
+    return [run_stage("wander", lambda c: SkillResult(Outcome.SUCCESS, Reason.NONE, 0.0), ctx)]
+
+
+@pytest.mark.parametrize("program", [stray, unseen])
+def test_a_stage_that_the_catalogue_does_not_have_is_a_fault_on_record_and_a_reset_re_arms(rig, monkeypatch, program):
+    monkeypatch.setitem(CATALOGUE.by_code, GRASP, Program(name="stray", code=GRASP, run=program))
+    report = rig.command(GRASP)
+    assert (report.result, report.fault, report.state) == (Result.FAULT, FaultCode.CONFIG, State.ABORTED)
+    assert rig.journal.find(report.run).outcome == Outcome.FAULT
+    rig.plc.trigger(Control.RESET)
+    assert rig.scan().state == State.IDLE

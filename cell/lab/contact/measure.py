@@ -18,7 +18,7 @@ from statistics import mean, stdev
 
 from cell.config import CellConfig
 from cell.lab.contact.ladder import NOT_RUN, TIGHT, Plan, Rung, model, on_trial
-from cell.lab.trials import TrialRow, run_trial
+from cell.lab.trials import VOID, TrialRow, run_trial
 from drivers.skin.layout import pad_size
 from sim import hand_rig, native, rig
 from sim.contact import FEATURE_BAND
@@ -26,6 +26,7 @@ from sim.pads import breakaway_torque_of
 from sim.section import section_depth
 from sim.truth import VOID_PENETRATION, VOID_SHARE
 from skills.catalogue import GRASP
+from skills.contract import Outcome
 
 PEG, HOLE = 0.008, 0.0081
 """Diameters, m."""
@@ -323,8 +324,8 @@ def _tried(name: str, results: Sequence[tuple[TrialRow, float]], finest: Sequenc
     return TrialsRow(
         name=name,
         trials=len(results),
-        successes=outcomes.count("success"),
-        voids=outcomes.count("void"),
+        successes=outcomes.count(Outcome.SUCCESS),
+        voids=outcomes.count(VOID),
         outcomes=" ".join(outcomes),
         changed=sum(outcome != row.outcome for outcome, (row, _) in zip(outcomes, finest, strict=True)),
         penetration=max(row.max_penetration for row, _ in results),

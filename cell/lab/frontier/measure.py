@@ -16,10 +16,11 @@ import numpy as np
 
 from cell.config import CellConfig, load, presets
 from cell.journal import config_hash, versions
-from cell.lab.trials import SUMMARY, TABLE, TrialRow, read_table, run_trials
+from cell.lab.trials import SUMMARY, TABLE, VOID, TrialRow, read_table, run_trials
 from cell.statistics import Z95, mean, wilson
 from drivers.errors import CellError, FaultCode
 from skills.catalogue import INSERT, SEARCH
+from skills.contract import Outcome
 from skills.tactile.estimators import ESTIMATORS
 
 logger = logging.getLogger(__name__)
@@ -267,13 +268,13 @@ def _finished(config: CellConfig, seeds: Sequence[int], folder: Path) -> list[Tr
 
 
 def _line(variant: Variant, place: str, rows: Sequence[TrialRow], trouble: str, is_base: bool) -> FrontierLine:
-    good = [row for row in rows if row.outcome == "success"]
+    good = [row for row in rows if row.outcome == Outcome.SUCCESS]
     totals = np.array([row.total_time for row in good], dtype=float)
     forces = np.array([row.peak_contact_force for row in rows])
     low, high = wilson(len(good), len(rows))
     faults = {code.name.lower() for code in FaultCode}
     endings = Counter(
-        " ".join(filter(None, (row.outcome, row.stage, row.reason))) for row in rows if row.outcome != "success"
+        " ".join(filter(None, (row.outcome, row.stage, row.reason))) for row in rows if row.outcome != Outcome.SUCCESS
     )
 
     def stage(name: str) -> float:
@@ -300,7 +301,7 @@ def _line(variant: Variant, place: str, rows: Sequence[TrialRow], trouble: str, 
         adjust=stage("adjust_time"),
         force_median=_quantile(forces, 0.5),
         force_p95=_quantile(forces, 0.95),
-        voids=sum(row.outcome == "void" for row in rows),
+        voids=sum(row.outcome == VOID for row in rows),
         faults=sum(row.reason in faults for row in rows),
         retries=sum(row.retries for row in rows),
         endings=", ".join(f"{count} x {text}" for text, count in endings.most_common()),

@@ -25,6 +25,7 @@ from sim.board_clock import BoardClock
 from sim.board_links import EmulatedCan, EmulatedLine, frame_bits
 from sim.boards import CanBoard, Hub, IcubBoard, SerialBoard
 from sim.config import WireFaults
+from skills.contract import Outcome
 
 WIRES = {
     "can": ("skin.kind=can",),
@@ -212,11 +213,13 @@ def outcomes(
 
 def compared(kind: str, rows: Sequence[TrialRow], plain: Sequence[TrialRow]) -> OutcomeLine:
     """Return a line about insertions on one wire beside those of the plain stand-in, both sorted by seed."""
-    totals = [row.total_time for row in rows if row.outcome == "success" and row.total_time is not None]
+    totals = [row.total_time for row in rows if row.outcome == Outcome.SUCCESS and row.total_time is not None]
     longer = [
         row.total_time - other.total_time
         for row, other in zip(rows, plain, strict=True)
-        if row.outcome == other.outcome == "success" and row.total_time is not None and other.total_time is not None
+        if row.outcome == other.outcome == Outcome.SUCCESS
+        and row.total_time is not None
+        and other.total_time is not None
     ]
     return OutcomeLine(
         kind,

@@ -2,6 +2,7 @@ import pytest
 
 from cell.record import StageClock, ending_of
 from drivers.errors import SkinSilentError
+from plc_bridge.messages import Result
 from skills.contract import Outcome, Reason, SkillResult
 from skills.flow import StageRecord
 
@@ -41,3 +42,7 @@ def test_a_run_ends_as_the_first_stage_that_did_not_succeed():
 def test_a_fault_outweighs_what_went_well_before(records):
     ending = ending_of(records, SkinSilentError("skin: silent"), "spray_search")
     assert (ending.outcome, ending.stage) == ("fault", "spray_search")
+
+
+def test_every_way_to_end_is_a_result_of_the_plc_under_the_same_name():
+    assert {outcome.name for outcome in Outcome} == {result.name for result in Result} - {"NONE", "REFUSED"}

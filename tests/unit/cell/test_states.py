@@ -1,6 +1,8 @@
 import pytest
 
-from cell.states import TRANSITIONS, Event, State, after, is_permitted
+from cell.line import CONTROLS
+from cell.states import ASKED, TRANSITIONS, Event, State, after, is_permitted
+from plc_bridge.messages import Transition
 
 WAITING = {State.STOPPED, State.IDLE, State.SUSPENDED, State.ABORTED, State.HELD, State.COMPLETE}
 
@@ -45,3 +47,9 @@ def test_what_is_not_permitted_changes_nothing():
 
 def test_waiting_states_do_not_end_by_themselves():
     assert {state for state, event in TRANSITIONS if event is Event.FINISHED}.isdisjoint(WAITING)
+
+
+def test_line_and_terminal_name_the_controls_as_the_states_do():
+    names = [event.name for event in ASKED]
+    assert [(word.upper(), control.name) for word, control in CONTROLS.items()] == [(name, name) for name in names]
+    assert set(Transition.__members__) == {event.name for event in Event} - {"FINISHED"}
