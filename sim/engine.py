@@ -3,6 +3,7 @@
 import math
 from typing import NamedTuple
 
+import mujoco
 import numpy as np
 
 from drivers import impedance
@@ -63,6 +64,11 @@ class State(NamedTuple):
     """View of its applied generalised forces."""
     userdata: Vector
     """View of where the contact function leaves the penetration."""
+
+
+def state_of(data: mujoco.MjData) -> State:
+    """Return the views of an mjData."""
+    return State(data._address, data.qpos, data.qvel, data.qfrc_applied, data.userdata)
 
 
 class PegView(NamedTuple):
@@ -321,6 +327,14 @@ def judge(meters: Vector, penetration: float, ticks: int) -> None:  # pragma: no
     for i in range(1, ticks):
         lasting = min(lasting, meters[RING + i])
     meters[SUSTAINED] = max(meters[SUSTAINED], lasting)
+
+
+@njit(cache=True)
+def judged_step(model: int, state: State, meters: Vector, ticks: int) -> None:  # pragma: no cover
+    """Take one step with a model and meter its penetration; `ticks` as `judge` has it."""
+    state.userdata[contact.PENETRATION] = 0.0
+    native.step(model, state.data)
+    judge(meters, state.userdata[contact.PENETRATION], ticks)
 
 
 @njit(cache=True)

@@ -15,13 +15,12 @@ import numpy as np
 
 from drivers import impedance
 from drivers.arm.model import ArmModel
-from drivers.compiled import njit
 from drivers.parts import Job
 from drivers.quantities import ImpedanceSetpoint, InHandTip, Vector
-from sim import contact, cylinder, engine, native, rig
+from sim import engine, native, rig
 from sim.arm import SimArm
+from sim.cartesian_rig import DAMPING, RATE, SIDEWAYS, STIFFNESS, TURN_DAMPING, TURNING, CartesianRig
 from sim.config import ContactConfig, GripConfig, ModelConfig, SimConfig
-from sim.plate import Plate, geoms, words
 from sim.section import section_depth
 from sim.world import World
 
@@ -29,11 +28,10 @@ KINDS = ("rigid mover", "Cartesian inertia, hinge", "full arm, hinge", "full arm
 TILTS = (5, 15)
 """Degrees."""
 TIMESTEP = 5e-4
-PUSH, STIFFNESS, SIDEWAYS, TURNING = 10.0, 1000.0, 1500.0, 40.0
-"""Force, N; stiffness down and sideways, N/m, and of turning, N·m/rad: of the order of the insertion's."""
-DAMPING, TURN_DAMPING = 100.0, 6.0
-SWEEP, RATE = 2e-3, 1.0
-"""The setpoint goes round on a circle of this radius, m, so often a second: friction must not keep the peg out."""
+PUSH = 10.0
+"""Force on the peg, N."""
+SWEEP = 2e-3
+"""The setpoint goes round on a circle of this radius, m: friction must not keep the peg out."""
 SECONDS, WAY = 3.0, 2.0
 """Of the push, and of the way to the hole, s."""
 GRIP = 30.0
@@ -197,47 +195,18 @@ def _cartesian(arm_model: ArmModel, job: Job) -> HandRow:
         tilt = math.radians(degrees)
         world, arm = _holding(arm_model, job, "hinge")
         _lead(world, arm, tilt)
-        inertia = np.diag(_inertia(world))
-        model = _cartesian_model(job, tilt, inertia, world.stepper.breakaway())
-        data = mujoco.MjData(model)
-        data.qpos[2] = 2e-3
-        meters, log = engine.new_meters(), np.zeros((round(SECONDS / TIMESTEP), 4))
+        carried = CartesianRig(job, tilt, np.diag(_inertia(world)), world.stepper.breakaway(), TIMESTEP)
         # In the air first: nothing keeps the tip from its setpoint.
-        data.qpos[0] = -STEP
-        data.qpos[2] = 0.02
-        tip = model.site("tip").id
-        _press(
-            model._address,
-            data._address,
-            _views(data, tip),
-            0.02,
-            0.0,
-            2000,
-            TIMESTEP,
-            engine.window(TIMESTEP),
-            meters,
-            log,
-        )
-        left = max(left, float(np.linalg.norm(data.site_xpos[tip] - np.array([0.0, 0.0, 0.02]))))
-        meters[:] = 0.0
+        carried.put(np.array([-STEP, 0.0, 0.02]))
+        carried.press(0.02, 0.0, 2000)
+        left = max(left, float(np.linalg.norm(carried.tip - np.array([0.0, 0.0, 0.02]))))
         started = time.thread_time()
-        _press(
-            model._address,
-            data._address,
-            _views(data, tip),
-            -PUSH / STIFFNESS,
-            SWEEP,
-            len(log),
-            TIMESTEP,
-            engine.window(TIMESTEP),
-            meters,
-            log,
-        )
+        pressed = carried.press(-PUSH / STIFFNESS, SWEEP, round(SECONDS / TIMESTEP))
         spent += time.thread_time() - started
-        for x, y, z, lean in log[::20]:
+        for x, y, z, lean in pressed.path[::20]:
             worst = max(worst, _excess(job, np.array([x, y, z]), lean))
-        turned = max(turned, abs(float(data.qpos[6])))
-        penetration = max(penetration, float(meters[engine.SUSTAINED]))
+        turned = max(turned, abs(carried.turn))
+        penetration = max(penetration, pressed.penetration)
     return HandRow(KINDS[1], len(TILTS) * SECONDS / spent, worst, penetration, left, turned)
 
 
@@ -250,70 +219,3 @@ def _inertia(world: World) -> Vector:
     J = np.vstack([np.cross(axes, position - origins).T, axes.T])
     inertia: Vector = np.linalg.inv(J @ np.linalg.solve(M[:7, :7], J.T))
     return inertia
-
-
-def _cartesian_model(job: Job, tilt: float, inertia: Vector, breakaway: float) -> mujoco.MjModel:
-    cylinder.install()
-    half = (job.peg.length + job.peg.overhang) / 2
-    plate = Plate(np.zeros(3), np.eye(3), job.hole.diameter / 2, job.hole.depth)
-    axis = rig.lean(tilt, 0.0)
-    slides = "".join(
-        f'<joint type="{kind}" axis="{int(i == 0)} {int(i == 1)} {int(i == 2)}" armature="{inertia[3 * j + i]}"/>'
-        for j, kind in enumerate(("slide", "hinge"))
-        for i in range(3)
-    )
-    return mujoco.MjModel.from_xml_string(
-        f"""<mujoco><compiler angle="radian"/>
-        <option timestep="{TIMESTEP}" gravity="0 0 0" cone="elliptic" impratio="10" tolerance="1e-12" ls_tolerance="0.1" iterations="60">
-        <flag autoreset="disable"/></option>
-        <size nuser_geom="{contact.USER}" nuserdata="{native.NUSERDATA}"/>
-        <worldbody>{"".join(geoms("plate", plate, 0.0, TIMESTEP))}
-        <body name="hand" pos="{words(job.peg.length * axis)}">{slides}
-        <inertial mass="1e-6" pos="0 0 0" diaginertia="1e-9 1e-9 1e-9"/>
-        <body name="peg"><joint name="pivot" type="hinge" axis="0 1 0" frictionloss="{breakaway}"
-        solreffriction="{2 * TIMESTEP} 1" solimpfriction="0.9999 0.9999 0.001 0.5 2"/>
-        <geom name="peg" type="cylinder" size="{job.peg.diameter / 2} {half}" pos="{words((half - job.peg.length) * axis)}"
-        zaxis="{words(axis)}" mass="{job.peg.mass}" contype="0" conaffinity="1"/>
-        <site name="tip" pos="{words(-job.peg.length * axis)}" zaxis="{words(axis)}"/></body></body></worldbody></mujoco>"""
-    )
-
-
-def _views(data: mujoco.MjData, tip: int) -> tuple[Vector, ...]:
-    return (
-        data.qpos,
-        data.qvel,
-        data.qfrc_applied,
-        data.userdata,
-        data.site_xpos[tip],
-        data.site_xmat[tip].reshape(3, 3),
-        data.xpos[1],
-    )
-
-
-@njit(cache=True)
-def _press(  # type: ignore[no-untyped-def]
-    model, data, views, down, sweep, steps, timestep, window, meters, log
-):  # pragma: no cover
-    """Hold the tip, turning about the finger centre apart, at `down` on a circle of the radius `sweep`."""
-    qpos, qvel, qfrc, userdata, tip, axes, centre = views
-    F = np.empty(3)
-    for step in range(steps):
-        angle = 2.0 * math.pi * RATE * step * timestep
-        lx, ly, lz = tip[0] - centre[0], tip[1] - centre[1], tip[2] - centre[2]
-        wx, wy, wz = qvel[3], qvel[4], qvel[5]
-        vx, vy, vz = qvel[0] + wy * lz - wz * ly, qvel[1] + wz * lx - wx * lz, qvel[2] + wx * ly - wy * lx
-        F[0] = SIDEWAYS * (sweep * math.cos(angle) - tip[0]) - DAMPING * vx
-        F[1] = SIDEWAYS * (sweep * math.sin(angle) - tip[1]) - DAMPING * vy
-        F[2] = STIFFNESS * (down - tip[2]) - DAMPING * vz
-        for i in range(3):
-            qfrc[i] = F[i]
-            qfrc[3 + i] = -TURNING * qpos[3 + i] - TURN_DAMPING * qvel[3 + i]
-        qfrc[3] += ly * F[2] - lz * F[1]
-        qfrc[4] += lz * F[0] - lx * F[2]
-        qfrc[5] += lx * F[1] - ly * F[0]
-        userdata[contact.PENETRATION] = 0.0
-        native.step(model, data)
-        engine.judge(meters, userdata[contact.PENETRATION], window)
-        if step < log.shape[0]:
-            log[step, 0], log[step, 1], log[step, 2] = tip[0], tip[1], tip[2]
-            log[step, 3] = math.atan2(math.sqrt(axes[0, 2] ** 2 + axes[1, 2] ** 2), axes[2, 2])

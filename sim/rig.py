@@ -93,8 +93,7 @@ def push(model: mujoco.MjModel, radius: float, tilt: float, azimuth: float, forc
     data.qpos[:2] = -0.3 * radius * math.cos(tilt) * np.array([math.cos(azimuth), math.sin(azimuth)])
     data.qpos[2] = radius * math.sin(tilt) + 1e-4
     meters, steps = engine.new_meters(), round(seconds / model.opt.timestep)
-    views = (data.qpos, data.qvel, data.qfrc_applied, data.userdata)
-    speed = _push(model._address, data._address, views, force, steps, engine.window(model.opt.timestep), meters)
+    speed = _push(model._address, engine.state_of(data), force, steps, engine.window(model.opt.timestep), meters)
     depth = radius * math.sin(tilt) - float(data.qpos[2])
     if not math.isfinite(depth + speed):
         depth = speed = math.nan
@@ -103,23 +102,15 @@ def push(model: mujoco.MjModel, radius: float, tilt: float, azimuth: float, forc
 
 @njit(cache=True)
 def _push(
-    model: int,
-    data: int,
-    views: tuple[Vector, Vector, Vector, Vector],
-    force: float,
-    steps: int,
-    window: int,
-    meters: Vector,
+    model: int, state: engine.State, force: float, steps: int, window: int, meters: Vector
 ) -> float:  # pragma: no cover
-    qpos, qvel, qfrc, userdata = views
+    qpos, qvel, qfrc = state.qpos, state.qvel, state.qfrc
     speed = 0.0
     for step in range(steps):
         for i in range(3):
             qfrc[i] = -DAMPING * qvel[i]
         qfrc[2] -= force
-        userdata[contact.PENETRATION] = 0.0
-        native.step(model, data)
-        engine.judge(meters, userdata[contact.PENETRATION], window)
+        engine.judged_step(model, state, meters, window)
         if not abs(qpos[2]) < 10.0:
             return math.nan
         if step >= 0.9 * steps:
@@ -147,18 +138,15 @@ def drag(model: mujoco.MjModel, radius: float, tilt: float, direction: float, be
     start = beside * across - 0.015 * way - np.array([radius * math.cos(tilt), 0.0])
     data.qpos[:] = [*start, radius * math.sin(tilt)]
     low, high = np.full(2, np.inf), np.full(2, -np.inf)
-    views = (data.qpos, data.qvel, data.qfrc_applied)
-    _drag(
-        model._address, data._address, views, start, way * speed, push_force, round(0.030 / speed / dt), dt, low, high
-    )
+    steps = round(0.030 / speed / dt)
+    _drag(model._address, engine.state_of(data), start, way * speed, push_force, steps, dt, low, high)
     return float((high - low).max())
 
 
 @njit(cache=True)
 def _drag(
     model: int,
-    data: int,
-    views: tuple[Vector, Vector, Vector],
+    state: engine.State,
     start: Vector,
     speed: Vector,
     force: float,
@@ -167,7 +155,7 @@ def _drag(
     low: Vector,
     high: Vector,
 ) -> None:  # pragma: no cover
-    qpos, qvel, qfrc = views
+    qpos, qvel, qfrc = state.qpos, state.qvel, state.qfrc
     for step in range(steps):
         for i in range(2):
             target = start[i] + speed[i] * step * timestep
@@ -175,4 +163,4 @@ def _drag(
             if step * timestep > 0.05:
                 low[i], high[i] = min(low[i], qfrc[i]), max(high[i], qfrc[i])
         qfrc[2] = -force
-        native.step(model, data)
+        native.step(model, state.data)

@@ -127,7 +127,7 @@ class Stepper:
             data.geom_xpos[mechanism.peg_geom],
             data.geom_xmat[mechanism.peg_geom].reshape(3, 3),
         )
-        self._state = engine.State(data._address, data.qpos, data.qvel, data.qfrc_applied, data.userdata)
+        self._state = engine.state_of(data)
         self._watch = engine.Watch(
             self.peg_view,
             data.xpos[mechanism.pivot],
