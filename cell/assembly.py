@@ -9,16 +9,18 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cell.checks import LOOP_TIME, check_clock, loop_verdict, remedy, verdict
 from cell.config import CellConfig
-from drivers.arm.franka import FrankaArm, FrankaArmConfig
+from drivers.arm.franka import FrankaArm
+from drivers.arm.franka_config import FrankaArmConfig
 from drivers.clock import WallClock
 from drivers.errors import CellError, ConfigError
-from drivers.gripper.franka import FrankaGripper, FrankaGripperConfig
+from drivers.gripper.franka import FrankaGripper
+from drivers.gripper.franka_config import FrankaGripperConfig
 from drivers.parts import Job
 from drivers.protocols import Arm, Clock, Device, Gripper, Skin, SuccessSwitch
 from drivers.quantities import Pose
@@ -26,13 +28,16 @@ from drivers.scene_facts import Sight
 from drivers.skin.board_config import EMULATED, CanSkinConfig, SerialSkinConfig
 from drivers.skin.boards import CanSkin, SerialSkin
 from drivers.skin.calibration import CalibratedSkin, SkinCalibration, read_calibration
+from drivers.skin.figures import SkinFigures
 from drivers.skin.health import require_trust
 from drivers.skin.layout import Layout
-from drivers.switch.board import SerialSuccessSwitch, SerialSwitchConfig
+from drivers.skin.recording import RecordedSkin
+from drivers.switch.board import SerialSuccessSwitch
+from drivers.switch.board_config import SerialSwitchConfig
 from drivers.switch.wire import BAUD_RATE
 from drivers.transport.can_bus import CanBus
 from drivers.transport.serial_line import SerialLine
-from drivers.transport.traffic import RecordedCan, RecordedLine, Recorder
+from drivers.transport.traffic import PlaybackCan, PlaybackLine, RecordedCan, RecordedLine, Recorder, is_traffic
 from drivers.transport.wires import ByteLink, CanLink
 from skills.catalogue import INSERT
 from skills.contract import SkillContext
@@ -69,6 +74,8 @@ class Cell:
     """Where peg and hole really are, for pictures of a run; simulated cells only."""
     boards: tuple[Device, ...] = ()
     """Emulated boards that are powered before the devices are opened."""
+    skin_figures: Callable[[], SkinFigures] | None = None
+    """How well the skin is heard; None for a stand-in without a wire."""
 
     def devices(self) -> tuple[tuple[str, Device], ...]:
         """Return the devices by name, in the order in which they are opened."""
@@ -130,19 +137,20 @@ def assemble(config: CellConfig) -> Cell:
     assert config.contact is not None
     assert config.grip is not None
     world = World(config.arm_model(), config.sim, config.contact, config.grip, config.skin.layout, config.job())
-    skin, clock = _skin(config, world, world.draw.skin)
-    switch, clock, boards = _switch(config, world, clock)
+    felt = _world_skin(config, world, world.draw.skin)
+    switch, clock, boards = _switch(config, world, felt.clock)
     return Cell(
         config=config,
         clock=clock,
         arm=SimArm(world),
         gripper=SimGripper(world),
-        skin=skin,
+        skin=_calibrated(config, felt.skin),
         switch=switch,
         restock=world.restock,
         truth=world.truth,
         sight=lambda: Sight(world.peg_pose(), Pose(world.plate.position, world.plate.rotation)),
         boards=boards,
+        skin_figures=felt.figures,
     )
 
 
@@ -151,59 +159,114 @@ def _hardware(config: CellConfig, arm: FrankaArmConfig) -> Cell:
     assert isinstance(config.gripper, FrankaGripperConfig)
     assert isinstance(config.switch, SerialSwitchConfig)
     clock = WallClock()
-    # Behind a real wire is a real board, which needs of a world no more than the time.
-    skin, _ = _skin(config, cast("SkinSource", clock), np.random.default_rng(0))
+    felt = _real_skin(config, clock)
     return Cell(
         config=config,
         clock=clock,
         arm=FrankaArm(arm, config.arm_model(), clock),
         gripper=FrankaGripper(config.gripper, config.arm_model().hand.stroke),
-        skin=skin,
+        skin=_calibrated(config, felt.skin),
         switch=_serial_switch(config.switch, clock),
         restock=lambda job, seed: None,
+        skin_figures=felt.figures,
     )
 
 
-def _skin(config: CellConfig, source: "SkinSource", rng: np.random.Generator) -> tuple[Skin, Clock]:
-    """Return the skin between the pads of `source`, and the clock that its board, where it is emulated, keeps step with."""
-    skin, clock = _bare_skin(config, source, rng)
-    if config.calibration.skin is not None:
-        return CalibratedSkin(skin, _calibration(config.calibration.skin, config.skin.layout)), clock
-    return skin, clock
+@dataclass(frozen=True, slots=True)
+class SkinLine:
+    """A skin as its wire gives it, without a calibration."""
+
+    skin: Skin
+    clock: Clock
+    """The cell's clock, which an emulated board keeps step with."""
+    figures: Callable[[], SkinFigures] | None
+    """How well the skin is heard; None where there is no wire."""
 
 
-def _bare_skin(config: CellConfig, source: "SkinSource", rng: np.random.Generator) -> tuple[Skin, Clock]:
-    from sim.board_clock import BoardClock
-    from sim.board_links import emulated_can, emulated_line
+def _calibrated(config: CellConfig, skin: Skin) -> Skin:
+    if config.calibration.skin is None:
+        return skin
+    return CalibratedSkin(skin, _calibration(config.calibration.skin, config.skin.layout))
+
+
+def real_skin(config: CellConfig) -> SkinLine:
+    """Return the skin of a real board as it is, without a calibration, and wall time."""
+    return _real_skin(config, WallClock())
+
+
+def _real_skin(config: CellConfig, clock: Clock) -> SkinLine:
+    skin = config.skin
+    if isinstance(skin, CanSkinConfig):
+        return _can_skin(skin, CanBus(skin.interface, skin.channel, skin.bitrate), clock)
+    assert isinstance(skin, SerialSkinConfig)
+    return _serial_skin(skin, SerialLine(skin.port, skin.baud_rate), clock)
+
+
+def _can_skin(config: CanSkinConfig, bus: CanLink, clock: Clock) -> SkinLine:
+    if not config.record:
+        skin = CanSkin(config, bus, clock)
+    else:
+        recorder = Recorder(Path(config.record), "can", clock)
+        skin = CanSkin(config, RecordedCan(bus, recorder), recorder)
+    return SkinLine(skin, clock, skin.figures)
+
+
+def _serial_skin(config: SerialSkinConfig, line: ByteLink, clock: Clock) -> SkinLine:
+    if not config.record:
+        skin = SerialSkin(config, line, clock)
+    else:
+        recorder = Recorder(Path(config.record), "serial", clock)
+        skin = SerialSkin(config, RecordedLine(line, recorder), recorder)
+    return SkinLine(skin, clock, skin.figures)
+
+
+def _world_skin(config: CellConfig, source: "SkinSource", rng: np.random.Generator) -> SkinLine:
+    """Return the skin between the pads of a simulated world: a stand-in, or a driver with an emulated board behind its wire."""
+    skin, model, seed = config.skin, config.boards.skin, config.sim.seed if config.sim is not None else 0
+    if isinstance(skin, CanSkinConfig) and skin.channel == EMULATED:
+        from sim.board_clock import BoardClock
+        from sim.board_links import emulated_can
+
+        bus = emulated_can(skin, model, source, rng, seed)
+        return _can_skin(skin, bus, BoardClock(source, (bus,)))
+    if isinstance(skin, SerialSkinConfig) and skin.port == EMULATED:
+        from sim.board_clock import BoardClock
+        from sim.board_links import emulated_line
+
+        line = emulated_line(skin, model, source, rng, seed)
+        return _serial_skin(skin, line, BoardClock(source, (line,)))
+    if isinstance(skin, CanSkinConfig | SerialSkinConfig):
+        return _real_skin(config, source)
     from sim.skin import SimSkin
 
-    skin, model, seed = config.skin, config.boards.skin, config.sim.seed if config.sim is not None else 0
-    clock: Clock = source
+    return SkinLine(SimSkin(skin, source, rng), source, None)
+
+
+def played_skin(config: CellConfig, path: Path, clock: Clock) -> SkinLine:
+    """Return a skin that is played from a file: traffic of a wire, on the playback's own clock, or a text, on `clock`.
+
+    Raises:
+        ConfigError: No recording, or of another wire than `skin.kind` says.
+    """
+    skin = config.skin
+    if not is_traffic(path):
+        return SkinLine(RecordedSkin(path, clock), clock, None)
     if isinstance(skin, CanSkinConfig):
-        bus: CanLink = CanBus(skin.interface, skin.channel, skin.bitrate)
-        if skin.channel == EMULATED:
-            bus = board = emulated_can(skin, model, source, rng, seed)
-            clock = BoardClock(source, (board,))
-        if not skin.record:
-            return CanSkin(skin, bus, clock), clock
-        recorder = Recorder(Path(skin.record), "can", clock)
-        return CanSkin(skin, RecordedCan(bus, recorder), recorder), clock
+        bus = PlaybackCan(path)
+        _require_wire(path, bus.wire, "can")
+        played: CanSkin | SerialSkin = CanSkin(skin, bus, bus)
+        return SkinLine(played, bus, played.figures)
     if isinstance(skin, SerialSkinConfig):
-        line: ByteLink = SerialLine(skin.port, skin.baud_rate)
-        if skin.port == EMULATED:
-            line = far_end = emulated_line(skin, model, source, rng, seed)
-            clock = BoardClock(source, (far_end,))
-        if not skin.record:
-            return SerialSkin(skin, line, clock), clock
-        recorder = Recorder(Path(skin.record), "serial", clock)
-        return SerialSkin(skin, RecordedLine(line, recorder), recorder), clock
-    return SimSkin(skin, source, rng), clock
+        line = PlaybackLine(path, 10.0 / skin.baud_rate)
+        _require_wire(path, line.wire, "serial")
+        played = SerialSkin(skin, line, line)
+        return SkinLine(played, line, played.figures)
+    raise ConfigError(f'{path}: traffic of a board; skin.kind = "can" or "serial" needed, not "{skin.kind}"')
 
 
-def real_skin(config: CellConfig) -> tuple[Skin, Clock]:
-    """Return the skin of a real board as it is, without a calibration, and wall time."""
-    clock = WallClock()
-    return _bare_skin(config, cast("SkinSource", clock), np.random.default_rng(0))
+def _require_wire(path: Path, found: str, wanted: str) -> None:
+    if found != wanted:
+        raise ConfigError(f'{path}: traffic of a wire of kind "{found}"; skin.kind = "{wanted}"')
 
 
 def bench_skin(config: CellConfig, rod_half: float) -> "tuple[Skin, Clock, Bench]":
@@ -219,22 +282,24 @@ def bench_skin(config: CellConfig, rod_half: float) -> "tuple[Skin, Clock, Bench
         raise ConfigError("a bench needs a simulated skin or an emulated board")
     bench = Bench(config.peg.diameter, rod_half)
     drawn = draw(config.job(), config.contact, config.grip, config.sim.seed)
-    return (*_bare_skin(config, bench, drawn.skin), bench)
+    felt = _world_skin(config, bench, drawn.skin)
+    return felt.skin, felt.clock, bench
 
 
 def _switch(
     config: CellConfig, source: "SwitchSource", clock: Clock
 ) -> tuple[SuccessSwitch, Clock, tuple[Device, ...]]:
     """Return the switch, the clock that its board, where it is emulated, keeps step with, and that board."""
-    from sim.board_clock import BoardClock
-    from sim.switch import SimSwitch
-    from sim.switch_board import EmulatedSwitchBoard
-
     wired = config.switch
     if not isinstance(wired, SerialSwitchConfig):
+        from sim.switch import SimSwitch
+
         return SimSwitch(source), clock, ()
     if wired.port != EMULATED:
         return _serial_switch(wired, clock), clock, ()
+    from sim.board_clock import BoardClock
+    from sim.switch_board import EmulatedSwitchBoard
+
     board = EmulatedSwitchBoard(source, faults=config.boards.switch.faults, seed=config.sim.seed if config.sim else 0)
     clock = BoardClock(clock, (board,))
     return _serial_switch(wired.model_copy(update={"port": board.port}), clock), clock, (board,)

@@ -55,7 +55,8 @@ def calibrate_skin(
         skin, clock, rod_in_hand = bench_skin(config, ROD_HALF)
         angles = rod_angles(STEP)
     else:
-        skin, clock = real_skin(config)
+        felt = real_skin(config)
+        skin, clock = felt.skin, felt.clock
         rod_in_hand = HandHeldRod(skin, clock, period, ask)
         angles = rod_angles(STEP_BY_HAND)
     skin.open()

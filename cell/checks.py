@@ -1,6 +1,6 @@
 """What a technician is told of what a device reads, and of the computer's own pace."""
 
-from drivers.arm.franka import LoopFigures
+from drivers.arm.loop_figures import LoopFigures
 from drivers.errors import FAULTS, CellError, FaultCode
 from drivers.protocols import Clock
 from drivers.quantities import SwitchState

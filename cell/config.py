@@ -13,13 +13,14 @@ from pydantic import Field, ValidationError, create_model, model_validator
 import config as shipped
 from cell.config_errors import explain
 from cell.margins import MARGIN, Place, too_high
-from drivers.arm.franka import FrankaArmConfig
+from drivers.arm.franka_config import FrankaArmConfig
 from drivers.arm.model import ArmModel, read_arm
+from drivers.config_model import ConfigModel, FilePath
 from drivers.errors import ConfigError
-from drivers.gripper.franka import FrankaGripperConfig
-from drivers.parts import ConfigModel, FilePath, Hole, Job, Peg, Rack
+from drivers.gripper.franka_config import FrankaGripperConfig
+from drivers.parts import Hole, Job, Peg, Rack
 from drivers.skin.board_config import EMULATED, CanSkinConfig, SerialSkinConfig
-from drivers.switch.board import SerialSwitchConfig
+from drivers.switch.board_config import SerialSwitchConfig
 from plc_bridge.config import PlcConfig
 from sim.config import (
     BoardsConfig,

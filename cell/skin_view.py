@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from threading import Event
 from typing import Any
@@ -12,17 +12,14 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from cell.assembly import assemble, opened
+from cell.assembly import SkinLine, assemble, opened, played_skin
 from cell.config import CellConfig
 from drivers.errors import CellError, ConfigError
-from drivers.protocols import Clock, Skin
+from drivers.protocols import Clock
 from drivers.quantities import FINGER_NAMES, FINGERS, Mask, TaxelFrame, Vector
-from drivers.skin.board_config import CanSkinConfig, SerialSkinConfig
-from drivers.skin.boards import CanSkin, SerialSkin, SkinFigures
-from drivers.skin.calibration import CalibratedSkin
+from drivers.skin.figures import SkinFigures
 from drivers.skin.layout import Layout, finger_positions
-from drivers.skin.recording import RecordedSkin
-from drivers.transport.traffic import PlaybackCan, PlaybackLine, TrafficEndedError, is_traffic
+from drivers.transport.traffic import TrafficEndedError
 
 BRIGHT = 15_000.0
 """A taxel with so many counts is shown at its brightest."""
@@ -55,7 +52,7 @@ def watch(config: CellConfig, seconds: float, show: Show, stop: Event) -> None:
         CellError: A device cannot be opened, or the skin fell silent.
     """
     with opened(assemble(config), only="skin") as cell:
-        _watch(cell.skin, cell.clock, 1.0 / config.scan_rate, seconds, show, stop)
+        _watch(SkinLine(cell.skin, cell.clock, cell.skin_figures), 1.0 / config.scan_rate, seconds, show, stop)
 
 
 def play(config: CellConfig, path: Path, seconds: float, show: Show, stop: Event, at_pace: bool) -> None:
@@ -73,22 +70,10 @@ def play(config: CellConfig, path: Path, seconds: float, show: Show, stop: Event
         ConfigError: No recording, or of another wire than `skin.kind` says.
         CellError: The skin was silent all the time.
     """
-    period = 1.0 / config.scan_rate
-    if not is_traffic(path):
-        clock = _PlayClock(at_pace)
-        _play(RecordedSkin(path, clock), clock, period, seconds, show, stop)
-        return
-    skin = config.skin
-    if isinstance(skin, CanSkinConfig):
-        bus = PlaybackCan(path)
-        _require_wire(path, bus.wire, "can")
-        _play(CanSkin(skin, bus, bus), _Paced(bus, at_pace), period, seconds, show, stop)
-    elif isinstance(skin, SerialSkinConfig):
-        line = PlaybackLine(path, 10.0 / skin.baud_rate)
-        _require_wire(path, line.wire, "serial")
-        _play(SerialSkin(skin, line, line), _Paced(line, at_pace), period, seconds, show, stop)
-    else:
-        raise ConfigError(f'{path}: traffic of a board; skin.kind = "can" or "serial" needed, not "{skin.kind}"')
+    felt = played_skin(config, path, _PlayClock(at_pace))
+    if felt.figures is not None:  # traffic, whose clock runs as fast as it is asked
+        felt = replace(felt, clock=_Paced(felt.clock, at_pace))
+    _play(felt, 1.0 / config.scan_rate, seconds, show, stop)
 
 
 def as_data(seen: Seen) -> dict[str, Any]:
@@ -152,53 +137,47 @@ class _Paced:
             time.sleep(max(self._clock.now() - before, 0.0))
 
 
-def _watch(skin: Skin, clock: Clock, period: float, seconds: float, show: Show, stop: Event) -> None:
-    end = clock.now() + seconds
+def _watch(felt: SkinLine, period: float, seconds: float, show: Show, stop: Event) -> None:
+    end = felt.clock.now() + seconds
     shown = -1
     while True:
-        frame = skin.read()
+        frame = felt.skin.read()
         if frame.sequence != shown:
             shown = frame.sequence
-            show(Seen(frame, _figures(skin)))
-        if stop.is_set() or clock.now() >= end:
+            show(_seen(felt, frame))
+        if stop.is_set() or felt.clock.now() >= end:
             return
-        clock.wait_until(clock.now() + period)
+        felt.clock.wait_until(felt.clock.now() + period)
 
 
-def _play(skin: Skin, clock: Clock, period: float, seconds: float, show: Show, stop: Event) -> None:
+def _play(felt: SkinLine, period: float, seconds: float, show: Show, stop: Event) -> None:
     """Show what is not silence."""
     shown = -1
     reason = "nothing in it"
     try:
-        skin.open()
-        end = clock.now() + seconds
-        while clock.now() <= end and not stop.is_set():
+        felt.skin.open()
+        end = felt.clock.now() + seconds
+        while felt.clock.now() <= end and not stop.is_set():
             try:
-                frame = skin.read()
+                frame = felt.skin.read()
                 if frame.sequence != shown:
                     shown = frame.sequence
-                    show(Seen(frame, _figures(skin)))
+                    show(_seen(felt, frame))
             except CellError as error:
                 reason = str(error)
-                if isinstance(skin, RecordedSkin):
+                if felt.figures is None:  # a text has ended; a wire may be heard again
                     break
-            clock.wait_until(clock.now() + period)
+            felt.clock.wait_until(felt.clock.now() + period)
     except TrafficEndedError:
         pass
     finally:
-        skin.close()
+        felt.skin.close()
     if shown < 0:
         raise ConfigError(f"recording: no frame: {reason}")
 
 
-def _require_wire(path: Path, found: str, wanted: str) -> None:
-    if found != wanted:
-        raise ConfigError(f'{path}: traffic of a wire of kind "{found}"; skin.kind = "{wanted}"')
-
-
-def _figures(skin: Skin) -> SkinFigures | None:
-    skin = skin.skin if isinstance(skin, CalibratedSkin) else skin
-    return skin.figures() if isinstance(skin, CanSkin | SerialSkin) else None
+def _seen(felt: SkinLine, frame: TaxelFrame) -> Seen:
+    return Seen(frame, None if felt.figures is None else felt.figures())
 
 
 def _finite(value: float) -> float | None:

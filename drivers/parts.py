@@ -1,31 +1,16 @@
 """The parts and places of a job: peg, hole, rack. Lengths in m; bounds reject a length typed in mm."""
 
 import math
-from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo
+from pydantic import Field
+
+from drivers.config_model import ConfigModel
 
 Length = Annotated[float, Field(gt=0.0, le=0.5)]
 Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
 Coordinate = Annotated[float, Field(ge=-2.0, le=2.0)]
 Point = tuple[Coordinate, Coordinate, Coordinate]
-
-
-def beside_config(path: Path, info: ValidationInfo) -> Path:
-    """Return a relative path as seen from the folder of the config file that is validated."""
-    folder: Path | None = (info.context or {}).get("folder")
-    return path if folder is None else folder / path
-
-
-FilePath = Annotated[Path, AfterValidator(beside_config)]
-"""A file; a relative path begins at the folder of the config file, wherever the program was started."""
-
-
-class ConfigModel(BaseModel):
-    """Base of every config model: frozen, unknown keys are errors, no infinities."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class Peg(ConfigModel):

@@ -5,7 +5,8 @@ The facts are written into the head of a run's samples, so that a run can be dra
 
 from dataclasses import dataclass
 
-from drivers.parts import ConfigModel, Job
+from drivers.config_model import ConfigModel
+from drivers.parts import Job
 from drivers.quantities import Pose
 from drivers.skin.layout import Layout
 

@@ -5,7 +5,7 @@ from typing import Annotated, Literal, Self, get_args
 
 from pydantic import Field, model_validator
 
-from drivers.parts import ConfigModel, FilePath
+from drivers.config_model import ConfigModel, FilePath
 from drivers.transport.wires import Interface, Parity
 
 Bitrate = Literal[10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000]

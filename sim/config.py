@@ -5,7 +5,8 @@ from typing import Annotated, Literal
 from pydantic import Field, NonNegativeInt, model_validator
 
 from drivers.arm.model import ArmName
-from drivers.parts import ConfigModel, Fraction
+from drivers.config_model import ConfigModel
+from drivers.parts import Fraction
 from drivers.quantities import FINGERS, TAXELS
 from drivers.skin.health import SkinHealthConfig
 from drivers.skin.layout import MODULE_TAXELS, Layout

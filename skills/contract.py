@@ -7,9 +7,10 @@ from typing import NoReturn
 
 import numpy as np
 
+from drivers.config_model import ConfigModel
 from drivers.errors import NotPassiveError, SkinUntrustedError
 from drivers.frames import end_point
-from drivers.parts import ConfigModel, Job
+from drivers.parts import Job
 from drivers.protocols import Arm, Clock, Gripper, Skin, SuccessSwitch
 from drivers.quantities import ArmState, GripperState, ImpedanceSetpoint, InHandTip, SwitchState, TaxelFrame, Vector
 from skills.passivity import SOFTENED, STOP, PassivityGuard, Verdict

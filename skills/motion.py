@@ -8,8 +8,8 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, PositiveFloat
 
+from drivers.config_model import ConfigModel
 from drivers.frames import UP, angle_between, rotation_about
-from drivers.parts import ConfigModel
 from drivers.quantities import ImpedanceSetpoint, InHandTip, Twist, Vector
 from skills.contract import Observation, SkillContext
 

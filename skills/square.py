@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field, PositiveFloat
 
-from drivers.parts import ConfigModel
+from drivers.config_model import ConfigModel
 from skills.corner_adjust import CornerAdjustParams
 from skills.corner_insert import CornerInsertParams
 from skills.spray_search import SpraySearchParams

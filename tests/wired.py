@@ -16,7 +16,8 @@ from cell.supervisor import Supervisor
 from drivers.protocols import Clock
 from drivers.skin.board_config import CanSkinConfig
 from drivers.skin.boards import CanSkin
-from drivers.switch.board import SerialSuccessSwitch, SerialSwitchConfig
+from drivers.switch.board import SerialSuccessSwitch
+from drivers.switch.board_config import SerialSwitchConfig
 from drivers.transport.can_bus import CanBus
 from plc_bridge.messages import Command, Control, Refusal, Report, Result
 from sim.board_clock import BoardClock

@@ -11,18 +11,16 @@ import os
 import subprocess
 import sys
 import time
-from dataclasses import dataclass
 from importlib.util import find_spec
-from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field
 
 from drivers import impedance
+from drivers.arm.franka_config import FrankaArmConfig
 from drivers.arm.link import CYCLES_KEPT, SIZE, Link, Phase, holding_words
-from drivers.arm.model import ArmModel, ArmName
+from drivers.arm.loop_figures import LoopFigures
+from drivers.arm.model import ArmModel
 from drivers.errors import ArmReflexError, ArmSilentError, ArmStoppedError, CellError, DeviceNotOpenedError
-from drivers.parts import ConfigModel
 from drivers.protocols import Clock
 from drivers.quantities import ArmState, ImpedanceSetpoint, Pose, Vector, Wrench
 
@@ -39,42 +37,6 @@ _ERRORS: dict[Phase, type[CellError]] = {
     Phase.STOPPED: ArmStoppedError,
     Phase.LOST: ArmSilentError,
 }
-
-
-class FrankaArmConfig(ConfigModel):
-    """[arm] of a Franka arm."""
-
-    kind: Literal["franka"]
-    model: ArmName = "fr3"
-    """Which arm: one of those that ship, or a file of figures beside the config."""
-    host: Annotated[str, Field(min_length=1)]
-    """Address of its control interface."""
-    collision_torque: Annotated[float, Field(ge=5.0, le=100.0)]
-    """Estimated external torque on a joint at which the arm's reflex stops it, N·m; no default."""
-    collision_force: Annotated[float, Field(ge=5.0, le=100.0)]
-    """Estimated external force, N, or torque, N·m, at the hand at which the reflex stops it; no default."""
-    realtime: Literal["enforce", "ignore"] = "enforce"
-    """`ignore` also runs without a real-time kernel and priority; for simulated arms."""
-
-
-@dataclass(frozen=True, slots=True)
-class LoopFigures:
-    """How the torque loop kept its time, over its last minute at most; s."""
-
-    cycles: int
-    """Since the arm was opened."""
-    missed: int
-    """Milliseconds of the arm's time that went by without a state here, since it was opened."""
-    success_rate: float
-    """Share of the torques that the arm says came in time, mean since it was opened."""
-    busy_median: float
-    """From a state's arrival to the torques' departure."""
-    busy_p99: float
-    busy_longest: float
-    spacing_p99: float
-    """Between two states' arrivals."""
-    is_realtime: bool
-    """The process has a real-time priority and its memory is locked."""
 
 
 class FrankaArm:

@@ -13,8 +13,8 @@ from typing import Annotated, Self
 import numpy as np
 from pydantic import AfterValidator, Field, ValidationError, ValidationInfo, model_validator
 
+from drivers.config_model import ConfigModel, beside_config
 from drivers.errors import ConfigError
-from drivers.parts import ConfigModel, beside_config
 from drivers.quantities import Vector
 
 JOINTS = 7

@@ -6,12 +6,9 @@ import subprocess
 import sys
 import time
 from importlib.util import find_spec
-from typing import Annotated, Literal
-
-from pydantic import Field
 
 from drivers.errors import DeviceNotOpenedError, GripperSilentError
-from drivers.parts import ConfigModel
+from drivers.gripper.franka_config import FrankaGripperConfig
 from drivers.quantities import GripperState
 
 SILENT = 1.0
@@ -26,16 +23,6 @@ CONNECT_TIME = 20.0
 """s of wall time."""
 EMPTY_WIDTH = 0.001
 """Fingers closer than this have met each other: there is nothing between them, m."""
-
-
-class FrankaGripperConfig(ConfigModel):
-    """[gripper] of a Franka hand."""
-
-    kind: Literal["franka"]
-    host: Annotated[str, Field(min_length=1)]
-    """Address of the arm's control interface."""
-    speed: Annotated[float, Field(ge=0.01, le=0.1)] = 0.05
-    """Of the distance between the fingers, m/s."""
 
 
 class FrankaGripper:

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from drivers.parts import ConfigModel
+from drivers.config_model import ConfigModel
 from drivers.quantities import FINGERS
 from drivers.skin.cyskin_wire import SkinWireConfig
 from drivers.skin.health import SkinHealthConfig

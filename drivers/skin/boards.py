@@ -3,7 +3,6 @@
 import logging
 import math
 from collections import deque
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from drivers.protocols import Clock
 from drivers.quantities import TaxelFrame, Vector
 from drivers.skin.board_config import BOARD_MODULES, CanSkinConfig, IcubConfig, SerialSkinConfig
 from drivers.skin.dialogue import RETRY, RawScan
+from drivers.skin.figures import SkinFigures
 from drivers.skin.health import SkinHealth
 from drivers.skin.port import HubOnCan, HubOnSerial, IcubOnCan, SkinPort
 from drivers.transport.wires import ByteLink, CanLink
@@ -28,24 +28,6 @@ RECENT = 50
 """Scans that the rate is measured over."""
 LEAST_RATE = 0.8
 """Of the configured rate; a skin that sends less is not opened."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class SkinFigures:
-    """How well the skin is heard, since it was opened."""
-
-    scans: int
-    """Whole scans received."""
-    lost: int
-    """Scans that the board numbered and that never came whole."""
-    refused: int
-    """Messages that were none: check sum, length, or a part missing."""
-    rate: float
-    """Of the newest scans, Hz; NaN before the second."""
-    age: float
-    """Time since the newest scan came, s; infinite before the first."""
-    temperature: Vector
-    """Raw reading of each module, shape (4,), counts; NaN where it has none."""
 
 
 class _BoardSkin:

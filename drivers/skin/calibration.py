@@ -8,8 +8,8 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, ValidationError
 
+from drivers.config_model import ConfigModel
 from drivers.errors import ConfigError
-from drivers.parts import ConfigModel
 from drivers.protocols import Skin
 from drivers.quantities import TAXELS, TaxelFrame
 from drivers.skin.layout import Layout

@@ -17,7 +17,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from drivers.parts import ConfigModel
+from drivers.config_model import ConfigModel
 from drivers.skin.health import Counts
 from drivers.transport.crc import Byte, Crc8
 from drivers.transport.wires import CanFrame

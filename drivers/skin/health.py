@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from drivers.config_model import ConfigModel
 from drivers.errors import SkinUntrustedError
-from drivers.parts import ConfigModel
 from drivers.quantities import FINGER_NAMES, FINGERS, Mask, TaxelFrame, Vector
 from drivers.skin.layout import MODULE_OF, MODULE_TAXELS, MODULES
 

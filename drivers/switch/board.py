@@ -1,14 +1,11 @@
 """The switch board on its serial line as a SuccessSwitch."""
 
 import logging
-from typing import Annotated, Literal
-
-from pydantic import Field
 
 from drivers.errors import DeviceNotOpenedError
-from drivers.parts import ConfigModel
 from drivers.protocols import Clock
 from drivers.quantities import SwitchState
+from drivers.switch.board_config import SerialSwitchConfig
 from drivers.switch.wire import BAUD_RATE, TIME_RANGE, Contacts, Decoder, SwitchReport
 from drivers.transport.serial_line import SerialLine
 from drivers.transport.wires import ByteLink, LineLostError
@@ -28,16 +25,6 @@ POLL_PERIOD = 0.01
 REOPEN_PERIOD = 0.5
 """Between attempts to open a lost port again, s."""
 _STATES = {Contacts.OPEN: SwitchState.OPEN, Contacts.CLOSED: SwitchState.CLOSED}
-
-
-class SerialSwitchConfig(ConfigModel):
-    """[switch] of a board on a serial line."""
-
-    kind: Literal["serial"]
-    port: Annotated[str, Field(min_length=1)]
-    """As the operating system has it, best a name that stays, as those of /dev/serial/by-id."""
-    record: str = ""
-    """File that all traffic of the line goes to; empty is none."""
 
 
 class SerialSuccessSwitch:

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field, field_validator
 
-from drivers.parts import ConfigModel
+from drivers.config_model import ConfigModel
 
 Byte = Annotated[int, Field(ge=0, le=0xFF)]
 

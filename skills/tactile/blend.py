@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from drivers.parts import ConfigModel
+from drivers.config_model import ConfigModel
 from drivers.quantities import Pose
 from skills.tactile.pose import NO_PEG, PegPose
 

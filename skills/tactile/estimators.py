@@ -10,8 +10,9 @@ from typing import Annotated, Any, Generic, TypeVar
 from pydantic import AfterValidator, WithJsonSchema
 from pydantic_core import PydanticKnownError
 
+from drivers.config_model import ConfigModel
 from drivers.errors import ConfigError
-from drivers.parts import ConfigModel, Peg
+from drivers.parts import Peg
 from drivers.skin.layout import Layout
 from skills.tactile.image import ImageEstimator, ImageParams
 from skills.tactile.likelihood import LikelihoodEstimator, LikelihoodParams

@@ -18,7 +18,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from drivers.parts import ConfigModel
+from drivers.config_model import ConfigModel
 from drivers.quantities import TaxelFrame, Vector
 
 LEAST_COMMON = 10

@@ -6,7 +6,8 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from drivers.parts import ConfigModel, Fraction
+from drivers.config_model import ConfigModel
+from drivers.parts import Fraction
 from drivers.quantities import FINGERS, TAXELS, Mask, TaxelFrame, Vector
 from drivers.skin.layout import PITCH, Layout, finger_positions, triangles
 from skills.tactile.plausible import is_print

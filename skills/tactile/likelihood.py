@@ -11,7 +11,8 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from drivers.parts import ConfigModel, Fraction, Peg
+from drivers.config_model import ConfigModel
+from drivers.parts import Fraction, Peg
 from drivers.quantities import FINGERS, TAXELS, Mask, TaxelFrame, Vector
 from drivers.skin.layout import Layout
 from skills.tactile.pose import PegPose

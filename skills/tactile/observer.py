@@ -14,8 +14,8 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
+from drivers.config_model import ConfigModel
 from drivers.frames import end_point
-from drivers.parts import ConfigModel
 from drivers.quantities import Pose, Vector
 from skills.tactile.pose import NO_PEG, PegPose
 

@@ -12,7 +12,8 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from drivers.parts import ConfigModel, Peg
+from drivers.config_model import ConfigModel
+from drivers.parts import Peg
 from drivers.quantities import FINGERS, TAXELS, Mask, TaxelFrame, Vector
 from drivers.skin.layout import Layout, finger_positions
 from skills.tactile.plausible import is_print

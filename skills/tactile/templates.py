@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from drivers.parts import ConfigModel, Peg
+from drivers.config_model import ConfigModel
+from drivers.parts import Peg
 from drivers.quantities import FINGERS, TAXELS, Vector
 from drivers.skin.layout import Layout, finger_positions, pad_size
 

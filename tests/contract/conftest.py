@@ -10,12 +10,15 @@ import pytest
 
 from cell.assembly import assemble
 from cell.config import load
-from drivers.arm.franka import FrankaArm, FrankaArmConfig
+from drivers.arm.franka import FrankaArm
+from drivers.arm.franka_config import FrankaArmConfig
 from drivers.errors import SkinSilentError
-from drivers.gripper.franka import FrankaGripper, FrankaGripperConfig
+from drivers.gripper.franka import FrankaGripper
+from drivers.gripper.franka_config import FrankaGripperConfig
 from drivers.protocols import Clock
 from drivers.quantities import SwitchState
-from drivers.switch.board import SerialSuccessSwitch, SerialSwitchConfig
+from drivers.switch.board import SerialSuccessSwitch
+from drivers.switch.board_config import SerialSwitchConfig
 from sim.board_clock import BoardClock
 from sim.config import SimSkinConfig
 from sim.skin import SimSkin

@@ -12,7 +12,8 @@ from dataclasses import asdict
 import numpy as np
 
 from cell.config import load
-from drivers.arm.franka import FrankaArm, FrankaArmConfig
+from drivers.arm.franka import FrankaArm
+from drivers.arm.franka_config import FrankaArmConfig
 from drivers.quantities import ImpedanceSetpoint
 from tests.franka.simulated import address, served
 

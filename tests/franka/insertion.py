@@ -18,9 +18,11 @@ from cell.assembly import Cell
 from cell.assembly import opened as cell_opened
 from cell.config import CellConfig, load
 from cell.lab.trials import run_trial
-from drivers.arm.franka import FrankaArm, FrankaArmConfig
+from drivers.arm.franka import FrankaArm
+from drivers.arm.franka_config import FrankaArmConfig
 from drivers.errors import CellError
-from drivers.gripper.franka import FrankaGripper, FrankaGripperConfig
+from drivers.gripper.franka import FrankaGripper
+from drivers.gripper.franka_config import FrankaGripperConfig
 from skills.catalogue import CATALOGUE
 from skills.contract import Outcome
 from skills.flow import StageRecord

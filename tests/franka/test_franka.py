@@ -14,10 +14,12 @@ pytest.importorskip(
 )
 
 from cell.config import load
-from drivers.arm.franka import FrankaArm, FrankaArmConfig
+from drivers.arm.franka import FrankaArm
+from drivers.arm.franka_config import FrankaArmConfig
 from drivers.arm.link import Phase
 from drivers.errors import ArmReflexError, ArmSilentError, ArmStoppedError, DeviceNotOpenedError
-from drivers.gripper.franka import FrankaGripper, FrankaGripperConfig
+from drivers.gripper.franka import FrankaGripper
+from drivers.gripper.franka_config import FrankaGripperConfig
 from drivers.quantities import ImpedanceSetpoint
 from tests.franka.insertion import inserted
 from tests.franka.simulated import address, served

@@ -15,7 +15,8 @@ from cell.config import load
 from cell.lab.trials import run_trial
 from drivers.errors import SwitchUnknownError
 from drivers.quantities import SwitchState
-from drivers.switch.board import SerialSuccessSwitch, SerialSwitchConfig
+from drivers.switch.board import SerialSuccessSwitch
+from drivers.switch.board_config import SerialSwitchConfig
 from drivers.switch.wire import BAUD_RATE, Contacts, Decoder, SwitchReport
 from drivers.transport.serial_line import SerialLine
 from drivers.transport.traffic import PlaybackLine, RecordedLine, Recorder, TrafficEndedError

@@ -6,7 +6,8 @@ import numpy as np
 
 from drivers.protocols import Clock
 from drivers.quantities import SwitchState
-from drivers.switch.board import REOPEN_PERIOD, SerialSuccessSwitch, SerialSwitchConfig
+from drivers.switch.board import REOPEN_PERIOD, SerialSuccessSwitch
+from drivers.switch.board_config import SerialSwitchConfig
 from drivers.switch.wire import Contacts, Decoder
 from sim.board_clock import BoardClock
 from sim.switch_board import FREQUENCY, Chip, EmulatedSwitchBoard

@@ -63,6 +63,36 @@ def test_the_shipped_file_of_a_physical_cell_needs_no_physics():
     assert told.split() == ["FrankaArm", "FrankaGripper", "CanSkin", "SerialSuccessSwitch"]
 
 
+WITHOUT_STAND_INS = """
+import importlib.abc, sys
+
+class Wall(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, path=None, target=None):
+        if name == "mujoco" or name.startswith("sim.") and name != "sim.config":
+            raise ImportError(f"{name}: not for a physical cell")
+
+sys.meta_path.insert(0, Wall())
+from cell.cli import main
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+@pytest.mark.parametrize("command", [["check", "--json"], ["skin"]])
+def test_a_physical_cell_imports_neither_physics_nor_stand_ins(command):
+    hosts = ("skin.channel=can-none", "arm.host=127.254.254.254", "gripper.host=127.254.254.254")
+    sets = [word for text in hosts for word in ("--set", text)]
+    whole = [sys.executable, "-c", WITHOUT_STAND_INS, *command, "--config", str(SHIPPED / "cell_01.toml"), *sets]
+    done = subprocess.run(whole, capture_output=True, text=True)
+    assert done.returncode == FAULT
+    assert "CAN bus socketcan can-none" in done.stdout + done.stderr
+    assert "not for a physical cell" not in done.stdout + done.stderr
+
+
+def test_the_wall_before_the_stand_ins_stops_a_simulated_cell():
+    done = subprocess.run([sys.executable, "-c", WITHOUT_STAND_INS, "check", "--json"], capture_output=True, text=True)
+    assert "not for a physical cell" in done.stderr
+
+
 @pytest.mark.parametrize("command", [["trials", "--out", "x"], ["study", "wire", "--out", "x"]])
 def test_what_needs_a_simulated_cell_leaves_a_physical_one_alone(capsys, tmp_path, monkeypatch, command):
     monkeypatch.chdir(tmp_path)

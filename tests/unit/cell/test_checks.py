@@ -1,7 +1,7 @@
 import pytest
 
 from cell.checks import LEAST_IN_TIME, SCANS, check_clock, loop_verdict, remedy, verdict
-from drivers.arm.franka import LoopFigures
+from drivers.arm.loop_figures import LoopFigures
 from drivers.errors import ArmReflexError, SkinSilentError
 from drivers.quantities import SwitchState
 from tests.fakes import FakeClock

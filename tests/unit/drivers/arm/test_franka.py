@@ -7,12 +7,14 @@ import pytest
 from cell.config import arm_file
 from drivers import impedance
 from drivers.arm import franka as arm
-from drivers.arm.franka import FrankaArm, FrankaArmConfig
+from drivers.arm.franka import FrankaArm
+from drivers.arm.franka_config import FrankaArmConfig
 from drivers.arm.link import SIZE, Link, Phase, holding_words
 from drivers.arm.model import read_arm
 from drivers.errors import ArmSilentError, DeviceNotOpenedError, GripperSilentError
 from drivers.gripper import franka as gripper
-from drivers.gripper.franka import FrankaGripper, FrankaGripperConfig
+from drivers.gripper.franka import FrankaGripper
+from drivers.gripper.franka_config import FrankaGripperConfig
 from tests.fakes import FakeClock
 
 FR3 = read_arm(arm_file("fr3"))

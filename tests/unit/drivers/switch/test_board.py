@@ -4,7 +4,8 @@ import pytest
 
 from drivers.errors import DeviceNotOpenedError
 from drivers.quantities import SwitchState
-from drivers.switch.board import REOPEN_PERIOD, STALE, SerialSuccessSwitch, SerialSwitchConfig
+from drivers.switch.board import REOPEN_PERIOD, STALE, SerialSuccessSwitch
+from drivers.switch.board_config import SerialSwitchConfig
 from drivers.switch.wire import Contacts, SwitchReport, encode
 from sim.terminal import Terminal
 from tests.fakes import FakeClock

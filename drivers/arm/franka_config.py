@@ -1,0 +1,24 @@
+"""Config of a Franka arm; pure, no I/O."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from drivers.arm.model import ArmName
+from drivers.config_model import ConfigModel
+
+
+class FrankaArmConfig(ConfigModel):
+    """[arm] of a Franka arm."""
+
+    kind: Literal["franka"]
+    model: ArmName = "fr3"
+    """Which arm: one of those that ship, or a file of figures beside the config."""
+    host: Annotated[str, Field(min_length=1)]
+    """Address of its control interface."""
+    collision_torque: Annotated[float, Field(ge=5.0, le=100.0)]
+    """Estimated external torque on a joint at which the arm's reflex stops it, N·m; no default."""
+    collision_force: Annotated[float, Field(ge=5.0, le=100.0)]
+    """Estimated external force, N, or torque, N·m, at the hand at which the reflex stops it; no default."""
+    realtime: Literal["enforce", "ignore"] = "enforce"
+    """`ignore` also runs without a real-time kernel and priority; for simulated arms."""

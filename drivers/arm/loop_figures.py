@@ -1,0 +1,23 @@
+"""How the arm's torque loop kept its time, as values; pure."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class LoopFigures:
+    """How the torque loop kept its time, over its last minute at most; s."""
+
+    cycles: int
+    """Since the arm was opened."""
+    missed: int
+    """Milliseconds of the arm's time that went by without a state here, since it was opened."""
+    success_rate: float
+    """Share of the torques that the arm says came in time, mean since it was opened."""
+    busy_median: float
+    """From a state's arrival to the torques' departure."""
+    busy_p99: float
+    busy_longest: float
+    spacing_p99: float
+    """Between two states' arrivals."""
+    is_realtime: bool
+    """The process has a real-time priority and its memory is locked."""
