@@ -73,6 +73,9 @@ class TerminalLine:
         """Tell whoever watches."""
         self._watch(report)
 
+    def accept(self, command: Command) -> None:
+        """Leave it to the reports."""
+
     def refuse(self, command: Command, refusal: Refusal) -> None:
         """Tell whoever watches."""
         self._watch(Report(sequence=command.sequence, result=Result.REFUSED))

@@ -47,6 +47,9 @@ class Line(Protocol):
     def publish(self, report: Report) -> None:
         """Make the report readable; never waits."""
 
+    def accept(self, command: Command) -> None:
+        """Tell whoever gave a command that it is done: a program begins, a control is obeyed; never waits."""
+
     def refuse(self, command: Command, refusal: Refusal) -> None:
         """Tell whoever gave a command that it is not done, and why; never waits."""
 
@@ -134,12 +137,18 @@ class Supervisor:
 
     def _control(self, command: Command, event: Event) -> None:
         """Obey a control, or refuse it where the state does not permit it."""
-        if event is Event.RESET and self.state is State.ABORTED:
-            self._control(command, Event.CLEAR)
-        if not is_permitted(self.state, event):
+        is_cleared_first = event is Event.RESET and self.state is State.ABORTED
+        steps = (Event.CLEAR, event) if is_cleared_first else (event,)
+        if not is_permitted(self.state, steps[0]):
             self._refuse(command, Refusal.NOT_READY)
             return
-        self._enter(event)
+        for step in steps:
+            self._enter(step)
+            self._obey(command, step)
+        self._line.accept(command)
+
+    def _obey(self, command: Command, event: Event) -> None:
+        """Do what a control asks for, in the state that it led to."""
         if event in (Event.STOP, Event.ABORT):
             self._halt_now(Request.STOP)
             if self._run is None:
@@ -193,6 +202,7 @@ class Supervisor:
         self._leave_complete()
         self._enter(Event.START)
         self.report = self._fresh(command)
+        self._line.accept(command)
         self._publish()
         self._execute(command, entry, config)
 

@@ -89,7 +89,10 @@ class Bridge:
         return self._secure.address if self._secure is not None else None
 
     def poll(self) -> Command | None:
-        """Return what the scan thread shall do next, each thing once: stops and a lost PLC come first."""
+        """Return what the scan thread shall do next, each thing once: stops and a lost PLC come first.
+
+        Whatever it is, the scan thread tells before its next `poll` whether it accepts or refuses it.
+        """
         with self._lock:
             return self._handshake.poll(self._now())
 
@@ -98,6 +101,11 @@ class Bridge:
         with self._lock:
             self._life = (self._life + 1) % 0x10000
             self._handshake.publish(report)
+
+    def accept(self, command: Command) -> None:
+        """Tell whoever sent `command` that it is done: a program begins, a control is obeyed; for the scan thread."""
+        with self._lock:
+            self._handshake.accept(command)
 
     def refuse(self, command: Command, refusal: Refusal) -> None:
         """Tell whoever sent `command` why the scan thread does not do it; it belongs to the scan thread."""
@@ -109,6 +117,11 @@ class Bridge:
         """Who holds the lease; empty when it is free."""
         with self._lock:
             return self._handshake.holder
+
+    @property
+    def run(self) -> int:
+        """Number in the journal of the run under way or last, whoever started it."""
+        return self._handshake.run
 
     @property
     def diagnostics(self) -> Diagnostics:

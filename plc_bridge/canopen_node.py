@@ -67,6 +67,10 @@ _STATE_ON_ERROR = {0: NmtState.PRE_OPERATIONAL, 2: NmtState.STOPPED}
 class CanMailbox(Mailbox, Protocol):
     """What the node needs of the bridge."""
 
+    @property
+    def run(self) -> int:
+        """Number in the journal of the run under way or last, whoever started it."""
+
     def lost(self, source: str) -> None:
         """Take a link for lost: what it runs stops."""
 
@@ -97,7 +101,7 @@ class CanopenNode:
             base + self._id: [by_name[name] for name in names] for base, names in zip(RPDO_BASES, RPDOS, strict=False)
         }
         self._stop_id = RPDO_BASES[len(RPDOS) - 1] + self._id
-        self._fault, self._run = by_name["report_fault"], by_name["report_run"]
+        self._fault = by_name["report_fault"]
         self._values = Values(dictionary(registers, self._id), registers, self._linked, self._changed)
         self._reports = Reports(registers, self._id, self._values)
         self._sdo = SdoServer(self._values)
@@ -289,7 +293,7 @@ class CanopenNode:
         if self.state not in (NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL):
             return
         words = self._mailbox.report_words(self.source)
-        message = self._emergency.update(number_in(words, self._fault), number_in(words, self._run))
+        message = self._emergency.update(number_in(words, self._fault), self._mailbox.run)
         if message is not None:
             self._shout(message)
         if self.state is not NmtState.OPERATIONAL:

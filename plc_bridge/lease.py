@@ -5,7 +5,8 @@
     | `command_lease` is TAKE, lease is free | that link                                                         |
     | a start is accepted, lease is free     | that link: a simple PLC never has to ask                          |
     | any request of the holder              | the same: activity keeps the lease                                |
-    | holder closed, its host writes again   | the new link of that host, which also watches over the run        |
+    | holder closed, its host asks or starts | the new link of that host                                         |
+    | holder closed, a link resumes its run  | that link, which also watches over the run                        |
     | release, silence for `timeout`         | nobody                                                            |
     | the holder's run was lost              | nobody                                                            |
     | restart of the cell                    | nobody                                                            |
@@ -32,34 +33,38 @@ class CellLease:
 
     timeout: float
     holder: Link | None = None
+    runner: Link | None = None
+    """Whose run is under way; what it holds goes to nobody but to the link that resumes that run."""
 
     def is_open_to(self, link: Link) -> bool:
-        """Tell whether `link` holds it or could take it."""
-        return self.holder in (None, link)
+        """Tell whether `link` holds it or could take it, be it from a closed link of its host."""
+        if self.holder is None or self.holder is link:
+            return True
+        return self.holder is not self.runner and link.follows(self.holder)
 
     def state_for(self, link: Link) -> LeaseState:
         """Return what `link` shall read."""
-        if self.holder is None:
-            return LeaseState.FREE
-        return LeaseState.YOURS if self.holder is link else LeaseState.TAKEN
+        if self.holder is link:
+            return LeaseState.YOURS
+        return LeaseState.FREE if self.is_open_to(link) else LeaseState.TAKEN
 
     def take(self, link: Link) -> bool:
-        """Give it to `link` if it is free; return whether `link` holds it now."""
-        if self.holder is None:
+        """Give it to `link` if it is open to it; return whether `link` holds it now."""
+        if self.holder is not link and self.is_open_to(link):
             self.holder = link
             logger.info("%s takes the lease", link.source)
         return self.holder is link
 
-    def release(self, source: str) -> None:
-        """Free it if `source` holds it."""
-        if self.holder is not None and self.holder.source == source:
-            self.holder = None
-            logger.info("%s releases the lease", source)
-
-    def hand_over(self, link: Link) -> None:
-        """Give `link` what a closed link of the same host held."""
-        if self.holder is not None and not self.holder.is_open and self.holder.host == link.host:
+    def resume(self, earlier: Link, link: Link) -> None:
+        """Give `link`, which resumes the run of `earlier`, what that one holds."""
+        if self.holder is earlier:
             self.holder = link
+
+    def release(self, link: Link) -> None:
+        """Free it if `link` holds it or could take it over."""
+        if self.holder is not None and self.is_open_to(link):
+            self.holder = None
+            logger.info("%s releases the lease", link.source)
 
     def expire(self, now: float) -> None:
         """Free it when its holder has been silent for too long."""

@@ -1,9 +1,16 @@
-"""What is known of one link: one conversation with one sequence number."""
+"""What is known of one link, which is one conversation with one sequence number; pure.
 
-from dataclasses import dataclass
+A link keeps two of its orders in view: the one whose answer it reads, which is the newest that was decided, and the
+one whose result it reads, which is its newest order or, as long as that is under way, its run.
+"""
 
+from dataclasses import dataclass, field
+
+from plc_bridge.coils import Coils
 from plc_bridge.images import CommandImage
-from plc_bridge.messages import Refusal, Result
+from plc_bridge.messages import Refusal
+from plc_bridge.orders import Order
+from plc_bridge.sequence_numbers import SequenceNumbers
 from plc_bridge.watchdog import Watchdog
 
 
@@ -13,18 +20,57 @@ class Link:
 
     source: str
     host: str
+    """Links of the same host may follow each other: one address and one role of TLS, one line, one node."""
     watchdog: Watchdog
     is_local: bool = False
-    is_open: bool = True
-    must_adopt: bool = True
-    """No number was seen since it opened or since its run was lost."""
+    opened: int = 0
+    """When it was opened, as a number that counts links opened and closed."""
+    closed: int | None = None
+    """The same of its end; None while it is open."""
     has_spoken: bool = False
     """It wrote something other than a stop; until then it is a spectator."""
     image: CommandImage | None = None
-    sequence: int | None = None
-    answered: int = 0
-    refusal: Refusal = Refusal.NONE
-    own: tuple[int, int, Result] | None = None
-    """Sequence, code and result of its last command; None while that is the current one, and for a spectator."""
-    execute: bool | None = None
-    reset: bool | None = None
+    numbers: SequenceNumbers = field(default_factory=SequenceNumbers)
+    coils: Coils = field(default_factory=Coils)
+    shown: Order | None = None
+    """The order whose result it reads; None before its first."""
+    late: Order | None = None
+    """The refusal of an old number, until the block holds the current one again."""
+    told: Refusal = Refusal.NONE
+    """Refusal that the log has of it, until one of its orders is not refused."""
+    _asked: list[Order] = field(default_factory=list)
+
+    @property
+    def is_open(self) -> bool:
+        """Tell whether it has not been closed."""
+        return self.closed is None
+
+    def follows(self, earlier: "Link") -> bool:
+        """Tell whether it was opened by the same host after `earlier` had been closed."""
+        return earlier.closed is not None and earlier.host == self.host and earlier.closed < self.opened
+
+    def add(self, order: Order) -> None:
+        """Take a new order of this link; its run stays in view, unless the PLC sent that run's number once more."""
+        self.late = None
+        self._forget_older_answers()
+        self._asked.append(order)
+        shown = self.shown
+        if shown is None or not (shown.is_program and shown.is_under_way) or shown.sequence == order.sequence:
+            self.shown = order
+
+    def resume(self, order: Order) -> None:
+        """Go on with the order of an earlier link of the same host."""
+        order.link, self.shown, self._asked = self, order, [order]
+
+    @property
+    def answered(self) -> Order | None:
+        """Return the newest order that was decided."""
+        if self.late is not None:
+            return self.late
+        self._forget_older_answers()
+        return self._asked[0] if self._asked and self._asked[0].is_decided else None
+
+    def _forget_older_answers(self) -> None:
+        decided = [place for place, order in enumerate(self._asked) if order.is_decided]
+        if decided:
+            del self._asked[: decided[-1]]

@@ -49,4 +49,5 @@ class Watchdog:
 
     def follow(self, earlier: "Watchdog") -> None:
         """Go on where the watchdog of a closed link of the same host left off."""
-        self.uses_life, self.life_stamp = earlier.uses_life, earlier.life_stamp
+        self.uses_life |= earlier.uses_life
+        self.life_stamp = max(self.life_stamp, earlier.life_stamp)

@@ -5,6 +5,7 @@ from plc_bridge.bridge import Bridge
 from plc_bridge.canopen_node import CanopenNode
 from plc_bridge.config import CanConfig, PlcConfig
 from plc_bridge.registers import Parameter, table
+from tests.scan_thread import take
 
 NODE, PLC, PROGRAM = 16, 1, 100
 PARAMETERS = (Parameter("search.speed", "m/s", 1e-4, 0.001, 0.5, "peak speed"),)
@@ -72,4 +73,4 @@ class Rig:
         self.nmt(START)
         self.command(1, 1)
         self.command(2, 2, PROGRAM, 3)
-        return self.bridge.poll()
+        return take(self.bridge)

@@ -120,5 +120,8 @@ class Rehearsal:
     def publish(self, report: Report) -> None:
         self._report = report
 
+    def accept(self, command: Command) -> None:
+        """The reports tell."""
+
     def refuse(self, command: Command, refusal: Refusal) -> None:
         raise AssertionError(f"{command}: {refusal.name}")

@@ -18,6 +18,7 @@ from plc_bridge.canopen_peer import CanPeer
 from plc_bridge.config import CanConfig, ModbusConfig, PlcConfig
 from plc_bridge.messages import Report, Result
 from tests.can_hubs import SlcanHub, SocketcandHub
+from tests.scan_thread import take
 
 PROGRAM = 100
 PATIENT = {"plc_timeout": 60.0}  # a busy computer makes a late PLC
@@ -71,7 +72,7 @@ class Cell:
 
     def _scan(self):
         while not self._stop.wait(0.002):
-            command = self.bridge.poll()
+            command = take(self.bridge)
             if command is not None and command.code == PROGRAM:
                 self.bridge.publish(Report(command.sequence, 17, Result.SUCCESS, run=command.recipe))
 

@@ -22,6 +22,7 @@ from plc_bridge.objects import dictionary
 from plc_bridge.peer import CellSilentError
 from plc_bridge.registers import Parameter, table
 from skills.catalogue import CATALOGUE
+from tests.scan_thread import take
 
 NODE, PLC, PROGRAM = 16, 1, 100
 PATIENCE = 10.0
@@ -91,7 +92,7 @@ def remote(bridge, config):
 def next_command(bridge):
     """Return the next command; the bus has a thread of its own."""
     for _ in range(int(PATIENCE / 0.01)):
-        command = bridge.poll()
+        command = take(bridge)
         if command is not None:
             return command
         threading.Event().wait(0.01)
@@ -167,7 +168,7 @@ def served(bridge):
     def scan():
         report = Report(state=4)
         while not stop.wait(0.002):
-            command = bridge.poll()
+            command = take(bridge)
             if command is not None:
                 got.append(command)
                 if command.code == PROGRAM:

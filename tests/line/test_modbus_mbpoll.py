@@ -9,6 +9,7 @@ from plc_bridge.bridge import Bridge
 from plc_bridge.config import ModbusConfig, PlcConfig
 from plc_bridge.messages import Command, Report, Result
 from plc_bridge.registers import COILS, DISCRETE_INPUTS, VERSION, Lease, table
+from tests.scan_thread import take
 
 pytestmark = pytest.mark.skipif(shutil.which("mbpoll") is None, reason="mbpoll is not installed (Debian: mbpoll)")
 
@@ -46,7 +47,7 @@ def read(bridge, kind, address, count=1):
 
 def supervise(bridge):
     """Take one command and end it in success."""
-    command = bridge.poll()
+    command = take(bridge)
     assert command is not None
     bridge.publish(Report(sequence=command.sequence, state=6))
     bridge.publish(Report(sequence=command.sequence, state=17, result=Result.SUCCESS, run=70_000))
@@ -78,6 +79,6 @@ def test_command_is_driven_from_sequence_to_acknowledge(bridge):
 
 def test_coil_stops(bridge):
     write(bridge, "coil", COILS["stop"], 1)
-    command = bridge.poll()
+    command = take(bridge)
     assert command is not None
     assert command.code == 2

@@ -13,6 +13,7 @@ from plc_bridge.messages import Command, Report, Result
 from plc_bridge.registers import DISCRETE_INPUTS, VERSION, table
 from plc_bridge.rtu_frames import with_check_sum
 from tests.cable import Cable
+from tests.scan_thread import take
 
 PROGRAM, UNIT = 100, 17
 AT = {register.name: register.address for register in table()}
@@ -109,7 +110,7 @@ def test_mbpoll_drives_a_command_from_sequence_to_acknowledge(bridge, cable):
     write(cable, "holding", AT["command_life"], 1, 41, 0)
     write(cable, "holding", AT["command_life"], 2, 42, PROGRAM, 3)
     assert read(cable, "discrete", DISCRETE_INPUTS["busy"]) == [1]
-    command = bridge.poll()
+    command = take(bridge)
     assert command is not None
     assert (command.sequence, command.code, command.recipe) == (42, PROGRAM, 3)
     assert command.source.startswith("rtu:")
@@ -131,6 +132,6 @@ def test_mbpoll_gets_no_answer_of_another_unit_and_exceptions_of_this_one(bridge
 @with_mbpoll
 def test_mbpoll_stops_the_cell(bridge, cable):
     write(cable, "coil", AT["stop"], 1)
-    command = bridge.poll()
+    command = take(bridge)
     assert isinstance(command, Command)
     assert command.code == 2

@@ -14,6 +14,7 @@ from plc_bridge.config import ModbusConfig, PlcConfig, TlsConfig
 from plc_bridge.messages import FIRST_PROGRAM, Control
 from plc_bridge.registers import COILS, VERSION
 from tests.certificates import Authority, utf8
+from tests.scan_thread import take
 
 HEADER = struct.Struct(">HHHB")
 READ = bytes.fromhex("04 0001 0001")
@@ -176,7 +177,7 @@ def test_command_carries_role_and_address(bridge, contexts):
         port = client.getsockname()[1]
         ask(client, struct.pack(">BHHBHH", 16, 1, 2, 4, 1, 0))
         ask(client, struct.pack(">BHHBHH", 16, 1, 2, 4, 2, FIRST_PROGRAM))
-        command = bridge.poll()
+        command = take(bridge)
         assert (command.code, command.source) == (FIRST_PROGRAM, f"Operator@127.0.0.1:{port}")
         assert bridge.holder == command.source
 
@@ -196,7 +197,7 @@ def test_guard_stops_what_the_operator_runs(bridge, contexts):
         ask(operator, struct.pack(">BHHBHH", 16, 1, 2, 4, 1, 0))
         ask(operator, struct.pack(">BHHBHH", 16, 1, 2, 4, 2, FIRST_PROGRAM))
         ask(guard, STOP)
-        command = bridge.poll()
+        command = take(bridge)
     assert (command.code, command.source.partition(":")[0]) == (Control.STOP, "Guard@127.0.0.1")
 
 

@@ -16,6 +16,7 @@ from plc_bridge.messages import FIRST_PROGRAM, Control, LeaseState, Refusal, Rep
 from plc_bridge.modbus import ModbusServer
 from plc_bridge.peer import CellSilentError, Peer
 from plc_bridge.registers import MIRROR
+from tests.scan_thread import take
 
 HEADER = struct.Struct(">HHHB")
 READ_REPORT = bytes.fromhex("04 0000 000A")
@@ -80,7 +81,7 @@ class FakeSupervisor:
     def scan(self, period=0.0):
         if self.report.state == 6 and self.result is not Result.NONE:
             self.report = Report(sequence=self.report.sequence, state=17, result=self.result, run=1)
-        command = self.bridge.poll()
+        command = take(self.bridge)
         if command is not None:
             self.commands.append(command)
             if command.code >= FIRST_PROGRAM and command.code < Control.LOST:

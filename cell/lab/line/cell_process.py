@@ -61,6 +61,10 @@ class _Stopwatch:
         self._clock.wait_until(stamp)
         self._is_new = True
 
+    def accept(self, command: Command) -> None:
+        """Tell the bridge."""
+        self._bridge.accept(command)
+
     def refuse(self, command: Command, refusal: Refusal) -> None:
         """Tell the bridge."""
         self._bridge.refuse(command, refusal)

@@ -6,6 +6,7 @@ from plc_bridge.config import ModbusConfig, PlcConfig
 from plc_bridge.images import CommandImage, report_image
 from plc_bridge.messages import Command, Control, Refusal, Report, Result
 from plc_bridge.registers import Lease
+from tests.scan_thread import take
 
 
 class Time:
@@ -32,7 +33,7 @@ def test_command_and_report_go_through(bridge):
     bridge.opened("plc", "plc")
     bridge.wrote("plc", CommandImage(sequence=1))
     bridge.wrote("plc", CommandImage(sequence=2, code=100, recipe=4))
-    assert bridge.poll() == Command(2, 100, 4, source="plc")
+    assert take(bridge) == Command(2, 100, 4, source="plc")
     bridge.publish(Report(sequence=2, state=17, result=Result.SUCCESS, run=9, stage_times=(1.0, 2.5), total_time=3.5))
     image = report_image(bridge.report_words("plc"))
     assert (image.sequence, image.result, image.run, image.holder) == (2, Result.SUCCESS, 9, "plc")
@@ -62,7 +63,7 @@ def test_busy_done_error_and_aborted_exclude_each_other(bridge, result, bits):
     bridge.opened("plc", "plc")
     bridge.wrote("plc", CommandImage(sequence=1))
     bridge.wrote("plc", CommandImage(sequence=2, code=100))
-    bridge.poll()
+    take(bridge)
     bridge.publish(Report(sequence=2, result=result))
     assert bridge.discrete_inputs("plc") == bits
 
@@ -96,7 +97,7 @@ def test_silent_plc_is_lost(bridge, time):
     bridge.opened("plc", "plc")
     bridge.wrote("plc", CommandImage(life=1, sequence=1))
     bridge.wrote("plc", CommandImage(life=2, sequence=2, code=100))
-    bridge.poll()
+    take(bridge)
     time.now = 1.5
     assert bridge.poll() == Command(2, Control.LOST, source="plc")
     assert bridge.diagnostics.lost == 1

@@ -17,6 +17,7 @@ from tests.canopen_rig import (
     STOP,
     Rig,
 )
+from tests.scan_thread import take
 
 HEARTBEAT, EMCY = 0x700 + NODE, 0x080 + NODE
 TPDO1, TPDO2, TPDO3, TPDO4 = (base + NODE for base in (0x180, 0x280, 0x380, 0x480))
@@ -168,7 +169,7 @@ def test_plain_ladder_runs_by_coils(rig):
     rig.write(execute.index, execute.subindex, 0, 1)
     rig.write(0x2000, 3, PROGRAM, 2)
     rig.write(execute.index, execute.subindex, 1, 1)
-    assert rig.bridge.poll().code == PROGRAM
+    assert take(rig.bridge).code == PROGRAM
     assert rig.read(PLACES["busy"].index, PLACES["busy"].subindex) == 1
 
 
@@ -308,7 +309,7 @@ def test_a_plc_without_life_counter_lives_by_its_heartbeat(rig):
     rig.nmt(START)
     rig.command(0, 1)
     rig.command(0, 2, PROGRAM)
-    rig.bridge.poll()
+    take(rig.bridge)
     for _ in range(20):
         rig.beat()
         rig.wait(0.4)
@@ -319,7 +320,7 @@ def test_a_lost_plc_does_not_stop_the_run_of_somebody_else(rig):
     rig.nmt(START)
     rig.bridge.take("terminal")
     rig.bridge.submit("terminal", CommandImage(code=PROGRAM))
-    assert rig.bridge.poll().source == "terminal"
+    assert take(rig.bridge).source == "terminal"
     rig.beat()
     rig.wait(0.6)
     assert rig.bridge.poll() is None
@@ -339,7 +340,7 @@ def test_object_1016_names_the_plc(rig):
     rig.nmt(START)
     rig.command(1, 1)
     rig.command(2, 2, PROGRAM)
-    assert rig.bridge.poll().source == "node 9"
+    assert take(rig.bridge).source == "node 9"
     rig.give(0x700 + 9, [5])
     rig.wait(0.21)
     assert rig.bridge.poll().code == Control.LOST
@@ -452,7 +453,7 @@ def test_100000_random_frames_do_no_harm():
         length = 8 if len(data) == 4 else draw.choice((len(data), 1, 2, 4, 7, 8, 8, 8))
         rig.give(cob, (data + draw.randbytes(8))[:length])
         rig.now += 0.0005
-        command = rig.bridge.poll()
+        command = take(rig.bridge)
         if command is not None and command.code == PROGRAM:
             assert all(0.001 <= value <= 0.5 for _, value in command.parameters)
     rig.nmt(START)

@@ -2,10 +2,12 @@ from dataclasses import replace
 
 import pytest
 
-from plc_bridge.handshake import LATE_WINDOW, MOST_PENDING, Handshake
+from plc_bridge.handshake import Handshake
 from plc_bridge.images import CommandImage
 from plc_bridge.messages import UNNUMBERED, Command, Control, LeaseState, Refusal, Report, Result
+from plc_bridge.orders import MOST_WAITING
 from plc_bridge.registers import Lease, Parameter
+from plc_bridge.sequence_numbers import LATE_WINDOW
 
 INSERT, GRASP = 100, 101
 SPEED = Parameter("search.speed", "m/s", 1e-4, 0.001, 0.1, "how fast the search moves")
@@ -37,7 +39,17 @@ class Line:
         return self.handshake.answer(source)
 
     def poll(self):
-        return self.handshake.poll(self.now)
+        """Take the next command and accept it."""
+        command = self.handshake.poll(self.now)
+        if command is not None:
+            self.handshake.accept(command)
+        return command
+
+    def refuse(self, refusal):
+        """Take the next command and refuse it."""
+        command = self.handshake.poll(self.now)
+        self.handshake.refuse(command, refusal)
+        return command
 
     def run(self, sequence=2, source="plc", code=INSERT, **changes):
         """Bring a command to the scan thread."""
@@ -335,14 +347,16 @@ def test_hold_of_the_holder_reaches_a_run_and_leaves_its_number():
     line = Line()
     line.run(2)
     answer = line.write(sequence=3, code=Control.HOLD)
-    assert (answer.answered, answer.refusal, answer.sequence) == (3, Refusal.NONE, 2)
+    assert (answer.answered, answer.refusal, answer.sequence) == (2, Refusal.NONE, 2)
     assert line.poll().code == Control.HOLD
+    answer = line.write()
+    assert (answer.answered, answer.refusal, answer.sequence) == (3, Refusal.NONE, 2)
 
 
 def test_controls_that_wait_are_limited():
     line = Line()
     line.run(2)
-    for number in range(MOST_PENDING):
+    for number in range(MOST_WAITING):
         assert line.write(sequence=3 + number, code=Control.HOLD).refusal is Refusal.NONE
     assert line.write(sequence=99, code=Control.HOLD).refusal is Refusal.BUSY
 
@@ -357,7 +371,9 @@ def test_reset_just_before_a_start_is_not_lost():
 
 def test_refusal_of_the_supervisor_reaches_the_plc():
     line = Line()
-    line.handshake.refuse(line.run(), Refusal.UNKNOWN_RECIPE)
+    line.write(sequence=1)
+    line.write(sequence=2, code=INSERT)
+    line.refuse(Refusal.UNKNOWN_RECIPE)
     answer = line.handshake.answer("plc")
     assert (answer.result, answer.refusal, answer.is_busy) == (Result.REFUSED, Refusal.UNKNOWN_RECIPE, False)
     assert line.handshake.counts.refusals == 1
@@ -367,7 +383,7 @@ def test_refusal_of_a_control_leaves_the_run_and_its_result_alone():
     line = Line()
     line.run()
     line.write(sequence=3, code=Control.UNHOLD)
-    line.handshake.refuse(line.poll(), Refusal.NOT_READY)
+    line.refuse(Refusal.NOT_READY)
     answer = line.handshake.answer("plc")
     assert (answer.answered, answer.refusal, answer.sequence, answer.is_busy) == (3, Refusal.NOT_READY, 2, True)
     line.end()
@@ -379,9 +395,11 @@ def test_refusal_of_a_control_of_somebody_who_runs_nothing_is_its_result():
     line.run()
     line.end()
     line.write(sequence=3, code=Control.UNHOLD)
-    control = line.poll()
+    control = line.handshake.poll(line.now)
     line.write(sequence=4, code=INSERT)
     line.handshake.refuse(control, Refusal.NOT_READY)
+    assert line.handshake.answer("plc").answered == 3
+    line.poll()
     assert line.handshake.answer("plc").answered == 4
     assert line.handshake.counts.refusals == 1
 

@@ -221,10 +221,13 @@ class RoughLine:
             self.runs += 1
             self.delivered.add(command.serial)
             self.running = command
+            self.handshake.accept(command)
             self.report = Report(sequence=command.sequence, state=6)
         elif self.running is not None and command.code in STOPS:
+            self.handshake.accept(command)
             self.end(Result.ABORTED)
         elif self.running is None and command.code < FIRST_PROGRAM:
+            self.handshake.accept(command)
             self.report = Report(sequence=command.sequence, result=Result.SUCCESS)
 
     def end(self, result):

@@ -20,20 +20,28 @@ def test_one_reader_sees_yours_where_another_sees_taken():
 def test_only_its_holder_releases_it():
     lease, one = CellLease(5.0), link("one")
     lease.take(one)
-    lease.release("other")
+    lease.release(link("other"))
     assert not lease.is_open_to(link("other"))
-    lease.release("one")
+    lease.release(one)
     assert lease.is_open_to(link("other"))
 
 
 @pytest.mark.parametrize(
-    ("host", "is_open", "is_handed_over"), [("a", False, True), ("a", True, False), ("b", False, False)]
+    ("host", "closed", "is_taken"), [("a", 1, True), ("a", None, False), ("a", 3, False), ("b", 1, False)]
 )
-def test_only_a_closed_link_of_the_same_host_hands_over(host, is_open, is_handed_over):
-    lease, newcomer = CellLease(5.0), link("new", "a")
-    lease.take(link("old", host, is_open=is_open))
-    lease.hand_over(newcomer)
-    assert (lease.holder is newcomer) is is_handed_over
+def test_only_a_link_that_its_host_opened_after_the_holder_had_closed_takes_over(host, closed, is_taken):
+    lease, newcomer = CellLease(5.0), link("new", "a", opened=2)
+    lease.take(link("old", host, closed=closed))
+    assert lease.take(newcomer) is is_taken
+
+
+def test_what_a_closed_link_held_goes_on_with_its_run_only():
+    lease, old, newcomer = CellLease(5.0), link("old", "a", closed=1), link("new", "a", opened=2)
+    lease.take(old)
+    lease.runner = old
+    assert (lease.take(newcomer), lease.state_for(newcomer)) == (False, LeaseState.TAKEN)
+    lease.resume(old, newcomer)
+    assert lease.state_for(newcomer) is LeaseState.YOURS
 
 
 @pytest.mark.parametrize(("now", "is_local", "is_held"), [(5.0, False, True), (5.1, False, False), (1e6, True, True)])

@@ -38,90 +38,106 @@ ACTIONS = st.tuples(
 
 
 class Cell:
-    """The handshake, and beside it who should hold the lease."""
+    """The handshake, and beside it which connection should hold the lease."""
 
     def __init__(self) -> None:
         self.now, self.holder, self.running = 0.0, "", None
         self.handshake = Handshake({PROGRAM: "insert_peg"}, (), life_timeout=1e9, lease_timeout=TIMEOUT)
         self.heard = {}
         self.images = {}
+        self.sources = {}
+        self.connections = 0
         self.is_at_terminal = False
-        for link in LINKS:
-            self.open(link)
+        for host in LINKS:
+            self.open(host)
 
-    def open(self, link):
-        self.handshake.opened(link, link, self.now)
-        self.heard[link] = self.now
-        self.images[link] = (1, Lease.NONE)
-        self.send(link)
+    def open(self, host):
+        self.connections += 1
+        source = self.sources[host] = f"{host}#{self.connections}"
+        self.handshake.opened(source, host, self.now)
+        self.heard[source] = self.now
+        self.images[host] = (1, Lease.NONE)
+        self.send(host)
 
-    def send(self, link, code=0):
+    def is_open_to(self, host):
+        """Tell whether a host's connection may have it: a closed one of its own passes it on, but not during its run."""
+        if self.holder in ("", self.sources[host]):
+            return True
+        is_runner = self.running is not None and self.running.source == self.holder
+        return self.holder.partition("#")[0] == host and not is_runner
+
+    def send(self, host, code=0):
         """Write the block as it stands; a wish for the lease stands in it until it is taken back."""
-        sequence, wish = self.images[link]
+        (sequence, wish), source = self.images[host], self.sources[host]
         self.expire()
-        self.heard[link] = self.now
-        self.handshake.wrote(link, CommandImage(sequence=sequence, code=code, lease=wish), self.now)
-        if wish == Lease.TAKE and not self.holder:
-            self.holder = link
-        if wish == Lease.RELEASE and self.holder == link:
+        self.heard[source] = self.now
+        self.handshake.wrote(source, CommandImage(sequence=sequence, code=code, lease=wish), self.now)
+        if wish == Lease.TAKE and self.is_open_to(host):
+            self.holder = source
+        if wish == Lease.RELEASE and self.is_open_to(host):
             self.holder = ""
 
     def expire(self):
         if self.holder not in ("", TERMINAL) and self.now - self.heard[self.holder] > TIMEOUT:
             self.holder = ""
 
-    def ask(self, link, _):
-        self.images[link] = (self.images[link][0], Lease.TAKE)
-        self.send(link)
+    def ask(self, host, _):
+        self.images[host] = (self.images[host][0], Lease.TAKE)
+        self.send(host)
 
-    def release(self, link, _):
-        self.images[link] = (self.images[link][0], Lease.RELEASE)
-        self.send(link)
-        self.images[link] = (self.images[link][0], Lease.NONE)
+    def release(self, host, _):
+        self.images[host] = (self.images[host][0], Lease.RELEASE)
+        self.send(host)
+        self.images[host] = (self.images[host][0], Lease.NONE)
 
-    def write(self, link, _):
-        self.send(link)
+    def write(self, host, _):
+        self.send(host)
 
-    def read(self, link, _):
-        self.heard[link] = self.now
-        self.handshake.heard(link, self.now)
-        self.handshake.poll(self.now)  # every scan lets the time-outs act
+    def read(self, host, _):
+        self.heard[self.sources[host]] = self.now
+        self.handshake.heard(self.sources[host], self.now)
+        self.poll()  # every scan lets the time-outs act
 
     def wait(self, _, seconds):
         self.now += seconds
         self.poll()
 
-    def start(self, link, _):
-        self.images[link] = (self.images[link][0] + 1, self.images[link][1])
-        self.send(link, PROGRAM)
-        answer = self.handshake.answer(link)
-        if self.holder not in ("", link):
+    def start(self, host, _):
+        self.images[host] = (self.images[host][0] + 1, self.images[host][1])
+        self.send(host, PROGRAM)
+        answer = self.handshake.answer(self.sources[host])
+        if not self.is_open_to(host):
             assert answer.refusal is Refusal.NOT_HOLDER
             assert answer.report.holder == self.holder
         elif self.running is not None:
             assert answer.refusal is Refusal.BUSY
         else:
-            assert answer.refusal is Refusal.NONE
-            self.holder = link
+            assert answer.is_busy
+            self.holder = self.sources[host]
+            self.poll()
+            answer = self.handshake.answer(self.sources[host])
+            assert (answer.answered, answer.refusal) == (self.images[host][0], Refusal.NONE)
         self.poll()
 
-    def stop(self, link, _):
+    def stop(self, host, _):
         """Anybody may, and it gives nobody the lease."""
+        source = self.sources[host]
         self.expire()
-        self.heard[link] = self.now
-        self.handshake.switched(link, {"stop": True}, self.now)
+        self.heard[source] = self.now
+        self.handshake.switched(source, {"stop": True}, self.now)
         command = self.handshake.poll(self.now)
-        assert (command.code, command.source) == (Control.STOP, link)
+        assert (command.code, command.source) == (Control.STOP, source)
+        self.handshake.switched(source, {"stop": False}, self.now)
         self.end(Result.ABORTED)
 
     def finish(self, _, __):
         self.end(Result.SUCCESS)
 
-    def reconnect(self, link, _):
-        """The new link of the same host goes on with what the old one held."""
+    def reconnect(self, host, _):
+        """The new connection of the same host may have what the old one held; it has to ask or to start."""
         self.expire()
-        self.handshake.closed(link)
-        self.open(link)
+        self.handshake.closed(self.sources[host])
+        self.open(host)
 
     def terminal_takes(self, _, __):
         if not self.is_at_terminal:
@@ -154,13 +170,15 @@ class Cell:
                 assert command.source == self.holder, "somebody started who did not hold the lease"
                 event(f"started by {command.source.partition(':')[0]}")
                 self.running = command
+                self.handshake.accept(command)
                 self.handshake.publish(Report(sequence=command.sequence, state=6))
 
     def check(self):
         assert self.handshake.holder == self.holder
-        for link in LINKS:
-            expected = LeaseState.FREE if not self.holder else LeaseState.TAKEN
-            assert self.handshake.answer(link).lease is (LeaseState.YOURS if self.holder == link else expected)
+        for host, source in self.sources.items():
+            expected = LeaseState.FREE if self.is_open_to(host) else LeaseState.TAKEN
+            expected = LeaseState.YOURS if self.holder == source else expected
+            assert self.handshake.answer(source).lease is expected
 
 
 @settings(max_examples=150, deadline=None, derandomize=True, database=None)

@@ -10,6 +10,7 @@ from plc_bridge.images import COMMAND, REPORT, command_image
 from plc_bridge.messages import Control, Refusal, Report, Result
 from plc_bridge.registers import VERSION_MAJOR, Parameter, table
 from plc_bridge.structured_text import FAILURE_BASE, NO_CELL, STOP_PENDING, WRONG_VERSION, as_structured_text
+from tests.scan_thread import take
 
 INSERT = 100
 SPEED = Parameter("search.speed", "m/s", 1e-4, -1.0, 0.5, "peak speed *) of the tip")
@@ -108,7 +109,7 @@ class Plc:
         self.bridge.publish(report)
 
     def end(self, result, **facts):
-        command = self.bridge.poll()
+        command = take(self.bridge)
         assert command is not None
         self.publish(Report(sequence=command.sequence, state=17, result=result, **facts))
         return command
@@ -151,7 +152,7 @@ def test_another_edge_while_busy_does_nothing(plc):
 def test_inputs_reach_the_command(plc):
     serial = list(b"PEG-0042".ljust(32, b"\0"))
     plc.cycle(Execute=True, Recipe=7, SerialNumber=serial, Parameters=[0, -70, *[0] * 7], ParameterMask=1)
-    command = plc.bridge.poll()
+    command = take(plc.bridge)
     assert (command.recipe, command.serial, command.parameters) == (
         7,
         "PEG-0042",
@@ -186,10 +187,10 @@ def test_refusal_is_an_error(plc):
 
 def test_stop_aborts_what_runs(plc):
     plc.cycle(2, Execute=True)
-    run = plc.bridge.poll()
+    run = take(plc.bridge)
     plc.publish(Report(sequence=run.sequence, state=6))
     plc.cycle(2, Stop=True)
-    assert plc.bridge.poll().code == Control.STOP
+    assert take(plc.bridge).code == Control.STOP
     plc.publish(Report(sequence=run.sequence, state=2, result=Result.ABORTED))
     assert plc.cycle(2).shown == ["CommandAborted"]
 
@@ -199,17 +200,17 @@ def test_run_waits_while_hold_is_true(before):
     plc = Plc()
     plc.v["Sequence"] = before
     plc.cycle(2, Code=INSERT).cycle(3, Execute=True)
-    run = plc.bridge.poll()
+    run = take(plc.bridge)
     plc.publish(Report(sequence=run.sequence, state=3))
     plc.cycle(3, Hold=True)
     assert plc.bridge.poll() is None
     for state, hold, code in ((6, True, Control.HOLD), (11, False, Control.UNHOLD), (6, True, Control.HOLD)):
         plc.publish(Report(sequence=run.sequence, state=state))
         assert plc.cycle(5, Hold=hold).shown == ["Busy"]
-        assert [plc.bridge.poll().code, plc.bridge.poll()] == [code, None]
+        assert [take(plc.bridge).code, take(plc.bridge)] == [code, None]
     plc.publish(Report(sequence=run.sequence, state=11))
     plc.cycle(3, Stop=True)
-    assert plc.bridge.poll().code == Control.STOP
+    assert take(plc.bridge).code == Control.STOP
     plc.publish(Report(sequence=run.sequence, state=2, result=Result.ABORTED))
     assert plc.cycle(2).shown == ["CommandAborted"]
 
@@ -226,7 +227,7 @@ def test_hold_before_a_run_and_after_it_asks_for_nothing(plc):
 
 def test_hold_that_is_refused_is_not_asked_for_again(plc):
     plc.cycle(3, Execute=True)
-    run = plc.bridge.poll()
+    run = take(plc.bridge)
     plc.publish(Report(sequence=run.sequence, state=6))
     plc.cycle(3, Hold=True)
     plc.bridge.refuse(plc.bridge.poll(), Refusal.NOT_READY)
@@ -238,18 +239,18 @@ def test_hold_that_is_refused_is_not_asked_for_again(plc):
 
 def test_stop_that_overtakes_its_command_aborts_it(plc):
     assert plc.cycle(3, Execute=True, Stop=True).shown == ["CommandAborted"]
-    assert [plc.bridge.poll().code, plc.bridge.poll()] == [Control.STOP, None]
+    assert [take(plc.bridge).code, take(plc.bridge)] == [Control.STOP, None]
 
 
 def test_stop_works_before_anything_else():
     plc = Plc().cycle(Stop=True)
-    assert plc.bridge.poll().code == Control.STOP
+    assert take(plc.bridge).code == Control.STOP
 
 
 def test_stop_is_not_repeated_by_a_new_connection(plc):
     plc.cycle(3, Stop=True)
-    assert plc.bridge.poll().code == Control.STOP
-    plc.disconnect()
+    assert take(plc.bridge).code == Control.STOP
+    plc.cycle(2).disconnect()
     plc.connect()
     plc.cycle(3)
     assert plc.bridge.poll() is None
@@ -261,7 +262,7 @@ def test_command_does_not_overwrite_a_stop_on_its_way(plc):
     assert (plc.cycle(Execute=True).shown, plc.v["ErrorID"]) == (["Error"], STOP_PENDING)
     plc.connect()
     plc.cycle()
-    assert plc.bridge.poll().code == Control.STOP
+    assert take(plc.bridge).code == Control.STOP
 
 
 def test_no_cell_is_an_error_and_the_command_never_runs_later(plc):
@@ -294,7 +295,7 @@ def test_torn_report_is_not_believed(plc):
 
 def test_run_goes_on_over_a_new_connection(plc):
     plc.cycle(2, Execute=True)
-    run = plc.bridge.poll()
+    run = take(plc.bridge)
     plc.disconnect()
     plc.cycle()
     plc.connect()

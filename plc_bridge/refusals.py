@@ -1,0 +1,49 @@
+"""What a command block can be refused for without asking the scan thread, and its parameters in their units; pure."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from plc_bridge.images import CommandImage
+from plc_bridge.messages import FIRST_PROGRAM, Control, Refusal
+from plc_bridge.registers import VERSION_MAJOR, Parameter
+
+CONTROLS = frozenset(control.value for control in Control if control < FIRST_PROGRAM)
+STOPS = frozenset({Control.STOP.value, Control.ABORT.value})
+"""Controls that anybody may give, in front of everything else."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rules:
+    """What a cell takes.
+
+    Args:
+        programs: Name of each program and skill by its command code, from 100 on.
+        parameters: What the numbered parameters mean.
+    """
+
+    programs: Mapping[int, str]
+    parameters: Sequence[Parameter] = ()
+
+    def refuse_code(self, image: CommandImage) -> Refusal:
+        """Return why nobody may send such a block to this cell, or NONE."""
+        if image.version and image.version >> 8 != VERSION_MAJOR:
+            return Refusal.VERSION
+        if image.code not in CONTROLS and image.code not in self.programs:
+            return Refusal.UNKNOWN_CODE
+        return Refusal.NONE
+
+    def parameters_of(self, image: CommandImage) -> tuple[tuple[str, float], ...] | None:
+        """Return the parameters in their units, or None where one is unknown or beyond its limits."""
+        if not image.serial.isascii() or not image.serial.isprintable():
+            return None
+        values = []
+        for number, count in image.parameters:
+            if number >= len(self.parameters):
+                return None
+            spec = self.parameters[number]
+            value = count * spec.scale
+            slack = spec.scale / 2  # limits need not be a multiple of the scale
+            if not spec.low - slack <= value <= spec.high + slack:
+                return None
+            values.append((spec.name, min(max(value, spec.low), spec.high)))
+        return tuple(values)
