@@ -198,6 +198,11 @@ class CellConfig(Catalogued):
             raise ValueError(
                 f'gripper.kind = "{self.gripper.kind}": needs the real arm; "sim" allowed with a simulated one'
             )
+        period = self.arm_model().control_period
+        if self.sim is not None and abs(period / self.sim.timestep - round(period / self.sim.timestep)) > 1e-9:
+            raise ValueError(
+                f"sim.timestep = {self.sim.timestep}: does not divide the arm's control period of {period} s; a part of it allowed"
+            )
         if self.sim is not None and self.peg.shape == "square" and self.sim.model.hole not in ("exact", "unpredicted"):
             raise ValueError(
                 f'sim.model.hole = "{self.sim.model.hole}": facets round a hole, and peg.shape = "square"; "exact" allowed'

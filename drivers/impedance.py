@@ -14,7 +14,7 @@ import math
 
 import numpy as np
 
-from drivers.arm.model import ArmModel
+from drivers.arm.model import JOINTS, ArmModel
 from drivers.compiled import njit
 from drivers.quantities import ImpedanceSetpoint, Vector
 
@@ -33,6 +33,10 @@ NULL_STIFFNESS = 10.0
 """Of the null space towards the posture, N·m/rad."""
 NULL_DAMPING = 3.0
 """Of the null space, N·m·s/rad."""
+
+HALT_STIFFNESS = (400.0, 400.0, 400.0, 20.0, 20.0, 20.0)
+HALT_DAMPING = (60.0, 60.0, 60.0, 4.0, 4.0, 4.0)
+"""Stiffness, N/m and N·m/rad, and damping, N·s/m and N·m·s/rad, of an arm that holds still, compliant."""
 
 FIGURES = 45
 DH_A, DH_D, COS_ALPHA, SIN_ALPHA, TORQUE_MAX, TORQUE_RATE = 0, 7, 14, 21, 28, 35
@@ -54,7 +58,7 @@ def figures(arm: ArmModel) -> Vector:
         (TORQUE_MAX, joints.torque),
         (TORQUE_RATE, joints.torque_rate),
     ):
-        words[place : place + 7] = values
+        words[place : place + JOINTS] = values
     words[REACH] = dh.flange + arm.hand.finger_centre
     words[TURN_COS], words[TURN_SIN] = math.cos(arm.hand.turn), math.sin(arm.hand.turn)
     return words
@@ -88,7 +92,7 @@ def pack(setpoint: ImpedanceSetpoint, stamp: float) -> Vector:
     words[INTEGRAL_LIMIT] = setpoint.integral_limit
     if setpoint.posture is not None:
         words[HAS_POSTURE] = 1.0
-        words[POSTURE : POSTURE + 7] = setpoint.posture
+        words[POSTURE : POSTURE + JOINTS] = setpoint.posture
     words[STAMP] = stamp
     return words
 

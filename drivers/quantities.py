@@ -73,8 +73,16 @@ class ArmState:
     """T_base_tcp: the finger frame, whose origin lies between the pads' centres; x points out of the hand, z along the closing axis."""
     wrench: Wrench
     """Estimated external wrench on the arm at the TCP, base frame."""
+    elbow: int
+    """Index in `q` of the joint that turns the elbow."""
     setpoint_age: float
     """Time since the held setpoint was handed over, s; infinite when nothing is held."""
+
+    def posture(self, elbow: float) -> Vector:
+        """Return the joint positions with the elbow's joint at `elbow`, rad, shape (7,)."""
+        drawn = self.q.copy()
+        drawn[self.elbow] = elbow
+        return drawn
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,15 +2,9 @@
 
 import math
 
-import numpy as np
-
 from drivers import impedance
 from drivers.quantities import ArmState, ImpedanceSetpoint, Wrench
 from sim.world import World
-
-HALT_DAMPING = np.array([60.0, 60.0, 60.0, 4.0, 4.0, 4.0])
-HALT_STIFFNESS = np.array([400.0, 400.0, 400.0, 20.0, 20.0, 20.0])
-"""While holding still: compliant, N/m and N·m/rad, N·s/m and N·m·s/rad."""
 
 
 class SimArm:
@@ -37,8 +31,8 @@ class SimArm:
     def halt(self) -> None:
         """Hold still where the arm is, compliant."""
         words = self._world.control.words
-        words[impedance.STIFFNESS : impedance.STIFFNESS + 6] = HALT_STIFFNESS
-        words[impedance.DAMPING : impedance.DAMPING + 6] = HALT_DAMPING
+        words[impedance.STIFFNESS : impedance.STIFFNESS + 6] = impedance.HALT_STIFFNESS
+        words[impedance.DAMPING : impedance.DAMPING + 6] = impedance.HALT_DAMPING
         words[impedance.HAS_ROLL] = 1.0
         words[impedance.INTEGRAL_GAIN] = 0.0
         words[impedance.VALID_UNTIL] = -math.inf
@@ -58,6 +52,7 @@ class SimArm:
             q=world.q,
             dq=world.dq,
             tcp=world.tcp(),
+            elbow=world.arm.kinematics.elbow - 1,
             wrench=Wrench(world.contact_force(), world.contact_torque()),
             setpoint_age=now - words[impedance.STAMP] if words[impedance.VALID_UNTIL] >= now else math.inf,
         )

@@ -36,6 +36,8 @@ SECONDS, WAY = 3.0, 2.0
 """Of the push, and of the way to the hole, s."""
 GRIP = 30.0
 """N."""
+ELBOW = 0.05
+"""Position that the elbow is drawn to, rad."""
 STEP = 5e-3
 """Sideways, in the air, m: how far from it the tip stays."""
 
@@ -142,8 +144,6 @@ def _lead(world: World, arm: SimArm, tilt: float) -> float:
 def _setpoint(world: World, goal: Vector, axis: Vector, down: float) -> ImpedanceSetpoint:
     stiffness = np.array([SIDEWAYS, SIDEWAYS, down, *[TURNING] * 3])
     damping = np.array([*[DAMPING] * 3, *[TURN_DAMPING] * 3])
-    posture = world.q
-    posture[2] = 0.05
     return ImpedanceSetpoint(
         id=1,
         tip=goal,
@@ -153,7 +153,7 @@ def _setpoint(world: World, goal: Vector, axis: Vector, down: float) -> Impedanc
         damping=damping,
         valid_until=world.now() + 0.1,
         in_hand=InHandTip(_angle(world), world.job.peg.length, world.now()),
-        posture=posture,
+        posture=world.arm.posture(world.q, ELBOW),
     )
 
 

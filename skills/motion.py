@@ -47,7 +47,7 @@ class Transfer(ConfigModel):
     turn_speed: PositiveFloat
     """Largest turning rate, rad/s."""
     elbow: Annotated[float, Field(ge=-math.pi, le=math.pi)]
-    """Position of joint 3 that the null space is drawn to, rad: without, it would wander from run to run."""
+    """Position of the elbow's joint that the null space is drawn to, rad: without, it would wander from run to run."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,8 +107,6 @@ def move(
         turned = rotation_about(swing_axis, swing * share)
         axis_now = turned @ axis
         roll_now = rotation_about(axis_now, twist * share) @ turned @ roll
-        posture = seen.arm.q.copy()
-        posture[2] = transfer.elbow
         omega = swing_axis * (swing * rate / duration) + axis_now * (twist * rate / duration)
         ctx.follow(
             ImpedanceSetpoint(
@@ -120,7 +118,7 @@ def move(
                 damping=damping,
                 valid_until=seen.stamp + VALIDITY,
                 in_hand=in_hand,
-                posture=posture,
+                posture=seen.arm.posture(transfer.elbow),
                 twist=Twist(way * (rate / duration), omega),
             )
         )

@@ -99,7 +99,7 @@ class FakeArm:
     def read(self) -> ArmState:
         if self.fault is not None:
             raise self.fault
-        return ArmState(self.clock.now(), np.zeros(7), self.dq, self.tcp, Wrench(self.force, np.zeros(3)), math.inf)
+        return ArmState(self.clock.now(), np.zeros(7), self.dq, self.tcp, Wrench(self.force, np.zeros(3)), 2, math.inf)
 
 
 class FakeGripper:

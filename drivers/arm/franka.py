@@ -45,7 +45,7 @@ class FrankaArm:
     def __init__(self, config: FrankaArmConfig, arm: ArmModel, clock: Clock) -> None:
         """Describe the arm, whose figures are those of `arm`; `clock` is the cell's."""
         self._config, self._clock = config, clock
-        self._figures, self._period = impedance.figures(arm), arm.control_period
+        self._arm, self._figures = arm, impedance.figures(arm)
         self._process: subprocess.Popen[bytes] | None = None
         self._link: Link | None = None
         self._is_open = False
@@ -73,7 +73,7 @@ class FrankaArm:
             "torque": self._config.collision_torque,
             "force": self._config.collision_force,
             "figures": self._figures.tolist(),
-            "period": self._period,
+            "period": self._arm.control_period,
         }
         handle = os.memfd_create("arm")
         try:
@@ -167,6 +167,7 @@ class FrankaArm:
             q=q,
             dq=dq,
             tcp=Pose(position, rotation),
+            elbow=self._arm.kinematics.elbow - 1,
             wrench=Wrench(force, torque),
             setpoint_age=now - self._handed if self._valid_until >= now else math.inf,
         )

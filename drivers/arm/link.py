@@ -15,10 +15,6 @@ CYCLES_KEPT = 60_000
 TEXT = 400
 """Longest message, bytes."""
 
-HALT_STIFFNESS = (400.0, 400.0, 400.0, 20.0, 20.0, 20.0)
-HALT_DAMPING = (60.0, 60.0, 60.0, 4.0, 4.0, 4.0)
-"""While holding still: compliant, N/m and N·m/rad, N·s/m and N·m·s/rad."""
-
 _LAYOUT = np.dtype(
     [
         ("setpoint_sequence", np.int64),
@@ -60,8 +56,8 @@ class Phase(IntEnum):
 def holding_words() -> Vector:
     """Return the words of "hold still where the arm is, compliant", shape (WORDS,)."""
     words = np.zeros(impedance.WORDS)
-    words[impedance.STIFFNESS : impedance.STIFFNESS + 6] = HALT_STIFFNESS
-    words[impedance.DAMPING : impedance.DAMPING + 6] = HALT_DAMPING
+    words[impedance.STIFFNESS : impedance.STIFFNESS + 6] = impedance.HALT_STIFFNESS
+    words[impedance.DAMPING : impedance.DAMPING + 6] = impedance.HALT_DAMPING
     words[impedance.HAS_ROLL] = 1.0
     words[impedance.VALID_UNTIL] = -math.inf
     return words

@@ -138,6 +138,12 @@ class ArmModel(ConfigModel):
     link: tuple[Inertial, Inertial, Inertial, Inertial, Inertial, Inertial, Inertial]
     """Links 1 to 7, each in the frame of its joint."""
 
+    def posture(self, q: Vector, elbow: float) -> Vector:
+        """Return joint positions with the elbow's joint at `elbow`, rad, shape (7,)."""
+        drawn: Vector = q.copy()
+        drawn[self.kinematics.elbow - 1] = elbow
+        return drawn
+
     @model_validator(mode="after")
     def _is_home_permitted(self) -> Self:
         limits = zip(self.home, self.joints.q_min, self.joints.q_max, strict=True)
