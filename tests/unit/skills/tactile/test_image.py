@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from drivers.quantities import TaxelFrame
-from drivers.skin.layout import LAYOUTS, MODULE_OF, finger_positions
+from drivers.skin.layout import LAYOUTS, MODULE_OF, finger_positions, triangles
 from sim.config import SimSkinConfig
 from sim.pads import PadLoad, Pads
-from skills.tactile.image import ImageEstimator, ImageParams, interpolation
+from skills.tactile.image import ImageEstimator, ImageParams
+from skills.tactile.picture import Projector
 
 LOAD = PadLoad(0.0, 0.0, 30.0, 0.0, 0.0, 0.05, 0.012, 0.008)
 SKIN = SimSkinConfig(kind="sim")
@@ -78,11 +79,66 @@ def test_mirrored_peg_has_the_opposite_angle(layout):
 
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_plane_over_the_taxels_is_a_plane_in_the_image(layout):
-    pixels, weights = interpolation(layout, 1e-3)
-    plane = 3.0 + 50.0 * finger_positions(layout)[1, :, 0] - 20.0 * finger_positions(layout)[1, :, 1]
-    inside = weights[:, :, 1].any(axis=-1)
-    expected = 3.0 + 50.0 * pixels[inside][:, 0] - 20.0 * pixels[inside][:, 1]
-    assert weights[inside][:, 1] @ plane == pytest.approx(expected)
+    projector, taxels, whole = Projector(layout, 1e-3, 1e6), finger_positions(layout), np.ones((2, 20), dtype=bool)
+    plane = 3000.0 + 5e4 * taxels[1, :, 0] - 2e4 * taxels[1, :, 1]
+    image = projector.image(np.array([np.zeros(20), plane]), whole)
+    inside = projector.image(np.array([np.zeros(20), np.ones(20)]), whole) > 0.5
+    expected = 3000.0 + 5e4 * projector.centres[..., 0] - 2e4 * projector.centres[..., 1]
+    assert inside.sum() > 400
+    assert image[inside] == pytest.approx(expected[inside], rel=1e-5)
+    assert not image[~inside].any()
+
+
+def _weights(layout, pixel):
+    """Return the pixels' centres, shape (n, 2), m, and how much each taxel counts in each of them, shape (n, 40)."""
+    taxels = finger_positions(layout)
+    columns, rows = np.ceil(np.abs(taxels).max(axis=(0, 1)) / pixel - 1e-9).astype(int)
+    grid = np.meshgrid(np.arange(-columns, columns + 1), np.arange(-rows, rows + 1))
+    centres = np.stack(grid, axis=-1).reshape(-1, 2) * pixel
+    weights = np.zeros((len(centres), 2, 20))
+    for finger in range(2):
+        for corners in triangles(layout):
+            a, b, c = taxels[finger, corners]
+            v, w = ((centres - a) @ np.linalg.inv(np.array([b - a, c - a]))).T
+            inside = np.minimum(np.minimum(v, w), 1.0 - v - w) >= -1e-9
+            weights[inside, finger] = 0.0
+            for corner, share in zip(corners, (1.0 - v - w, v, w), strict=True):
+                weights[inside, finger, corner] = share[inside]
+    weights = weights.reshape(-1, 40)
+    covered = weights.any(axis=1)
+    return centres[covered], weights[covered]
+
+
+def _moments_theta(params, centres, weights, frame):
+    """Return theta by the image's moments in plain numpy, rad: the same method without OpenCV."""
+    known = frame.trusted.ravel()
+    share = weights @ known / weights.sum(axis=1)
+    image = weights @ np.where(known, frame.values.ravel(), 0.0) * (share >= 0.25) / np.maximum(share, 0.25)
+    image = np.clip(image, 0.0, params.full_scale)
+    image[image < params.threshold * image.max()] = 0.0
+    apart = centres - np.average(centres, axis=0, weights=image)
+    (xx, xy), (_, yy) = np.einsum("n,ni,nj->ij", image, apart, apart)
+    return 0.5 * math.atan2(2.0 * xy, xx - yy)
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_theta_is_that_of_the_moments_in_plain_numpy_within_a_tenth_of_a_degree(layout):
+    params, rng = ImageParams(threshold=0.3), np.random.default_rng(7)
+    estimator, reference = ImageEstimator(params, layout), _weights(layout, params.pixel)
+    errors = []
+    for number, theta in enumerate(np.radians(np.linspace(-85.0, 85.0, 400))):
+        across = rng.uniform(-6.0, 6.0)
+        load = replace(LOAD, theta=theta, offset=rng.normal(0.0, 0.7e-3), across=across, tilting=0.05 * across)
+        dead = None if number % 2 else rng.integers(4) == MODULE_OF
+        frame = _frame(layout, load, rng, dead)
+        errors.append(_turned(estimator.estimate(frame).theta - _moments_theta(params, *reference, frame)))
+    assert len(errors) == 400
+    assert np.degrees(np.abs(errors).max()) < 0.1
+
+
+def test_a_threshold_at_the_brightest_pixel_keeps_it():
+    pose = ImageEstimator(ImageParams(threshold=1.0), "parallelogram").estimate(_frame("parallelogram", LOAD))
+    assert math.isfinite(pose.theta)
 
 
 def test_sum_of_the_images_is_saturated():
