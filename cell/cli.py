@@ -49,6 +49,8 @@ COMMANDS = {
     "study": "cell.lab.commands.study",
     "runs": "cell.commands.runs",
     "show": "cell.commands.show",
+    "film": "cell.commands.film",
+    "view": "cell.commands.view",
     "faults": "cell.commands.faults",
     "map": "cell.commands.map",
 }

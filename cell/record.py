@@ -10,7 +10,7 @@ from cell.journal import Journal, RunRow, config_hash, now_text, versions
 from cell.samples import SampleStream
 from drivers.errors import CellError, FaultCode
 from drivers.quantities import ImpedanceSetpoint
-from drivers.scene_facts import Chain, SceneFacts, Sight
+from drivers.scene_facts import SceneFacts, Sight
 from plc_bridge.messages import Command
 from skills.catalogue import CATALOGUE
 from skills.contract import Observation, Outcome, Reason
@@ -77,18 +77,7 @@ def ending_of(records: Sequence[StageRecord], fault: CellError | None, stage: st
 
 def scene_facts(config: CellConfig) -> SceneFacts:
     """Return what a picture of a run with this config has to know."""
-    arm = config.arm_model()
-    dh, hand = arm.kinematics, arm.hand
-    chain = Chain(
-        a=dh.a,
-        d=dh.d,
-        alpha=dh.alpha,
-        flange=dh.flange,
-        hand_turn=hand.turn,
-        finger_centre=hand.finger_centre,
-        stroke=hand.stroke,
-    )
-    return SceneFacts(arm=chain, job=config.job(), layout=config.skin.layout)
+    return SceneFacts(arm=config.arm_model(), job=config.job(), layout=config.skin.layout)
 
 
 class RunRecord:

@@ -9,7 +9,7 @@ import numpy as np
 
 from drivers import frames
 from drivers.arm.model import JOINTS, ArmModel
-from drivers.quantities import Vector
+from drivers.quantities import Pose, Vector
 
 _X, _Z = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
 LONGEST_STEP = 0.2
@@ -34,6 +34,14 @@ def links(arm: ArmModel, q: Vector) -> tuple[list[Vector], Vector]:
         rotations.append(R)
         origins[i] = origin
     return rotations, origins
+
+
+def finger_frame(arm: ArmModel, q: Vector) -> Pose:
+    """Return T_base_tcp, the finger frame: between the pads, x out of the hand, z along the closing axis."""
+    rotations, origins = links(arm, q)
+    flange = rotations[-1] @ frames.rotation_about(_Z, arm.hand.turn)
+    centre = origins[-1] + (arm.kinematics.flange + arm.hand.finger_centre) * flange[:, 2]
+    return Pose(centre, np.column_stack([flange[:, 2], flange[:, 0], flange[:, 1]]))
 
 
 def jacobian(point: Vector, axes: Vector, origins: Vector, joints: int = JOINTS) -> Vector:

@@ -1,0 +1,35 @@
+"""`cell film`: a run on record as a film, or one picture of it."""
+
+import argparse
+from pathlib import Path
+
+from cell.arguments import add_journal, open_journal, out_folder, positive
+from cell.terminal import GOOD, progress, show, written
+
+SUMMARY = "a run on record as a film, or one picture of it"
+STOPS_ITSELF = False
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add which run, the file, and the moment of a picture."""
+    add_journal(parser)
+    parser.add_argument("number", type=positive, metavar="RUN")
+    parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="*.mp4, *.gif or *.png")
+    parser.add_argument("--at", type=float, metavar="S", help="of a *.png: since the first scan; the last one")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Render the run and write the file."""
+    from cell.film.files import write_film
+    from cell.film.recorded import recorded
+
+    with open_journal(args) as journal:
+        found = recorded(journal, args.number)
+    out_folder(args.out.parent)
+    with progress() as bars:
+        bar = bars.add_task("pictures", total=None)
+        pictures = write_film(found, args.out, args.at, lambda done, of: bars.update(bar, completed=done, total=of))
+    data = {"run": args.number, "file": str(args.out), "pictures": pictures, "duration": float(found.times[-1])}
+    show(args, f"run {args.number}: {pictures} pictures of {found.times[-1]:.1f} s", data)
+    written(args, [args.out])
+    return GOOD

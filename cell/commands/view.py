@@ -1,0 +1,28 @@
+"""`cell view`: a run on record, or the one in progress, in a window that can be turned about."""
+
+import argparse
+
+from cell.arguments import add_journal, open_journal, positive
+from cell.terminal import GOOD
+from drivers.errors import JournalError
+
+SUMMARY = "a run on record, or the one in progress, in MuJoCo's viewer"
+STOPS_ITSELF = True
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add which run."""
+    add_journal(parser)
+    parser.add_argument("number", type=positive, nargs="?", metavar="RUN", help="the newest")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Play the run in real time until its window is closed; one in progress goes on as it is recorded."""
+    from cell.film.playback import play
+
+    with open_journal(args) as journal:
+        number = args.number or journal.last_run()
+        if not number:
+            raise JournalError(f"{journal.folder}: no runs are on record yet")
+        play(journal, number, args.stop)
+    return GOOD

@@ -1,0 +1,182 @@
+"""The panels beside the pictures of the scene: touch, force, stages and head line. Each is a function of what it shows."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import cv2
+import numpy as np
+
+from cell.film.drawing import FAINT, INK, PAPER, RULE, Colour, Image, blank, colour, width_of, write, write_right
+from cell.film.recorded import RecordedRun
+from cell.plots import COLOURS
+from drivers.quantities import FINGER_NAMES, FINGERS, Vector
+from drivers.skin.layout import Layout, finger_positions, triangles
+
+LEAST_TOUCH = 4e3
+"""The run's highest reading is drawn brightest, but none below this, counts."""
+EDGE = 3e-3
+"""Drawn beyond the outermost taxels, m."""
+FORCE_SCALE = 25.0
+"""The force's axis reaches at least so far, N."""
+LIGHT = 430
+"""A colour whose three parts sum up to more carries dark letters."""
+_FORCE = colour("#c2374d")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Pad:
+    """Where one finger's pixels get their values from."""
+
+    corners: Vector
+    """Of the triangle about each pixel, indices of taxels, shape (height, width, 3)."""
+    weights: Vector
+    """Of these taxels, shape (height, width, 3); 0 outside all triangles."""
+    taxels: Vector
+    """Middles of the taxels, column and row, pixels, shape (20, 2)."""
+
+
+class TouchPanel:
+    """Both fingers' readings as pictures, interpolated between the taxels, with the peg's angle drawn on them.
+
+    The tip of the hand points down and both fingers are seen from the same side, as in the finger frame, so that
+    the angle is the same line on both.
+    """
+
+    def __init__(self, layout: Layout, highest: float, width: int, height: int) -> None:
+        """Find the triangle of every pixel; `highest` is the run's highest reading, counts."""
+        self._width, self._height = width, height
+        self._full = max(highest, LEAST_TOUCH)
+        places = finger_positions(layout)
+        low, high = places.min(axis=(0, 1)) - EDGE, places.max(axis=(0, 1)) + EDGE
+        self._scale = (height - 34) / (high[0] - low[0])
+        self._origin = low
+        self._size = (int((high[1] - low[1]) * self._scale), height - 34)
+        self._pads = [self._pad(places[finger], layout) for finger in range(FINGERS)]
+
+    def draw(self, taxels: Vector, theta: float, age: float) -> Image:
+        """Return the panel for counts, shape (2, 20), the angle, rad, and how old it is, s; NaN where there is none."""
+        image = blank(self._width, self._height)
+        for finger, pad in enumerate(self._pads):
+            left = 14 + finger * (self._size[0] + 22)
+            picture = self._finger(pad, taxels[finger], theta)
+            image[24 : 24 + picture.shape[0], left : left + picture.shape[1]] = picture
+            write(image, FINGER_NAMES[finger], (left, 17), 13, FAINT)
+        left = 14 + FINGERS * (self._size[0] + 22)
+        write(image, "theta", (left, 44), 13, FAINT)
+        write(image, "no peg" if np.isnan(theta) else f"{np.degrees(theta):+.1f}°", (left, 74), 26, INK, bold=True)
+        if np.isfinite(age):
+            write(image, f"{1e3 * age:.0f} ms old", (left, 96), 13, FAINT)
+        write(image, "highest taxel", (left, 126), 13, FAINT)
+        write(image, f"{taxels.max() / 1e3:.1f} k counts", (left, 146), 15)
+        return image
+
+    def _finger(self, pad: _Pad, values: Vector, theta: float) -> Image:
+        share = (pad.weights * values[pad.corners.astype(int)]).sum(axis=2) / self._full
+        grey = (255 * np.clip(share, 0.0, 1.0)).astype(np.uint8)
+        picture: Image = cv2.cvtColor(cv2.applyColorMap(grey, cv2.COLORMAP_INFERNO), cv2.COLOR_BGR2RGB)
+        for column, row in pad.taxels:
+            cv2.circle(picture, (round(column), round(row)), 2, (150, 160, 170), -1, cv2.LINE_AA)
+        if not np.isnan(theta):
+            # The finger's centre is the origin; the tip lies in the direction (cos, sin).
+            way = 0.05 * np.array([np.cos(theta), np.sin(theta)])
+            start, end = ([round(part) for part in self._pixel(share * way)] for share in (1.0, -0.3))
+            for thickness, ink in ((5, (20, 20, 24)), (2, (120, 235, 255))):
+                cv2.line(picture, start, end, ink, thickness, cv2.LINE_AA)
+        return picture
+
+    def _pixel(self, place: Vector) -> tuple[float, float]:
+        return (
+            float((place[1] - self._origin[1]) * self._scale),
+            float((place[0] - self._origin[0]) * self._scale),
+        )
+
+    def _pad(self, places: Vector, layout: Layout) -> _Pad:
+        across, down = np.meshgrid(np.arange(self._size[0]), np.arange(self._size[1]))
+        x = self._origin[0] + (down + 0.5) / self._scale
+        y = self._origin[1] + (across + 0.5) / self._scale
+        corners, weights = np.zeros((*x.shape, 3)), np.zeros((*x.shape, 3))
+        for corner in triangles(layout):
+            a, b, c = places[corner]
+            edges = np.linalg.inv(np.column_stack([b - a, c - a]))
+            along = np.stack([x - a[0], y - a[1]], axis=-1) @ edges.T
+            parts = np.concatenate([1.0 - along.sum(axis=-1, keepdims=True), along], axis=-1)
+            inside = parts.min(axis=-1) >= -1e-9
+            corners[inside], weights[inside] = corner, parts[inside]
+        return _Pad(corners, weights, np.array([self._pixel(place) for place in places]))
+
+
+class ForcePanel:
+    """The external force over the whole run, drawn as far as the run has come."""
+
+    def __init__(self, run: RecordedRun, width: int, height: int) -> None:
+        """Draw the axes once."""
+        self._run, self._width, self._height = run, width, height
+        self._top = max(FORCE_SCALE, 1.08 * float(np.nanmax(run.force)))
+        self._ground = blank(width, height)
+        for level in range(0, int(self._top) + 1, 10):
+            row = round(self._row(level))
+            cv2.line(self._ground, (34, row), (width - 12, row), RULE, 1)
+            write_right(self._ground, str(level), (28, row + 4), 11, FAINT)
+        write(self._ground, "external force, N", (34, 17), 13, FAINT)
+        columns = 34 + (width - 46) * run.times / max(float(run.times[-1]), 1e-9)
+        self._points = np.column_stack([columns, self._row(run.force)]).round().astype(np.int32)
+
+    def draw(self, scan: int) -> Image:
+        """Return the panel as it is at one scan."""
+        image = self._ground.copy()
+        cv2.polylines(image, [self._points[: scan + 1]], False, _FORCE, 2, cv2.LINE_AA)
+        cv2.circle(image, tuple(map(int, self._points[scan])), 4, _FORCE, -1, cv2.LINE_AA)
+        write_right(image, f"{self._run.force[scan]:.1f} N", (self._width - 12, 19), 17, INK, bold=True)
+        return image
+
+    def _row(self, force: Any) -> Any:
+        """Return the row of a force, or of many."""
+        return self._height - 12 - (self._height - 40) * force / self._top
+
+
+def stage_strip(run: RecordedRun, scan: int, width: int, height: int) -> Image:
+    """Return the stages of a run as a strip in time, the present marked."""
+    image = blank(width, height)
+    last = max(float(run.times[-1]), 1e-9)
+
+    def column(time: float) -> int:
+        return round(time / last * (width - 1))
+
+    stages = run.samples["stage"].astype(int)
+    edges = [0, *(np.flatnonzero(np.diff(stages)) + 1), len(stages) - 1]
+    for first, end in pairwise(edges):
+        left, right = column(run.times[first]), column(run.times[end])
+        ink = colour(COLOURS[stages[first] % len(COLOURS)])
+        cv2.rectangle(image, (left, 0), (max(right - 1, left), height - 24), _pale(ink), -1)
+        if first <= scan:
+            cv2.rectangle(image, (left, 0), (min(column(run.times[scan]), right - 1), height - 24), ink, -1)
+        name = run.stages[first].replace("_", " ")
+        if width_of(name, 13, bold=True) + 10 < right - left:
+            is_on_dark = column(run.times[scan]) > left + width_of(name, 13) / 2 and sum(ink) < LIGHT
+            write(image, name, (left + 6, height - 34), 13, PAPER if is_on_dark else INK, bold=True)
+    for second in range(0, int(last) + 1, max(1, round(last / 12))):
+        write(image, f"{second} s", (min(column(second), width - 26), height - 6), 12, FAINT)
+    now = column(run.times[scan])
+    cv2.line(image, (now, 0), (now, height - 22), INK, 2)
+    return image
+
+
+def head_line(run: RecordedRun, scan: int, width: int, height: int) -> Image:
+    """Return the line that says what is seen: run, program, stage, time since its start and when it started."""
+    image = blank(width, height)
+    row = run.row
+    base = height - 15
+    write(image, f"Run {row.run}", (12, base), 20, INK, bold=True)
+    left = 24 + width_of(f"Run {row.run}", 20, bold=True)
+    kind = "simulated" if run.is_simulated else "as sensed"
+    write(image, f"{row.program}, {kind}: {row.outcome} {row.reason}".rstrip(), (left, base), 15, FAINT)
+    write_right(image, f"{run.times[scan]:6.2f} s", (width - 12, base), 20, INK, bold=True)
+    stage = run.stages[scan].replace("_", " ")
+    write_right(image, f"{stage}    started {row.started[:19].replace('T', ' ')} UTC", (width - 110, base), 15, FAINT)
+    return image
+
+
+def _pale(ink: Colour) -> Colour:
+    red, green, blue = (round(255 - 0.30 * (255 - part)) for part in ink)
+    return red, green, blue

@@ -1,0 +1,121 @@
+"""A run on record, as a picture needs it: what was where at any of its scans."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from cell.journal import Journal, RunRow
+from cell.samples import read_facts, read_samples
+from drivers import frames
+from drivers.arm.kinematics import finger_frame
+from drivers.errors import JournalError
+from drivers.quantities import FINGERS, TAXELS, Pose, Vector
+from drivers.scene_facts import SceneFacts
+from sim.visual.scene import Moment
+from skills.catalogue import CATALOGUE
+
+HELD = 1.3
+"""A hand that is open by less than this many times the peg's thickness holds it."""
+TRAIL_STEP, TRAIL_HEIGHT = 5, 0.006
+"""The tip's line on the plate takes every fifth scan, and what is no higher above the hole than this, m."""
+HIGHER = 0.0006
+"""The line is drawn so far above the plate, m, and is therefore not hidden by it."""
+
+
+@dataclass(frozen=True)
+class RecordedRun:
+    """One run: its row in the journal, the facts of its scene, its samples."""
+
+    row: RunRow
+    facts: SceneFacts
+    samples: dict[str, Vector]
+
+    @cached_property
+    def times(self) -> Vector:
+        """Time of each scan since the first, s."""
+        times: Vector = self.samples["stamp"] - self.samples["stamp"][0]
+        return times
+
+    @cached_property
+    def stages(self) -> list[str]:
+        """Name of the stage of each scan, empty between stages."""
+        return [CATALOGUE.stages.get(int(number), "") for number in self.samples["stage"]]
+
+    @cached_property
+    def force(self) -> Vector:
+        """Magnitude of the external force of each scan, N."""
+        force = np.column_stack([self.samples[f"force_{axis}"] for axis in "xyz"])
+        size: Vector = np.linalg.norm(force, axis=1)
+        return size
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether the samples tell where peg and hole really were."""
+        return bool(np.isfinite(self.samples["true_peg_x"]).any())
+
+    def hole(self) -> Pose | None:
+        """Return where the hole is: as simulated, or else where the peg's tip was when the switch closed; None if never."""
+        if self.is_simulated:
+            return self._true("hole", 0)
+        closed = np.flatnonzero(self.samples["switch"] == 1.0)
+        if not closed.size:
+            return None
+        x, y, _ = self._vector("tip", int(closed[0]))
+        return Pose(np.array([x, y, self.facts.job.hole.centre[2]]), np.eye(3))
+
+    def at(self, time: float) -> int:
+        """Return the number of the last scan that is no later than `time`, s."""
+        return max(int(np.searchsorted(self.times, time, side="right")) - 1, 0)
+
+    def moment(self, scan: int) -> Moment:
+        """Return what was seen of the cell at one scan."""
+        samples = self.samples
+        return Moment(
+            joints=samples["joints"][scan],
+            width=float(samples["width"][scan]),
+            peg=self._peg(scan),
+            taxels=samples["taxels"][scan].reshape(FINGERS, TAXELS),
+            is_seated=bool(samples["switch"][scan] == 1.0),
+        )
+
+    def trail(self, scan: int) -> Vector:
+        """Return the line that the tip has drawn close to the plate up to one scan, shape (n, 3), m, NaN where it rose."""
+        line = np.column_stack([self.samples[f"tip_{axis}"][: scan + 1 : TRAIL_STEP] for axis in "xyz"])
+        hole = self.hole()
+        surface = self.facts.job.hole.centre[2] if hole is None else float(hole.position[2])
+        works = [stage in CATALOGUE.counted for stage in self.stages[: scan + 1 : TRAIL_STEP]]
+        line[(line[:, 2] > surface + TRAIL_HEIGHT) | ~np.array(works)] = np.nan
+        line[:, 2] = np.maximum(line[:, 2], surface) + HIGHER
+        return line
+
+    def _peg(self, scan: int) -> Pose | None:
+        if self.is_simulated:
+            return self._true("peg", scan)
+        peg, width = self.facts.job.peg, float(self.samples["width"][scan])
+        if width > HELD * peg.diameter or not np.isfinite(self.samples["theta"][scan]):
+            return None
+        held = frames.peg_in_finger(float(self.samples["theta"][scan]), peg.length)
+        end = frames.compose(finger_frame(self.facts.arm, self.samples["joints"][scan]), held)
+        return Pose(end.position + (peg.length + peg.overhang) / 2 * end.rotation[:, 2], end.rotation)
+
+    def _true(self, what: str, scan: int) -> Pose:
+        turned = np.array([self.samples[f"true_{what}_q{part}"][scan] for part in "wxyz"])
+        return Pose(self._vector(f"true_{what}", scan), frames.rotation_of(turned))
+
+    def _vector(self, name: str, scan: int) -> Vector:
+        return np.array([self.samples[f"{name}_{axis}"][scan] for axis in "xyz"])
+
+
+def recorded(journal: Journal, number: int) -> RecordedRun:
+    """Return a run on record.
+
+    Raises:
+        JournalError: It is not on record, has no samples, or was recorded without what a picture needs.
+    """
+    row = journal.find(number)
+    path = journal.samples_path(number)
+    run = RecordedRun(row, read_facts(path), read_samples(path))
+    if not run.samples["stamp"].size:
+        raise JournalError(f"{path}: no samples on record; a run that moved something has some")
+    return run

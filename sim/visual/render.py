@@ -1,0 +1,112 @@
+"""Pictures of the scene without a display."""
+
+import os
+import sys
+from itertools import pairwise
+from typing import Any, Self
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.errors import ConfigError
+from drivers.quantities import Vector
+from sim.visual.scene import BESIDE, MOST_TRAIL, OPENED, TRAIL, WHOLE, Stage
+
+Image = NDArray[np.uint8]
+"""Shape (height, width, 3), red first."""
+ADVICE = "pictures without a display need EGL and a software driver, on Debian the packages libegl1 and libgl1-mesa-dri"
+"""What to do where OpenGL does not work."""
+TRAIL_COLOUR = np.array([0.05, 0.55, 0.75, 1.0], dtype=np.float32)
+
+
+class Camera:
+    """Renders the scene off screen; use it as a context, and from one thread."""
+
+    def __init__(self, stage: Stage) -> None:
+        """Keep the scene; `open` gets what OpenGL needs."""
+        self._stage = stage
+        self._gl: Any = None
+        self._context: Any = None
+        self._scene = mujoco.MjvScene(stage.model, maxgeom=1000 + MOST_TRAIL)
+        self._option = mujoco.MjvOption()
+
+    def open(self) -> None:
+        """Get an OpenGL context.
+
+        Raises:
+            ConfigError: This computer has none.
+        """
+        visual = self._stage.model.vis.global_
+        try:
+            self._gl = _context_type()(visual.offwidth, visual.offheight)
+            self._gl.make_current()
+            self._context = mujoco.MjrContext(self._stage.model, mujoco.mjtFontScale.mjFONTSCALE_150)
+        except (ImportError, AttributeError, OSError, RuntimeError, mujoco.FatalError) as error:
+            self.close()
+            raise ConfigError(f"OpenGL: {error or type(error).__name__}; {ADVICE}".replace("\n", " ")) from None
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
+
+    def close(self) -> None:
+        """Give the context back; harmless when repeated."""
+        if self._context is not None:
+            self._context.free()
+            self._context = None
+        if self._gl is not None:
+            self._gl.free()
+            self._gl = None
+
+    def __enter__(self) -> Self:
+        """Open."""
+        self.open()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close."""
+        self.close()
+
+    def cell(self, width: int, height: int, trail: Vector) -> Image:
+        """Return the whole cell as it is posed, with the line through `trail`, shape (n, 3), m."""
+        return self._shoot("cell", width, height, trail, hidden=(OPENED,))
+
+    def section(self, width: int, height: int) -> Image:
+        """Return the hole cut open, seen along y of the base frame."""
+        return self._shoot("section", width, height, np.empty((0, 3)), hidden=(WHOLE, BESIDE))
+
+    def _shoot(self, camera: str, width: int, height: int, trail: Vector, hidden: tuple[int, ...]) -> Image:
+        model, data, scene = self._stage.model, self._stage.data, self._scene
+        self._option.geomgroup[:] = 1
+        for group in hidden:
+            self._option.geomgroup[group] = 0
+        view = mujoco.MjvCamera()
+        view.type, view.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, model.camera(camera).id
+        mujoco.mjv_updateScene(
+            model, data, self._option, mujoco.MjvPerturb(), view, mujoco.mjtCatBit.mjCAT_ALL.value, scene
+        )
+        scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = camera == "cell"
+        draw_trail(scene, trail)
+        box = mujoco.MjrRect(0, 0, width, height)
+        mujoco.mjr_render(box, scene, self._context)
+        image = np.empty((height, width, 3), dtype=np.uint8)
+        mujoco.mjr_readPixels(image, None, box, self._context)
+        return np.ascontiguousarray(image[::-1])
+
+
+def draw_trail(scene: mujoco.MjvScene, trail: Vector) -> None:
+    """Add the line through `trail`, shape (n, 3), m, to a scene; a point that is NaN interrupts it."""
+    for start, end in pairwise(trail):
+        if scene.ngeom >= scene.maxgeom or not (np.isfinite(start).all() and np.isfinite(end).all()):
+            continue
+        geom = scene.geoms[scene.ngeom]
+        mujoco.mjv_initGeom(geom, mujoco.mjtGeom.mjGEOM_LINE, np.zeros(3), np.zeros(3), np.eye(3).ravel(), TRAIL_COLOUR)
+        mujoco.mjv_connector(geom, mujoco.mjtGeom.mjGEOM_LINE, TRAIL, start, end)
+        scene.ngeom += 1
+
+
+def _context_type() -> Any:
+    """Return the class of the OpenGL context: EGL on Linux, which needs no display, or what MUJOCO_GL asks for."""
+    if sys.platform == "linux" and not os.environ.get("MUJOCO_GL"):
+        from mujoco.egl import GLContext
+    else:
+        from mujoco.rendering.classic.gl_context import GLContext
+    return GLContext

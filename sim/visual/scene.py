@@ -1,0 +1,341 @@
+"""The scene that pictures show: arm, hand with its taxels, rack, plate, peg, bench, light and cameras.
+
+It is a MuJoCo model of its own, posed from recorded joint positions and poses by `Stage.pose`. It has no contacts, no
+actuators and no relation to the models in `sim.scene`, so nothing that is drawn can change what is simulated.
+
+The arm is drawn from its Denavit-Hartenberg figures alone: a column along every offset d, a beam along every length a,
+a housing about every joint in which two axes meet. It therefore looks like the arm of the figures, not like a photograph.
+"""
+
+import math
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from drivers.parts import Job
+from drivers.quantities import FINGER_NAMES, TAXELS, Pose, Vector
+from drivers.scene_facts import SceneFacts
+from drivers.skin.layout import finger_positions, pad_size
+from sim.visual import shapes
+
+WHOLE, OPENED, BESIDE = 1, 2, 3
+"""Groups of geoms: the plate as it is, the plate cut open, and what stands between the section and its camera."""
+MARGIN = 0.022
+"""Width of the plate beyond the area that holds the hole, m."""
+BELOW = 0.008
+"""Thickness of the plate below the hole's floor, m."""
+SEEN = 0.085
+"""Height of the section's picture, m."""
+TRAIL = 2.5
+"""Width of the line that the tip draws on the plate, pixels."""
+MOST_TRAIL = 1500
+"""Pieces of that line at the most."""
+HATCH = 0.004
+"""Distance between the lines in what is cut, along x, m."""
+CAMERA, LOOKS_AT = (0.88, -1.17, 0.60), (0.325, -0.02, 0.285)
+"""Where the camera of the whole cell stands, and what it looks at, m, base frame."""
+LIT = 15e3
+"""Counts at which a taxel's disc is drawn brightest."""
+
+PAINT = {
+    "shell": "0.93 0.94 0.95 1",
+    "joint": "0.20 0.23 0.27 1",
+    "hand": "0.88 0.89 0.91 1",
+    "metal": "0.62 0.65 0.69 1",
+    "rubber": "0.10 0.11 0.13 1",
+    "plate": "0.50 0.56 0.62 1",
+    "rack": "0.33 0.42 0.52 1",
+    "hollow": "0.06 0.07 0.08 1",
+    "peg": "0.90 0.70 0.25 1",
+    "bench": "0.74 0.77 0.80 1",
+    "stand": "0.30 0.33 0.37 1",
+    "floor": "0.70 0.73 0.76 1",
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Moment:
+    """What is seen of the cell at one instant."""
+
+    joints: Vector
+    """Joint positions, rad."""
+    width: float
+    """Distance between the pads, m."""
+    peg: Pose | None
+    """Pose of the peg's middle, z from its end upward, base frame; None when nobody knows where it is."""
+    taxels: Vector
+    """Counts, left finger first, shape (2, 20)."""
+    is_seated: bool = False
+    """Whether the switch under the hole is closed."""
+
+
+class Stage:
+    """The scene of one run, ready to be posed and rendered."""
+
+    def __init__(self, facts: SceneFacts, hole: Pose | None, sight: tuple[int, int] = (1280, 720)) -> None:
+        """Build the scene.
+
+        Args:
+            facts: What the scene is made of.
+            hole: Where the hole is, base frame; None leaves the plate solid.
+            sight: Largest picture that is rendered from it, width and height, pixels.
+        """
+        self.model = mujoco.MjModel.from_xml_string(_xml(facts, hole, sight))
+        self.data = mujoco.MjData(self.model)
+        self._joints = len(facts.arm.kinematics.a)
+        self._peg = int(self.model.body("peg").mocapid[0])
+        self._taxels = np.array([[self.model.geom(f"{f}_{k}").id for k in range(TAXELS)] for f in FINGER_NAMES])
+        self._lamp = int(self.model.geom("lamp").id)
+        self._hatch()
+
+    def _hatch(self) -> None:
+        """Draw slanting lines into the texture of what is cut, as draughtsmen do."""
+        model, texture = self.model, self.model.texture("hatch").id
+        side, start = int(model.tex_width[texture]), int(model.tex_adr[texture])
+        across, down = np.meshgrid(np.arange(side), np.arange(side))
+        is_line = (across + down) % side < side // 6
+        pixels = np.where(is_line[..., None], [150, 86, 40], [226, 170, 112]).astype(np.uint8)
+        model.tex_data[start : start + pixels.size] = pixels.ravel()
+
+    def pose(self, moment: Moment) -> None:
+        """Put everything where it was at one instant."""
+        data, model = self.data, self.model
+        data.qpos[: self._joints] = moment.joints
+        data.qpos[self._joints :] = moment.width / 2
+        if moment.peg is None:
+            data.mocap_pos[self._peg] = (0.0, 0.0, -10.0)
+        else:
+            data.mocap_pos[self._peg] = moment.peg.position
+            mujoco.mju_mat2Quat(data.mocap_quat[self._peg], moment.peg.rotation.flatten())
+        share = np.clip(moment.taxels / LIT, 0.0, 1.0)
+        model.geom_rgba[self._taxels, :3] = _glow(share)
+        model.geom_rgba[self._lamp] = (0.1, 0.9, 0.3, 1.0) if moment.is_seated else (0.25, 0.28, 0.25, 1.0)
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_camlight(model, data)
+
+
+def _glow(share: Vector) -> Vector:
+    """Return colours from dark to bright for shares from 0 to 1, shape (..., 3)."""
+    dark, middle, bright = np.array([0.16, 0.18, 0.22]), np.array([0.85, 0.25, 0.30]), np.array([1.0, 0.92, 0.45])
+    share = share[..., None]
+    colours: Vector = np.where(
+        share < 0.5, dark + 2.0 * share * (middle - dark), middle + (2.0 * share - 1.0) * (bright - middle)
+    )
+    return colours
+
+
+def _xml(facts: SceneFacts, hole: Pose | None, sight: tuple[int, int]) -> str:
+    paints = "".join(
+        f'<material name="{name}" rgba="{rgba}" specular="{0.5 if name in ("metal", "peg", "plate") else 0.25}" '
+        f'shininess="0.5" reflectance="0"/>'
+        for name, rgba in PAINT.items()
+    )
+    meshes, fixtures = _fixtures(facts.job, hole)
+    peg_mesh, peg = _peg(facts.job)
+    hand_mesh, arm = _arm(facts)
+    middle = hole.position if hole is not None else np.array(facts.job.hole.centre)
+    return f"""<mujoco model="pictures">
+    <compiler angle="radian" autolimits="false"/>
+    <option gravity="0 0 0"><flag contact="disable"/></option>
+    <visual>
+      <global offwidth="{sight[0]}" offheight="{sight[1]}" fovy="40"/>
+      <quality shadowsize="2048" offsamples="4"/>
+      <headlight ambient="0.34 0.34 0.36" diffuse="0.22 0.22 0.22" specular="0.1 0.1 0.1"/>
+      <map znear="0.02" zfar="30" shadowclip="0.8"/>
+    </visual>
+    <statistic extent="1" center="0.3 0 0.3"/>
+    <asset>
+      <texture name="sky" type="skybox" builtin="gradient" rgb1="0.95 0.97 0.99" rgb2="0.70 0.76 0.83" width="256" height="1536"/>
+      <texture name="hatch" type="2d" builtin="flat" width="128" height="128"/>
+      <material name="section" texture="hatch" specular="0" shininess="0" emission="0.25"/>
+      {paints}{meshes}{peg_mesh}{hand_mesh}
+    </asset>
+    <default><geom contype="0" conaffinity="0" mass="0"/></default>
+    <worldbody>
+      <light pos="0.9 -0.9 2.2" dir="-0.33 0.40 -1" directional="true" diffuse="0.55 0.55 0.53" specular="0.3 0.3 0.3" castshadow="true"/>
+      <light pos="-1 1 2" dir="0.5 -0.6 -1" directional="true" diffuse="0.20 0.21 0.23" specular="0 0 0" castshadow="false"/>
+      <camera name="cell" pos="{_words(CAMERA)}" xyaxes="{_facing(CAMERA, LOOKS_AT)}" fovy="35.5"/>
+      <camera name="section" projection="orthographic" fovy="{SEEN}" pos="{_words(middle + np.array([0.0, -0.4, 0.0155]))}" xyaxes="1 0 0 0 0 1"/>
+      <geom type="plane" size="6 6 0.1" pos="0 0 -0.78" material="floor"/>
+      <geom type="box" size="0.60 0.55 0.02" pos="0.32 0 -0.02" material="bench"/>
+      <geom type="box" size="0.56 0.51 0.37" pos="0.32 0 -0.41" material="stand"/>
+      {fixtures}{arm}
+      <body name="peg" mocap="true">{peg}</body>
+    </worldbody></mujoco>"""
+
+
+def _fixtures(job: Job, hole: Pose | None) -> tuple[str, str]:
+    """Return meshes and geoms of rack and plate."""
+    rack = job.rack
+    length, height = rack.pitch * rack.slots, rack.first[2]
+    first = np.array(rack.first)
+    middle = first + np.array([0.0, rack.pitch * (rack.slots - 1) / 2, 0.0])
+    geoms = (
+        f'<geom type="box" size="0.018 {length / 2 + 0.004} {height / 2 - 0.004}" pos="{middle[0]} {middle[1]} {height / 2 - 0.004}" material="stand" group="{BESIDE}"/>'
+        f'<geom type="box" size="0.022 {length / 2 + 0.006} 0.004" pos="{middle[0]} {middle[1]} {height - 0.004}" material="rack" group="{BESIDE}"/>'
+    )
+    mouth = 0.6 * job.peg.diameter
+    for slot in range(rack.slots):
+        at = first + np.array([0.0, rack.pitch * slot, 0.0])
+        geoms += f'<geom type="cylinder" size="{mouth} 0.0004" pos="{_words(at)}" material="hollow" group="{BESIDE}"/>'
+    mesh, plate = _plate(job, hole)
+    return mesh, geoms + plate
+
+
+def _plate(job: Job, hole: Pose | None) -> tuple[str, str]:
+    centre, half = np.array(job.hole.centre), np.array(job.hole.area) / 2 + MARGIN
+    depth, thickness = job.hole.depth + 0.0005, job.hole.depth + BELOW
+    stand = centre[2] - thickness
+    posts = "".join(
+        f'<geom type="cylinder" size="0.006 {stand / 2}" pos="{centre[0] + x * (half[0] - 0.01)} {centre[1] + y * (half[1] - 0.01)} {stand / 2}" material="metal" group="{WHOLE}"/>'
+        for x in (-1, 1)
+        for y in (-1, 1)
+    )
+    if hole is None:
+        slab = f'<geom type="box" size="{half[0]} {half[1]} {thickness / 2}" pos="{centre[0]} {centre[1]} {centre[2] - thickness / 2}" material="plate"/>'
+        return "", posts + slab + '<geom name="lamp" type="sphere" size="0.0001" pos="0 0 -5"/>'
+    offset = hole.rotation.T @ (centre - hole.position)
+    outline = (offset[0] - half[0], offset[0] + half[0], offset[1] - half[1], offset[1] + half[1])
+    mouth = _section(job.peg.shape, job.hole.diameter)
+    reach = float(np.abs(mouth[:, 0]).max())
+    meshes = _mesh("whole", shapes.perforated(outline, mouth, depth, thickness, cut=False))
+    meshes += _mesh("opened", shapes.perforated(outline, mouth, depth, thickness, cut=True))
+    faces = (
+        (outline[0], -reach, -thickness, 0.0),
+        (reach, outline[1], -thickness, 0.0),
+        (-reach, reach, -thickness, -depth),
+    )
+    meshes += _cuts(faces)
+    quat = np.empty(4)
+    mujoco.mju_mat2Quat(quat, hole.rotation.flatten())
+    return meshes, (
+        f'{posts}<body pos="{_words(hole.position)}" quat="{_words(quat)}">'
+        f'<geom type="mesh" mesh="whole" material="plate" group="{WHOLE}"/>'
+        f'<geom type="mesh" mesh="opened" material="plate" group="{OPENED}"/>'
+        f'<geom type="mesh" mesh="cuts" material="section" group="{OPENED}"/>'
+        f'<geom type="box" size="0.0035 0.001 0.002" pos="0 -0.0005 {-depth - 0.004}" material="hollow" group="{OPENED}"/>'
+        f'<geom name="lamp" type="sphere" size="0.0013" pos="0 -0.0015 {-depth - 0.004}" group="{OPENED}"/></body>'
+    )
+
+
+def _cuts(faces: tuple[tuple[float, float, float, float], ...]) -> str:
+    """Return the mesh of rectangles x from and to, z from and to, m, in the plane of the cut, hatched at `HATCH`."""
+    corners = [(x, -0.0001, z) for x0, x1, z0, z1 in faces for x, z in ((x0, z0), (x1, z0), (x1, z1), (x0, z1))]
+    triangles = [4 * k + corner for k in range(len(faces)) for corner in (0, 1, 2, 0, 2, 3)]
+    places = [(x / HATCH, z / HATCH) for x, _, z in corners]
+    return (
+        f'<mesh name="cuts" vertex="{_words(corners)}" texcoord="{_words(places)}" '
+        f'face="{" ".join(map(str, triangles))}" inertia="shell"/>'
+    )
+
+
+def _peg(job: Job) -> tuple[str, str]:
+    half = (job.peg.length + job.peg.overhang) / 2
+    points = shapes.chamfered(_section(job.peg.shape, job.peg.diameter), -half, half, 0.05 * job.peg.diameter)
+    return f'<mesh name="peg" vertex="{_words(points)}"/>', '<geom type="mesh" mesh="peg" material="peg"/>'
+
+
+def _section(shape: str, size: float) -> Vector:
+    return shapes.rectangle(size, size) if shape == "square" else shapes.circle(size / 2)
+
+
+def _arm(facts: SceneFacts) -> tuple[str, str]:
+    """Return meshes and bodies of arm and hand, from the hand inward."""
+    chain, turn = facts.arm.kinematics, facts.arm.hand.turn
+    joints = len(chain.a)
+    thick = np.linspace(0.066, 0.046, joints)
+    hand_mesh, hand = _hand(facts)
+    inner = f'<body pos="0 0 {chain.flange}" euler="0 0 {turn}">{hand}</body>'
+    inner += _column(0.0, chain.flange - 0.012, float(thick[-1]) * 0.92, "shell") + _ring(
+        chain.flange - 0.008, 0.042, 0.008
+    )
+    for i in range(joints - 1, -1, -1):
+        a, d, alpha, r = chain.a[i], chain.d[i], chain.alpha[i], float(thick[i])
+        # In the frame of the joint: the upper part of its column turns with it.
+        own = _column(-0.52 * d, 0.0, r, "shell") + _ring(-0.52 * d, r * 1.02, 0.006) if d else ""
+        if not d:
+            own += _housing(r)
+        at = np.array([a, -d * math.sin(alpha), d * math.cos(alpha)])
+        root = np.array([a, 0.0, 0.0])
+        # In the frame before it: the beam along a, and the lower part of the column.
+        before = ""
+        if a:
+            before += f'<geom type="capsule" size="{0.86 * r}" fromto="0 0 0 {a} 0 0" material="shell"/>'
+        if d:
+            before += f'<geom type="capsule" size="{r}" fromto="{_words(root)} {_words(root + 0.48 * (at - root))}" material="shell"/>'
+        inner = (
+            f'{before}<body name="link{i + 1}" pos="{_words(at)}" euler="{alpha} 0 0">'
+            f'<joint type="hinge" axis="0 0 1"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>{own}{inner}</body>'
+        )
+    foot = (
+        '<geom type="box" size="0.105 0.095 0.008" pos="-0.02 0 0.008" material="joint"/>'
+        '<geom type="cylinder" size="0.085 0.035" pos="0 0 0.045" material="shell"/>'
+    )
+    return hand_mesh, foot + inner
+
+
+def _column(low: float, high: float, radius: float, paint: str) -> str:
+    return f'<geom type="capsule" size="{radius}" fromto="0 0 {low} 0 0 {high}" material="{paint}"/>'
+
+
+def _ring(height: float, radius: float, half: float) -> str:
+    return f'<geom type="cylinder" size="{radius} {half}" pos="0 0 {height}" material="joint"/>'
+
+
+def _housing(radius: float) -> str:
+    """Return a joint in which two axes meet: a drum about the joint's axis with dark lids."""
+    length = 0.98 * radius
+    drum = f'<geom type="cylinder" size="{radius} {length}" material="shell"/>'
+    lids = "".join(
+        f'<geom type="cylinder" size="{0.80 * radius} 0.004" pos="0 0 {side * (length + 0.002)}" material="joint"/>'
+        for side in (-1, 1)
+    )
+    return drum + lids
+
+
+def _hand(facts: SceneFacts) -> tuple[str, str]:
+    """Return the mesh of the hand's body, and hand and fingers in the hand's frame: z out of it, y along the closing axis."""
+    hand, layout = facts.arm.hand, facts.layout
+    length, width = pad_size(layout)
+    base = hand.finger_centre - 0.045
+    mesh = f'<mesh name="hand" vertex="{_words(shapes.rounded_box((0.030, hand.stroke / 2 + 0.062, base / 2 - 0.003), 0.016))}"/>'
+    body = (
+        f'<geom type="cylinder" size="0.034 0.008" pos="0 0 0.004" material="joint"/>'
+        f'<geom type="mesh" mesh="hand" pos="0 0 {base / 2 + 0.003}" material="hand"/>'
+        f'<geom type="box" size="0.012 {hand.stroke / 2 + 0.040} 0.002" pos="0 0 {base}" material="joint"/>'
+    )
+    places = finger_positions(layout)
+    for number, (name, sign) in enumerate(zip(FINGER_NAMES, (1, -1), strict=True)):
+        root, tip = base - hand.finger_centre, length / 2 + 0.003
+        # The finger frame has x out of the hand and y across it, which is x of the hand.
+        discs = "".join(
+            f'<geom name="{name}_{k}" type="cylinder" size="0.0016 0.0003" pos="{y} {sign * 0.0002} {x}" euler="{math.pi / 2} 0 0"/>'
+            for k, (x, y) in enumerate(places[number])
+        )
+        body += (
+            f'<body name="{name}" pos="0 0 {hand.finger_centre}"><joint type="slide" axis="0 {sign} 0"/>'
+            f'<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
+            f'<geom name="{name}_pad" type="box" size="{width / 2} 0.002 {length / 2 + 0.002}" pos="0 {sign * 0.002} 0" material="rubber"/>'
+            f'<geom name="{name}_finger" type="box" size="{0.42 * width} 0.005 {(tip - root) / 2}" pos="0 {sign * 0.009} {(tip + root) / 2}" material="metal"/>'
+            f"{discs}</body>"
+        )
+    return mesh, body
+
+
+def _mesh(name: str, mesh: shapes.Mesh) -> str:
+    faces = " ".join(map(str, mesh.faces.ravel().tolist()))
+    return f'<mesh name="{name}" vertex="{_words(mesh.vertices)}" face="{faces}" inertia="shell"/>'
+
+
+def _facing(where: tuple[float, float, float], at: tuple[float, float, float]) -> str:
+    """Return the x and y axes of a camera that looks from one point to another, upright."""
+    back = np.array(where) - np.array(at)
+    back /= np.linalg.norm(back)
+    right = np.cross([0.0, 0.0, 1.0], back)
+    right /= np.linalg.norm(right)
+    return _words(np.concatenate([right, np.cross(back, right)]))
+
+
+def _words(values: object) -> str:
+    return " ".join(f"{float(v):.9g}" for v in np.asarray(values).ravel())

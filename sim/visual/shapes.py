@@ -1,0 +1,133 @@
+"""Meshes that MuJoCo has no primitive for: a plate with a hole, whole or cut open, and boxes with round edges."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.quantities import Vector
+
+RAYS = 180
+"""Directions from the hole's middle in which outline and hole are sampled."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mesh:
+    """A surface of triangles."""
+
+    vertices: Vector
+    """Shape (n, 3), m."""
+    faces: NDArray[np.intp]
+    """Indices of the corners, counter-clockwise seen from outside, shape (m, 3)."""
+
+
+def perforated(
+    outline: tuple[float, float, float, float], sides: Vector, depth: float, thickness: float, cut: bool
+) -> Mesh:
+    """Return a plate with one blind hole whose mouth is the origin, z out of the plate.
+
+    Args:
+        outline: x from and to, y from and to, of the plate's edges, m; the hole lies between them.
+        sides: Corners of the hole's mouth, shape (n, 2), m, counter-clockwise about the origin.
+        depth: Depth of the hole's floor, m.
+        thickness: Thickness of the plate, m, more than the depth.
+        cut: Whether what lies on the side of negative y is cut off.
+    """
+    x0, x1, y0, y1 = outline
+    edges = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
+    turns = math.pi if cut else 2.0 * math.pi
+    corners = np.concatenate([edges, sides])
+    angles = np.arctan2(corners[:, 1], corners[:, 0]) % (2.0 * math.pi)
+    rays = np.unique(np.concatenate([np.linspace(0.0, turns, RAYS + 1), angles[angles < turns]]).round(9))
+    if not cut:
+        rays = rays[:-1]
+    mouth, rim = _reached(sides, rays), _reached(edges, rays)
+    rings = [
+        _at(rim, -thickness),
+        _at(rim, 0.0),
+        _at(mouth, 0.0),
+        _at(mouth, -depth),
+        np.tile([0.0, 0.0, -depth], (len(rays), 1)),
+        np.tile([0.0, 0.0, -thickness], (len(rays), 1)),
+    ]
+    # Around the plate's profile from ring to ring, and back along the underside.
+    return _lofted([*rings, rings[0]], closed=not cut)
+
+
+def rounded_box(half: tuple[float, float, float], radius: float) -> Vector:
+    """Return points whose convex hull is a box with round edges, shape (n, 3), m, about its middle."""
+    steps = np.linspace(0.0, math.pi / 2, 7)
+    ball = np.array([[math.cos(b) * math.cos(a), math.cos(b) * math.sin(a), math.sin(b)] for a in steps for b in steps])
+    inner = np.array(half) - radius
+    octant = inner + radius * ball
+    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    points: Vector = np.unique((signs[:, None, :] * octant).reshape(-1, 3).round(7), axis=0)
+    return points
+
+
+def chamfered(sides: Vector, low: float, high: float, chamfer: float) -> Vector:
+    """Return points whose convex hull is a prism along z with both ends chamfered, shape (n, 3), m.
+
+    Args:
+        sides: Corners of the section, shape (n, 2), m.
+        low: z of the lower end, m.
+        high: z of the upper end, m.
+        chamfer: Width of the chamfers, m.
+    """
+    width = float(np.abs(sides).max())
+    narrow = sides * (1.0 - chamfer / width)
+    rings = [_at(narrow, low), _at(sides, low + chamfer), _at(sides, high - chamfer), _at(narrow, high)]
+    points: Vector = np.concatenate(rings)
+    return points
+
+
+def circle(radius: float, corners: int = 96) -> Vector:
+    """Return points on a circle, counter-clockwise, shape (corners, 2), m."""
+    angle = 2.0 * math.pi * np.arange(corners) / corners
+    return radius * np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+def rectangle(along_x: float, along_y: float) -> Vector:
+    """Return the corners of a rectangle about the origin, counter-clockwise, shape (4, 2), m."""
+    return np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * [along_x / 2, along_y / 2]
+
+
+def _at(points: Vector, height: float) -> Vector:
+    return np.column_stack([points, np.full(len(points), height)])
+
+
+def _reached(polygon: Vector, rays: Vector) -> Vector:
+    """Return where rays from the origin, at the given angles, leave a convex polygon about it, shape (n, 2), m."""
+    start, way = polygon, np.roll(polygon, -1, axis=0) - polygon
+    normal = np.column_stack([way[:, 1], -way[:, 0]])
+    distance = (normal * start).sum(axis=1)
+    direction = np.column_stack([np.cos(rays), np.sin(rays)])
+    speed = direction @ normal.T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        reach = np.where(speed > 1e-12, distance / speed, np.inf).min(axis=1)
+    points: Vector = direction * reach[:, None]
+    return points
+
+
+def _lofted(rings: list[Vector], closed: bool) -> Mesh:
+    """Return the surface between neighbouring rings; open ones get flat ends, fanned from the last ring's axis."""
+    count = len(rings[0])
+    faces = []
+    for k in range(len(rings) - 1):
+        for i in range(count if closed else count - 1):
+            j = (i + 1) % count
+            a, b, c, d = (k * count + i, k * count + j, (k + 1) * count + j, (k + 1) * count + i)
+            faces += [(a, b, c), (a, c, d)]
+    vertices = np.concatenate(rings)
+    if not closed:
+        for i, is_first in ((0, True), (count - 1, False)):
+            profile = [k * count + i for k in range(len(rings) - 1)]
+            # Bottom outside, top outside, mouth, floor, and the axis below the floor: two convex pieces.
+            low, high, mouth, floor, middle, below = profile
+            ends = [(low, high, mouth), (low, mouth, floor), (low, floor, middle), (low, middle, below)]
+            faces += [end if is_first else end[::-1] for end in ends]
+    used = np.array(faces, dtype=np.intp)
+    corners = vertices[used]
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    return Mesh(vertices, used[area > 1e-14])

@@ -1,0 +1,142 @@
+"""A simulated run becomes pictures and films without a display."""
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+
+from cell.cli import FAULT, GOOD, WRONG_USE, main
+from cell.film.frames import HEIGHT, WIDTH
+from cell.film.recorded import recorded
+from cell.journal import Journal
+from drivers.frames import UP, rotation_about
+from drivers.quantities import Pose
+from sim.visual.render import Camera
+from sim.visual.scene import SEEN, Moment, Stage
+from tests.filmed_runs import HOLE, ROW, record, require_rendering
+
+SCALE = 290 / SEEN
+"""Pixels a metre in a section of 290 pixels in height."""
+
+
+@pytest.fixture(scope="module")
+def grasped(tmp_path_factory):
+    """Return the folder of a journal with a grasp of the simulated cell as its only run."""
+    folder = tmp_path_factory.mktemp("journal")
+    assert main(["run", "grasp_from_rack", "--set", "sim.pace=max", "--journal", str(folder)]) == GOOD
+    with Journal(folder) as journal:
+        require_rendering(recorded(journal, 1))
+    return folder
+
+
+@pytest.fixture
+def short(rig, tmp_path):
+    """Return the folder of a journal with a run of 0.6 s."""
+    with Journal(tmp_path / "short") as journal:
+        run = record(rig, journal, knows_truth=True)
+        require_rendering(recorded(journal, run))
+    return tmp_path / "short"
+
+
+def gold(image):
+    """Return which pixels have the peg's colour."""
+    red, green, blue = image.astype(int).transpose(2, 0, 1)
+    return (red > 90) & (red - blue > 55) & (green - blue > 35) & (red - green < 80)
+
+
+def section(facts, peg):
+    """Return the section, 450 x 290, with the peg somewhere."""
+    stage = Stage(facts, HOLE)
+    joints = np.array(facts.arm.home)
+    with Camera(stage) as camera:
+        stage.pose(Moment(joints, 0.08, peg, np.zeros((2, 20))))
+        return camera.section(450, 290)
+
+
+@pytest.mark.parametrize("depth", [0.0, 0.010, 0.020])
+def test_the_section_shows_the_peg_as_deep_as_it_is(short, depth):
+    with Journal(short) as journal:
+        facts = recorded(journal, 1).facts
+    half = (facts.job.peg.length + facts.job.peg.overhang) / 2
+    with_peg = section(facts, Pose(HOLE.position + (half - depth) * UP, np.eye(3)))
+    without = section(facts, None)
+    is_peg = gold(with_peg) & (np.abs(with_peg.astype(int) - without.astype(int)).sum(axis=2) > 20)
+    rows = np.nonzero(is_peg[:, 215:235])[0]
+    lowest = (290 / 2 - 1 - rows.max()) / SCALE + 0.0155
+    assert lowest == pytest.approx(-depth, abs=0.0008)
+    middle = np.nonzero(is_peg[100])[0]
+    assert middle.mean() == pytest.approx(449 / 2, abs=1.0)
+    assert len(middle) / SCALE == pytest.approx(facts.job.peg.diameter, abs=0.0008)
+
+
+def test_the_section_shows_how_the_peg_leans(short):
+    with Journal(short) as journal:
+        facts = recorded(journal, 1).facts
+    lean = rotation_about(np.array([0.0, 1.0, 0.0]), 0.3)
+    half = (facts.job.peg.length + facts.job.peg.overhang) / 2
+    picture = section(facts, Pose(HOLE.position + np.array([0.0, 0.0, 0.004]) + half * lean[:, 2], lean))
+    rows, columns = np.nonzero(gold(picture)[20:150])
+    assert np.polyfit(-rows, columns, 1)[0] == pytest.approx(np.tan(0.3), abs=0.03)
+
+
+def test_a_run_of_the_simulated_cell_becomes_a_picture(grasped, tmp_path, capsys):
+    file = tmp_path / "pictures" / "grasp.png"
+    assert main(["film", "1", "--journal", str(grasped), "--at", "3.9", "--out", str(file), "--json"]) == GOOD
+    told = json.loads(capsys.readouterr().out)
+    picture = cv2.imread(str(file))[..., ::-1]
+    assert (told["pictures"], picture.shape) == (1, (HEIGHT, WIDTH, 3))
+    # In the picture of the cell the arm stands white before sky and bench, with the peg in its hand.
+    cell = picture[54:640, 10:810]
+    assert (cell.min(axis=2) > 200).mean() > 0.05
+    assert gold(cell).sum() > 20
+
+
+def test_a_film_has_every_picture_of_the_run(short, tmp_path):
+    assert main(["film", "1", "--journal", str(short), "--out", str(tmp_path / "run.mp4")]) == GOOD
+    film = cv2.VideoCapture(str(tmp_path / "run.mp4"))
+    sizes = (film.get(cv2.CAP_PROP_FRAME_WIDTH), film.get(cv2.CAP_PROP_FRAME_HEIGHT), film.get(cv2.CAP_PROP_FPS))
+    pictures = 0
+    while film.read()[0]:
+        pictures += 1
+    assert (sizes, pictures) == ((WIDTH, HEIGHT, 25.0), 16)
+
+
+def test_a_gif_goes_round_for_ever_in_real_time(short, tmp_path):
+    assert main(["film", "1", "--journal", str(short), "--out", str(tmp_path / "run.gif")]) == GOOD
+    with Image.open(tmp_path / "run.gif") as gif:
+        assert (gif.n_frames, gif.size, gif.info["loop"], gif.info["duration"]) == (7, (800, 450), 0, 100)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        (["--out", "run.avi"], "run.avi: *.mp4, *.gif, *.png allowed"),
+        (["--out", "run.png", "--at", "7"], "--at 7: run 1 has 0 to 0.59 s"),
+        (["--out", "run.mp4", "--at", "0.2"], "--at 0.2: a film shows all of a run"),
+    ],
+)
+def test_wrong_use_is_told_in_one_line(short, capsys, tmp_path, monkeypatch, wrong, told):
+    monkeypatch.chdir(tmp_path)
+    before = sorted(tmp_path.iterdir())
+    assert main(["film", "1", "--journal", str(short), *wrong]) == WRONG_USE
+    error = capsys.readouterr().err
+    assert (told in error, error.count("\n")) == (True, 1)
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_a_run_of_an_earlier_version_is_told(tmp_path, capsys):
+    with Journal(tmp_path) as journal:
+        run = journal.begin(ROW).run
+        journal.stream(run).close()
+    assert main(["film", str(run), "--journal", str(tmp_path), "--out", str(tmp_path / "a.png")]) == FAULT
+    assert "recorded by another version" in capsys.readouterr().err
+
+
+def test_a_window_without_a_display_is_told_in_one_line(short, capsys, monkeypatch):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    assert main(["view", "--journal", str(short)]) == WRONG_USE
+    error = capsys.readouterr().err
+    assert ("needs a display" in error, error.count("\n")) == (True, 1)

@@ -1,0 +1,85 @@
+"""What a picture is told of a run on record."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cell.film.playback import Playback
+from cell.film.recorded import recorded
+from cell.journal import Journal
+from cell.record import scene_facts
+from drivers.errors import JournalError
+from tests.filmed_runs import HOLE, PERIOD, ROW, held_peg, record, scan
+
+
+@pytest.fixture
+def journal(tmp_path):
+    with Journal(tmp_path / "films") as journal:
+        yield journal
+
+
+def test_a_simulated_run_shows_the_truth(rig, journal):
+    run = recorded(journal, record(rig, journal, knows_truth=True))
+    assert run.is_simulated
+    np.testing.assert_allclose(run.hole().position, HOLE.position)
+    np.testing.assert_allclose(run.moment(0).peg.position[2], HOLE.position[2] + 0.065 / 2 - 0.012)
+
+
+def test_a_physical_run_shows_the_peg_as_it_was_felt_once_the_hand_holds_it(rig, journal):
+    run = recorded(journal, record(rig, journal, knows_truth=False))
+    felt = run.moment(59).peg
+    assert not run.is_simulated
+    assert run.moment(0).peg is None
+    np.testing.assert_allclose(felt.position, held_peg(rig, 0.2).position, atol=1e-12)
+    np.testing.assert_allclose(felt.rotation, held_peg(rig, 0.2).rotation, atol=1e-12)
+
+
+def test_a_physical_run_has_its_hole_where_the_switch_closed(rig, journal):
+    run = recorded(journal, record(rig, journal, knows_truth=False))
+    x, y, z = run.hole().position
+    assert (x, y) == (run.samples["tip_x"][-1], run.samples["tip_y"][-1])
+    assert z == rig.loaded.cell.hole.centre[2]
+
+
+def test_a_physical_run_whose_switch_never_closed_has_no_hole(rig, journal):
+    number = journal.begin(ROW).run
+    stream = journal.stream(number, scene_facts(rig.loaded.cell))
+    stream.add(scan(rig, 0, 0.04, 0.0, is_closed=False), None, 1)
+    stream.close()
+    assert recorded(journal, number).hole() is None
+
+
+def test_the_scan_of_a_time_is_the_last_one_before_it(rig, journal):
+    run = recorded(journal, record(rig, journal, knows_truth=True))
+    assert [run.at(time) for time in (0.0, 2.5 * PERIOD, 1e3)] == [0, 2, 59]
+
+
+def test_the_tips_line_has_no_part_above_the_plate(rig, journal):
+    run = recorded(journal, record(rig, journal, knows_truth=True))
+    height = np.full(60, HOLE.position[2] + 0.05)
+    height[20:40] = HOLE.position[2] + 0.001
+    run = replace(run, samples=run.samples | {"tip_z": height})
+    drawn = np.isfinite(run.trail(59)).all(axis=1)
+    assert drawn.tolist() == [4 <= k < 8 for k in range(12)]
+
+
+def test_a_run_that_recorded_nothing_is_told(rig, journal):
+    number = journal.begin(ROW).run
+    journal.stream(number, scene_facts(rig.loaded.cell)).close()
+    with pytest.raises(JournalError, match="no samples on record"):
+        recorded(journal, number)
+
+
+def test_a_run_in_progress_is_read_on_as_it_grows(rig, journal):
+    number = journal.begin(ROW).run
+    stream = journal.stream(number, scene_facts(rig.loaded.cell))
+    for k in range(100):
+        stream.add(scan(rig, k, 0.04, 0.0, is_closed=False), None, 1)
+    playback = Playback(journal, number)
+    assert playback.scan_at(1.5) == 99
+    for k in range(100, 200):
+        stream.add(scan(rig, k, 0.04, 0.0, is_closed=False), None, 1)
+    assert playback.scan_at(1.6) == 99  # looked for a moment ago
+    assert playback.scan_at(2.1) == 199
+    stream.close()
