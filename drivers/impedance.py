@@ -162,7 +162,7 @@ def solve(A: Vector, b: Vector) -> Vector:  # pragma: no cover
 
 
 @njit(cache=True)
-def torque(
+def torque(  # noqa: C901, PLR0915  the whole law at 1 kHz, compiled as one: a call between its parts would copy their arrays
     arm: Vector, words: Vector, state: Vector, q: Vector, dq: Vector, now: float, period: float
 ) -> Vector:  # pragma: no cover
     """Return the joint torques of one control step, within the arm's limits of torque and torque rate.

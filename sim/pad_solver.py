@@ -33,7 +33,9 @@ def _energy(depth: Vector, thickness: float) -> float:  # pragma: no cover
 
 
 @njit(cache=True)
-def lie(motions: Vector, wanted: Vector, start: Vector, rest: float, thickness: float) -> Vector:  # pragma: no cover
+def lie(  # noqa: C901  one Newton iteration, compiled, whose loops share its arrays
+    motions: Vector, wanted: Vector, start: Vector, rest: float, thickness: float
+) -> Vector:  # pragma: no cover
     """Return the motions' amounts at which the pads' answer, in units of the foundation, is what is `wanted`.
 
     Args:

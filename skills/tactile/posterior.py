@@ -136,7 +136,7 @@ def _row(i, j, w, weights, weighed, prior, even, rising, tightness, solution):  
 
 
 @njit(cache=True, fastmath=True)
-def posterior(  # type: ignore[no-untyped-def]
+def posterior(  # type: ignore[no-untyped-def] # noqa: C901, PLR0915  compiled loops that share one scratch in registers
     is_wide, place, surety, values, weights, beside, tightness, theta, offset, even, rising, left
 ):
     """Compare one frame with the templates; return the fields of `Found` and fill the residuals."""

@@ -14,7 +14,7 @@ FAR = 25.0
 
 
 @njit(cache=True, fastmath=True)
-def fill(  # type: ignore[no-untyped-def]
+def fill(  # type: ignore[no-untyped-def] # noqa: C901  compiled nested loops over one sum
     theta,
     offset,
     taxels,
