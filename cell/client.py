@@ -65,7 +65,7 @@ def run_remote(
 
     try:
         if name in ("stop", "abort"):
-            return peer.trigger(CONTROLS[name])
+            return peer.run(CONTROLS[name], timeout=LONGEST)
         if not peer.take():
             raise CellError(
                 f"{address[0]}:{address[1]}: {peer.read_report().holder} holds the lease; only its holder may start"

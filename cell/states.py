@@ -91,6 +91,14 @@ def is_permitted(state: State, event: Event) -> bool:
     return (state, event) in TRANSITIONS
 
 
+_REACHED = {Event.STOP: (State.STOPPING, State.STOPPED), Event.ABORT: (State.ABORTING, State.ABORTED)}
+
+
+def is_reached(state: State, event: Event) -> bool:
+    """Return whether the cell already is, or is on its way, where the stop or abort `event` would lead it."""
+    return state in _REACHED.get(event, ())
+
+
 def after(state: State, event: Event) -> State:
     """Return the state that follows; the same one where the event is not permitted."""
     return TRANSITIONS.get((state, event), state)

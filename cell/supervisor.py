@@ -15,7 +15,7 @@ from cell.assembly import Cell, choices, make_estimator, make_tracker
 from cell.config import CellConfig, LoadedConfig, with_parameters
 from cell.journal import Journal, RunRow
 from cell.record import Ending, RunRecord, StageClock, ending_of
-from cell.states import ASKED, Event, State, after, is_permitted
+from cell.states import ASKED, Event, State, after, is_permitted, is_reached
 from drivers.errors import CellError, ConfigError, FaultCode, PlcLostError
 from drivers.quantities import ArmState, ImpedanceSetpoint
 from plc_bridge.messages import Command, Control, Refusal, Report, Result, Transition
@@ -139,6 +139,9 @@ class Supervisor:
         """Obey a control, or refuse it where the state does not permit it."""
         is_cleared_first = event is Event.RESET and self.state is State.ABORTED
         steps = (Event.CLEAR, event) if is_cleared_first else (event,)
+        if is_reached(self.state, event):
+            self._line.accept(command)
+            return
         if not is_permitted(self.state, steps[0]):
             self._refuse(command, Refusal.NOT_READY)
             return

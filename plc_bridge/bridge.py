@@ -14,13 +14,11 @@ from plc_bridge.canopen import CanopenServer
 from plc_bridge.config import PlcConfig
 from plc_bridge.handshake import Handshake
 from plc_bridge.images import CommandImage, Diagnostics, ReportImage, diagnostics_words, report_words
-from plc_bridge.messages import Command, Refusal, Report, Result
+from plc_bridge.messages import Command, Refusal, Report
 from plc_bridge.modbus import ModbusServer
 from plc_bridge.modbus_tls import SecureModbusServer
 from plc_bridge.registers import DISCRETE_INPUTS, Parameter, table
 from plc_bridge.rtu import RtuServer
-
-_ERRORS = (Result.FAILURE, Result.FAULT, Result.REFUSED)
 
 
 class Bridge:
@@ -223,11 +221,5 @@ class Bridge:
     def discrete_inputs(self, source: str) -> list[bool]:
         """Return the discrete inputs, for a server."""
         with self._lock:
-            answer = self._handshake.answer(source)
-        bits = {
-            "busy": answer.is_busy,
-            "done": answer.result is Result.SUCCESS,
-            "error": answer.result in _ERRORS,
-            "command_aborted": answer.result is Result.ABORTED,
-        }
-        return [bits[name] for name in DISCRETE_INPUTS]
+            inputs = self._handshake.inputs(source)
+        return [getattr(inputs, name) for name in DISCRETE_INPUTS]

@@ -279,6 +279,7 @@ class CanopenNode:
         if is_stop:
             if self._anybody is not None:
                 self._anybody.write_bits(registers[0].address, [bool(data[0])])
+                self._anybody.write_bits(registers[0].address, [False])  # nobody would ever send the 0
             return
         words = []
         for register in registers:

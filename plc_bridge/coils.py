@@ -40,6 +40,11 @@ class Coils:
         edge, self.reset = _edge(self.reset, written.get("reset"))
         return edge
 
+    def take_stop(self, written: Mapping[str, bool]) -> bool:
+        """Take the coil `stop` if it is among those just written, and tell whether it rose."""
+        before, self.stop = self.stop, written.get("stop", self.stop)
+        return self.stop and not before
+
     def forget(self) -> None:
         """Let the next write count as the first; the stop stays what it is."""
         self.execute = self.reset = None

@@ -37,6 +37,9 @@ from plc_bridge.watchdog import Watchdog
 logger = logging.getLogger(__name__)
 
 
+_ERRORS = (Result.FAILURE, Result.FAULT, Result.REFUSED)
+
+
 @dataclass(frozen=True, slots=True)
 class Answer:
     """What the report tells one link about its own command."""
@@ -50,6 +53,16 @@ class Answer:
     lease: LeaseState
     report: Report
     """The state of the cell as published last, with the details of the run that `sequence` belongs to."""
+
+
+@dataclass(frozen=True, slots=True)
+class Inputs:
+    """The discrete inputs of one link, by name; all but the first are held until acknowledged."""
+
+    busy: bool
+    done: bool
+    error: bool
+    command_aborted: bool
 
 
 @dataclass(slots=True)
@@ -132,6 +145,7 @@ class Handshake:
         before, link.image = link.image, image
         if not link.watchdog.see(image.life, image.life_tail, now):
             self.counts.torn += 1
+            self._obey_torn_stop(link, image)
             return
         if is_numbered and link.numbers.must_adopt:
             self._resume(link, image)
@@ -146,17 +160,24 @@ class Handshake:
         self._expire(now)
         link = self._links[source]
         link.watchdog.heard = now
-        if coils.get("stop"):
+        if link.coils.take_stop(coils):
             self._stop(Order(Command(UNNUMBERED, Control.STOP, source=source)))
         image = link.image or CommandImage()
-        execute, reset = link.coils.take_execute(coils), link.coils.take_reset(coils)
         link.has_spoken |= bool(coils.keys() & {"execute", "reset"})
-        if execute is Edge.ROSE:
-            self._command(link, link.numbers.count_up(), image, now)
-        elif execute is Edge.LOW and link.shown is not None:
-            self._acknowledge(link, link.shown.sequence)
-        if reset is Edge.ROSE:
-            self._command(link, link.numbers.count_up(), replace(image, code=Control.RESET), now)
+        edge = link.coils.take_execute(coils)
+        link.executed = self._take_edge(link, edge, link.executed, image, now)
+        edge = link.coils.take_reset(coils)
+        link.resetting = self._take_edge(link, edge, link.resetting, replace(image, code=Control.RESET), now)
+
+    def _take_edge(self, link: Link, edge: Edge, before: Order | None, image: CommandImage, now: float) -> Order | None:
+        """Return what a coil asks for after a write of it, and before that write asked for `before`."""
+        if edge is Edge.ROSE:
+            return self._command(link, link.numbers.count_up(), image, now)
+        if edge is Edge.UNSEEN:
+            return self._refuse_new(link, link.numbers.count_up(), image, Refusal.ADOPTED)
+        if edge is Edge.LOW and before is not None and before.is_read:
+            self._end(before)
+        return before
 
     def submit(self, source: str, image: CommandImage, now: float) -> Refusal:
         """Ask for what a local user wants as the next number of `source`; return why it was refused, if it was."""
@@ -241,13 +262,27 @@ class Handshake:
         command = shown.command if shown is not None else Command(0, Control.NONE)
         return Answer(
             sequence=command.sequence,
-            result=shown.shown_result if shown is not None else Result.NONE,
+            result=shown.told_to(link) if shown is not None else Result.NONE,
             answered=answered.sequence if answered is not None else 0,
             refusal=answered.refusal if answered is not None else Refusal.NONE,
             code=command.code,
             is_busy=is_busy,
             lease=self._lease.state_for(link),
             report=self._report_of(shown),
+        )
+
+    def inputs(self, source: str) -> Inputs:
+        """Return the discrete inputs of `source`: they tell of what its coils asked for, or of its last number."""
+        link = self._links[source]
+        order = link.executed or link.shown
+        if order is None or not (order.is_under_way or order.shown_result is not Result.NONE):
+            order = link.resetting
+        result = order.told_to(link) if order is not None else Result.NONE
+        return Inputs(
+            busy=order is not None and order.is_under_way,
+            done=order is not None and order.is_program and result is Result.SUCCESS,
+            error=result in _ERRORS,
+            command_aborted=result is Result.ABORTED,
         )
 
     def _report_of(self, order: Order | None) -> Report:
@@ -263,6 +298,8 @@ class Handshake:
             self._refuse_late(link, image)
             return
         link.late = None
+        if verdict is not Verdict.SAME:
+            link.executed = link.resetting = None
         if verdict is Verdict.FIRST:
             self._adopt(link, image)
         elif verdict is Verdict.NEW:
@@ -282,9 +319,7 @@ class Handshake:
         elif image.code == Control.NONE:
             self._command_nothing(link, image.sequence, image)
         else:
-            order = Order(_command_of(link, image.sequence, image), link)
-            link.add(order)
-            self._refuse(order, Refusal.ADOPTED)
+            self._refuse_new(link, image.sequence, image, Refusal.ADOPTED)
 
     def _command(self, link: Link, sequence: int, image: CommandImage, now: float) -> Order:
         """Answer a number that counts, or pass it on to the scan thread."""
@@ -312,6 +347,8 @@ class Handshake:
         refusal = self._rules.refuse_code(image)
         if refusal is not Refusal.NONE:
             return refusal
+        if image.code != Control.HOLD and any(each.coils.stop for each in self._links.values()):
+            return Refusal.STOP_HELD
         if not self._lease.is_open_to(link):
             return Refusal.NOT_HOLDER
         if (self.is_busy and image.code not in CONTROLS) or self._orders.is_full:
@@ -324,6 +361,22 @@ class Handshake:
         link.add(order)
         self._decide(order)
         return order
+
+    def _refuse_new(self, link: Link, sequence: int, image: CommandImage, refusal: Refusal) -> Order:
+        """Answer a number with a refusal."""
+        order = Order(_command_of(link, sequence, image), link)
+        link.add(order)
+        self._refuse(order, refusal)
+        return order
+
+    def _obey_torn_stop(self, link: Link, image: CommandImage) -> None:
+        """Stop at once for a new number whose code says so, although it may not be that number's code.
+
+        The number is answered when the block is whole.
+        """
+        if image.code in STOPS and image.sequence not in (link.numbers.last, link.torn_stop):
+            link.torn_stop = image.sequence
+            self._stop(Order(Command(UNNUMBERED, image.code, source=link.source)))
 
     def _command_stop(self, link: Link, sequence: int, image: CommandImage) -> Order:
         order = Order(_command_of(link, sequence, image), link)
@@ -361,12 +414,17 @@ class Handshake:
         self._decide(order, Result.REFUSED, refusal)
 
     def _acknowledge(self, link: Link, sequence: int) -> None:
-        order = link.shown
-        if order is None or order.sequence != sequence or order.is_acknowledged or order.result is Result.NONE:
+        if link.shown is not None and link.shown.sequence == sequence:
+            self._end(link.shown)
+
+    def _end(self, order: Order) -> None:
+        """Take the result of `order` for read; the cell may leave its state COMPLETE."""
+        if order.is_acknowledged or order.result is Result.NONE:
             return
         order.is_acknowledged = True
         if order is self._seen:
-            self._orders.add(Order(Command(sequence, Control.ACKNOWLEDGE, source=link.source), is_decided=True))
+            told = Command(order.sequence, Control.ACKNOWLEDGE, source=order.command.source)
+            self._orders.add(Order(told, is_decided=True))
 
     # Leases, links that come back, and links that fall silent.
 
@@ -405,9 +463,7 @@ class Handshake:
         if image is None or image.sequence == numbers.last or numbers.must_adopt:
             return
         numbers.last = image.sequence
-        order = Order(_command_of(link, image.sequence, image), link)
-        link.add(order)
-        self._refuse(order, Refusal.TORN)
+        self._refuse_new(link, image.sequence, image, Refusal.TORN)
 
     @staticmethod
     def _is_watched(run: Order) -> bool:

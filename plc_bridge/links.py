@@ -34,6 +34,12 @@ class Link:
     coils: Coils = field(default_factory=Coils)
     shown: Order | None = None
     """The order whose result it reads; None before its first."""
+    executed: Order | None = None
+    """What its coil `execute` asked for last; None since it has sent a number."""
+    resetting: Order | None = None
+    """The same of its coil `reset`."""
+    torn_stop: int | None = None
+    """Number of a torn block whose stop was obeyed at once."""
     late: Order | None = None
     """The refusal of an old number, until the block holds the current one again."""
     told: Refusal = Refusal.NONE

@@ -43,6 +43,8 @@ class Refusal(IntEnum):
     """First sequence number after start, reconnect or a lost PLC: taken over, never run."""
     LATE = 10
     """Sequence number just behind the last one: an old write that arrived late."""
+    STOP_HELD = 11
+    """A stop coil is 1 somewhere: nothing starts, goes on or is reset before it falls."""
 
 
 class Control(IntEnum):

@@ -53,6 +53,11 @@ class Order:
         """Return the result until it is acknowledged."""
         return Result.NONE if self.is_acknowledged else self.result
 
+    def told_to(self, link: "Link") -> Result:
+        """Return the result until it is acknowledged, and remember when its own link was told."""
+        self.is_read |= link is self.link and self.result is not Result.NONE
+        return self.shown_result
+
     def decide(self, result: Result = Result.NONE, refusal: Refusal = Refusal.NONE) -> None:
         """Take what became of it."""
         self.is_decided, self.result, self.refusal = True, result, refusal

@@ -29,6 +29,10 @@ from plc_bridge.registers import COILS, VERSION, Lease
 logging.getLogger("pymodbus.logging").setLevel(logging.CRITICAL)  # what it would log is raised here
 
 
+FAR = 0x8000
+"""Between the first number of a new client and that of the run which the cell reports."""
+
+
 class CellSilentError(CellError):
     """The cell cannot be reached, or does not answer in time."""
 
@@ -84,13 +88,25 @@ class PlcPeer(ABC):
         """Write the command block."""
 
     def connect(self) -> ReportImage:
-        """Connect, go on from the sequence number that the cell reports, and return the report.
+        """Connect as a new client, whose number is far from that of any run, and return the report.
 
         Raises:
             CellSilentError: Nothing answers there.
         """
+        return self._begin(FAR)
+
+    def resume(self) -> ReportImage:
+        """Connect and go on with the run of an earlier connection of this computer; return the report.
+
+        Raises:
+            CellSilentError: Nothing answers there.
+        """
+        return self._begin(0)
+
+    def _begin(self, ahead: int) -> ReportImage:
+        """Connect and let a number be adopted, so far ahead of the one that the cell reports."""
         self._open()
-        sequence = self.read_report().sequence
+        sequence = (self.read_report().sequence + ahead) % 0x10000
         self._image = CommandImage(sequence=sequence, version=VERSION)
         return self.cycle()
 

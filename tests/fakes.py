@@ -186,6 +186,7 @@ class FakePlc:
     def stop(self) -> None:
         """Set the stop coil for a moment."""
         self._bridge.switched("plc", {"stop": True})
+        self._bridge.switched("plc", {"stop": False})
 
     def acknowledge(self) -> None:
         """Say that the result has been read."""

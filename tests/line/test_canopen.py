@@ -288,7 +288,7 @@ def test_a_run_in_another_process_stops_when_the_heartbeat_of_the_plc_ends(tmp_p
                 with pytest.raises(CellSilentError, match="PRE-OPERATIONAL"):
                     peer.wait_for_result(PATIENCE)
                 peer.close()
-                peer.connect()
+                peer.resume()
                 report = peer.wait_for_result(PATIENCE)
             assert (report.result, report.fault) == (Result.FAULT, FaultCode.PLC_LOST)
         finally:

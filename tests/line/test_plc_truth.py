@@ -1,107 +1,13 @@
-"""What a PLC reads is true when it reads it: words and bits on a wire, against the real bridge and supervisor."""
+"""What a PLC reads is true when it reads it: numbers on a wire, against the real bridge and supervisor."""
 
-import socket
 import struct
-import time
 
 import pytest
 
 from cell.states import State
-from plc_bridge.config import ModbusConfig, PlcConfig
-from plc_bridge.images import REPORT, report_image
-from plc_bridge.messages import Control, Refusal, Result
-from plc_bridge.registers import COILS, DISCRETE_INPUTS
-from tests.quick_cell import CODE, quick_cell
-
-PATIENCE = 10.0  # s
-HEADER = struct.Struct(">HHHB")
-AT = {register.name.removeprefix("report_"): register.address for register in REPORT.registers}
-CALM = PlcConfig(life_timeout=60.0, lease_timeout=60.0, modbus=ModbusConfig(port=0))
-
-
-class Wire:
-    """A Modbus TCP connection that says what a test wants it to, several requests in one segment too."""
-
-    def __init__(self, address):
-        self.socket = socket.create_connection(address, timeout=PATIENCE)
-        self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-
-    def close(self):
-        self.socket.close()
-
-    def ask(self, *pdus):
-        """Send requests in one segment and return the answers."""
-        self.socket.sendall(b"".join(HEADER.pack(n, 0, len(pdu) + 1, 1) + pdu for n, pdu in enumerate(pdus)))
-        return [self._receive(HEADER.unpack(self._receive(HEADER.size))[2] - 1) for _ in pdus]
-
-    def _receive(self, size):
-        data = b""
-        while len(data) < size:
-            more = self.socket.recv(size - len(data))
-            assert more, "closed"
-            data += more
-        return data
-
-    def order(self, *commands):
-        """Send (sequence, code) pairs, each in a request of its own, in one segment."""
-        return self.ask(*(struct.pack(">BHHBHH", 16, 1, 2, 4, *command) for command in commands))
-
-    def coil(self, name, value):
-        self.ask(coil(name, value))
-
-    def report(self):
-        (answer,) = self.ask(struct.pack(">BHH", 4, REPORT.start, REPORT.words))
-        return report_image(struct.unpack(f">{REPORT.words}H", answer[2:]))
-
-    def bits(self):
-        """Return the names of the discrete inputs that are 1."""
-        (answer,) = self.ask(struct.pack(">BHH", 2, 0, len(DISCRETE_INPUTS)))
-        return {name for name, place in DISCRETE_INPUTS.items() if answer[2] >> place & 1}
-
-    def until(self, is_met):
-        """Return the first report for which `is_met` holds."""
-        deadline = time.monotonic() + PATIENCE
-        while not is_met(report := self.report()):
-            assert time.monotonic() < deadline, report
-        return report
-
-    def answer(self, sequence):
-        """Return the report that first answers a number."""
-        return self.until(lambda report: report.answered == sequence)
-
-
-def coil(name, value):
-    return struct.pack(">BHH", 5, COILS[name], 0xFF00 if value else 0)
-
-
-@pytest.fixture
-def served(loaded, tmp_path):
-    with quick_cell(loaded, CALM, tmp_path) as served:
-        yield served
-
-
-@pytest.fixture
-def connect(served):
-    opened = []
-
-    def connect():
-        opened.append(Wire(served.bridge.address))
-        return opened[-1]
-
-    yield connect
-    for wire in opened:
-        wire.close()
-
-
-@pytest.fixture
-def plc(connect):
-    return connect()
-
-
-def stopped(plc):
-    plc.order((1, Control.NONE), (2, Control.STOP))
-    return plc.until(lambda report: report.state == State.STOPPED)
-
+from plc_bridge.messages import Control, LeaseState, Refusal, Result
+from tests.plc_wire import block, stopped
+from tests.quick_cell import CODE
 
 # One order from the wire to the scan.
 
@@ -154,3 +60,56 @@ def test_what_belongs_to_another_run_never_stands_beside_the_own_result(plc, con
     assert other.until(lambda report: report.result == Result.SUCCESS).run == own.run + 1
     again = plc.report()
     assert (again.sequence, again.result, again.run, again.stage_times) == (2, Result.SUCCESS, own.run, own.stage_times)
+
+
+# Torn writes, and whose run it is.
+
+
+@pytest.mark.parametrize("code", [Control.STOP, Control.ABORT])
+def test_a_stop_by_code_passes_although_the_block_is_torn(plc, served, code):
+    served.program.may_end.clear()
+    block(plc, life=1, sequence=1)
+    block(plc, life=2, sequence=2, code=CODE)
+    plc.until(lambda report: report.state == State.EXECUTE)
+    block(plc, life=3, sequence=3, code=code, life_tail=2)
+    report = plc.until(lambda report: report.result != Result.NONE)
+    assert (report.sequence, report.result) == (2, Result.ABORTED)
+
+
+def test_a_torn_stop_is_answered_once_its_block_is_whole(plc):
+    block(plc, life=1, sequence=1)
+    block(plc, life=2, sequence=2, code=Control.STOP, life_tail=1)
+    plc.until(lambda report: report.state == State.STOPPED)
+    assert plc.report().answered == 1
+    block(plc, life=2, sequence=2, code=Control.STOP)
+    assert (plc.answer(2).refusal, plc.report().result) == (Refusal.NONE, Result.SUCCESS)
+
+
+def test_a_torn_block_whose_code_is_the_last_stop_is_not_answered_as_if_it_were_that(plc, served):
+    block(plc, life=1, sequence=1)
+    block(plc, life=2, sequence=2, code=Control.STOP)
+    plc.until(lambda report: report.state == State.STOPPED)
+    block(plc, life=3, sequence=3, code=Control.STOP, life_tail=2)
+    block(plc, life=3, sequence=3, code=CODE)
+    report = plc.answer(3)
+    assert (report.refusal, report.result) == (Refusal.NOT_READY, Result.REFUSED)
+
+
+def test_an_hmi_beside_the_plc_does_not_inherit_its_run(connect, served):
+    served.program.may_end.clear()
+    plc, hmi = connect(), connect()
+    hmi.order((7, Control.NONE))
+    plc.order((1, Control.NONE), (2, CODE))
+    run = plc.until(lambda report: report.state == State.EXECUTE)
+    plc.close()
+    late = connect()
+    for wire, number in ((hmi, 8), (late, 9)):
+        wire.order((number, Control.NONE))
+        report = wire.report()
+        assert (report.sequence, report.lease) == (number, LeaseState.TAKEN)
+    again = connect()
+    again.order((2, CODE))
+    served.program.may_end.set()
+    report = again.until(lambda report: report.result != Result.NONE)
+    assert (report.sequence, report.result, report.run) == (2, Result.SUCCESS, run.run)
+    assert report.lease == LeaseState.YOURS

@@ -1,7 +1,7 @@
 import pytest
 
 from cell.line import CONTROLS
-from cell.states import ASKED, TRANSITIONS, Event, State, after, is_permitted
+from cell.states import ASKED, TRANSITIONS, Event, State, after, is_permitted, is_reached
 from plc_bridge.messages import Transition
 
 WAITING = {State.STOPPED, State.IDLE, State.SUSPENDED, State.ABORTED, State.HELD, State.COMPLETE}
@@ -53,3 +53,16 @@ def test_line_and_terminal_name_the_controls_as_the_states_do():
     names = [event.name for event in ASKED]
     assert [(word.upper(), control.name) for word, control in CONTROLS.items()] == [(name, name) for name in names]
     assert set(Transition.__members__) == {event.name for event in Event} - {"FINISHED"}
+
+
+@pytest.mark.parametrize(
+    ("event", "states"),
+    [
+        (Event.STOP, [State.STOPPED, State.STOPPING]),
+        (Event.ABORT, [State.ABORTING, State.ABORTED]),
+        (Event.RESET, []),
+        (Event.HOLD, []),
+    ],
+)
+def test_whoever_stops_a_stopped_cell_asks_for_what_is(event, states):
+    assert [state for state in State if is_reached(state, event)] == states

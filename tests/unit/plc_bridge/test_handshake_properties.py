@@ -165,6 +165,7 @@ class RoughLine:
     def stop(self, plc, n):
         self.stopped |= {image.serial for each in self.plcs.values() for image in each.arrived}
         self.handshake.switched(plc.link, {"stop": True}, self.now)
+        self.handshake.switched(plc.link, {"stop": False}, self.now)
         self.scan(plc, n)
         assert self.running is None
 
@@ -175,6 +176,7 @@ class RoughLine:
             return
         before = self.answers()
         self.handshake.switched(plc.link, {"stop": True}, self.now)
+        self.handshake.switched(plc.link, {"stop": False}, self.now)
         self.handshake.refuse(self.handshake.poll(self.now), Refusal.NOT_READY)
         assert self.answers() == before
 

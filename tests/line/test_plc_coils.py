@@ -1,0 +1,148 @@
+"""What the coils of a plain ladder do, and that `done` is never false: bits on a wire, against bridge and supervisor."""
+
+import pytest
+
+from cell.states import State
+from plc_bridge.images import CommandImage
+from plc_bridge.messages import Control, Refusal, Result
+from tests.plc_wire import ladder, stopped, until, until_bits
+from tests.quick_cell import CODE
+
+# Done belongs to a run that this rising edge started.
+
+
+def test_execute_after_a_stop_and_a_reset_is_done_only_after_its_own_run(plc, served):
+    ladder(plc)
+    plc.coil("stop", 1)
+    plc.coil("stop", 0)
+    plc.until(lambda report: report.state == State.STOPPED)
+    for value in (0, 1, 0):
+        plc.coil("reset", value)
+    plc.until(lambda report: report.state == State.IDLE)
+    assert plc.bits() == set()
+    served.program.may_end.clear()
+    plc.coil("execute", 0)
+    plc.coil("execute", 1)
+    assert plc.bits() == {"busy"}
+    plc.until(lambda report: report.run == 1)
+    served.program.may_end.set()
+    until_bits(plc, "done")
+    plc.coil("execute", 0)
+    assert plc.bits() == set()
+
+
+def test_execute_that_is_1_in_its_first_write_is_an_error_with_a_reason(plc, served):
+    ladder(plc)
+    plc.coil("execute", 1)
+    assert (plc.bits(), plc.report().refusal) == ({"error"}, Refusal.ADOPTED)
+    plc.coil("execute", 0)
+    assert plc.bits() == set()
+    plc.coil("execute", 1)
+    until_bits(plc, "done")
+    assert len(served.program.runs) == 1
+
+
+def test_reset_that_is_1_in_its_first_write_is_an_error_with_a_reason(plc):
+    stopped(plc)
+    plc.coil("reset", 1)
+    assert (plc.bits(), plc.report().refusal, plc.report().state) == ({"error"}, Refusal.ADOPTED, State.STOPPED)
+    plc.coil("reset", 0)
+    assert plc.bits() == set()
+    plc.coil("reset", 1)
+    plc.until(lambda report: report.state == State.IDLE)
+    assert plc.bits() == set()
+
+
+@pytest.mark.parametrize("is_over", [True, False])
+def test_a_new_connection_does_not_show_what_the_one_before_had_done(connect, served, is_over):
+    first = connect()
+    served.program.may_end.clear()
+    ladder(first)
+    first.coil("execute", 0)
+    first.coil("execute", 1)
+    first.until(lambda report: report.state == State.EXECUTE)
+    if is_over:
+        served.program.may_end.set()
+        until_bits(first, "done")
+    first.close()
+    again = connect()
+    assert again.bits() == set()
+    ladder(again)
+    again.coil("execute", 1)
+    assert again.bits() == {"error"}
+    served.program.may_end.set()
+    again.until(lambda report: report.state == State.COMPLETE)
+    assert again.bits() == {"error"}
+
+
+def test_another_edge_while_busy_is_an_error_and_never_done(plc, served):
+    served.program.may_end.clear()
+    ladder(plc)
+    for value in (0, 1, 0, 1):
+        plc.coil("execute", value)
+    assert (plc.bits(), plc.report().refusal) == ({"error"}, Refusal.BUSY)
+    served.program.may_end.set()
+    plc.until(lambda report: report.state == State.COMPLETE)
+    assert plc.bits() == {"error"}
+    plc.coil("execute", 0)
+    plc.coil("execute", 1)
+    until_bits(plc, "done")
+    assert len(served.program.runs) == 2
+
+
+def test_done_waits_for_its_reader_when_execute_fell_before_the_end(plc, connect, served):
+    other = connect()
+    served.program.may_end.clear()
+    ladder(plc)
+    for value in (0, 1, 0):
+        plc.coil("execute", value)
+    assert plc.bits() == {"busy"}
+    served.program.may_end.set()
+    other.until(lambda report: report.state == State.COMPLETE)
+    plc.coil("execute", 0)
+    assert plc.bits() == {"done"}
+    plc.coil("execute", 0)
+    assert plc.bits() == set()
+
+
+# A stop is a level.
+
+
+@pytest.mark.parametrize("code", [CODE, Control.RESET, Control.CLEAR, Control.UNHOLD])
+def test_while_a_stop_coil_is_1_nothing_starts_or_resets_whoever_asks(plc, connect, served, code):
+    other = connect()
+    plc.order((1, Control.NONE))
+    other.coil("stop", 1)
+    plc.until(lambda report: report.state == State.STOPPED)
+    plc.order((2, code))
+    report = plc.answer(2)
+    assert (report.refusal, report.result, report.state) == (Refusal.STOP_HELD, Result.REFUSED, State.STOPPED)
+    assert served.program.runs == []
+
+
+def test_when_the_stop_coil_falls_reset_and_start_are_obeyed(plc, connect, served):
+    other = connect()
+    plc.order((1, Control.NONE))
+    other.coil("stop", 1)
+    plc.until(lambda report: report.state == State.STOPPED)
+    other.coil("stop", 0)
+    plc.order((2, Control.RESET), (3, CODE))
+    assert plc.until(lambda report: report.sequence == 3 and report.result != Result.NONE).result == Result.SUCCESS
+
+
+def test_a_stop_coil_falls_with_its_connection(plc, connect, served):
+    other = connect()
+    plc.order((1, Control.NONE))
+    other.coil("stop", 1)
+    plc.until(lambda report: report.state == State.STOPPED)
+    other.close()
+    until(lambda: served.bridge.diagnostics.connections == 1)
+    plc.order((2, Control.RESET))
+    assert plc.answer(2).refusal == Refusal.NONE
+
+
+def test_a_terminal_is_refused_by_a_stop_coil_too(plc, served):
+    plc.coil("stop", 1)
+    plc.until(lambda report: report.state == State.STOPPED)
+    assert served.bridge.take("terminal")
+    assert served.bridge.submit("terminal", CommandImage(code=Control.RESET)) is Refusal.STOP_HELD

@@ -1,0 +1,97 @@
+"""A PLC's words and bits on Modbus TCP, as a test wants them: single writes, torn blocks, several requests in one segment."""
+
+import socket
+import struct
+import time
+
+from cell.states import State
+from plc_bridge.images import COMMAND, REPORT, CommandImage, command_words, report_image
+from plc_bridge.messages import Control
+from plc_bridge.registers import COILS, DISCRETE_INPUTS
+from tests.quick_cell import CODE
+
+PATIENCE = 10.0  # s
+HEADER = struct.Struct(">HHHB")
+
+
+class Wire:
+    """A Modbus TCP connection that says what a test wants it to, several requests in one segment too."""
+
+    def __init__(self, address):
+        self.socket = socket.create_connection(address, timeout=PATIENCE)
+        self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+    def close(self):
+        self.socket.close()
+
+    def ask(self, *pdus):
+        """Send requests in one segment and return the answers."""
+        self.socket.sendall(b"".join(HEADER.pack(n, 0, len(pdu) + 1, 1) + pdu for n, pdu in enumerate(pdus)))
+        return [self._receive(HEADER.unpack(self._receive(HEADER.size))[2] - 1) for _ in pdus]
+
+    def _receive(self, size):
+        data = b""
+        while len(data) < size:
+            more = self.socket.recv(size - len(data))
+            assert more, "closed"
+            data += more
+        return data
+
+    def order(self, *commands):
+        """Send (sequence, code) pairs, each in a request of its own, in one segment."""
+        return self.ask(*(struct.pack(">BHHBHH", 16, 1, 2, 4, *command) for command in commands))
+
+    def coil(self, name, value):
+        self.ask(coil(name, value))
+
+    def report(self):
+        (answer,) = self.ask(struct.pack(">BHH", 4, REPORT.start, REPORT.words))
+        return report_image(struct.unpack(f">{REPORT.words}H", answer[2:]))
+
+    def bits(self):
+        """Return the names of the discrete inputs that are 1."""
+        (answer,) = self.ask(struct.pack(">BHH", 2, 0, len(DISCRETE_INPUTS)))
+        return {name for name, place in DISCRETE_INPUTS.items() if answer[2] >> place & 1}
+
+    def until(self, is_met):
+        """Return the first report for which `is_met` holds."""
+        deadline = time.monotonic() + PATIENCE
+        while not is_met(report := self.report()):
+            assert time.monotonic() < deadline, report
+        return report
+
+    def answer(self, sequence):
+        """Return the report that first answers a number."""
+        return self.until(lambda report: report.answered == sequence)
+
+
+def until(is_met):
+    deadline = time.monotonic() + PATIENCE
+    while not is_met():
+        assert time.monotonic() < deadline
+
+
+def block(wire, life, life_tail=None, **what):
+    """Write the whole command block, torn where its tail is given."""
+    image = CommandImage(life=life, life_tail=life if life_tail is None else life_tail, **what)
+    words = command_words(image)
+    wire.ask(struct.pack(f">BHHB{len(words)}H", 16, COMMAND.start, len(words), 2 * len(words), *words))
+
+
+def coil(name, value):
+    return struct.pack(">BHH", 5, COILS[name], 0xFF00 if value else 0)
+
+
+def stopped(plc):
+    """Bring the cell into its state STOPPED, and leave the number 2 behind."""
+    plc.order((1, Control.NONE), (2, Control.STOP))
+    return plc.until(lambda report: report.state == State.STOPPED)
+
+
+def ladder(plc):
+    """Let a connection be that of a plain ladder, which has only its code in the block."""
+    plc.ask(struct.pack(">BHH", 6, 2, CODE))
+
+
+def until_bits(plc, *names):
+    until(lambda: plc.bits() == set(names))
