@@ -120,8 +120,8 @@ def _calibration(path: Path, layout: Layout) -> SkinCalibration:
 def make_tracker(config: CellConfig) -> Tracker:
     """Return what keeps theta from frame to frame."""
     smoothing = config.smoothing
-    if config.peg.shape == "square" and config.square is not None:
-        smoothing = smoothing.model_copy(update={"blend": config.square.blend})
+    if (blend := config.handling().blend) is not None:
+        smoothing = smoothing.model_copy(update={"blend": blend})
     return Observer(config.observer) if smoothing.method == "observer" else Blend(smoothing)
 
 
@@ -270,7 +270,7 @@ def _require_wire(path: Path, found: str, wanted: str) -> None:
 
 
 def bench_skin(config: CellConfig, rod_half: float) -> "tuple[Skin, Clock, Bench]":
-    """Return the cell's skin on a bench with a rod of the peg's diameter, `rod_half` m to either side, and its clock.
+    """Return the cell's skin on a bench with a rod as thick as the peg, `rod_half` m to either side, and its clock.
 
     Raises:
         ConfigError: The skin is no simulated one.
@@ -280,7 +280,7 @@ def bench_skin(config: CellConfig, rod_half: float) -> "tuple[Skin, Clock, Bench
 
     if config.sim is None or config.contact is None or config.grip is None or not config.is_skin_simulated():
         raise ConfigError("a bench needs a simulated skin or an emulated board")
-    bench = Bench(config.peg.diameter, rod_half)
+    bench = Bench(config.peg.part.thickness, rod_half)
     drawn = draw(config.job(), config.contact, config.grip, config.sim.seed)
     felt = _world_skin(config, bench, drawn.skin)
     return felt.skin, felt.clock, bench

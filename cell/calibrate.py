@@ -33,7 +33,7 @@ RECOVERY = 3.0
 def calibrate_skin(
     config: CellConfig, today: date, turned: Callable[[int, int], None], ask: Callable[[str], object] = input
 ) -> SkinCalibration:
-    """Sweep a rod of the peg's diameter over half a turn, and return what that tells.
+    """Sweep a rod as thick as the peg over half a turn, and return what that tells.
 
     A simulated skin, or an emulated board, is swept on a bench; of a real one somebody has to hold the rod.
 
@@ -64,7 +64,7 @@ def calibrate_skin(
         readings, trusted = sweep(skin, clock, rod_in_hand, angles, period, turned)
     finally:
         skin.close()
-    rod = Peg(diameter=config.peg.diameter, length=ROD_HALF, overhang=ROD_HALF, mass=config.peg.mass)
+    rod = Peg(diameter=config.peg.part.thickness, length=ROD_HALF, overhang=ROD_HALF, mass=config.peg.mass)
     try:
         found = fit_gains(angles.tolist(), readings, trusted, rod, config.skin.layout)
     except ValueError as error:

@@ -18,7 +18,8 @@ from drivers.arm.model import ArmModel, read_arm
 from drivers.config_model import ConfigModel, FilePath
 from drivers.errors import ConfigError
 from drivers.gripper.franka_config import FrankaGripperConfig
-from drivers.parts import Hole, Job, Peg, Rack
+from drivers.part.shapes import follow_shape
+from drivers.parts import Hole, Job, Peg, Rack, require_fit
 from drivers.skin.board_config import EMULATED, CanSkinConfig, SerialSkinConfig
 from drivers.switch.board_config import SerialSwitchConfig
 from plc_bridge.config import PlcConfig
@@ -32,12 +33,13 @@ from sim.config import (
     SimSkinConfig,
     SimSwitchConfig,
 )
-from skills.catalogue import CATALOGUE, GRASP, SEARCH
+from skills.catalogue import ADJUST, CATALOGUE, GRASP, INSERT, SEARCH
 from skills.contract import Limits, SkillParams
+from skills.corner import CornerParams
 from skills.entry import Skill, SkillSet
+from skills.handling import WAYS, Handling, Sections, handling
 from skills.motion import Gains
 from skills.spray_search import TOUCHED_TIME
-from skills.square import SquareParams
 from skills.tactile.blend import Smoothing
 from skills.tactile.estimators import ESTIMATORS, EstimatorEntry
 from skills.tactile.observer import ObserverParams
@@ -51,8 +53,10 @@ ARMS = SHIPPED / "arms"
 """Where the files of figures of the arms are that come with the program."""
 NOT_INHERITED = (("limits", "force"), ("limits", "low"), ("limits", "high"), ("hole", "centre"), ("rack", "first"))
 """What a cell says itself, whatever its base says: what it may do, and where its parts stand."""
-RECIPE_SECTIONS = frozenset({"preset", "peg", "hole", "rack", "square", *(skill.section for skill in CATALOGUE.skills)})
+RECIPE_SECTIONS = frozenset({"preset", "peg", "hole", "rack", "corner", *(skill.section for skill in CATALOGUE.skills)})
 """What a recipe may say: the part, its place and how to handle it; never the hardware."""
+RENAMED = {"square": "corner"}
+"""Sections of files of an older layout, and what they are called now."""
 
 
 class JournalConfig(ConfigModel):
@@ -108,8 +112,8 @@ class CellConfig(Catalogued):
     peg: Peg
     hole: Hole
     rack: Rack
-    square: SquareParams | None = None
-    """What a square peg takes instead; needed where there is one."""
+    corner: CornerParams | None = None
+    """What a peg with corners takes instead; needed where there is one."""
     arm: Annotated[SimArmConfig | FrankaArmConfig, Field(discriminator="kind")]
     gripper: Annotated[SimGripperConfig | FrankaGripperConfig, Field(discriminator="kind")]
     skin: Annotated[SimSkinConfig | CanSkinConfig | SerialSkinConfig, Field(discriminator="kind")]
@@ -127,12 +131,10 @@ class CellConfig(Catalogued):
     @model_validator(mode="after")
     def _fits(self) -> Self:
         peg, hole, rack = self.peg, self.hole, self.rack
-        if peg.diameter >= hole.diameter:
-            raise ValueError(
-                f"peg.diameter = {peg.diameter}: thicker than the hole; less than hole.diameter = {hole.diameter} allowed"
-            )
-        if peg.shape == "square" and self.square is None:
-            raise ValueError('[square]: missing; needed because peg.shape = "square"')
+        require_fit(peg, hole)
+        section = WAYS[peg.part.kind].section
+        if getattr(self, section) is None:
+            raise ValueError(f'[{section}]: missing; needed because peg.shape = "{peg.shape}"')
         for name, depth in (("hole.depth", hole.depth), ("rack.depth", rack.depth)):
             if depth >= peg.length:
                 raise ValueError(
@@ -203,9 +205,10 @@ class CellConfig(Catalogued):
             raise ValueError(
                 f"sim.timestep = {self.sim.timestep}: does not divide the arm's control period of {period} s; a part of it allowed"
             )
-        if self.sim is not None and self.peg.shape == "square" and self.sim.model.hole not in ("exact", "unpredicted"):
+        if self.sim is not None and not self.sim.model.has_hole_for(self.peg.part):
             raise ValueError(
-                f'sim.model.hole = "{self.sim.model.hole}": facets round a hole, and peg.shape = "square"; "exact" allowed'
+                f'sim.model.hole = "{self.sim.model.hole}": facets round a hole, and peg.shape = "{self.peg.shape}";'
+                ' "exact" allowed'
             )
         if self.sim is not None and not self.hole.present and self.sim.model.hole not in ("exact", "unpredicted"):
             raise ValueError(
@@ -219,12 +222,13 @@ class CellConfig(Catalogued):
 
     def place(self) -> Place:
         """Return where and how the arm works with a peg that the skin steers."""
-        search, square = self.params(SEARCH), self.square if self.peg.shape == "square" else None
+        search = self.handling().search
         return Place(
             arm=self.arm_model(),
             tip=self.hole.centre,
+            part=self.peg.part,
             lean=search.lean,
-            tilt=search.tilt if square is None else square.tilt,
+            tilt=search.tilt,
             elbow=search.transfer.elbow,
             length=self.peg.length,
         )
@@ -271,18 +275,20 @@ class CellConfig(Catalogued):
             for skill in CATALOGUE.skills
             for name in skill.steered
         }
-        if self.peg.shape == "square" and self.square is not None:
-            found |= {"square.insert.gains": self.square.insert.gains, "square.adjust.gains": self.square.adjust.gains}
-        return found
+        return found | dict(self.handling().steered)
 
     def skill_set(self) -> SkillSet:
         """Return the parameters of every skill."""
-        square = self.square if self.peg.shape == "square" else None
         return SkillSet(
             sections={skill.section: self.params(skill) for skill in CATALOGUE.skills},
-            square=square,
-            retries=self.retries if square is None else square.retries,
+            corner=self.corner,
+            retries=self.handling().retries,
         )
+
+    def handling(self) -> Handling:
+        """Return how the cell's own part is handled."""
+        sections = Sections(self.params(SEARCH), self.params(INSERT), self.params(ADJUST), self.corner, self.retries)
+        return handling(self.peg.part, sections)
 
     def job(self, slot: int = 0) -> Job:
         """Return the part and its place, taken from the rack's `slot`."""
@@ -366,6 +372,7 @@ def with_parameters(config: CellConfig, parameters: Iterable[tuple[str, Any]]) -
     if not parameters:
         return config
     merged = config.model_dump()
+    layer: dict[str, Any] = {}
     source: dict[tuple[str, ...], str] = {}
     for name, value in parameters:
         place = tuple(name.split("."))
@@ -373,7 +380,8 @@ def with_parameters(config: CellConfig, parameters: Iterable[tuple[str, Any]]) -
             raise ConfigError(
                 f"parameter {name}: not for a command; keys of {', '.join(sorted(RECIPE_SECTIONS))} allowed"
             )
-        _lay_over(merged, _nested(place, value), "parameter", source)
+        _lay_over(layer, _nested(place, value), "parameter", {})
+    _lay_layer(merged, layer, "parameter", source)
     return _validated(merged, source, "parameter")
 
 
@@ -422,15 +430,17 @@ def _merge(
         if name not in RECIPE_SECTIONS:
             raise ConfigError(f"{recipe}: {name}: not for a recipe; {', '.join(sorted(RECIPE_SECTIONS))} allowed")
     for name, tree in layers:
-        _lay_over(merged, tree, name, source)
+        _lay_layer(merged, tree, name, source)
     preset = {**merged, **part, **{keyed[0]: value for keyed, value in keys if len(keyed) == 1}}.get("preset", "")
     if preset != "":
         file = _find_preset(path, preset)
-        _lay_over(merged, read_toml(file), str(file), source)
-    _lay_over(merged, part, str(recipe), source)
+        _lay_layer(merged, read_toml(file), str(file), source)
+    _lay_layer(merged, part, str(recipe), source)
     merged["preset"] = preset
+    single: dict[str, Any] = {}
     for keyed, value in keys:
-        _lay_over(merged, _nested(keyed, value), "--set", source)
+        _lay_over(single, _nested(keyed, value), "--set", {})
+    _lay_layer(merged, single, "--set", source)
     return _validated(merged, source, str(path), path.parent)
 
 
@@ -462,6 +472,20 @@ def _find_preset(path: Path, name: Any) -> Path:
         allowed = ", ".join(f'"{k}"' for k in sorted(known)) or "none"
         raise ConfigError(f"preset = {name!r}: no such file in presets/; {allowed} allowed")
     return known[name]
+
+
+def _lay_layer(below: dict[str, Any], above: Mapping[str, Any], name: str, source: dict[tuple[str, ...], str]) -> None:
+    """Merge a whole layer into what is below it; a size that it keeps is then said in the word of the peg's shape."""
+    for old, new in RENAMED.items():
+        if old in above:
+            raise ConfigError(f"{name}: [{old}]: is called [{new}] now")
+    _lay_over(below, above, name, source)
+    try:
+        renamed = follow_shape(below, above)
+    except ValueError as error:
+        raise ConfigError(f"{name}: {error}") from None
+    for section, old, new in renamed:
+        source[section, new] = source.pop((section, old), name)
 
 
 def _lay_over(

@@ -41,6 +41,10 @@ def explain(
             # A check across sections names its key itself.
             named = tuple(text.split(" = ")[0].split("."))
             return f"{source.get(named, file)}: {text}"
+        within = (*place, *text.split(" = ")[0].split("."))
+        if within in source:
+            # A check within a section that names its key itself.
+            return f"{source[within]}: {key}.{text}"
         return f"{origin}: {key}: {text}"
     return f"{origin}: {key} = {found!r}: {allowed(schema)} allowed{_hint(found, schema)}"
 

@@ -14,8 +14,9 @@ from cell.sampled_loop import largest_factor, one_period, radius
 from drivers.arm.inertia import tip_inertia
 from drivers.arm.kinematics import joints_at
 from drivers.arm.model import ArmModel
+from drivers.part.contract import Part
 from drivers.quantities import Vector
-from skills.motion import Gains, tilted
+from skills.motion import Gains
 
 MARGIN = 1.2
 """A gain must stay stable when it is so many times as large, its damping as it is."""
@@ -33,8 +34,10 @@ class Place:
     arm: ArmModel
     tip: tuple[float, float, float]
     """End point of the peg, m, base frame."""
+    part: Part
+    """Cross-section of the peg, which decides over what it leans."""
     lean: float
-    """Azimuth that the peg leans to in the search, rad."""
+    """Azimuth of the closing axis in the search, were the peg upright, rad."""
     tilt: float
     """Tilt of the peg from the vertical in the search, rad; after it the peg is upright."""
     elbow: float
@@ -100,5 +103,5 @@ def inertias(place: Place) -> tuple[Vector, Vector]:
 
 @lru_cache(maxsize=64)
 def _joints(place: Place, tilt: float) -> Vector | None:
-    axis, closing = tilted(place.lean, tilt)
+    axis, closing = place.part.leaning(place.lean, tilt)
     return joints_at(place.arm, np.array(place.tip), axis, closing, place.length, place.elbow)

@@ -6,6 +6,7 @@ from pydantic import Field, NonNegativeInt
 
 from drivers.arm.model import ArmName
 from drivers.config_model import ConfigModel
+from drivers.part.contract import Part
 from drivers.parts import Fraction
 from drivers.quantities import FINGERS, TAXELS
 from drivers.skin.health import SkinHealthConfig
@@ -138,6 +139,10 @@ class GripConfig(ConfigModel):
     """How far the peg slides into the hand unnoticed when it is first pushed, m."""
 
 
+HOLES = {"round": {"exact", "unpredicted", "flats", "boxes"}, "rectangular": {"exact", "unpredicted"}}
+"""Models of the hole of each kind of part: facets stand round a hole."""
+
+
 class ModelConfig(ConfigModel):
     """How much of the physics is modelled; the defaults are what `cell study contact` argues for."""
 
@@ -157,6 +162,10 @@ class ModelConfig(ConfigModel):
     """The whole arm, or what it is without the friction of its joints: an inertia at the tool that the law moves."""
     grip: Literal["hinge", "pads"] = "hinge"
     """How the hand holds the peg: on a hinge with the pads' friction, or between rigid pads in contact."""
+
+    def has_hole_for(self, part: Part) -> bool:
+        """Whether this model of the hole serves such parts."""
+        return self.hole in HOLES[part.kind]
 
 
 class SimConfig(ConfigModel):

@@ -74,7 +74,7 @@ def measure(kind: str, arm: ArmModel, job: Job) -> HandRow:
 
 
 def _rigid(job: Job) -> HandRow:
-    peg, hole = job.peg.diameter, job.hole.diameter
+    peg, hole = job.peg.part.thickness, job.hole.part.thickness
     worst, penetration, spent = -1.0, 0.0, 0.0
     for degrees in TILTS:
         tilt = math.radians(degrees)
@@ -182,10 +182,10 @@ def _depths(peg: float, hole: float) -> tuple[Vector, Vector]:
 
 def _excess(job: Job, end: Vector, lean: float) -> float:
     """Return how much deeper the peg is than it can be at its tilt, relative; -1 where it is not at the hole."""
-    if math.hypot(end[0], end[1]) > job.hole.diameter:
+    if math.hypot(end[0], end[1]) > job.hole.part.thickness:
         return -1.0
-    depth = job.peg.diameter / 2 * math.sin(lean) - float(end[2])
-    return depth / math.exp(np.interp(math.log(lean), *_depths(job.peg.diameter, job.hole.diameter))) - 1.0
+    depth = job.peg.part.thickness / 2 * math.sin(lean) - float(end[2])
+    return depth / math.exp(np.interp(math.log(lean), *_depths(job.peg.part.thickness, job.hole.part.thickness))) - 1.0
 
 
 def _cartesian(arm_model: ArmModel, job: Job) -> HandRow:

@@ -113,7 +113,7 @@ def spread(
     Args:
         ends: Of the peg on the pads, m along it from the finger centre.
         pressing: delta0, u and phi, as in `Pressing`.
-        peg: theta, offset, diameter, and whether a face lies on the pads.
+        peg: theta, offset, diameter or width of its face, and whether a face lies on the pads.
         pad: Stiffness of its foundation, N/m², and thickness, m.
         cells: Of the grid, shape (n, 2), m.
         weights: Share of each cell's pressure that a taxel sees, shape (2, 20, n).
@@ -121,10 +121,10 @@ def spread(
     """
     low, high = ends
     delta0, u, phi = pressing
-    theta, offset, diameter, is_flat = peg
+    theta, offset, width, is_flat = peg
     foundation, thickness = pad
     c, s = math.cos(theta), math.sin(theta)
-    reach = diameter / 2.0 + CELL if is_flat else math.sqrt(diameter * thickness)
+    reach = width / 2.0 + CELL if is_flat else math.sqrt(width * thickness)
     for k in range(cells.shape[0]):
         along = c * cells[k, 0] + s * cells[k, 1]
         beside = c * cells[k, 1] - s * cells[k, 0] - offset
@@ -135,10 +135,10 @@ def spread(
             move = u + phi * along
             depth = max(delta0 + (move if finger == 0 else -move), 0.0)
             if is_flat:
-                shape = min(max((diameter / 2.0 - abs(beside)) / CELL + 0.5, 0.0), 1.0) / diameter
+                shape = min(max((width / 2.0 - abs(beside)) / CELL + 0.5, 0.0), 1.0) / width
             else:
                 # A cylinder leaves a groove of half width b, b² = d·depth, and depth·(1 - (y/b)²) across it.
-                square = max(diameter * depth, 1e-12)
+                square = max(width * depth, 1e-12)
                 shape = max(1.0 - beside * beside / square, 0.0) * 0.75 / math.sqrt(square)
             pressure = inside * shape * foundation * depth / (1.0 - depth / thickness)
             if pressure != 0.0:

@@ -43,10 +43,10 @@ class PadLoad:
     """How far the peg reaches from the finger centre towards its tip, m."""
     reach_back: float
     """How far it reaches the other way, m."""
-    diameter: float
-    """Of the peg, or the side of a square one, m."""
+    width: float
+    """Diameter of a round peg, or width of the faces that lie in the pads, m."""
     is_flat: bool = False
-    """The peg is square and lies in the pads with two of its faces."""
+    """Whether two flat faces of the peg lie in the pads."""
 
 
 def load_of(peg: Peg, tcp: Pose, pose: Pose, grip_force: float, force: Vector, torque: Vector) -> PadLoad:
@@ -76,8 +76,8 @@ def load_of(peg: Peg, tcp: Pose, pose: Pose, grip_force: float, force: Vector, t
         tilting=-float(torque @ lateral),
         reach_tip=reach,
         reach_back=2 * half - reach,
-        diameter=peg.diameter,
-        is_flat=peg.shape == "square",
+        width=peg.part.face.width,
+        is_flat=peg.part.face.is_flat,
     )
 
 
@@ -123,7 +123,7 @@ def breakaway_torque(load: PadLoad, friction: float, length: float, width: float
         length / 2,
         width / 2,
         friction,
-        load.diameter if load.is_flat else 0.0,
+        load.width if load.is_flat else 0.0,
     )
 
 
@@ -226,7 +226,7 @@ class Pads:
         spread(
             ends,
             (pressing.delta0, pressing.u, pressing.phi),
-            (load.theta, load.offset, load.diameter, load.is_flat),
+            (load.theta, load.offset, load.width, load.is_flat),
             (self._foundation, self._config.thickness),
             self._cells,
             self._weights,

@@ -31,9 +31,9 @@ class Plate:
     position: Vector
     """Middle of the hole's mouth, shape (3,), m, base frame."""
     rotation: Vector
-    """Axes of the plate, z outward, x and y along the sides of a square hole, shape (3, 3)."""
-    radius: float
-    """Of the hole, or half the side of a square one, m."""
+    """Axes of the plate, z outward, x and y along the sides of a hole that has any, shape (3, 3)."""
+    half: tuple[float, float]
+    """Half the extents of the hole along x and y: its radius, twice, or half its sides, m."""
     depth: float
     """Of the floor, m."""
 
@@ -57,7 +57,7 @@ def geoms(
     mode = contact.UNPREDICTED if model.hole == "unpredicted" else contact.EXACT
     if has_facets:
         mode = contact.PROBE if is_judged else contact.NONE
-    user = contact.plate_user(plate.radius, plate.depth, friction, timestep, solref, mode, has_flats)
+    user = contact.plate_user(plate.half[0], plate.depth, friction, timestep, solref, mode, has_flats)
     shapes = [
         f'<geom name="{name}" type="ellipsoid" size="0.1 0.1 0.1" {_pose(plate, np.zeros(3), 0.0)} '
         f'contype="1" conaffinity="0" user="{words(user)}"/>'
@@ -66,11 +66,11 @@ def geoms(
         return shapes
     boxes = [(flats.FLAT_SIZE, flats.SECTOR * k) for k in range(flats.FLATS)]
     if not has_flats:
-        side = (plate.radius + 2.0 * RING_WIDTH) * math.tan(math.pi / model.facets)
+        side = (plate.half[0] + 2.0 * RING_WIDTH) * math.tan(math.pi / model.facets)
         angles = 2.0 * math.pi / model.facets * np.arange(model.facets)
         boxes = [((RING_WIDTH, side, plate.depth / 2), float(angle)) for angle in angles]
     for size, angle in boxes:
-        reach = plate.radius + size[0]
+        reach = plate.half[0] + size[0]
         at = np.array([reach * math.cos(angle), reach * math.sin(angle), -size[2]])
         shapes.append(_box(size, _pose(plate, at, angle), solref, friction))
     shapes.append(

@@ -49,7 +49,7 @@ def tilted_peg(
     cylinder.install()
     length = 0.05
     axis = lean(tilt, azimuth)
-    plate = Plate(np.zeros(3), np.eye(3), hole / 2, HOLE_DEPTH)
+    plate = Plate(np.zeros(3), np.eye(3), (hole / 2, hole / 2), HOLE_DEPTH)
     return mujoco.MjModel.from_xml_string(
         f"""<mujoco><option timestep="{timestep}" gravity="0 0 0" cone="elliptic" impratio="10" tolerance="1e-14" iterations="60">
         <flag autoreset="disable" {flags(model)}/></option>

@@ -13,7 +13,7 @@ import mujoco
 
 from drivers.arm.model import ArmModel, Inertial
 from drivers.parts import Job
-from sim import contact, native
+from sim import contact, native, shapes
 from sim.config import ModelConfig
 from sim.plate import EXACT, Plate, flags, geoms, words
 
@@ -99,10 +99,8 @@ def without_peg(model: mujoco.MjModel, longer: int) -> mujoco.MjModel:
 
 def _peg_geom(job: Job, axis: float) -> str:
     half = (job.peg.length + job.peg.overhang) / 2
-    side = job.peg.diameter / 2
-    shape = f'box" size="{side} {side}' if job.peg.shape == "square" else f'cylinder" size="{side}'
     return (
-        f'<geom name="peg" type="{shape} {half}" pos="0 0 {axis}" mass="{job.peg.mass}" '
+        f'<geom name="peg" {shapes.peg_geom(job.peg.part, half)} pos="0 0 {axis}" mass="{job.peg.mass}" '
         'contype="0" conaffinity="3" friction="0.01 0.002 0.0001"/>'
     )
 

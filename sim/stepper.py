@@ -92,13 +92,13 @@ class Stepper:
         """Put the peg into the hand at this in-hand angle, rad, as after a grasp; with pads they must still close."""
         reach = frames.compose(self.tcp(), frames.peg_in_finger(theta, self.scene.job.peg.length))
         middle = Pose(reach.position + self.scene.size.half * reach.rotation[:, 2], reach.rotation)
-        self.enter_free(self.scene.job.peg.diameter, middle)
+        self.enter_free(self.scene.job.peg.part.thickness, middle)
         if self._model_of.grip == "hinge":
             self.enter_held()
 
     def lose(self) -> None:
         """Take the peg out of play: it fell out of the hand."""
-        self.enter_free(self.scene.job.peg.diameter, Pose(np.array([0.0, 0.0, -1.0]), np.eye(3)))
+        self.enter_free(self.scene.job.peg.part.thickness, Pose(np.array([0.0, 0.0, -1.0]), np.eye(3)))
         self.running.data.xfrc_applied[self.running.peg_body, 2] = 0.0
         self.peg = Peg.GONE
 
@@ -200,7 +200,7 @@ class Stepper:
             if following is Peg.GONE:
                 self.lose()
             elif following is Peg.FREE:
-                self.enter_free(self.scene.job.peg.diameter, self.peg_pose())
+                self.enter_free(self.scene.job.peg.part.thickness, self.peg_pose())
         elif self.peg is Peg.FREE:
             height = self.lowest() - self.scene.rack.position[2]
             if not situation.is_in_grip(self.pad_force(), grip_force, height):
@@ -251,7 +251,7 @@ class Stepper:
         depth, beside = engine.below_mouth(
             self.scene.size.half, self.peg_view.middle, self.peg_view.axes, plate.position, plate.rotation
         )
-        return depth, depth > 0.0 and beside < plate.radius
+        return depth, depth > 0.0 and beside < min(plate.half)
 
     def theta(self) -> float:
         """Return the angle of the held peg's hinge, rad."""
@@ -273,7 +273,6 @@ class Stepper:
     def breakaway(self) -> float:
         """Return the torque at which the pivot slips, N·m; the held peg's axis goes through the finger centre."""
         length, width = self._pad
-        peg = self.scene.job.peg
         return breakaway_torque_of(
             theta=self.theta(),
             offset=0.0,
@@ -283,5 +282,5 @@ class Stepper:
             half_length=length / 2,
             half_width=width / 2,
             friction=self._pad_friction,
-            flat=peg.diameter if peg.shape == "square" else 0.0,
+            flat=self.scene.job.peg.part.face.flat_width,
         )

@@ -67,9 +67,7 @@ class TrialScene:
             has_twins: Whether longer steps are taken where nothing can touch the hole.
         """
         self.job = job
-        is_square = job.peg.shape == "square"
-        widest = math.sqrt(2.0) if is_square else 1.0
-        self.plate, self.rack = _plate(job, drawn, is_square), _rack(job, drawn)
+        self.plate, self.rack = _plate(job, drawn), _rack(job, drawn)
         dt, how = sim.timestep, sim.model
         held = scene.held_model(arm, job, self.plate, drawn.friction, dt, how)
         free = scene.free_model(arm, job, self.plate, self.rack, drawn.friction, drawn.pad_friction, pad, dt, how)
@@ -87,11 +85,12 @@ class TrialScene:
         self.pivot_dof = int(held.joint("pivot").dofadr[0])
         """The hinge's degree of freedom in the held model."""
         self.size = PegSize(
-            reach=job.peg.diameter / 2 * widest,
+            reach=job.peg.part.reach,
             half=(job.peg.length + job.peg.overhang) / 2,
             weight=float(held.body("peg").mass[0] * GRAVITY),
         )
-        self.hole: Vector = np.array([*self.plate.position, *self.plate.rotation[:, 2], self.plate.radius * widest])
+        reach = job.hole.part.reach if job.hole.present else contact.SOLID
+        self.hole: Vector = np.array([*self.plate.position, *self.plate.rotation[:, 2], reach])
         """Middle of the mouth, outward axis and reach of the hole, see `engine.is_far`."""
 
     def racked(self) -> Pose:
@@ -100,15 +99,15 @@ class TrialScene:
         return Pose(self.rack.position + up * (self.size.half - self.job.rack.depth), self.rack.rotation)
 
 
-def _plate(job: Job, drawn: Draw, is_square: bool) -> Plate:
+def _plate(job: Job, drawn: Draw) -> Plate:
     hole = job.hole
     lean = frames.rotation_about(
         np.array([-math.sin(drawn.tilt_direction), math.cos(drawn.tilt_direction), 0.0]), hole.tilt
     )
-    if is_square:
+    if hole.part.symmetry > 0.0:
         lean = lean @ frames.rotation_about(frames.UP, drawn.yaw)
-    radius = hole.diameter / 2 if hole.present else contact.SOLID
-    return Plate(drawn.hole, lean, radius, hole.depth + FLOOR_MARGIN)
+    half = hole.part.half if hole.present else (contact.SOLID, contact.SOLID)
+    return Plate(drawn.hole, lean, half, hole.depth + FLOOR_MARGIN)
 
 
 def _rack(job: Job, drawn: Draw) -> Plate:
@@ -118,6 +117,6 @@ def _rack(job: Job, drawn: Draw) -> Plate:
     return Plate(
         slot,
         frames.rotation_about(np.array([0.0, 1.0, 0.0]), -drawn.grasp_angle),
-        job.peg.diameter / 2 + scene.RACK_CLEARANCE,
+        job.peg.part.grown(scene.RACK_CLEARANCE).half,
         rack.depth,
     )

@@ -9,7 +9,7 @@ from drivers.arm.model import ArmModel
 from drivers.parts import Job
 from drivers.quantities import Pose, Vector
 from drivers.skin.layout import Layout, pad_size
-from sim import cylinder, engine, square
+from sim import engine, shapes
 from sim.config import ContactConfig, GripConfig, SimConfig
 from sim.disturb import draw
 from sim.pace import Pace
@@ -36,8 +36,7 @@ class World:
         """Length and width of a pad, m."""
         self._pace = Pace(sim.timestep, sim.pace)
         self.stepper = Stepper(arm, sim, grip, self.pad, self._pace)
-        cylinder.install()
-        square.install()
+        shapes.install()
         self.restock(job, sim.seed)
 
     def restock(self, job: Job, seed: int) -> None:
@@ -106,7 +105,7 @@ class World:
 
     def finger_gap(self) -> float:
         """Return the distance between the pads, m."""
-        return self.job.peg.diameter if self.is_held else float(self.stepper.running.data.qpos[7:9].sum())
+        return self.job.peg.part.thickness if self.is_held else float(self.stepper.running.data.qpos[7:9].sum())
 
     def pad_force(self) -> float:
         """Return the smaller of the forces between the pads and the peg, N."""
@@ -155,7 +154,7 @@ class World:
             switch_closed=self.is_switch_pressed(),
             peak_contact_force=float(self.meters[engine.PEAK_FORCE]),
             max_penetration=lasting,
-            is_void=is_void(lasting, (self.job.hole.diameter - self.job.peg.diameter) / 2),
+            is_void=is_void(lasting, self.job.peg.part.clearance(self.job.hole.part)),
             max_in_hand_rotation=float(self.meters[engine.TURN_MAX]),
         )
 

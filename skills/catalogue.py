@@ -6,8 +6,6 @@ A new skill is one module, with parameters, result and `run`, and one entry here
 from dataclasses import replace
 
 from skills import (
-    corner_adjust,
-    corner_insert,
     grasp_from_rack,
     recover,
     release_and_retract,
@@ -19,6 +17,7 @@ from skills.contract import Outcome, Reason, SkillContext, SkillResult
 from skills.entry import Catalogue, Program, Skill, SkillSet
 from skills.flow import StageRecord, in_order, run_stage
 from skills.ground import Plane
+from skills.handling import Handling, Sections, handling
 
 RETRIED = (Reason.NOT_ALIGNED, Reason.NOT_SEATED)
 """What a new search can mend."""
@@ -65,20 +64,20 @@ def find_and_seat(skills: SkillSet, ctx: SkillContext, attempt: int = 0) -> list
 
 
 def _search(skills: SkillSet, ctx: SkillContext) -> SkillResult:
-    params = skills[SEARCH]
-    return spray_search.run(params if skills.square is None else skills.square.searching(params), ctx)
+    return spray_search.run(_handling(skills, ctx).search, ctx)
 
 
 def _insert(skills: SkillSet, ctx: SkillContext, plane: Plane | None = None, attempt: int = 0) -> SkillResult:
-    if skills.square is not None:
-        return corner_insert.run(skills.square.insert, ctx, plane, attempt)
-    return tactile_insert.run(skills[INSERT], ctx, plane)
+    return _handling(skills, ctx).insert(ctx, plane, attempt)
 
 
 def _adjust(skills: SkillSet, ctx: SkillContext, plane: Plane | None = None) -> SkillResult:
-    if skills.square is not None:
-        return corner_adjust.run(skills.square.adjust, ctx, plane)
-    return spiral_adjust.run(skills[ADJUST], ctx, plane)
+    return _handling(skills, ctx).adjust(ctx, plane)
+
+
+def _handling(skills: SkillSet, ctx: SkillContext) -> Handling:
+    sections = Sections(skills[SEARCH], skills[INSERT], skills[ADJUST], skills.corner, skills.retries)
+    return handling(ctx.job.peg.part, sections)
 
 
 GRASP = Skill(

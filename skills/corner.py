@@ -1,43 +1,44 @@
-"""The end of a square peg, where a corner leads as a round one's edge does; pure.
+"""What is done otherwise with a peg that has corners: it searches with a corner, and is turned until it drops in."""
 
-Leaning about a diagonal, a square peg puts one corner into the hole however the hole is turned: the edge of a peg that leans
-about a side fits only within the clearance.
-"""
+from typing import Annotated
 
-import math
+from pydantic import Field, PositiveFloat
 
-import numpy as np
-
-from drivers.frames import UP, rotation_about
-from drivers.quantities import Vector
-
-DIAGONAL = math.pi / 4
-"""From the closing axis, which is normal to two faces, to the corner that leads, rad."""
+from drivers.config_model import ConfigModel
+from skills.corner_adjust import CornerAdjustParams
+from skills.corner_insert import CornerInsertParams
+from skills.spray_search import SpraySearchParams
 
 
-def corner_ahead(direction: float, tilt: float) -> tuple[Vector, Vector]:
-    """Return axis and closing axis of a square peg that leans over one of its corners, both unit, shape (3,).
+class CornerParams(ConfigModel):
+    """How a peg with corners is handled; where nothing is said, as a round one."""
 
-    Args:
-        direction: Azimuth of the closing axis while the peg is upright, rad; it leans towards `DIAGONAL` more.
-        tilt: Angle to the vertical, rad.
-    """
-    lean = direction + DIAGONAL
-    turn = rotation_about(np.array([-math.sin(lean), math.cos(lean), 0.0]), tilt)
-    return turn @ UP, turn @ np.array([math.cos(direction), math.sin(direction), 0.0])
+    tilt: Annotated[float, Field(gt=0.0, lt=1.4)]
+    """Of the peg in the search, rad: the closing axis is beside the plane of the tilt, so that theta's error is felt as height."""
+    speed: Annotated[float, Field(gt=0.0, le=0.5)]
+    """Peak speed of the tip along the path, m/s: a corner that has fallen in meets the wall with all of it."""
+    pitch: Annotated[float, Field(gt=0.0, le=2.0)]
+    """Largest distance between neighbouring passes, in shorter sides of the hole."""
+    dip: PositiveFloat
+    """Of the corner below the surface, that is evidence of an edge, m."""
+    fall: PositiveFloat
+    """The resting corner must stand so far below the surface, m."""
+    blend: Annotated[float, Field(gt=0.0, le=1.0)]
+    """Instead of `smoothing.blend`, for the same reason."""
+    retries: Annotated[int, Field(ge=0, le=20)]
+    """Instead of the cell's own: each turns about another middle."""
+    insert: CornerInsertParams
+    adjust: CornerAdjustParams
 
-
-def lowest_corner(tip: Vector, axis: Vector, closing: Vector, side: float) -> Vector:
-    """Return the lowest corner of a square peg's end, shape (3,), m.
-
-    Args:
-        tip: Middle of the end face, shape (3,), m.
-        axis: Of the peg, unit, upwards, shape (3,).
-        closing: Closing axis of the hand, unit, normal to two of the peg's faces, shape (3,).
-        side: Of the peg, m.
-    """
-    beside = np.cross(axis, closing)
-    corner: Vector = tip - side / 2 * (
-        math.copysign(1.0, closing[2]) * closing + math.copysign(1.0, beside[2]) * beside
-    )
-    return corner
+    def searching(self, search: SpraySearchParams) -> SpraySearchParams:
+        """Return the parameters of the search with a corner."""
+        return search.model_copy(
+            update={
+                "tilt": self.tilt,
+                "speed": self.speed,
+                "pitch": self.pitch,
+                "dip": self.dip,
+                "fall": self.fall,
+                "edge_leads": True,
+            }
+        )

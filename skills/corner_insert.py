@@ -1,4 +1,4 @@
-"""Raise a square peg whose corner is in a hole that is turned by an unknown angle, and turn it until it drops in.
+"""Raise a peg with corners, one of which is in a hole that is turned by an unknown angle, and turn it until it drops in.
 
 The peg is raised over its leading corner to a small tilt. There it stands only as deep as its corner reaches unless it is
 turned as the hole is, to within the clearance; then it can sink to where its faces meet the walls. The hand turns
@@ -92,7 +92,7 @@ def run(
 ) -> CornerInsertResult:
     """Bring the peg to where it is turned as the hole is; `plane` as for `tactile_insert`, attempts counted from 0."""
     plane = plane or nominal(ctx.job.hole)
-    normal, side = plane.normal, ctx.job.peg.diameter
+    normal, side = plane.normal, ctx.job.peg.part.widest
     first = ctx.observe()
     closing = first.arm.tcp.rotation[:, 2]
     about = np.cross(normal, first.axis)

@@ -7,9 +7,9 @@ from typing import Any, Generic, TypeVar
 
 from drivers.errors import ConfigError
 from skills.contract import Reason, SkillContext, SkillParams, SkillResult
+from skills.corner import CornerParams
 from skills.flow import StageRecord, run_stage
 from skills.motion import Gains
-from skills.square import SquareParams
 
 P = TypeVar("P", bound=SkillParams)
 
@@ -69,8 +69,8 @@ class SkillSet:
 
     sections: Mapping[str, SkillParams]
     """By name of the section."""
-    square: SquareParams | None
-    """Where the peg is square; its skills then stand in for those of a round one, under their names."""
+    corner: CornerParams | None
+    """For a peg with corners, whose skills stand in for those of a round one under their names."""
     retries: int
     """How often the search begins anew when the peg turns out not to be in the hole; 0 in [gibbons]."""
 

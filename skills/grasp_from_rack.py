@@ -45,7 +45,7 @@ class GraspFromRackParams(SkillParams):
     closing_time: Annotated[float, Field(gt=0.0, le=10.0)]
     """Longest time for the fingers to close, s."""
     width_tolerance: Annotated[float, Field(gt=0.0, le=0.005)]
-    """The pads must stand within this of the peg's diameter, m."""
+    """The pads must stand within this of the peg's thickness between them, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +129,7 @@ def _draw_out(height: float, ctx: SkillContext) -> None:
 
 def _holds_peg(params: GraspFromRackParams, ctx: SkillContext) -> bool:
     hand = ctx.gripper.read()
-    return hand.is_gripping and abs(hand.width - ctx.job.peg.diameter) <= params.width_tolerance
+    return hand.is_gripping and abs(hand.width - ctx.job.peg.part.thickness) <= params.width_tolerance
 
 
 def _missed(params: GraspFromRackParams, ctx: SkillContext, started: float, reason: Reason) -> GraspFromRackResult:

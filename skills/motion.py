@@ -134,22 +134,6 @@ def _turn_between(a: Vector, b: Vector) -> tuple[Vector, float]:
     return cross / size, angle_between(a, b)
 
 
-def tilted(direction: float, tilt: float) -> tuple[Vector, Vector]:
-    """Return the peg's axis leaning by `tilt` towards the azimuth `direction`, and the closing axis in the plane of the tilt.
-
-    The closing axis then has a component along the surface's normal: the back of a finger faces the surface,
-    [gibbons], Sec. IV.
-
-    Args:
-        direction: Azimuth that the peg's upper end leans to, rad.
-        tilt: Angle to the vertical, rad.
-    """
-    lean = np.array([math.cos(direction), math.sin(direction), 0.0])
-    axis = math.sin(tilt) * lean + math.cos(tilt) * UP
-    closing = math.cos(tilt) * lean - math.sin(tilt) * UP
-    return axis, closing
-
-
 def tilted_by(offset: Vector, length: float) -> Vector:
     """Return the axis of a peg whose finger centre, `length` above its tip, stands off the vertical by `offset`, m."""
     axis = np.array([offset[0], offset[1], 0.0]) + math.sqrt(max(length**2 - float(offset @ offset), 1e-12)) * UP

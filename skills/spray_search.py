@@ -8,12 +8,10 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
-from drivers.frames import UP
 from drivers.quantities import ImpedanceSetpoint, Twist, Vector
 from skills.contract import Observation, Outcome, Reason, SkillContext, SkillParams, SkillResult
-from skills.corner import DIAGONAL, corner_ahead, lowest_corner
 from skills.ground import Ground, Plane
-from skills.motion import VALIDITY, Gains, Goal, Transfer, Trim, between, move, tilted
+from skills.motion import VALIDITY, Gains, Goal, Transfer, Trim, between, move
 from skills.paths import Lanes, SprayPaint, lanes, spiral_at_speed, spray_paint
 from skills.pull_out import LONGEST, pull_out
 from skills.tactile.hole_event import HoleEvent, HoleEventParams
@@ -23,7 +21,7 @@ REST_DAMPING = 2.5
 
 
 CROSSINGS = 18.5
-"""Most diameters of the hole that a lane crosses in a second: what 0.15 m/s is for 8.1 mm, where few falls are missed."""
+"""Most diameters of the hole, or shorter sides, that a lane crosses in a second: what 0.15 m/s is for 8.1 mm, where few falls are missed."""
 TOUCHED = 0.5
 """Share of the push by which the surface is felt, and for how long, s: a blow is no push."""
 TOUCHED_TIME = 0.1
@@ -65,7 +63,7 @@ class SpraySearchParams(SkillParams):
     run_up: NonNegativeFloat
     """Time in which the tip reaches its speed, s: sliding off at once digs the edge in."""
     pitch: Annotated[float, Field(gt=0.0, le=2.0)]
-    """Largest distance between neighbouring passes, in diameters of the hole."""
+    """Largest distance between neighbouring passes, in diameters of the hole, or shorter sides."""
     margin: tuple[Annotated[float, Field(ge=0.0, le=0.01)], Annotated[float, Field(ge=0.0, le=0.01)]]
     """The strips that the passes cover reach so far beyond the area, along its fast axis and across it, m."""
     edge_leads: bool
@@ -152,23 +150,19 @@ class _Course:
 
 def _course(params: SpraySearchParams, ctx: SkillContext) -> _Course:
     """Return the way over the area: lanes from the corner next to a random point of it, sinusoids from that point."""
-    hole, peg, lean = ctx.job.hole, ctx.job.peg, params.lean
-    fast, pitch = 0 if params.fast_axis == "x" else 1, params.pitch * hole.diameter
+    hole, part = ctx.job.hole, ctx.job.peg.part
+    fast, pitch = 0 if params.fast_axis == "x" else 1, params.pitch * hole.part.inscribed
     half = [extent / 2 + params.margin[0 if axis == fast else 1] for axis, extent in enumerate(hole.area)]
     start = ctx.rng.uniform(-np.array(hole.area) / 2, np.array(hole.area) / 2)
     over, begin = (half[0], half[1]), (start[0], start[1])
     path: Lanes | SprayPaint
     if params.path == "lanes":
-        reach = hole.diameter / (math.sqrt(2.0) if peg.shape == "square" else 2.0)
-        run_in = max(reach + ctx.rng.uniform(*OUTSIDE) - params.margin[0], 0.0)
-        path = lanes(over, pitch, min(params.speed, CROSSINGS * hole.diameter), fast, begin, run_in)
+        run_in = max(hole.part.reach + ctx.rng.uniform(*OUTSIDE) - params.margin[0], 0.0)
+        path = lanes(over, pitch, min(params.speed, CROSSINGS * hole.part.inscribed), fast, begin, run_in)
     else:
         path = spray_paint(over, pitch, params.speed, fast, begin)
-    axis, closing = tilted(lean, params.tilt)
-    ahead = peg.diameter / 2 * math.cos(params.tilt)
-    if peg.shape == "square":
-        axis, closing = corner_ahead(lean, params.tilt)
-        ahead, lean = math.sqrt(2.0) * ahead, lean + DIAGONAL
+    axis, closing = part.leaning(params.lean, params.tilt)
+    ahead, lean = part.reach * math.cos(params.tilt), part.azimuth(params.lean)
     middle = np.array(hole.centre[:2])
     if params.edge_leads:
         middle = middle - ahead * np.array([math.cos(lean), math.sin(lean)])
@@ -292,10 +286,7 @@ class _Sweep:
 
     def _edge(self, seen: Observation) -> Vector:
         """Return the point of the peg that falls in first, shape (3,), m."""
-        peg = self._ctx.job.peg
-        if peg.shape == "square":
-            return lowest_corner(seen.tip, seen.axis, seen.arm.tcp.rotation[:, 2], peg.diameter)
-        return lowest_point(seen.tip, seen.axis, peg.diameter / 2)
+        return self._ctx.job.peg.part.lowest(seen.tip, seen.axis, seen.arm.tcp.rotation[:, 2])
 
     def _relieve(self, seen: Observation) -> None:
         """Push less after a slip in the hand."""
@@ -368,13 +359,6 @@ class _Sweep:
             self._ground = Ground()
         self._event.restart()
         self._leaning, self._facing = self._course.axis, self._course.closing
-
-
-def lowest_point(tip: Vector, axis: Vector, radius: float) -> Vector:
-    """Return the lowest point of the peg's edge, shape (3,), m; `tip` the middle of its end face, `axis` unit, upwards."""
-    down = axis[2] * axis - UP
-    size = math.sqrt(float(down @ down))
-    return tip + (radius / size) * down if size > 1e-9 else tip
 
 
 def _point(tip: Vector) -> tuple[float, float, float]:

@@ -74,18 +74,18 @@ def run(params: TactileInsertParams, ctx: SkillContext, plane: Plane | None = No
     roll = first.arm.tcp.rotation[:, 2]
     stiffness, damping = params.gains.stiffness(), params.gains.damping()
     phi = first_phi
-    peg, bore = ctx.job.peg, ctx.job.hole
-    least = params.least_share * min(allowed_depth(params.aligned, peg.diameter, bore.diameter), bore.depth)
+    peg, bore = ctx.job.peg.part, ctx.job.hole
+    least = params.least_share * min(allowed_depth(params.aligned, peg.thickness, bore.part.thickness), bore.depth)
     for seen in ctx.scan(params.timeout, holding=True):
         elapsed = seen.elapsed
         phi = angle_between(seen.axis, normal)
         if is_seated(seen.switch, seen.tip, ctx.job.hole):
             return TactileInsertResult(Outcome.SUCCESS, Reason.NONE, elapsed, first_phi, phi)
         if phi < params.aligned:
-            if params.least_share > 0.0 and plane.depth(seen.tip) + peg.diameter / 2 * math.sin(phi) < least:
+            if params.least_share > 0.0 and plane.depth(seen.tip) + peg.reach * math.sin(phi) < least:
                 return TactileInsertResult(Outcome.FAILURE, Reason.NOT_ALIGNED, elapsed, first_phi, phi)
             return TactileInsertResult(Outcome.SUCCESS, Reason.NONE, elapsed, first_phi, phi)
-        if plane.depth(seen.tip) < -params.lost_height - ctx.job.peg.diameter / 2 * math.sin(phi):
+        if plane.depth(seen.tip) < -params.lost_height - peg.reach * math.sin(phi):
             return TactileInsertResult(Outcome.FAILURE, Reason.NOT_ALIGNED, elapsed, first_phi, phi)
         ctx.progress(1.0 - min(phi / max(first_phi, 1e-6), 1.0))
         hole[:2] += min(params.yielding * ctx.scan_period, 1.0) * (seen.tip - hole)[:2]

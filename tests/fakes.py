@@ -215,7 +215,7 @@ class Rig:
     def __post_init__(self) -> None:
         config = self.loaded.cell
         self.arm, self.skin, self.switch = FakeArm(self.clock), FakeSkin(self.clock), FakeSwitch()
-        self.gripper = FakeGripper(config.peg.diameter)
+        self.gripper = FakeGripper(config.peg.part.thickness)
         self.cell = Cell(
             config, self.clock, self.arm, self.gripper, self.skin, self.switch, lambda *job: self.restocked.append(job)
         )

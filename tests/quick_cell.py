@@ -71,7 +71,7 @@ def quick_cell(loaded: LoadedConfig, plc: PlcConfig, folder: Path) -> Iterator[Q
     """Yield a cell that is served until the end."""
     config = loaded.cell
     clock = BriefClock()
-    devices = FakeArm(clock), FakeGripper(config.peg.diameter), FakeSkin(clock), FakeSwitch()
+    devices = FakeArm(clock), FakeGripper(config.peg.part.thickness), FakeSkin(clock), FakeSwitch()
     made = Cell(config, clock, *devices, lambda *job: None)
     bridge, program, stop = Bridge(plc, PROGRAMS, PARAMETERS), QuickProgram(), threading.Event()
 

@@ -47,7 +47,7 @@ def square_peg(
     slides = "".join(f'<joint type="slide" axis="{words(axis)}"/>' for axis in np.eye(3))
     quat, length = np.empty(4), 0.05
     mujoco.mju_mat2Quat(quat, axes.flatten())
-    plate = Plate(np.zeros(3), rotation_about(UP, yaw), hole / 2, HOLE_DEPTH)
+    plate = Plate(np.zeros(3), rotation_about(UP, yaw), (hole / 2, hole / 2), HOLE_DEPTH)
     return mujoco.MjModel.from_xml_string(
         f"""<mujoco><option timestep="{timestep}" gravity="0 0 0" cone="elliptic" impratio="10" tolerance="1e-14" iterations="60">
         <flag autoreset="disable"/></option><size nuser_geom="{contact.USER}" nuserdata="{native.NUSERDATA}"/>

@@ -93,7 +93,7 @@ class RecordedRun:
         if self.is_simulated:
             return self._true("peg", scan)
         peg, width = self.facts.job.peg, float(self.samples["width"][scan])
-        if width > HELD * peg.diameter or not np.isfinite(self.samples["theta"][scan]):
+        if width > HELD * peg.part.thickness or not np.isfinite(self.samples["theta"][scan]):
             return None
         held = frames.peg_in_finger(float(self.samples["theta"][scan]), peg.length)
         end = frames.compose(finger_frame(self.facts.arm, self.samples["joints"][scan]), held)

@@ -175,7 +175,7 @@ def _fixtures(job: Job, hole: Pose | None) -> tuple[str, str]:
         f'<geom type="box" size="0.018 {length / 2 + 0.004} {height / 2 - 0.004}" pos="{middle[0]} {middle[1]} {height / 2 - 0.004}" material="stand" group="{BESIDE}"/>'
         f'<geom type="box" size="0.022 {length / 2 + 0.006} 0.004" pos="{middle[0]} {middle[1]} {height - 0.004}" material="rack" group="{BESIDE}"/>'
     )
-    mouth = 0.6 * job.peg.diameter
+    mouth = 0.6 * job.peg.part.widest
     for slot in range(rack.slots):
         at = first + np.array([0.0, rack.pitch * slot, 0.0])
         geoms += f'<geom type="cylinder" size="{mouth} 0.0004" pos="{_words(at)}" material="hollow" group="{BESIDE}"/>'
@@ -197,7 +197,7 @@ def _plate(job: Job, hole: Pose | None) -> tuple[str, str]:
         return "", posts + slab + '<geom name="lamp" type="sphere" size="0.0001" pos="0 0 -5"/>'
     offset = hole.rotation.T @ (centre - hole.position)
     outline = (offset[0] - half[0], offset[0] + half[0], offset[1] - half[1], offset[1] + half[1])
-    mouth = _section(job.peg.shape, job.hole.diameter)
+    mouth = job.hole.part.outline()
     reach = float(np.abs(mouth[:, 0]).max())
     meshes = _mesh("whole", shapes.perforated(outline, mouth, depth, thickness, cut=False))
     meshes += _mesh("opened", shapes.perforated(outline, mouth, depth, thickness, cut=True))
@@ -232,12 +232,9 @@ def _cuts(faces: tuple[tuple[float, float, float, float], ...]) -> str:
 
 def _peg(job: Job) -> tuple[str, str]:
     half = (job.peg.length + job.peg.overhang) / 2
-    points = shapes.chamfered(_section(job.peg.shape, job.peg.diameter), -half, half, 0.05 * job.peg.diameter)
+    part = job.peg.part
+    points = shapes.chamfered(part.outline(), -half, half, 0.05 * part.inscribed)
     return f'<mesh name="peg" vertex="{_words(points)}"/>', '<geom type="mesh" mesh="peg" material="peg"/>'
-
-
-def _section(shape: str, size: float) -> Vector:
-    return shapes.rectangle(size, size) if shape == "square" else shapes.circle(size / 2)
 
 
 def _arm(facts: SceneFacts) -> tuple[str, str]:

@@ -82,17 +82,6 @@ def chamfered(sides: Vector, low: float, high: float, chamfer: float) -> Vector:
     return points
 
 
-def circle(radius: float, corners: int = 96) -> Vector:
-    """Return points on a circle, counter-clockwise, shape (corners, 2), m."""
-    angle = 2.0 * math.pi * np.arange(corners) / corners
-    return radius * np.column_stack([np.cos(angle), np.sin(angle)])
-
-
-def rectangle(along_x: float, along_y: float) -> Vector:
-    """Return the corners of a rectangle about the origin, counter-clockwise, shape (4, 2), m."""
-    return np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * [along_x / 2, along_y / 2]
-
-
 def _at(points: Vector, height: float) -> Vector:
     return np.column_stack([points, np.full(len(points), height)])
 

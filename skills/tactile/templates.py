@@ -2,8 +2,8 @@
 
 The peg presses a line into each pad. Its load a metre is a constant and a part that rises along the peg; its groove
 has the parabolic pressure of a bed of springs; the elastomer blurs with a Gaussian, and a taxel averages over
-its disc. Along the line the blurred load is a difference of error functions; disc and groove are small sums. A square
-peg presses a face, which is an even mean of lines beside each other.
+its disc. Along the line the blurred load is a difference of error functions; disc and groove are small sums. A peg
+with flat sides presses a face, which is an even mean of lines beside each other.
 """
 
 import math
@@ -67,17 +67,13 @@ def make_templates(layout: Layout, peg: Peg, params: TemplateParams) -> Template
     side = round(params.offset_reach / params.offset_step)
     offset = np.arange(-side, side + 1, dtype=np.float64) * params.offset_step
     length, width = pad_size(layout)
-    # Exact up to the fifth power: seven points of a disc; three of a parabola.
+    # Seven points are exact for a disc up to the fifth power.
     turn = np.arange(6) * math.pi / 3
     reach = params.taxel_diameter / 2 * math.sqrt(2.0 / 3.0)
     disc = np.concatenate([[[0.0, 0.0]], reach * np.column_stack([np.cos(turn), np.sin(turn)])])
     disc_weights = np.array([0.25] + [0.125] * 6)
-    groove = math.sqrt(peg.diameter * params.indentation) * math.sqrt(3.0 / 7.0) * np.array([-1.0, 0.0, 1.0])
-    groove_weights = np.array([7.0, 16.0, 7.0]) / 30.0
-    face = np.ones(1)
-    if peg.shape == "square":
-        groove, groove_weights = np.zeros(1), np.ones(1)
-        face = _face(peg.diameter, params.offset_step)
+    groove, groove_weights = peg.part.face.groove(params.indentation)
+    face = peg.part.face.strips(params.offset_step)
     lines = np.arange(-(side + face.size // 2), side + face.size // 2 + 1, dtype=np.float64) * params.offset_step
     taxels = np.ascontiguousarray(finger_positions(layout)[1])
     even = np.zeros((theta.size, lines.size, FINGERS * TAXELS))
@@ -100,14 +96,6 @@ def make_templates(layout: Layout, peg: Peg, params: TemplateParams) -> Template
     for array in (made.theta, made.offset, made.even, made.rising):
         array.flags.writeable = False
     return made
-
-
-def _face(width: float, step: float) -> Vector:
-    """Return the shares of lines `step` apart in a face of this width, by the trapezoidal rule; an odd number, sum 1."""
-    shares = np.ones(2 * max(1, round(width / 2 / step)) + 1)
-    shares[[0, -1]] = 0.5
-    shares /= shares.sum()
-    return shares
 
 
 def _beside(lines: Vector, face: Vector, whole: float) -> NDArray[np.float32]:

@@ -19,6 +19,7 @@ from statistics import mean, stdev
 from cell.config import CellConfig
 from cell.lab.contact.ladder import NOT_RUN, TIGHT, Plan, Rung, model, on_trial
 from cell.lab.trials import VOID, TrialRow, run_trial
+from drivers.parts import halfway
 from drivers.skin.layout import pad_size
 from sim import hand_rig, native, rig
 from sim.contact import FEATURE_BAND
@@ -203,6 +204,7 @@ def longest_step(config: CellConfig) -> float:
         half_length=length / 2,
         half_width=width / 2,
         friction=max(friction) if isinstance(friction, tuple) else friction,
+        flat=job.peg.part.face.flat_width,
     )
     whole, beside = job.peg.length + job.peg.overhang, (job.peg.length - job.peg.overhang) / 2
     inertia = job.peg.mass * (whole**2 / 12 + beside**2)
@@ -215,8 +217,7 @@ def _not_run(name: str, why: str) -> TrialsRow:
 
 def _in_half_the_clearance(config: CellConfig) -> CellConfig:
     """Return the cell with a hole that is half as much wider than the peg."""
-    middle = (config.peg.diameter + config.hole.diameter) / 2
-    return config.model_copy(update={"hole": config.hole.model_copy(update={"diameter": middle})})
+    return config.model_copy(update={"hole": halfway(config.peg, config.hole)})
 
 
 def measure_rung(rung: Rung, azimuths: Sequence[float]) -> RungRow:

@@ -25,7 +25,7 @@ from skills.catalogue import GRASP, SEARCH
 from skills.contract import Observation, Outcome, Reason, Request, SkillContext
 from skills.flow import run_stage
 from skills.ground import Ground, Plane
-from skills.spray_search import SpraySearchParams, SpraySearchResult, lowest_point
+from skills.spray_search import SpraySearchParams, SpraySearchResult
 from skills.tactile.hole_event import HoleEvent, HoleEventParams
 
 HEIGHT = "height"
@@ -103,7 +103,7 @@ class _Watch:
     def __init__(self, cell: Cell, params: SpraySearchParams, row: Watched) -> None:
         self.row = row
         self.seen: Observation | None = None
-        self._cell, self._radius, self._length = cell, cell.config.peg.diameter / 2, cell.config.peg.length
+        self._cell, self._part, self._length = cell, cell.config.peg.part, cell.config.peg.length
         self.skin = {name: HoleEvent(_method(params.event, name), params.timeout) for name in DETECTORS[1:]}
         self.heights: list[float] = []
         self._start: float | None = None
@@ -146,7 +146,7 @@ class _Watch:
         assert self.seen is not None
         truth, now = self._cell.truth(), self.seen.stamp  # type: ignore[misc]
         _, axis = end_point(self.seen.arm.tcp, truth.theta, self._length)
-        edge = lowest_point(np.array(truth.tip), axis, self._radius)
+        edge = self._part.lowest(np.array(truth.tip), axis, self.seen.arm.tcp.rotation[:, 2])
         depth = truth.depth + truth.tip[2] - edge[2]
         if self._over is None and depth > OVER:
             self.row.began_in_hole = now - start < 0.05

@@ -31,7 +31,7 @@ from sim.world import World
 from skills import grasp_from_rack
 from skills.catalogue import GRASP, INSERT, SEARCH
 from skills.contract import Observation, Outcome, SkillContext
-from skills.motion import Gains, Goal, move, tilted
+from skills.motion import Gains, Goal, move
 from skills.passivity import PassivityGuard, Verdict
 from skills.tactile.blend import Smoothing
 
@@ -351,7 +351,7 @@ def _bench(config: CellConfig, case: Case) -> Iterator[Bench]:
         if grasp_from_rack.run(config.params(GRASP), ctx).outcome is not Outcome.SUCCESS:
             raise CellError("study: the peg could not be taken from the rack")
         search = config.params(SEARCH)
-        axis, closing = tilted(search.lean, search.tilt)
+        axis, closing = config.peg.part.leaning(search.lean, search.tilt)
         tip = np.array(config.hole.centre) + np.array([0.0, 0.0, HEIGHT])
         for _ in move(Goal(tip, axis, closing), search.transfer, ctx, ctx.in_hand(), settle=1.0):
             pass

@@ -239,7 +239,7 @@ def _grasped(
     pads: Pads, layout: Layout, theta: float, offset: float, back: float, config: CellConfig, rng: np.random.Generator
 ) -> Vector:
     push = rng.uniform(-PUSH, PUSH)
-    load = PadLoad(theta, offset, GRIP, push, LEVER * push, config.peg.length, back, config.peg.diameter)
+    load = PadLoad(theta, offset, GRIP, push, LEVER * push, config.peg.length, back, config.peg.part.thickness)
     return pads.pressure(load)
 
 
@@ -250,7 +250,7 @@ def _pressed(
     move, tilt = depth * rng.uniform(-0.1, 0.1), depth / 0.02 * rng.uniform(-0.15, 0.15)
     depths = ((depth + move, tilt), (depth - move, -tilt))
     reach = (config.peg.length, back)
-    return layer_pads(layout).readings(theta, offset, depths, reach, config.peg.diameter)[0]
+    return layer_pads(layout).readings(theta, offset, depths, reach, config.peg.part.thickness)[0]
 
 
 def _read(estimate: Callable[[TaxelFrame], PegPose], theta: float, frame: TaxelFrame) -> Read:
@@ -287,7 +287,7 @@ def fidelity(config: CellConfig) -> list[Missed]:
     The layer's readings are scaled to the springs' by least squares, as a calibration would.
     """
     found = []
-    reach, diameter = (config.peg.length, config.peg.overhang), config.peg.diameter
+    reach, diameter = (config.peg.length, config.peg.overhang), config.peg.part.thickness
     for layout in LAYOUTS:
         layer, springs = layer_pads(layout), Pads(simulated_skin(config).pad, layout)
         rms, worst, stiffening = [], [], []

@@ -236,6 +236,103 @@ def test_a_base_of_a_base_is_refused(real):
     assert "has a base of its own" in line_about(path=real)
 
 
+def cell_file(folder, peg="", hole=""):
+    """Write a cell on the shipped base that says this of its part, and return the file."""
+    path = folder / "cell.toml"
+    path.write_text(
+        'base = "sim.toml"\n[limits]\nforce = 60.0\nlow = [0.20, -0.50, 0.05]\nhigh = [0.80, 0.45, 0.80]\n'
+        f"[rack]\nfirst = [0.45, -0.25, 0.10]\n[peg]\n{peg}\n[hole]\ncentre = [0.5, 0.0, 0.1]\n{hole}\n"
+    )
+    return path
+
+
+def sizes(*sets, path=None):
+    cell = load(path, sets=sets).cell
+    return (cell.peg.diameter or cell.peg.sides), (cell.hole.diameter or cell.hole.sides)
+
+
+@pytest.mark.parametrize("shape", ["square", "rectangular"])
+def test_a_layer_that_changes_the_shape_alone_keeps_the_size(shape):
+    assert sizes(f"peg.shape={shape}") == ((0.008, 0.008), (0.0081, 0.0081))
+
+
+def test_the_hole_keeps_its_size_where_a_layer_says_that_of_the_peg_alone():
+    assert sizes("peg.shape=rectangular", "peg.sides=[0.006, 0.008]") == ((0.006, 0.008), (0.0081, 0.0081))
+
+
+@pytest.mark.parametrize("side", [0.004, 0.012, 0.020])
+def test_sides_from_4_to_20_mm_are_accepted(side):
+    sets = ("peg.shape=rectangular", f"peg.sides=[{side}, 0.008]", f"hole.sides=[{side + 1e-4}, 0.0081]")
+    assert sizes(*sets) == ((side, 0.008), (side + 1e-4, 0.0081))
+
+
+def test_equal_sides_become_the_diameter_where_a_layer_makes_the_peg_round(tmp_path):
+    path = cell_file(tmp_path, 'shape = "square"\nsides = [0.01, 0.01]', "sides = [0.0101, 0.0101]")
+    assert sizes("peg.shape=round", path=path) == (0.01, 0.0101)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        (("peg.shape=square", "peg.diameter=0.01"), ["peg.diameter = 0.01", "square", "peg.sides = [0.01, 0.01]"]),
+        (("peg.shape=rectangular", "hole.diameter=0.01"), ["hole.diameter = 0.01", "hole.sides = [0.01, 0.01]"]),
+        (("peg.sides=[0.008, 0.008]",), ["peg.sides = [0.008, 0.008]", "round", "peg.diameter = 0.008"]),
+        (("peg.sides=[0.008, 0.006]",), ["peg.sides = [0.008, 0.006]", "round", "peg.diameter allowed"]),
+        (
+            ("peg.shape=square", "peg.sides=[0.006, 0.008]"),
+            ["peg.sides = [0.006, 0.008]", "not equal", '"rectangular"'],
+        ),
+        (("peg.shape=square", "peg.sides=0.008"), ["peg.sides = 0.008", "2 values", "0.002 to 0.03"]),
+        (
+            ("peg.shape=rectangular", "peg.sides=[0.012, 0.008]", "hole.sides=[0.0121, 0.008]"),
+            ["peg.sides = [0.012, 0.008]", "0.008 is wider than the hole", "less than 0.008 of hole.sides"],
+        ),
+        (
+            ("peg.shape=rectangular", "peg.sides=[0.012, 0.008]", "hole.sides=[0.0081, 0.0121]"),
+            ["0.012 is wider than the hole", "less than 0.0081"],
+        ),
+    ],
+)
+def test_a_size_in_the_word_of_another_shape_or_that_does_not_fit_is_told_in_one_line(wrong, told):
+    line = line_about(*wrong)
+    assert line.startswith("--set: ")
+    assert all(word in line for word in told), line
+
+
+def test_a_file_that_sizes_a_square_peg_by_a_diameter_is_told_the_new_word(tmp_path):
+    path = cell_file(tmp_path, 'shape = "square"\ndiameter = 0.008')
+    line = line_about(path=path)
+    assert line == f'{path}: peg.diameter = 0.008: not for peg.shape = "square"; peg.sides = [0.008, 0.008] allowed'
+
+
+def test_the_section_of_an_older_layout_is_told_its_new_name(tmp_path):
+    path = cell_file(tmp_path, hole="[square]\nspeed = 0.1")
+    assert line_about(path=path) == f"{path}: [square]: is called [corner] now"
+
+
+def test_unequal_sides_below_leave_a_round_peg_without_its_diameter(tmp_path):
+    path = cell_file(tmp_path, 'shape = "rectangular"\nsides = [0.012, 0.008]', "sides = [0.0121, 0.0081]")
+    line = line_about("peg.shape=round", path=path)
+    assert all(word in line for word in ("--set", "peg.diameter: missing", "peg.sides was [0.012, 0.008]")), line
+
+
+def test_a_recipe_sizes_its_own_shape_whatever_the_cell_has(tmp_path):
+    path = cell_file(tmp_path)
+    (tmp_path / "recipes").mkdir()
+    (tmp_path / "recipes" / "7.toml").write_text(
+        '[peg]\nshape = "rectangular"\nsides = [0.012, 0.008]\n[hole]\nsides = [0.0121, 0.0081]\n'
+    )
+    loaded = load(path)
+    assert (loaded.cell.peg.diameter, loaded.recipes[7].peg.sides) == (0.008, (0.012, 0.008))
+
+
+def test_a_parameter_of_a_command_is_held_against_the_shape_of_the_cell():
+    square = load(sets=("peg.shape=square",)).cell
+    assert with_parameters(square, [("hole.yaw", 0.1)]).hole.sides == (0.0081, 0.0081)
+    with pytest.raises(ConfigError, match=r"parameter: peg\.diameter = 0\.0079: .*peg\.sides = \[0\.0079, 0\.0079\]"):
+        with_parameters(square, [("peg.diameter", 0.0079)])
+
+
 def test_facets_are_refused_for_a_square_hole():
     line = line_about("peg.shape=square", "sim.model.hole=boxes")
     assert all(word in line for word in ("sim.model.hole", "boxes", "square", '"exact" allowed'))
@@ -245,18 +342,18 @@ def test_a_square_peg_without_its_section_is_refused(tmp_path):
     shutil.copytree(SHIPPED, tmp_path / "config")
     path = tmp_path / "config" / "sim.toml"
     text = path.read_text()
-    path.write_text(re.sub(r"\[square\].*?(?=\[arm\])", "", text, flags=re.DOTALL))
+    path.write_text(re.sub(r"\[corner\].*?(?=\[arm\])", "", text, flags=re.DOTALL))
     load(path)
     line = line_about("peg.shape=square", path=path)
-    assert all(word in line for word in ("[square]", "missing", "square"))
+    assert all(word in line for word in ("[corner]", "missing", "square"))
 
 
 def test_gains_of_a_square_peg_that_would_be_unstable_are_refused():
-    line = line_about("peg.shape=square", "square.adjust.gains.rotation=400")
-    assert all(word in line for word in ("square.adjust.gains.rotation", "400", "unstable"))
+    line = line_about("peg.shape=square", "corner.adjust.gains.rotation=400")
+    assert all(word in line for word in ("corner.adjust.gains.rotation", "400", "unstable"))
 
 
 def test_a_square_peg_is_tried_as_often_as_its_own_section_says():
-    assert load(sets=("peg.shape=square", "retries=1", "square.retries=4")).cell.skill_set().retries == 4
-    assert load(sets=("retries=1", "square.retries=4")).cell.skill_set().retries == 1
-    assert load().cell.skill_set().square is None
+    assert load(sets=("peg.shape=square", "retries=1", "corner.retries=4")).cell.skill_set().retries == 4
+    assert load(sets=("retries=1", "corner.retries=4")).cell.skill_set().retries == 1
+    assert load().cell.handling().blend is None

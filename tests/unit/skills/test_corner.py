@@ -6,16 +6,17 @@ import numpy as np
 import pytest
 
 from drivers.frames import UP, rotation_about
-from skills.corner import corner_ahead, lowest_corner
+from drivers.part.rectangular import Rectangular
 from skills.corner_insert import lead_to, tipped, to_and_fro, turned_by
 
 SIDE = 0.008
+SQUARE = Rectangular(SIDE, SIDE)
 
 
 def test_a_peg_that_leans_over_its_corner_has_that_corner_ahead_and_lowest() -> None:
-    axis, closing = corner_ahead(0.2, 0.5)
+    axis, closing = SQUARE.leaning(0.2, 0.5)
     assert float(axis @ closing) == pytest.approx(0.0, abs=1e-15)
-    corner = lowest_corner(np.zeros(3), axis, closing, SIDE)
+    corner = SQUARE.lowest(np.zeros(3), axis, closing)
     half = SIDE / math.sqrt(2)
     ahead = np.array([math.cos(0.2 + math.pi / 4), math.sin(0.2 + math.pi / 4)])
     np.testing.assert_allclose(corner, [*(half * math.cos(0.5) * ahead), -half * math.sin(0.5)], atol=1e-15)
@@ -30,7 +31,7 @@ def test_no_corner_lies_lower_than_the_lowest() -> None:
         axis, closing = turned[:, 2], turned[:, 0]
         beside = turned[:, 1]
         all_four = [SIDE / 2 * (a * closing + b * beside) for a in (-1, 1) for b in (-1, 1)]
-        corner = lowest_corner(np.zeros(3), axis, closing, SIDE)
+        corner = SQUARE.lowest(np.zeros(3), axis, closing)
         assert corner[2] == pytest.approx(min(each[2] for each in all_four))
         assert min(np.linalg.norm(corner - each) for each in all_four) < 1e-15
 
@@ -47,7 +48,7 @@ def test_turns_go_to_either_side_further_each_time_and_never_beyond_their_reach(
 
 @pytest.mark.parametrize("angle", [-0.2, 0.0, 0.15])
 def test_how_far_a_hand_has_turned_about_the_normal_does_not_depend_on_how_it_leans(angle: float) -> None:
-    _, closing = corner_ahead(0.3, 0.12)
+    _, closing = SQUARE.leaning(0.3, 0.12)
     turned = rotation_about(UP, angle) @ closing
     assert turned_by(turned, closing, UP) == pytest.approx(angle)
 

@@ -7,17 +7,18 @@ import pytest
 
 from cell.config import load
 from drivers.errors import SwitchDisagreesError, SwitchUnknownError
+from drivers.part.round import Round
 from drivers.quantities import SwitchState
 from sim.section import section_depth
-from skills.motion import minimum_jerk, tilted, tilted_by
+from skills.motion import minimum_jerk, tilted_by
 from skills.seating import is_seated, require_short_of_bottom
-from skills.spray_search import lowest_point
 from skills.tactile.blend import Smoothing
 from skills.tactile.pose import NO_PEG, PegPose
 from skills.tactile_insert import allowed_depth, push_stiffness, turned
 
 JOB = load().cell.job()
 HOLE = JOB.hole
+PEG = Round(0.008)
 
 
 def pose(theta: float) -> PegPose:
@@ -42,17 +43,17 @@ def test_what_a_tilt_allows_is_as_deep_as_the_exact_section_says(peg: float, hol
 
 
 def test_the_closing_axis_lies_in_the_plane_of_the_tilt_and_across_the_peg() -> None:
-    axis, closing = tilted(0.7, 0.6)
+    axis, closing = PEG.leaning(0.7, 0.6)
     assert float(axis @ closing) == pytest.approx(0.0, abs=1e-15)
     assert float(np.cross(axis, closing)[2]) == pytest.approx(0.0, abs=1e-15)
 
 
 def test_the_lowest_point_of_a_leaning_peg_lies_ahead_of_its_end_and_below_it() -> None:
-    axis, _ = tilted(0.0, math.pi / 4)
+    axis, closing = PEG.leaning(0.0, math.pi / 4)
     np.testing.assert_allclose(
-        lowest_point(np.zeros(3), axis, 0.004), [0.004 / math.sqrt(2), 0.0, -0.004 / math.sqrt(2)]
+        PEG.lowest(np.zeros(3), axis, closing), [0.004 / math.sqrt(2), 0.0, -0.004 / math.sqrt(2)]
     )
-    np.testing.assert_allclose(lowest_point(np.ones(3), np.array([0.0, 0.0, 1.0]), 0.004), np.ones(3))
+    np.testing.assert_allclose(PEG.lowest(np.ones(3), np.array([0.0, 0.0, 1.0]), closing), np.ones(3))
 
 
 def test_the_finger_centre_of_the_spiral_stands_where_it_was_drawn() -> None:

@@ -22,7 +22,7 @@ def q(request, arm):
 
 def test_the_arms_inertia_is_that_of_the_physics(arm, q, loaded):
     cylinder.install()
-    plate = Plate(np.zeros(3), np.eye(3), 0.004, 0.02)
+    plate = Plate(np.zeros(3), np.eye(3), (0.004, 0.004), 0.02)
     model = scene.held_model(arm, loaded.cell.job(), plate, 0.1, 5e-4)
     data = mujoco.MjData(model)
     peg = model.body("peg").id

@@ -6,7 +6,9 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from sim.visual.shapes import Mesh, circle, perforated, rectangle
+from drivers.part.rectangular import Rectangular
+from drivers.part.round import Round
+from sim.visual.shapes import Mesh, perforated
 
 OUTLINE, DEPTH, THICKNESS = (-0.05, 0.04, -0.03, 0.06), 0.02, 0.03
 BLOCK = 0.09 * 0.09 * THICKNESS
@@ -34,7 +36,7 @@ def open_edges(mesh: Mesh) -> int:
 
 @pytest.mark.parametrize(
     ("mouth", "area"),
-    [(circle(0.004, 96), 48 * 0.004**2 * math.sin(2 * math.pi / 96)), (rectangle(0.010, 0.006), 6e-5)],
+    [(Round(0.008).outline(), 48 * 0.004**2 * math.sin(2 * math.pi / 96)), (Rectangular(0.010, 0.006).outline(), 6e-5)],
     ids=["round", "rectangular"],
 )
 def test_a_plate_is_the_block_without_its_hole(mouth, area):
@@ -44,7 +46,9 @@ def test_a_plate_is_the_block_without_its_hole(mouth, area):
     assert open_edges(plate) == 0
 
 
-@pytest.mark.parametrize("mouth", [circle(0.004), rectangle(0.010, 0.006)], ids=["round", "rectangular"])
+@pytest.mark.parametrize(
+    "mouth", [Round(0.008).outline(), Rectangular(0.010, 0.006).outline()], ids=["round", "rectangular"]
+)
 def test_a_cut_plate_is_the_part_behind_the_cut(mouth):
     plate = perforated(OUTLINE, mouth, DEPTH, THICKNESS, cut=True)
     whole = perforated((-0.05, 0.04, -0.06, 0.06), mouth, DEPTH, THICKNESS, cut=False)

@@ -122,7 +122,7 @@ def test_templates_are_what_the_blurred_groove_adds_up_to(layout, rises):
 
 @pytest.mark.parametrize(("layout", "rms", "worst"), [("parallelogram", 0.8, 3.0), ("base_to_base", 1.2, 5.0)])
 def test_theta_follows_a_square_peg_by_the_print_of_its_faces(layout, rms, worst):
-    peg = shipped().peg.model_copy(update={"shape": "square"})
+    peg = shipped().peg.model_copy(update={"shape": "square", "diameter": None, "sides": (0.008, 0.008)})
     error, sigma, offset, healthy = swept(
         LikelihoodEstimator(LikelihoodParams(), layout, peg), layout, peg=replace(LOAD, is_flat=True)
     )

@@ -1,0 +1,127 @@
+"""What every part answers about its cross-section; see `drivers.part.round` and `drivers.part.rectangular`."""
+
+import math
+from dataclasses import dataclass
+from typing import Protocol, Self
+
+import numpy as np
+
+from drivers.quantities import Vector
+
+
+@dataclass(frozen=True, slots=True)
+class Face:
+    """The surface of a part that the pads of the hand touch."""
+
+    width: float
+    """Width of a flat face, or diameter of a cylinder, m."""
+    is_flat: bool
+    """Whether the pads touch a plane, and not the line of a cylinder."""
+
+    @property
+    def flat_width(self) -> float:
+        """Width of the plane that lies on a pad, m; 0 for the line of a cylinder."""
+        return self.width if self.is_flat else 0.0
+
+    def groove(self, indentation: float) -> tuple[Vector, Vector]:
+        """Return lines that stand for the load across the peg's axis, as places from the axis and as shares of it.
+
+        A cylinder leaves a groove with the parabolic load of a bed of springs, half as wide as the square root of
+        width times depth; three lines carry that load exactly up to its fifth moment. Every line of a plane bears
+        as much as its neighbour, see `strips`.
+
+        Args:
+            indentation: Depth of the groove, m.
+
+        Returns:
+            Places, m, and shares that add up to 1; both of shape (n,).
+        """
+        if self.is_flat:
+            return np.zeros(1), np.ones(1)
+        half = math.sqrt(self.width * indentation)
+        return half * math.sqrt(3.0 / 7.0) * np.array([-1.0, 0.0, 1.0]), np.array([7.0, 16.0, 7.0]) / 30.0
+
+    def strips(self, step: float) -> Vector:
+        """Return the shares of the load on lines `step` apart, m, of an odd number, by the trapezoidal rule; they add up to 1.
+
+        A cylinder has one line, whose load is spread by `groove`.
+        """
+        if not self.is_flat:
+            return np.ones(1)
+        shares = np.ones(2 * max(1, round(self.width / 2 / step)) + 1)
+        shares[[0, -1]] = 0.5
+        shares /= shares.sum()
+        return shares
+
+
+class Part(Protocol):
+    """The cross-section of a peg, or of a hole: two of one kind can be compared.
+
+    The hand holds a peg between two faces. The closing axis, along which the fingers move, is the section's first
+    axis; the second one lies across it. All lengths are in m.
+    """
+
+    @property
+    def kind(self) -> str:
+        """Name under which skills and simulation keep what they know of such parts."""
+
+    @property
+    def half(self) -> tuple[float, float]:
+        """Half the extents along the closing axis and across it."""
+
+    @property
+    def thickness(self) -> float:
+        """Distance between the pads that hold it."""
+
+    @property
+    def inscribed(self) -> float:
+        """Diameter of the largest circle inside the section."""
+
+    @property
+    def widest(self) -> float:
+        """Largest distance between two parallel tangents that lie along an axis of the section."""
+
+    @property
+    def reach(self) -> float:
+        """Radius of the smallest circle about the section."""
+
+    @property
+    def symmetry(self) -> float:
+        """Smallest turn about the peg's axis after which it looks the same, rad; 0 where every turn does that."""
+
+    @property
+    def face(self) -> Face:
+        """What the pads touch."""
+
+    def outline(self) -> Vector:
+        """Return the corners of the section, or of a polygon that stands for a curved one, counter-clockwise, shape (n, 2)."""
+
+    def grown(self, gap: float) -> Self:
+        """Return the section of a hole around this one with a gap as wide on every side."""
+
+    def clearance(self, hole: Self) -> float:
+        """Return the gap on every side of this peg in the middle of its hole, the smallest where they differ."""
+
+    def azimuth(self, direction: float) -> float:
+        """Return the azimuth of the point that leads when the peg leans, rad.
+
+        Args:
+            direction: Azimuth of the closing axis while the peg is upright, rad.
+        """
+
+    def leaning(self, direction: float, tilt: float) -> tuple[Vector, Vector]:
+        """Return the axis and the closing axis, both unit, shape (3,), of a peg that leans over the point that leads.
+
+        Args:
+            direction: Azimuth of the closing axis while the peg is upright, rad.
+            tilt: Angle to the vertical, rad.
+        """
+
+    def lowest(self, tip: Vector, axis: Vector, closing: Vector) -> Vector:
+        """Return the lowest point of the peg's end, shape (3,).
+
+        Args:
+            tip: Middle of the end face, shape (3,).
+            axis: Of the peg, unit, upwards, shape (3,).
+            closing: Closing axis of the hand, unit, shape (3,).
+        """

@@ -1,0 +1,90 @@
+"""Rectangular pegs and holes, square ones among them."""
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar, Self
+
+import numpy as np
+
+from drivers.frames import UP, rotation_about
+from drivers.part.contract import Face
+from drivers.quantities import Vector
+
+
+@dataclass(frozen=True, slots=True)
+class Rectangular:
+    """A rectangle; what is documented at `drivers.part.contract.Part` is not repeated here."""
+
+    kind: ClassVar[str] = "rectangular"
+    a: float
+    """Side along the closing axis, m."""
+    b: float
+    """Side across it, m."""
+
+    @property
+    def half(self) -> tuple[float, float]:
+        """Half the sides."""
+        return self.a / 2, self.b / 2
+
+    @property
+    def thickness(self) -> float:
+        """First side."""
+        return self.a
+
+    @property
+    def inscribed(self) -> float:
+        """Shorter side."""
+        return min(self.a, self.b)
+
+    @property
+    def widest(self) -> float:
+        """Longer side."""
+        return max(self.a, self.b)
+
+    @property
+    def reach(self) -> float:
+        """Half the diagonal."""
+        return math.sqrt(self.a * self.a + self.b * self.b) / 2
+
+    @property
+    def symmetry(self) -> float:
+        """Half a turn; a quarter for a square."""
+        return math.pi / 2 if self.a == self.b else math.pi
+
+    @property
+    def face(self) -> Face:
+        """A plane as wide as the second side."""
+        return Face(self.b, is_flat=True)
+
+    def outline(self) -> Vector:
+        """Return the four corners."""
+        return np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * self.half
+
+    def grown(self, gap: float) -> Self:
+        """Return a rectangle whose sides lie further out."""
+        return type(self)(self.a + 2 * gap, self.b + 2 * gap)
+
+    def clearance(self, hole: "Rectangular") -> float:
+        """Return the smaller of the gaps between parallel sides."""
+        return min((hole.a - self.a) / 2, (hole.b - self.b) / 2)
+
+    def azimuth(self, direction: float) -> float:
+        """Return the azimuth of the corner over which the peg leans."""
+        return direction + math.atan2(self.b, self.a)
+
+    def leaning(self, direction: float, tilt: float) -> tuple[Vector, Vector]:
+        """Return the axes of a peg that leans over a corner.
+
+        That corner enters the hole however the hole is turned; the edge of a peg that leans over a side fits only
+        within the clearance.
+        """
+        lean = self.azimuth(direction)
+        turn = rotation_about(np.array([-math.sin(lean), math.cos(lean), 0.0]), tilt)
+        return turn @ UP, turn @ np.array([math.cos(direction), math.sin(direction), 0.0])
+
+    def lowest(self, tip: Vector, axis: Vector, closing: Vector) -> Vector:
+        """Return the lowest corner."""
+        beside = np.cross(axis, closing)
+        across = self.b / self.a * math.copysign(1.0, beside[2]) * beside
+        corner: Vector = tip - self.a / 2 * (math.copysign(1.0, closing[2]) * closing + across)
+        return corner

@@ -1,0 +1,92 @@
+"""Round pegs and holes."""
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar, Self
+
+import numpy as np
+
+from drivers.frames import UP
+from drivers.part.contract import Face
+from drivers.quantities import Vector
+
+CORNERS = 96
+"""Of the polygon that stands for the circle where it is drawn."""
+
+
+@dataclass(frozen=True, slots=True)
+class Round:
+    """A circle; what is documented at `drivers.part.contract.Part` is not repeated here."""
+
+    kind: ClassVar[str] = "round"
+    diameter: float
+    """m."""
+
+    @property
+    def half(self) -> tuple[float, float]:
+        """Radius, twice."""
+        return self.reach, self.reach
+
+    @property
+    def thickness(self) -> float:
+        """Diameter."""
+        return self.diameter
+
+    @property
+    def inscribed(self) -> float:
+        """Diameter."""
+        return self.diameter
+
+    @property
+    def widest(self) -> float:
+        """Diameter."""
+        return self.diameter
+
+    @property
+    def reach(self) -> float:
+        """Radius."""
+        return self.diameter / 2
+
+    @property
+    def symmetry(self) -> float:
+        """Zero: it looks the same however it is turned."""
+        return 0.0
+
+    @property
+    def face(self) -> Face:
+        """The line along a cylinder."""
+        return Face(self.diameter, is_flat=False)
+
+    def outline(self) -> Vector:
+        """Return `CORNERS` points on the circle."""
+        angle = 2.0 * math.pi * np.arange(CORNERS) / CORNERS
+        return self.reach * np.column_stack([np.cos(angle), np.sin(angle)])
+
+    def grown(self, gap: float) -> Self:
+        """Return a circle with a larger radius."""
+        return type(self)(self.diameter + 2 * gap)
+
+    def clearance(self, hole: "Round") -> float:
+        """Return the difference of the radii."""
+        return (hole.diameter - self.diameter) / 2
+
+    def azimuth(self, direction: float) -> float:
+        """Return the azimuth of the closing axis, over which a round peg leans."""
+        return direction
+
+    def leaning(self, direction: float, tilt: float) -> tuple[Vector, Vector]:
+        """Return the axes of a peg that leans in the plane of its closing axis.
+
+        The closing axis then has a component along the surface's normal: the back of a finger faces the surface,
+        [gibbons], Sec. IV.
+        """
+        lean = np.array([math.cos(direction), math.sin(direction), 0.0])
+        axis = math.sin(tilt) * lean + math.cos(tilt) * UP
+        closing = math.cos(tilt) * lean - math.sin(tilt) * UP
+        return axis, closing
+
+    def lowest(self, tip: Vector, axis: Vector, closing: Vector) -> Vector:
+        """Return the lowest point of the rim; the middle of the end where the peg is upright."""
+        down = axis[2] * axis - UP
+        size = math.sqrt(float(down @ down))
+        return tip + (self.reach / size) * down if size > 1e-9 else tip

@@ -1,0 +1,102 @@
+"""The shapes that a config may name, the word that sizes each, and what becomes of a size when the shape changes."""
+
+from collections.abc import Callable, Mapping
+from typing import Any, Literal
+
+from drivers.part.contract import Part
+from drivers.part.rectangular import Rectangular
+from drivers.part.round import Round
+
+Shape = Literal["round", "square", "rectangular"]
+DIAMETER, SIDES = "diameter", "sides"
+WORDS: dict[Shape, str] = {"round": DIAMETER, "square": SIDES, "rectangular": SIDES}
+"""The key of [peg], and of [hole], that sizes each shape."""
+SIZED = ("peg", "hole")
+"""The sections of a config that have a size."""
+
+
+def part_of(shape: Shape, diameter: float | None, sides: tuple[float, float] | None) -> Part:
+    """Return the cross-section that a config describes.
+
+    Raises:
+        ValueError: Its size is missing, is said by the word of another shape, or is not of this shape; one line.
+    """
+    word = WORDS[shape]
+    said = {DIAMETER: diameter, SIDES: sides}
+    if said[word] is None:
+        raise ValueError(f'{word}: missing; needed because peg.shape = "{shape}"')
+    for other, value in said.items():
+        if other != word and value is not None:
+            raise ValueError(
+                f'{other} = {list(value) if isinstance(value, tuple) else value}: not for peg.shape = "{shape}"; {word} allowed'
+            )
+    if diameter is not None:
+        return Round(diameter)
+    assert sides is not None
+    if shape == "square" and sides[0] != sides[1]:
+        raise ValueError(f'sides = {list(sides)}: not equal; [{sides[0]}, {sides[0]}] or shape = "rectangular" allowed')
+    return Rectangular(*sides)
+
+
+def section_of(diameter: float | None, sides: tuple[float, float] | None) -> Part:
+    """Return the cross-section of a hole, whose shape follows from the word that says its size.
+
+    Raises:
+        ValueError: Neither or both are given; one line.
+    """
+    return part_of("round" if sides is None else "rectangular", diameter, sides)
+
+
+def follow_shape(merged: Mapping[str, Any], layer: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    """Say the sizes of peg and hole in the word of the peg's shape, once a layer of the config has been laid over the others.
+
+    A layer that changes the shape and says no size keeps the size below it: a diameter d becomes sides [d, d], two
+    equal sides become a diameter.
+
+    Args:
+        merged: The sections with the layer in them; changed in place.
+        layer: The layer alone.
+
+    Returns:
+        What was renamed: section, old word and new word of each.
+
+    Raises:
+        ValueError: The layer says a size by the word of another shape, or the size below cannot be kept; one line.
+    """
+    shape = merged.get("peg", {}).get("shape", "round") if isinstance(merged.get("peg"), Mapping) else None
+    if not isinstance(shape, str) or shape not in WORDS:
+        return []
+    word = WORDS[shape]
+    other = SIDES if word == DIAMETER else DIAMETER
+    renamed = []
+    for name in SIZED:
+        section = merged.get(name)
+        if not isinstance(section, dict) or section.get(other) is None:
+            continue
+        found = section.pop(other)
+        said = layer.get(name)
+        if isinstance(said, Mapping) and said.get(other) is not None:
+            new = _RESIZED[word](found)
+            allowed = word if new is None else f"{word} = {new}"
+            raise ValueError(f'{name}.{other} = {found}: not for peg.shape = "{shape}"; {name}.{allowed} allowed')
+        if section.get(word) is None:
+            section[word] = _RESIZED[word](found)
+            if section[word] is None:
+                raise ValueError(
+                    f'{name}.{word}: missing; needed because peg.shape = "{shape}" and {name}.{other} was {found}'
+                )
+            renamed.append((name, other, word))
+    return renamed
+
+
+def _as_sides(diameter: Any) -> list[Any]:
+    return [diameter, diameter]
+
+
+def _as_diameter(sides: Any) -> Any:
+    """Return the length of equal sides, or None for others."""
+    is_pair = isinstance(sides, list | tuple) and len(sides) == 2 and sides[0] == sides[1]
+    return sides[0] if is_pair else None
+
+
+_RESIZED: dict[str, Callable[[Any], Any]] = {DIAMETER: _as_diameter, SIDES: _as_sides}

@@ -1,0 +1,81 @@
+"""How each kind of part is searched with, aligned and seated; the one place that chooses skills by the part."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from drivers.part.contract import Part
+from skills import corner_adjust, corner_insert, spiral_adjust, spray_search, tactile_insert
+from skills.contract import SkillContext, SkillResult
+from skills.corner import CornerParams
+from skills.ground import Plane
+from skills.motion import Gains
+
+
+@dataclass(frozen=True, slots=True)
+class Sections:
+    """The parameters that a handling is made of, as the sections of a config file."""
+
+    search: spray_search.SpraySearchParams
+    insert: tactile_insert.TactileInsertParams
+    adjust: spiral_adjust.SpiralAdjustParams
+    corner: CornerParams | None
+    retries: int
+    """Key `retries` of the config."""
+
+
+@dataclass(frozen=True, slots=True)
+class Handling:
+    """How one kind of part is handled."""
+
+    search: spray_search.SpraySearchParams
+    """Parameters of the search."""
+    insert: Callable[[SkillContext, Plane | None, int], SkillResult]
+    """Aligns the peg: on the surface that the search has felt, if any, in the attempt with this number, from 0."""
+    adjust: Callable[[SkillContext, Plane | None], SkillResult]
+    """Seats the aligned peg on that surface."""
+    retries: int
+    """Number of further searches when the peg turns out not to be in the hole; 0 in [gibbons]."""
+    steered: Mapping[str, Gains] = field(default_factory=dict)
+    """Gains that act on what the skin tells beside those that the catalogue of skills lists, by key of the config."""
+    blend: float | None = None
+    """Share of a new frame in the in-hand angle, instead of `smoothing.blend`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """How to make a handling."""
+
+    section: str
+    """Section of the config that it needs."""
+    make: Callable[[Sections], Handling]
+
+
+def _over_the_edge(sections: Sections) -> Handling:
+    return Handling(
+        search=sections.search,
+        insert=lambda ctx, plane, attempt: tactile_insert.run(sections.insert, ctx, plane),
+        adjust=lambda ctx, plane: spiral_adjust.run(sections.adjust, ctx, plane),
+        retries=sections.retries,
+    )
+
+
+def _over_a_corner(sections: Sections) -> Handling:
+    corner = sections.corner
+    assert corner is not None
+    return Handling(
+        search=corner.searching(sections.search),
+        insert=lambda ctx, plane, attempt: corner_insert.run(corner.insert, ctx, plane, attempt),
+        adjust=lambda ctx, plane: corner_adjust.run(corner.adjust, ctx, plane),
+        retries=corner.retries,
+        steered={"corner.insert.gains": corner.insert.gains, "corner.adjust.gains": corner.adjust.gains},
+        blend=corner.blend,
+    )
+
+
+WAYS: Mapping[str, Way] = {"round": Way("insert", _over_the_edge), "rectangular": Way("corner", _over_a_corner)}
+"""By the part's kind."""
+
+
+def handling(part: Part, sections: Sections) -> Handling:
+    """Return how this part is handled; the section that its way needs must be there."""
+    return WAYS[part.kind].make(sections)

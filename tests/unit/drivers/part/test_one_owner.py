@@ -1,0 +1,76 @@
+"""Nobody but the part decides on its shape: no other module names a shape, a section's class or the word of a size."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[4]
+PACKAGES = ("cell", "drivers", "plc_bridge", "sim", "skills")
+OWNERS = {"drivers/part/shapes.py", "drivers/part/round.py", "drivers/part/rectangular.py", "drivers/parts.py"}
+TABLES = {"skills/handling.py", "sim/shapes.py", "sim/config.py", "cell/config.py"}
+"""They choose skills, contacts and models of the hole by the part's kind, or know a word of an older layout: as keys of a
+table, and nowhere else."""
+SHAPES = {"round", "square", "rectangular"}
+CLASSES = {"Round", "Rectangular"}
+SIZES = {"diameter", "sides"}
+
+
+def modules() -> list[str]:
+    files = (path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
+    return sorted(str(path.relative_to(ROOT)) for path in files)
+
+
+def is_of_part(node: ast.expr) -> bool:
+    """Whether an expression is called peg, hole, bore or part."""
+    name = node.attr if isinstance(node, ast.Attribute) else node.id if isinstance(node, ast.Name) else ""
+    return name.strip("_") in {"peg", "hole", "bore", "part"}
+
+
+def decisions(source: str, may_key_tables: bool = False) -> list[str]:
+    """Return what in a module's source decides on a part's shape."""
+    tree, found = ast.parse(source), []
+    keys = {
+        id(key)
+        for node in ast.walk(tree)
+        for key in (node.keys if isinstance(node, ast.Dict) else node.elts if isinstance(node, ast.Set) else ())
+    }
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and node.value in SHAPES and not (may_key_tables and id(node) in keys):
+            found.append(f"line {node.lineno}: {node.value!r}")
+        elif isinstance(node, ast.Name) and node.id in CLASSES:
+            found.append(f"line {node.lineno}: {node.id}")
+        elif isinstance(node, ast.Attribute) and node.attr in SIZES and is_of_part(node.value):
+            found.append(f"line {node.lineno}: .{node.attr} of a part")
+        elif isinstance(node, ast.Compare):
+            sides = [node.left, *node.comparators]
+            asked = [s for s in sides if isinstance(s, ast.Attribute) and s.attr in {"shape", "kind"}]
+            if any(is_of_part(side.value) for side in asked):
+                found.append(f"line {node.lineno}: compares the shape or kind of a part")
+    return found
+
+
+@pytest.mark.parametrize("module", [name for name in modules() if name not in OWNERS])
+def test_a_module_decides_nothing_by_shape(module: str) -> None:
+    source = (ROOT / module).read_text(encoding="utf-8")
+    assert decisions(source, may_key_tables=module in TABLES) == []
+
+
+def test_owners_and_tables_exist() -> None:
+    assert set(modules()) >= OWNERS | TABLES
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        'if peg.shape == "square": pass',
+        "if job.peg.shape != default: pass",
+        "reach = job.peg.diameter / 2",
+        "a = self._hole.sides[0]",
+        "if isinstance(part, Round): pass",
+        'kinds = {"round": 1}',
+        "if job.peg.part.kind in NAMES: pass",
+    ],
+)
+def test_a_decision_would_be_seen(source: str) -> None:
+    assert decisions(source)
