@@ -4,9 +4,9 @@ The only place that names hardware and simulated classes together, and where the
 each satisfies its protocol. The simulated ones are imported only when a config asks for them.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cell.checks import LOOP_TIME, check_clock, loop_verdict, remedy, verdict
-from cell.config import CellConfig
+from cell.config import ERRORS_FILE, SHIPPED, CellConfig
 from drivers.arm.franka import FrankaArm
 from drivers.arm.franka_config import FrankaArmConfig
 from drivers.clock import WallClock
@@ -49,9 +49,12 @@ from skills.tactile.pose import Estimator, Tracker
 if TYPE_CHECKING:
     from sim.bench import Bench
     from sim.boards import SkinSource
+    from sim.reality import Drawn
     from sim.switch import SwitchSource
     from sim.truth import Truth
 
+SCAN_STREAM = 5
+"""Key of the random stream for scans that come late."""
 SEARCH_STREAM = 3
 """Key of the random stream for choices of the skills; the simulated world draws from the ones before it."""
 
@@ -68,6 +71,8 @@ class Cell:
     switch: SuccessSwitch
     restock: Callable[[Job, int], None]
     """Stand a fresh peg in the rack: simulated cells do, on hardware it is the operator's affair."""
+    errors: Mapping[str, str] = field(default_factory=dict)
+    """What was drawn of the errors of a simulated cell, by name, for records."""
     truth: "Callable[[], Truth] | None" = None
     """What no sensor tells; simulated cells only."""
     sight: Callable[[], Sight] | None = None
@@ -130,15 +135,23 @@ def assemble(config: CellConfig) -> Cell:
     if isinstance(config.arm, FrankaArmConfig):
         return _hardware(config, config.arm)
     from sim.arm import SimArm
+    from sim.busy_clock import BusyClock
     from sim.gripper import SimGripper
+    from sim.reality import Errors, recorded
+    from sim.reality import read as read_errors
     from sim.world import World
 
     assert config.sim is not None
     assert config.contact is not None
     assert config.grip is not None
-    world = World(config.arm_model(), config.sim, config.contact, config.grip, config.skin.layout, config.job())
-    felt = _world_skin(config, world, world.draw.skin)
+    errors = Errors(read_errors(config.reality.file or SHIPPED / ERRORS_FILE), config.reality)
+    job = config.job()
+    world = World(config.arm_model(), config.sim, config.contact, config.grip, config.skin.layout, job, errors)
+    felt = _world_skin(config, world, world.draw.skin, world.drawn)
     switch, clock, boards = _switch(config, world, felt.clock)
+    if world.drawn["scan.late"] > 0.0:
+        stream = np.random.SeedSequence(config.sim.seed, spawn_key=(SCAN_STREAM,))
+        clock = BusyClock(clock, world.drawn, np.random.default_rng(stream))
     return Cell(
         config=config,
         clock=clock,
@@ -147,6 +160,7 @@ def assemble(config: CellConfig) -> Cell:
         skin=_calibrated(config, felt.skin),
         switch=switch,
         restock=world.restock,
+        errors=recorded(world.drawn),
         truth=world.truth,
         sight=lambda: Sight(world.peg_pose(), Pose(world.plate.position, world.plate.rotation)),
         boards=boards,
@@ -220,7 +234,9 @@ def _serial_skin(config: SerialSkinConfig, line: ByteLink, clock: Clock) -> Skin
     return SkinLine(skin, clock, skin.figures)
 
 
-def _world_skin(config: CellConfig, source: "SkinSource", rng: np.random.Generator) -> SkinLine:
+def _world_skin(
+    config: CellConfig, source: "SkinSource", rng: np.random.Generator, drawn: "Drawn | None" = None
+) -> SkinLine:
     """Return the skin between the pads of a simulated world: a stand-in, or a driver with an emulated board behind its wire."""
     skin, model, seed = config.skin, config.boards.skin, config.sim.seed if config.sim is not None else 0
     if isinstance(skin, CanSkinConfig) and skin.channel == EMULATED:
@@ -237,9 +253,10 @@ def _world_skin(config: CellConfig, source: "SkinSource", rng: np.random.Generat
         return _serial_skin(skin, line, BoardClock(source, (line,)))
     if isinstance(skin, CanSkinConfig | SerialSkinConfig):
         return _real_skin(config, source)
-    from sim.skin import SimSkin
+    from sim.reality import AS_BELIEVED
+    from sim.skin import SimSkin, skin_truth
 
-    return SkinLine(SimSkin(skin, source, rng), source, None)
+    return SkinLine(SimSkin(skin, source, rng, truth=skin_truth(drawn or AS_BELIEVED)), source, None)
 
 
 def played_skin(config: CellConfig, path: Path, clock: Clock) -> SkinLine:

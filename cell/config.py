@@ -27,6 +27,7 @@ from sim.config import (
     BoardsConfig,
     ContactConfig,
     GripConfig,
+    RealityConfig,
     SimArmConfig,
     SimConfig,
     SimGripperConfig,
@@ -49,6 +50,8 @@ E = TypeVar("E", bound=ConfigModel)
 SHIPPED = Path(shipped.__file__).parent
 """Where the configs that come with the program are."""
 DEFAULT = SHIPPED / "sim.toml"
+ERRORS_FILE = "reality.toml"
+"""Name of the shipped file of errors, which is no cell."""
 ARMS = SHIPPED / "arms"
 """Where the files of figures of the arms are that come with the program."""
 NOT_INHERITED = (("limits", "force"), ("limits", "low"), ("limits", "high"), ("hole", "centre"), ("rack", "first"))
@@ -125,6 +128,8 @@ class CellConfig(Catalogued):
     contact: ContactConfig | None = None
     grip: GripConfig | None = None
     sim: SimConfig | None = None
+    reality: RealityConfig = RealityConfig()
+    """What a simulated cell differs in from what the software believes."""
     boards: BoardsConfig = BoardsConfig()
     calibration: CalibrationConfig = CalibrationConfig()
 
@@ -345,7 +350,9 @@ def _layers(path: Path) -> list[tuple[str, dict[str, Any]]]:
     name = tree.pop("base", None)
     if name is None:
         return [(str(path), tree)]
-    allowed = sorted({file.name for place in (SHIPPED, path.parent) for file in place.glob("*.toml")} - {path.name})
+    allowed = sorted(
+        {file.name for place in (SHIPPED, path.parent) for file in place.glob("*.toml")} - {path.name, ERRORS_FILE}
+    )
     if name not in allowed:
         raise ConfigError(f"{path}: base = {name!r}: no such file; {', '.join(allowed)} allowed")
     base = next(place / name for place in (path.parent, SHIPPED) if (place / name).is_file())

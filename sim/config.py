@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field, NonNegativeInt
 
 from drivers.arm.model import ArmName
-from drivers.config_model import ConfigModel
+from drivers.config_model import ConfigModel, FilePath
 from drivers.part.contract import Part
 from drivers.parts import Fraction
 from drivers.quantities import FINGERS, TAXELS
@@ -178,6 +178,17 @@ class SimConfig(ConfigModel):
     seed: Annotated[int, Field(ge=0)] = 0
     """Of the first run; every further run of a session takes the next."""
     model: ModelConfig = ModelConfig()
+
+
+class RealityConfig(ConfigModel):
+    """[reality]: how large the errors of a simulated cell are."""
+
+    scale: Annotated[float, Field(ge=0.0, le=5.0)] = 1.0
+    """How large the errors are: 0 ideal, 1 honest, 2 careless; a ratio."""
+    alone: str = ""
+    """Name of the one error that is drawn, the others being ideal, as `arm.gravity`; empty draws all."""
+    file: FilePath | None = None
+    """File that says how the errors are distributed; none is the `reality.toml` that ships with the program."""
 
 
 class SimArmConfig(ConfigModel):

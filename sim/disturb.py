@@ -7,6 +7,7 @@ import numpy as np
 from drivers.parts import Job
 from drivers.quantities import Vector
 from sim.config import ContactConfig, GripConfig, Spread
+from sim.reality import AS_BELIEVED, Drawn
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,21 +28,44 @@ class Draw:
     """In-hand angle at which the peg is found in the rack, rad."""
     skin: np.random.Generator
     """For the skin's gains, dead taxels and noise."""
+    tilt: float
+    """How far the plate's normal leans, rad."""
+    rack: Vector
+    """Where the rack stands against where the job says, shape (3,), m, base frame."""
+    depth_in_hand: float
+    """How much further than believed the peg reaches from the finger centre when it is taken from the rack, m."""
+    grip_force: float
+    """Force of the fingers over the commanded one, a ratio."""
 
 
-def draw(job: Job, contact: ContactConfig, grip: GripConfig, seed: int) -> Draw:
-    """Return the world of the trial with this seed; independent streams, so that no draw shifts another."""
+def draw(
+    job: Job, contact: ContactConfig, grip: GripConfig, seed: int, cell: Drawn = AS_BELIEVED, part: Drawn = AS_BELIEVED
+) -> Draw:
+    """Return the world of the trial with this seed; independent streams, so that no draw shifts another.
+
+    Args:
+        job: The part and its believed places.
+        contact: Friction of peg and plate.
+        grip: Friction of peg and pads, and the angle in the rack.
+        seed: Seed of the trial.
+        cell: Errors of the places, which stay as long as the cell does.
+        part: Errors of the peg and its grasp.
+    """
     place, feel, skin = np.random.SeedSequence(seed).spawn(3)
     where, how = np.random.default_rng(place), np.random.default_rng(feel)
     half = np.array([*job.hole.area, 0.0]) / 2
     return Draw(
-        hole=np.array(job.hole.centre) + where.uniform(-half, half),
+        hole=np.array(job.hole.centre) + where.uniform(-half, half) + [0.0, 0.0, float(cell["place.plate_height"])],
         tilt_direction=float(where.uniform(-np.pi, np.pi)),
         yaw=float(where.uniform(-job.hole.yaw, job.hole.yaw)),
         friction=_one(contact.friction, how),
         pad_friction=_one(grip.friction, how),
         grasp_angle=float(how.uniform(-grip.angle, grip.angle)),
         skin=np.random.default_rng(skin),
+        tilt=job.hole.tilt + float(cell["place.plate_tilt"]),
+        rack=cell["place.rack"],
+        depth_in_hand=float(part["peg.depth_in_hand"]),
+        grip_force=float(part["grip.force"]),
     )
 
 

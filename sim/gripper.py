@@ -25,7 +25,7 @@ class SimGripper:
 
     def grip(self, force: float) -> None:
         """Close until `force`, N, is held or the fingers meet."""
-        self._world.control.drive[engine.DRIVE_FORCE] = force
+        self._world.control.drive[engine.DRIVE_FORCE] = force * self._world.draw.grip_force
 
     def release(self, width: float) -> None:
         """Open to `width`, m."""

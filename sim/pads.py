@@ -181,12 +181,22 @@ class Pressing:
 class Pads:
     """Two pads with taxels under them."""
 
-    def __init__(self, config: PadConfig, layout: Layout) -> None:
-        """Set up pads of the size that belongs to `layout`."""
+    def __init__(self, config: PadConfig, layout: Layout, misplaced: Vector | None = None) -> None:
+        """Set up pads of the size that belongs to `layout`.
+
+        Args:
+            config: Elastomer and taxels.
+            layout: How the two modules of a finger sit.
+            misplaced: How far each taxel sits from its place in the layout, shape (2, 20, 2), m; None is nowhere.
+        """
         self.length, self.width = pad_size(layout)
         self._config = config
         self._foundation = config.stiffness / self.length
-        self._cells, self._weights = taxel_weights(layout, config.blur, config.taxel_diameter)
+        self._cells, self._weights = (
+            taxel_weights(layout, config.blur, config.taxel_diameter)
+            if misplaced is None
+            else weights_at(finger_positions(layout) + misplaced, layout, config.blur, config.taxel_diameter)
+        )
 
     def line_load(self, depth: Vector) -> Vector:
         """Return the load of a pad for a depth of the contact line, N/m."""
@@ -247,9 +257,20 @@ def _bearable(load: PadLoad, low: float, high: float) -> tuple[float, float]:
 
 @lru_cache
 def taxel_weights(layout: Layout, blur: float, diameter: float) -> tuple[Vector, Vector]:
+    """Return what `weights_at` returns for taxels that sit where the layout says."""
+    return weights_at(finger_positions(layout), layout, blur, diameter)
+
+
+def weights_at(places: Vector, layout: Layout, blur: float, diameter: float) -> tuple[Vector, Vector]:
     """Return the grid's cells, shape (n, 2), m, and what share of each cell's pressure a taxel sees, shape (2, 20, n).
 
     The point spread is a Gaussian averaged over the taxel's disc; on an endless pad the shares of a taxel add up to 1.
+
+    Args:
+        places: Middles of the taxels in the plane of the pad, shape (2, 20, 2), m.
+        layout: Gives the pad its size.
+        blur: Standard deviation of the point spread, m.
+        diameter: Diameter of the area that a taxel averages over, m.
     """
     length, width = pad_size(layout)
     x, y = ((np.arange(round(size / CELL)) + 0.5) * size / round(size / CELL) - size / 2 for size in (length, width))
@@ -259,7 +280,7 @@ def taxel_weights(layout: Layout, blur: float, diameter: float) -> tuple[Vector,
     # A sunflower covers a disc evenly.
     radius, turn = diameter / 2 * np.sqrt(number / number.size), np.pi * (1 + 5**0.5) * number
     disc = np.column_stack([radius * np.cos(turn), radius * np.sin(turn)])
-    away = finger_positions(layout)[:, :, None, :] - cells
+    away = places[:, :, None, :] - cells
     distance = np.sqrt((away**2).sum(axis=-1))
     table = np.linspace(0.0, diameter / 2 + 6 * blur, 400)
     gap = (table[:, None] - disc[:, 0]) ** 2 + disc[:, 1] ** 2

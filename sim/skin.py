@@ -1,7 +1,9 @@
 """A simulated skin board: what the pads feel, through taxels that drift, creep and hiss, ten times a second."""
 
 import math
+from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -12,12 +14,45 @@ from drivers.skin.health import Counts, SkinHealth
 from drivers.skin.layout import MODULE_OF, MODULE_TAXELS
 from sim.config import SimSkinConfig
 from sim.pads import PadLoad, Pads
+from sim.reality import Drawn
 
 Disturb = Callable[[Counts], Counts | None]
 """Raw counts in, what arrives of them out; None is a frame lost on the way."""
 
 _SHAPE = (FINGERS, TAXELS)
 _LARGEST = np.iinfo(np.uint16).max
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SkinTruth:
+    """How a skin differs from what its layout and the config's noise say; nobody is told."""
+
+    noise_level: Vector
+    """Noise of each taxel over that of the config, shape (2, 20), a ratio."""
+    misplaced: Vector
+    """How far each taxel sits from its place in the layout, shape (2, 20, 2), m."""
+    dead: Mask
+    """Taxels that read zero, beside those that the config asks for, shape (2, 20)."""
+    age: float
+    """Time from the measurement of a frame to its delivery, s."""
+
+    def pads(self, config: SimSkinConfig) -> Pads:
+        """Return the pads over these taxels."""
+        return Pads(config.pad, config.layout, self.misplaced if self.misplaced.any() else None)
+
+
+def skin_truth(drawn: Drawn) -> SkinTruth:
+    """Return how the skin of a cell with these errors is."""
+    return SkinTruth(
+        noise_level=drawn["skin.noise_level"],
+        misplaced=drawn["skin.taxel_place"],
+        dead=drawn["skin.dead_taxel"] > 0.0,
+        age=float(drawn["skin.age"]),
+    )
+
+
+AS_BELIEVED = SkinTruth(np.ones(_SHAPE), np.zeros((*_SHAPE, 2)), np.zeros(_SHAPE, dtype=bool), 0.0)
+"""A skin that is as layout and config say."""
 
 
 class PadSource(Protocol):
@@ -37,9 +72,10 @@ class Taxels:
     answer to a load comes late (creep of the elastomer, first order).
     """
 
-    def __init__(self, config: SimSkinConfig, rng: np.random.Generator) -> None:
+    def __init__(self, config: SimSkinConfig, rng: np.random.Generator, truth: SkinTruth = AS_BELIEVED) -> None:
         """Draw one skin."""
         self._config, self._rng = config, rng
+        self._noise = config.noise * config.full_scale * truth.noise_level
         self._gain = config.sensitivity * rng.normal(1.0, config.gain_spread, _SHAPE)
         self._offset: Vector = config.offset * rng.normal(1.0, config.gain_spread, _SHAPE)
         self._late: Vector = np.zeros(_SHAPE)
@@ -47,6 +83,7 @@ class Taxels:
         """Taxels that read zero, shape (2, 20)."""
         living = rng.permutation(np.flatnonzero(~self.dead))
         self.dead.flat[living[: config.dead_taxels]] = True
+        self.dead |= truth.dead
 
     def measure(self, pressure: Vector, elapsed: float) -> Counts:
         """Return raw counts, shape (2, 20).
@@ -60,7 +97,7 @@ class Taxels:
         self._late += (1.0 - math.exp(-elapsed / config.creep_time)) * (answer - self._late)
         self._offset += config.drift * config.full_scale * math.sqrt(elapsed) * rng.standard_normal(_SHAPE)
         reading = self._offset + (1.0 - config.creep) * answer + config.creep * self._late
-        reading += config.noise * config.full_scale * rng.standard_normal(_SHAPE)
+        reading += self._noise * rng.standard_normal(_SHAPE)
         # The converter stops at its rail: more pressure is "at least", not an error mark.
         reading = np.clip(np.rint(reading), 0, config.health.saturation)
         return np.where(self.dead, 0, reading).astype(np.uint16)
@@ -80,10 +117,13 @@ class SimSkin:
         source: PadSource,
         rng: np.random.Generator,
         disturb: Disturb = lambda counts: counts,
+        truth: SkinTruth = AS_BELIEVED,
     ) -> None:
         """Describe the skin; `disturb` may spoil or lose frames."""
         self._config, self._source, self._rng, self._disturb = config, source, rng, disturb
-        self._pads = Pads(config.pad, config.layout)
+        self._truth, self._pads = truth, truth.pads(config)
+        self._under_way: deque[TaxelFrame] = deque()
+        """Frames that were measured and are not yet delivered."""
         self._taxels: Taxels | None = None
         self._health: SkinHealth | None = None
         self._frame: TaxelFrame | None = None
@@ -96,13 +136,14 @@ class SimSkin:
         Nothing may be between the pads: what lies there would become part of the baseline.
         """
         if self._taxels is None:
-            self._taxels = Taxels(self._config, self._rng)
+            self._taxels = Taxels(self._config, self._rng, self._truth)
         pressure = self._pressure()
         frames = self._config.health.baseline_frames
         still = np.array([self._taxels.measure(pressure, 0.0) for _ in range(frames)])
         self._health = SkinHealth(self._config.health, still)
         self._start = self._measured = self._source.now()
         self._due, self._frame = 0, None
+        self._under_way.clear()
 
     def close(self) -> None:
         """Stop measuring."""
@@ -116,6 +157,9 @@ class SimSkin:
         passed = math.floor((now - self._start) * self._config.rate + 1e-6)
         if passed >= self._due:
             self._measure(self._taxels, self._health, now, passed)
+        # A board that is opened has been measuring before: its first frame is there.
+        while self._under_way and (self._frame is None or now >= self._under_way[0].stamp + self._truth.age):
+            self._frame = self._under_way.popleft()
         last = self._start if self._frame is None else self._frame.stamp
         limit = self._config.silent_frames / self._config.rate
         if self._frame is None or now - last > limit:
@@ -128,7 +172,7 @@ class SimSkin:
         arrived = self._disturb(raw)
         if arrived is not None:
             values, trusted = health.update(arrived, now)
-            self._frame = TaxelFrame(values, trusted, now, sequence)
+            self._under_way.append(TaxelFrame(values, trusted, now, sequence))
 
     def _pressure(self) -> Vector:
         load = self._source.pad_load()

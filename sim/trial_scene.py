@@ -96,13 +96,13 @@ class TrialScene:
     def racked(self) -> Pose:
         """Return the pose of the peg's middle in its slot."""
         up = self.rack.rotation[:, 2]
-        return Pose(self.rack.position + up * (self.size.half - self.job.rack.depth), self.rack.rotation)
+        return Pose(self.rack.position + up * (self.size.half - self.rack.depth), self.rack.rotation)
 
 
 def _plate(job: Job, drawn: Draw) -> Plate:
     hole = job.hole
     lean = frames.rotation_about(
-        np.array([-math.sin(drawn.tilt_direction), math.cos(drawn.tilt_direction), 0.0]), hole.tilt
+        np.array([-math.sin(drawn.tilt_direction), math.cos(drawn.tilt_direction), 0.0]), drawn.tilt
     )
     if hole.part.symmetry > 0.0:
         lean = lean @ frames.rotation_about(frames.UP, drawn.yaw)
@@ -112,11 +112,12 @@ def _plate(job: Job, drawn: Draw) -> Plate:
 
 def _rack(job: Job, drawn: Draw) -> Plate:
     rack = job.rack
-    slot = np.array(rack.first) + np.array([0.0, rack.pitch * (job.slot % rack.slots), 0.0])
+    slot = np.array(rack.first) + np.array([0.0, rack.pitch * (job.slot % rack.slots), 0.0]) + drawn.rack
     # The hand comes with its closing axis along y, so the slot leans about y.
     return Plate(
         slot,
         frames.rotation_about(np.array([0.0, 1.0, 0.0]), -drawn.grasp_angle),
         job.peg.part.grown(scene.RACK_CLEARANCE).half,
-        rack.depth,
+        # The deeper the slot, the closer to its back end the peg is taken.
+        rack.depth + drawn.depth_in_hand,
     )

@@ -15,6 +15,7 @@ from sim.disturb import draw
 from sim.pace import Pace
 from sim.pads import PadLoad, load_of
 from sim.plate import Plate
+from sim.reality import NO_ERRORS, Errors
 from sim.situation import Peg
 from sim.stepper import Stepper
 from sim.trial_scene import TrialScene
@@ -28,9 +29,22 @@ class World:
     """One cell's physics, and its clock."""
 
     def __init__(
-        self, arm: ArmModel, sim: SimConfig, friction: ContactConfig, grip: GripConfig, layout: Layout, job: Job
+        self,
+        arm: ArmModel,
+        sim: SimConfig,
+        friction: ContactConfig,
+        grip: GripConfig,
+        layout: Layout,
+        job: Job,
+        errors: Errors = NO_ERRORS,
     ) -> None:
-        """Keep the configuration and build the scene of the first run; the skin's layout tells the pads' size."""
+        """Keep the configuration and build the scene of the first run; the skin's layout tells the pads' size.
+
+        Raises:
+            ConfigError: `reality.alone` names no error.
+        """
+        self._errors, self.drawn = errors, errors.draw(sim.seed)
+        """What the cell differs in for as long as it stands: arm, places, skin and computer."""
         self.arm, self._sim, self._contact, self._grip = arm, sim, friction, grip
         self.pad = pad_size(layout)
         """Length and width of a pad, m."""
@@ -41,7 +55,8 @@ class World:
 
     def restock(self, job: Job, seed: int) -> None:
         """Stand a fresh peg in the rack and draw the trial's world from `seed`; the arm stays where it is."""
-        self.job, self.draw = job, draw(job, self._contact, self._grip, seed)
+        part = self._errors.draw(seed)
+        self.job, self.draw = job, draw(job, self._contact, self._grip, seed, self.drawn, part)
         scene = TrialScene(self.arm, self._sim, job, self.draw, self.pad, self.stepper.has_twins)
         self.stepper.restock(scene, self.draw.pad_friction)
 

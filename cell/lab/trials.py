@@ -65,6 +65,10 @@ class TrialRow:
     depth: float
     sim_time: float
     wall_time: float
+    cycle_time: float = math.nan
+    """From the command to the end of the program, transfers, grasp and release included."""
+    errors: dict[str, str] = field(default_factory=dict)
+    """What was drawn of the cell's errors, by name: a column each."""
 
     def tried(self) -> Tried:
         """Return the row as the stage table needs it."""
@@ -77,7 +81,9 @@ class TrialRow:
         return Tried(self.outcome == Outcome.SUCCESS, self.stage, times)
 
 
-COLUMNS = tuple(f.name for f in fields(TrialRow))
+ERRORS = "errors"
+COLUMNS = tuple(f.name for f in fields(TrialRow) if f.name != ERRORS)
+"""Those of every table; behind them stands a column for each error that was drawn."""
 
 
 @dataclass(slots=True)
@@ -129,7 +135,7 @@ def run_trial(config: CellConfig, seed: int) -> TrialRow:
     records: list[StageRecord] = []
     fault: CellError | None = None
     with opened(cell):
-        ctx = cell.context(seed)
+        ctx, began = cell.context(seed), cell.clock.now()
         watcher = Watcher(cell, ctx)
         ctx.record = watcher.record
         try:
@@ -171,6 +177,8 @@ def run_trial(config: CellConfig, seed: int) -> TrialRow:
         depth=truth.depth,
         sim_time=sim_time,
         wall_time=time.perf_counter() - wall,
+        cycle_time=sim_time - began,
+        errors=dict(cell.errors),
     )
 
 
@@ -250,8 +258,11 @@ def write_table(rows: Sequence[TrialRow], path: Path) -> None:
     """Write rows as CSV."""
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(COLUMNS)
-        writer.writerows([_cell(getattr(row, name)) for name in COLUMNS] for row in rows)
+        errors = tuple(rows[0].errors) if rows else ()
+        writer.writerow((*COLUMNS, *errors))
+        writer.writerows(
+            [*(_cell(getattr(row, name)) for name in COLUMNS), *(row.errors[name] for name in errors)] for row in rows
+        )
 
 
 def read_table(path: Path) -> list[TrialRow]:
@@ -263,9 +274,17 @@ def read_table(path: Path) -> list[TrialRow]:
     """
     with path.open(newline="", encoding="utf-8") as file:
         table = csv.DictReader(file)
-        if tuple(table.fieldnames or ()) != COLUMNS:
+        found = tuple(table.fieldnames or ())
+        if found[: len(COLUMNS)] != COLUMNS:
             raise ValueError(f"{path}: other columns than this program writes")
-        return [TrialRow(**{f.name: _READERS[f.type](row[f.name]) for f in fields(TrialRow)}) for row in table]
+        errors = found[len(COLUMNS) :]
+        return [
+            TrialRow(
+                **{f.name: _READERS[f.type](row[f.name]) for f in fields(TrialRow) if f.name != ERRORS},
+                errors={name: row[name] for name in errors},
+            )
+            for row in table
+        ]
 
 
 _READERS: dict[Any, Callable[[str], Any]] = {

@@ -1,4 +1,4 @@
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from drivers.skin.health import ERROR_COUNT, dead_groups
 from drivers.skin.layout import LAYOUTS, MODULE_OF
 from sim.config import SimSkinConfig
 from sim.pads import PadLoad, Pads
-from sim.skin import SimSkin, Taxels
+from sim.skin import AS_BELIEVED, SimSkin, Taxels
 
 
 @dataclass
@@ -123,3 +123,51 @@ def test_part_of_the_answer_creeps_in():
 def test_overload_stops_at_the_rail():
     taxels = Taxels(SimSkinConfig(kind="sim"), np.random.default_rng(0))
     assert taxels.measure(np.full((2, 20), 1e8), 0.1).max() == SimSkinConfig(kind="sim").health.saturation
+
+
+def _true_skin(source, seed=0, **differs):
+    truth = replace(AS_BELIEVED, **differs)
+    skin = SimSkin(SimSkinConfig(kind="sim"), source, np.random.default_rng(seed), truth=truth)
+    skin.open()
+    return skin
+
+
+def test_a_frame_is_delivered_at_its_age_and_bears_the_time_it_was_measured_at():
+    source = Source()
+    skin = _true_skin(source, age=0.035)
+    first = {}
+    for _ in range(60):
+        frame = skin.read()
+        first.setdefault(frame.sequence, (frame.stamp, source.time))
+        source.time += 0.01
+    assert [first[n][0] for n in range(1, 5)] == pytest.approx([0.1, 0.2, 0.3, 0.4])
+    assert all(0.03 <= first[n][1] - first[n][0] <= 0.06 for n in range(1, 5))
+
+
+def test_each_taxel_hisses_as_loud_as_its_own_noise():
+    levels = np.linspace(0.2, 4.0, 40).reshape(2, 20)
+    taxels = Taxels(
+        SimSkinConfig(kind="sim", drift=0.0), np.random.default_rng(3), replace(AS_BELIEVED, noise_level=levels)
+    )
+    readings = np.array([taxels.measure(np.zeros((2, 20)), 0.1) for _ in range(600)], dtype=float)
+    expected = 0.015 * 20e3 * levels
+    assert readings.std(axis=0) == pytest.approx(expected, rel=0.15)
+
+
+def test_a_taxel_that_sits_elsewhere_feels_what_is_there():
+    load = _load(theta=0.0)
+    moved = np.zeros((2, 20, 2))
+    moved[..., 1] = 2e-3
+    believed, misplaced = (
+        Pads(SimSkinConfig(kind="sim").pad, "parallelogram", m).pressure(load) for m in (None, moved)
+    )
+    assert np.abs(misplaced - believed).max() > 0.1 * believed.max()
+
+
+def test_a_taxel_that_died_reads_zero_like_one_that_the_config_asks_for():
+    dead = np.zeros((2, 20), dtype=bool)
+    dead[1, 7] = True
+    taxels = Taxels(SimSkinConfig(kind="sim"), np.random.default_rng(3), replace(AS_BELIEVED, dead=dead))
+    reading = taxels.measure(np.zeros((2, 20)), 0.1)
+    assert reading[1, 7] == 0
+    assert np.count_nonzero(reading == 0) == 1

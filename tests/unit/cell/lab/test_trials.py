@@ -6,7 +6,7 @@ import pytest
 
 from cell.journal import config_hash, versions
 from cell.lab import trials
-from cell.lab.trials import COLUMNS, PARTIAL, TrialRow, run_trials, summarise, write_table
+from cell.lab.trials import COLUMNS, ERRORS, PARTIAL, TrialRow, read_table, run_trials, summarise, write_table
 from drivers.errors import ConfigError
 
 ROW = TrialRow(
@@ -66,7 +66,7 @@ def test_the_table_has_the_promised_columns(tmp_path):
     assert head == (
         "seed,outcome,reason,stage,grasp_time,search_time,insert_time,adjust_time,total_time,retries,peak_contact_force,"
         "max_penetration,max_in_hand_rotation,theta_rmse,tip_rmse,hole_x,hole_y,start_x,start_y,switch_closed,depth,"
-        "sim_time,wall_time"
+        "sim_time,wall_time,cycle_time"
     )
     assert len(rows) == 2
 
@@ -140,4 +140,12 @@ def test_a_folder_that_cannot_be_made_is_told(loaded, ran, tmp_path):
 
 
 def test_the_columns_are_the_rows_fields():
-    assert list(asdict(ROW)) == list(COLUMNS)
+    assert list(asdict(ROW)) == [*COLUMNS, ERRORS]
+
+
+def test_what_was_drawn_of_the_errors_stands_in_columns_of_its_own_and_is_read_back(tmp_path):
+    drawn = {"reality.arm.gravity": "0.1 -0.2", "reality.skin.age": "0.01"}
+    rows = [replace(ROW, seed=1, errors=drawn, start_x=0.5), replace(ROW, seed=2, errors=drawn, start_x=0.5)]
+    write_table(rows, tmp_path / "t.csv")
+    assert (tmp_path / "t.csv").read_text().splitlines()[0].endswith("cycle_time,reality.arm.gravity,reality.skin.age")
+    assert [row.errors for row in read_table(tmp_path / "t.csv")] == [drawn, drawn]

@@ -1,0 +1,302 @@
+"""What differs between the cell that is and the cell that the software believes in: drawn per trial, known to no skill.
+
+`config/reality.toml` says how each error is distributed, in which unit, and from which source; `reality.scale` says
+how large the errors are. Every error has a stream of random numbers of its own, which depends on the trial's seed and
+on the error's name alone, so that an error that is added, left out or drawn alone shifts no other.
+"""
+
+import tomllib
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple
+
+import numpy as np
+from pydantic import Field, NonNegativeFloat, ValidationError, model_validator
+
+from drivers.arm.model import JOINTS
+from drivers.config_model import ConfigModel
+from drivers.errors import ConfigError
+from drivers.parts import Fraction
+from drivers.quantities import FINGERS, TAXELS, Vector
+from sim.config import RealityConfig
+
+REALITY_STREAM = 4
+"""Key of the random streams of errors; the trial's place, feel, skin and search draw from those before it."""
+CUT_OFF = 3.0
+"""Normal draws lie within so many standard deviations."""
+SHAPES: dict[str, tuple[int, ...]] = {
+    "trial": (),
+    "axis": (3,),
+    "joint": (JOINTS,),
+    "taxel": (FINGERS, TAXELS),
+    "taxel_axis": (FINGERS, TAXELS, 2),
+}
+"""Shape of a draw by what it is drawn for."""
+RECORDED = ("trial", "axis", "joint")
+"""What a trial's row tells; values of single taxels follow from the seed."""
+
+
+class Kind(NamedTuple):
+    """What the stand-in does with one error."""
+
+    each: str
+    """What one value is drawn for, a key of SHAPES."""
+    ideal: float
+    """The value in a cell that is as believed."""
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of a draw."""
+        return SHAPES[self.each]
+
+
+KINDS: dict[str, Kind] = {
+    "arm.rotor_inertia": Kind("joint", 0.0),
+    "arm.sigmoid_friction": Kind("trial", 0.0),
+    "arm.friction_level": Kind("joint", 1.0),
+    "arm.viscous_friction": Kind("joint", 0.0),
+    "arm.transport": Kind("trial", 0.0),
+    "arm.torque_lag": Kind("trial", 0.0),
+    "arm.gravity": Kind("joint", 0.0),
+    "arm.velocity_noise": Kind("joint", 0.0),
+    "arm.tcp_place": Kind("axis", 0.0),
+    "arm.joint_offsets": Kind("joint", 0.0),
+    "arm.wrench_offset": Kind("axis", 0.0),
+    "arm.wrench_noise": Kind("trial", 0.0),
+    "place.rack": Kind("axis", 0.0),
+    "place.plate_height": Kind("trial", 0.0),
+    "place.plate_tilt": Kind("trial", 0.0),
+    "peg.depth_in_hand": Kind("trial", 0.0),
+    "grip.force": Kind("trial", 1.0),
+    "skin.noise_level": Kind("taxel", 1.0),
+    "skin.taxel_place": Kind("taxel_axis", 0.0),
+    "skin.dead_taxel": Kind("taxel", 0.0),
+    "skin.age": Kind("trial", 0.0),
+    "scan.late": Kind("trial", 0.0),
+    "scan.delay": Kind("trial", 0.0),
+}
+"""Every error by its name in the file, which must hold each of them once."""
+
+Figure = float | tuple[float, ...]
+Drawn = Mapping[str, Vector]
+"""One trial's errors by name, each of the shape that its kind says."""
+
+
+def _fixed(value: Vector) -> Vector:
+    value.setflags(write=False)
+    return value
+
+
+AS_BELIEVED: Drawn = {name: _fixed(np.full(kind.shape, kind.ideal)) for name, kind in KINDS.items()}
+"""The draw of a cell that is as believed."""
+
+
+class ErrorModel(ConfigModel):
+    """One error: what it is, how it is drawn at scale 1, and who says so."""
+
+    about: Annotated[str, Field(min_length=10)]
+    """What differs, in words."""
+    unit: Annotated[str, Field(min_length=1)]
+    """Unit of the drawn value."""
+    basis: Literal["measured", "published", "assumed"]
+    """Whether the source has the figure, or no more than its order."""
+    source: Annotated[str, Field(min_length=10)]
+    """Who says so."""
+
+    def figures(self) -> Mapping[str, Figure]:
+        """Return the figures of the distribution by their keys."""
+        return {key: value for key, value in self if isinstance(value, float | int | tuple)}
+
+
+class Normal(ErrorModel):
+    """Normal about 0, cut off at 3 sigma."""
+
+    distribution: Literal["normal"]
+    sigma: NonNegativeFloat | tuple[NonNegativeFloat, ...]
+    """Standard deviation, in `unit`."""
+
+    def draw(self, rng: np.random.Generator, scale: float, shape: tuple[int, ...]) -> Vector:
+        """Return one draw of a shape at a scale."""
+        return np.asarray(scale * np.asarray(self.sigma) * _standard(rng, shape))
+
+
+class Uniform(ErrorModel):
+    """Even between two bounds, which grow with the scale."""
+
+    distribution: Literal["uniform"]
+    low: Figure
+    """Least value, in `unit`."""
+    high: Figure
+    """Greatest value, in `unit`."""
+
+    @model_validator(mode="after")
+    def _is_ordered(self) -> "Uniform":
+        if np.any(np.asarray(self.low) > np.asarray(self.high)):
+            raise ValueError(f"low = {self.low}: above high = {self.high}; at most that allowed")
+        return self
+
+    def draw(self, rng: np.random.Generator, scale: float, shape: tuple[int, ...]) -> Vector:
+        """Return one draw of a shape at a scale."""
+        return np.asarray(scale * rng.uniform(self.low, self.high, shape))
+
+
+class Factor(ErrorModel):
+    """A factor about 1, even in its logarithm."""
+
+    distribution: Literal["factor"]
+    spread: Annotated[float, Field(ge=1.0)] | tuple[Annotated[float, Field(ge=1.0)], ...]
+    """The factor lies between its inverse and itself."""
+
+    def draw(self, rng: np.random.Generator, scale: float, shape: tuple[int, ...]) -> Vector:
+        """Return one draw of a shape at a scale."""
+        return np.asarray(np.asarray(self.spread) ** (scale * rng.uniform(-1.0, 1.0, shape)))
+
+
+class Lognormal(ErrorModel):
+    """A factor about 1 whose logarithm is normal, cut off at 3 sigma."""
+
+    distribution: Literal["lognormal"]
+    sigma: NonNegativeFloat
+    """Standard deviation of the natural logarithm."""
+
+    def draw(self, rng: np.random.Generator, scale: float, shape: tuple[int, ...]) -> Vector:
+        """Return one draw of a shape at a scale."""
+        return np.asarray(np.exp(scale * self.sigma * _standard(rng, shape)))
+
+
+class Chance(ErrorModel):
+    """1 with some probability, else 0."""
+
+    distribution: Literal["chance"]
+    probability: Fraction
+    """At scale 1."""
+
+    def draw(self, rng: np.random.Generator, scale: float, shape: tuple[int, ...]) -> Vector:
+        """Return one draw of a shape at a scale."""
+        return np.asarray(rng.uniform(size=shape) < min(scale * self.probability, 1.0), dtype=float)
+
+
+AnyError = Annotated[Normal | Uniform | Factor | Lognormal | Chance, Field(discriminator="distribution")]
+
+
+class Reality:
+    """The errors of one file."""
+
+    def __init__(self, errors: Mapping[str, AnyError]) -> None:
+        """Keep the errors by name."""
+        self.errors = dict(errors)
+
+    def draw(self, seed: int, reality: RealityConfig) -> Drawn:
+        """Return what is drawn for the trial with this seed; the values cannot be changed.
+
+        Raises:
+            ConfigError: `reality.alone` names no error.
+        """
+        if reality.alone not in ("", *self.errors):
+            raise ConfigError(f"reality.alone = {reality.alone!r}: no such error; {', '.join(self.errors)} allowed")
+        drawn = dict(AS_BELIEVED)
+        for name, error in self.errors.items():
+            if reality.scale > 0.0 and reality.alone in ("", name):
+                stream = np.random.SeedSequence(seed, spawn_key=(REALITY_STREAM, zlib.crc32(name.encode())))
+                drawn[name] = _fixed(error.draw(np.random.default_rng(stream), reality.scale, KINDS[name].shape))
+        return drawn
+
+
+@dataclass(frozen=True, slots=True)
+class Errors:
+    """The errors of one cell: what may be drawn, and how large."""
+
+    reality: Reality
+    config: RealityConfig
+
+    def draw(self, seed: int) -> Drawn:
+        """Return what is drawn with this seed.
+
+        Raises:
+            ConfigError: `reality.alone` names no error.
+        """
+        return self.reality.draw(seed, self.config)
+
+
+NO_ERRORS = Errors(Reality({}), RealityConfig(scale=0.0))
+"""Those of a cell that is as believed."""
+
+
+def read(path: Path) -> Reality:
+    """Return the errors that a file describes.
+
+    Raises:
+        ConfigError: Not readable, not TOML, an error that is missing, unknown, without a source or outside its bounds.
+    """
+    try:
+        tree = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: not TOML: {error}".replace("\n", " ")) from None
+    found = {f"{group}.{name}": table for group, tables in tree.items() for name, table in _tables(path, group, tables)}
+    for name in found:
+        if name not in KINDS:
+            raise ConfigError(f"{path}: {name}: no such error; {', '.join(KINDS)} allowed")
+    for name in KINDS:
+        if name not in found:
+            raise ConfigError(f"{path}: {name}: missing; a sigma or a spread of nothing leaves an error out")
+    return Reality({name: _error(path, name, found[name]) for name in KINDS})
+
+
+def read_shipped() -> Reality:
+    """Return the errors of the file that comes with the program."""
+    import config
+
+    return read(Path(config.__file__).with_name("reality.toml"))
+
+
+def recorded(drawn: Drawn) -> dict[str, str]:
+    """Return what a trial's row tells of its draw: by name, values parted by spaces; taxels follow from the seed."""
+    return {
+        f"reality.{name}": " ".join(f"{value:.5g}" for value in drawn[name].flat)
+        for name, kind in KINDS.items()
+        if kind.each in RECORDED
+    }
+
+
+def _tables(path: Path, group: str, tables: Any) -> list[tuple[str, Any]]:
+    if not isinstance(tables, dict):
+        raise ConfigError(f"{path}: {group}: not a table; a table an error allowed, as [arm.gravity]")
+    return list(tables.items())
+
+
+class _Holder(ConfigModel):
+    """Lets pydantic choose the model of an error by its distribution."""
+
+    error: AnyError
+
+
+def _error(path: Path, name: str, table: Any) -> AnyError:
+    try:
+        model = _Holder.model_validate({"error": table}).error
+    except ValidationError as error:
+        # Of a figure that may be one number or several, the deepest complaint is the one that is meant.
+        first = max(error.errors(), key=lambda said: len(said["loc"]))
+        key = first["loc"][2] if len(first["loc"]) > 2 else "distribution"
+        said = first["msg"].removeprefix("Value error, ")
+        raise ConfigError(f"{path}: {name}.{key}: {said}; found {first['input']!r}".replace("\n", " ")[:400]) from None
+    return _one_each(path, name, model)
+
+
+def _one_each(path: Path, name: str, error: AnyError) -> AnyError:
+    kind = KINDS[name]
+    for key, figure in error.figures().items():
+        if isinstance(figure, tuple) and kind.shape != (len(figure),):
+            raise ConfigError(f"{path}: {name}.{key}: {len(figure)} figures; one, or one for each {kind.each}, allowed")
+    return error
+
+
+def _standard(rng: np.random.Generator, shape: tuple[int, ...]) -> Vector:
+    """Return standard normal draws, those beyond the cut-off drawn again."""
+    values = np.asarray(rng.standard_normal(shape))
+    while np.any(far := np.abs(values) > CUT_OFF):
+        values = np.where(far, rng.standard_normal(shape), values)
+    return values

@@ -1,0 +1,113 @@
+"""What a trial's cell differs in is drawn from its seed, by name, as the file says."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drivers.errors import ConfigError
+from sim.config import RealityConfig
+from sim.reality import KINDS, Reality, read, read_shipped, recorded
+
+SHIPPED = read_shipped()
+ONE = """
+[arm.gravity]
+about = "Torque by which the compensation errs"
+unit = "N·m"
+distribution = "normal"
+sigma = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7]
+basis = "assumed"
+source = "A test that needs a figure"
+"""
+
+
+def many(name: str, scale: float = 1.0, count: int = 400) -> np.ndarray:
+    return np.array([SHIPPED.draw(seed, RealityConfig(scale=scale))[name] for seed in range(count)])
+
+
+def test_scale_0_is_the_cell_as_believed():
+    drawn = SHIPPED.draw(7, RealityConfig(scale=0.0))
+    assert all(np.all(drawn[name] == kind.ideal) for name, kind in KINDS.items())
+
+
+def test_the_same_seed_draws_the_same_cell():
+    one, other = (SHIPPED.draw(11, RealityConfig()) for _ in range(2))
+    assert all(np.array_equal(one[name], other[name]) for name in KINDS)
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_an_error_alone_is_drawn_as_among_the_others_and_leaves_them_ideal(name):
+    drawn, together = SHIPPED.draw(5, RealityConfig(alone=name)), SHIPPED.draw(5, RealityConfig())
+    assert np.array_equal(drawn[name], together[name])
+    assert all(np.all(drawn[other] == KINDS[other].ideal) for other in KINDS if other != name)
+
+
+def test_an_offset_grows_in_proportion_to_the_scale():
+    at = [SHIPPED.draw(3, RealityConfig(scale=s))["arm.gravity"] for s in (1.0, 2.0)]
+    assert at[1] == pytest.approx(2.0 * at[0])
+
+
+def test_a_factor_grows_as_a_power_of_the_scale():
+    at = [SHIPPED.draw(3, RealityConfig(scale=s))["arm.friction_level"] for s in (1.0, 2.0)]
+    assert at[1] == pytest.approx(at[0] ** 2)
+
+
+def test_noise_of_taxels_is_as_unequal_as_in_the_recordings():
+    levels = many("skin.noise_level", count=300).ravel()
+    low, high = np.percentile(levels, [10, 90])
+    assert high / low == pytest.approx(5.8, rel=0.1)
+
+
+def test_joints_have_figures_of_their_own():
+    spread = many("arm.gravity").std(axis=0)
+    assert spread == pytest.approx([0.05, 0.5, 0.2, 0.5, 0.1, 0.1, 0.03], rel=0.15)
+
+
+def test_a_row_tells_what_was_drawn_but_for_single_taxels():
+    told = recorded(SHIPPED.draw(1, RealityConfig()))
+    assert len(told["reality.arm.gravity"].split()) == 7
+    assert not any("taxel" in name for name in told)
+
+
+def test_every_error_has_a_source():
+    assert all(error.source for error in SHIPPED.errors.values())
+
+
+def test_an_error_alone_that_does_not_exist_is_refused():
+    with pytest.raises(ConfigError, match=r"reality.alone = 'arm.mood': no such error; arm.rotor_inertia, "):
+        SHIPPED.draw(1, RealityConfig(alone="arm.mood"))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (ONE.replace('source = "A test that needs a figure"\n', ""), r"arm\.gravity\.source: Field required"),
+        (ONE.replace("normal", "gamma"), r"arm\.gravity\.distribution: .*'normal', 'uniform'"),
+        (ONE.replace("0.6, 0.7", "0.6"), r"arm\.gravity\.sigma: 6 figures; one, or one for each joint, allowed"),
+        (ONE.replace("0.1,", "-0.1,"), r"arm\.gravity\.sigma: Input should be greater than or equal to 0"),
+        (ONE.replace("arm.gravity", "arm.mood"), r"arm\.mood: no such error; arm\.rotor_inertia, "),
+        ("arm = 1", r"arm: not a table"),
+        ("[arm", r"not TOML"),
+    ],
+)
+def test_a_file_that_cannot_be_meant_is_refused_in_one_line(tmp_path: Path, text: str, said: str):
+    shipped = (Path(__file__).parents[3] / "config" / "reality.toml").read_text(encoding="utf-8")
+    before, after = shipped.index("[arm.gravity]"), shipped.index("[arm.velocity_noise]")
+    file = tmp_path / "reality.toml"
+    file.write_text(shipped[:before] + text + shipped[after:] if text.startswith("\n[arm") else text, encoding="utf-8")
+    with pytest.raises(ConfigError, match=said) as told:
+        read(file)
+    assert "\n" not in str(told.value)
+
+
+def test_an_error_that_is_missing_is_named(tmp_path: Path):
+    file = tmp_path / "reality.toml"
+    file.write_text(ONE, encoding="utf-8")
+    with pytest.raises(ConfigError, match=r"arm\.rotor_inertia: missing"):
+        read(file)
+
+
+def test_a_draw_cannot_be_changed_afterwards():
+    drawn = Reality(SHIPPED.errors).draw(2, RealityConfig())
+    with pytest.raises(ValueError, match="read-only"):
+        drawn["arm.gravity"][0] = 1.0
