@@ -40,7 +40,7 @@ from skills.corner import CornerParams
 from skills.entry import Skill, SkillSet
 from skills.handling import WAYS, Handling, Sections, handling
 from skills.motion import Gains
-from skills.spray_search import TOUCHED_TIME
+from skills.search.params import TOUCHED_TIME
 from skills.tactile.blend import Smoothing
 from skills.tactile.estimators import ESTIMATORS, EstimatorEntry
 from skills.tactile.observer import ObserverParams

@@ -18,6 +18,7 @@ from skills.entry import Catalogue, Program, Skill, SkillSet
 from skills.flow import StageRecord, in_order, run_stage
 from skills.ground import Plane
 from skills.handling import Handling, Sections, handling
+from skills.search.params import SpraySearchParams
 
 RETRIED = (Reason.NOT_ALIGNED, Reason.NOT_SEATED)
 """What a new search can mend."""
@@ -94,7 +95,7 @@ SEARCH = Skill(
     code=102,
     stage=2,
     section="search",
-    params=spray_search.SpraySearchParams,
+    params=SpraySearchParams,
     perform=spray_search.run,
     by_part=_search,
     steered=("gains",),

@@ -7,7 +7,7 @@ from pydantic import Field, PositiveFloat
 from drivers.config_model import ConfigModel
 from skills.corner_adjust import CornerAdjustParams
 from skills.corner_insert import CornerInsertParams
-from skills.spray_search import SpraySearchParams
+from skills.search.params import SpraySearchParams
 
 
 class CornerParams(ConfigModel):

@@ -4,18 +4,19 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from drivers.part.contract import Part
-from skills import corner_adjust, corner_insert, spiral_adjust, spray_search, tactile_insert
+from skills import corner_adjust, corner_insert, spiral_adjust, tactile_insert
 from skills.contract import SkillContext, SkillResult
 from skills.corner import CornerParams
 from skills.ground import Plane
 from skills.motion import Gains
+from skills.search.params import SpraySearchParams
 
 
 @dataclass(frozen=True, slots=True)
 class Sections:
     """The parameters that a handling is made of, as the sections of a config file."""
 
-    search: spray_search.SpraySearchParams
+    search: SpraySearchParams
     insert: tactile_insert.TactileInsertParams
     adjust: spiral_adjust.SpiralAdjustParams
     corner: CornerParams | None
@@ -27,7 +28,7 @@ class Sections:
 class Handling:
     """How one kind of part is handled."""
 
-    search: spray_search.SpraySearchParams
+    search: SpraySearchParams
     """Parameters of the search."""
     insert: Callable[[SkillContext, Plane | None, int], SkillResult]
     """Aligns the peg: on the surface that the search has felt, if any, in the attempt with this number, from 0."""

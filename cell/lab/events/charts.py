@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from cell.lab.events.measure import HEIGHT, Watched, rice_limit
 from cell.lab.events.report import NAMES, RATES, EventLine, EventStudy
 from cell.statistics import wilson
-from skills.spray_search import SpraySearchParams
+from skills.search.params import SpraySearchParams
 
 CHART = "events.png"
 INK, GREY = "#222222", "#bbbbbb"

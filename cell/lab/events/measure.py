@@ -25,7 +25,8 @@ from skills.catalogue import GRASP, SEARCH
 from skills.contract import Observation, Outcome, Reason, Request, SkillContext
 from skills.flow import run_stage
 from skills.ground import Ground, Plane
-from skills.spray_search import SpraySearchParams, SpraySearchResult
+from skills.search.params import SpraySearchParams
+from skills.spray_search import SpraySearchResult
 from skills.tactile.hole_event import HoleEvent, HoleEventParams
 
 HEIGHT = "height"

@@ -1,0 +1,153 @@
+"""The peg on its way over the plate: each scan in, each setpoint out. One a search."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from drivers.quantities import ImpedanceSetpoint, Twist, Vector
+from skills.contract import Observation, SkillContext
+from skills.motion import VALIDITY, Trim, between
+from skills.search.course import Course
+from skills.search.feel import Evidence, Push
+from skills.search.params import SpraySearchParams
+from skills.search.phases import (
+    ComingDown,
+    Felt,
+    Phase,
+    Probing,
+    Resting,
+    Sliding,
+    after_rest,
+    first_phase,
+    next_phase,
+)
+
+REST_DAMPING = 2.5
+"""Damping of the resting hand over that of the search: it shall stop within a millimetre or two."""
+TOUCHED = 0.5
+"""The plate bears the push where the force along z is more than this share of it."""
+
+
+class Sweep:
+    """Goes through the phases of a search; what makes it go from one to the next is in `skills.search.phases`."""
+
+    def __init__(self, params: SpraySearchParams, ctx: SkillContext, course: Course, evidence: Evidence) -> None:
+        """Begin above the first point of the course."""
+        self._params, self._ctx, self._course, self._evidence = params, ctx, course, evidence
+        self._identity = ctx.new_id()
+        self._push = Push(params.push_stiffness, ctx.in_hand().theta)
+        self._trim = Trim(params.trim_rate, params.trim_limit)
+        self._phase: Phase = first_phase(course)
+        self._along = 0.0
+        """Time along the course, s."""
+        self._point, self._velocity = course.path.at(0.0)
+        self._resting: ImpedanceSetpoint | None = None
+        self.rests = 0
+        """How often the path was stopped by evidence."""
+
+    def finds(self, seen: Observation) -> bool:
+        """Take one observation; return whether the tip was judged to be in the hole."""
+        params, course = self._params, self._course
+        self._push = self._push.after(seen.peg.theta, params)
+        self._point, self._velocity = point, velocity = course.path.at(self._along)
+        sense = -1 if velocity[course.fast] < 0.0 else 1
+        edge = self._ctx.job.peg.part.lowest(seen.tip, seen.axis, seen.arm.tcp.rotation[:, 2])
+        felt = self._felt(seen, *self._evidence.update(seen, edge, sense))
+        before = self._phase
+        self._enter(next_phase(before, felt, params, course, point, self._ctx.scan_period), felt)
+        if isinstance(before, Sliding) and self._phase is before:
+            self._evidence.learn(edge, sense)
+        if isinstance(self._phase, Resting) and self._phase.is_over(felt, params):
+            if felt.below >= params.fall:
+                return True
+            self._enter(after_rest(self._phase, felt, params, course, point), felt)
+        return False
+
+    def setpoint(self, seen: Observation) -> ImpedanceSetpoint:
+        """Return what the arm shall follow now, and go on along the course; once a scan, after `finds`."""
+        phase = self._phase
+        if isinstance(phase, Resting):
+            assert self._resting is not None
+            return replace(self._resting, valid_until=seen.stamp + VALIDITY)
+        back = phase.detour.left(seen.elapsed)
+        target, velocity = self._way(phase, seen.elapsed, back)
+        slow = 1 - self._course.fast
+        self._trim = self._trim.after(target[slow] - seen.tip[slow], self._ctx.scan_period)
+        target[slow] += self._trim.value
+        stiffness, damping = self._compliance()
+        return ImpedanceSetpoint(
+            id=self._identity,
+            tip=target,
+            axis=between(self._course.axis, phase.detour.axis, back),
+            roll=between(self._course.closing, phase.detour.closing, back),
+            stiffness=stiffness,
+            damping=damping,
+            valid_until=seen.stamp + VALIDITY,
+            in_hand=self._ctx.in_hand(),
+            twist=Twist(velocity, np.zeros(3)),
+        )
+
+    def _enter(self, phase: Phase, felt: Felt) -> None:
+        """Go on with `phase`; the only place where the phase changes."""
+        before, self._phase = self._phase, phase
+        if type(phase) is type(before):
+            return
+        if isinstance(phase, Resting):
+            self.rests += isinstance(before, Sliding)
+            self._resting = self._still(phase)
+            return
+        self._evidence.restart()
+        if isinstance(before, Probing):
+            self._evidence.forget(felt.below)
+
+    def _felt(self, seen: Observation, below: float, is_edge: bool) -> Felt:
+        push = self._push.stiffness * self._params.push_offset
+        return Felt(
+            elapsed=seen.elapsed,
+            stamp=seen.stamp,
+            frame_stamp=seen.peg.stamp,
+            tcp=seen.arm.tcp,
+            tip=seen.tip,
+            axis=seen.axis,
+            below=below,
+            is_pressed=bool(seen.arm.wrench.force[2] > TOUCHED * push),
+            is_edge=is_edge,
+        )
+
+    def _way(self, phase: ComingDown | Sliding | Probing, elapsed: float, back: float) -> tuple[Vector, Vector]:
+        """Return the setpoint of the tip and its velocity, both shape (3,), m and m/s, and go on along the course."""
+        params, course = self._params, self._course
+        depth = self._ctx.job.hole.centre[2] - params.push_offset
+        target, velocity = np.array([0.0, 0.0, depth]), np.zeros(3)
+        if isinstance(phase, Probing):
+            target[:2] = phase.place + phase.looked(elapsed, params) + back * phase.detour.offset
+        elif isinstance(phase, Sliding):
+            # Pushed less, the peg falls less far in the same time.
+            run_up = min((elapsed - phase.detour.since) / max(params.run_up, 1e-6), 1.0)
+            pace = self._push.stiffness / params.push_stiffness * run_up
+            self._along += pace * self._ctx.scan_period
+            target[:2] = course.middle + self._point + back * phase.detour.offset
+            velocity[:2] = pace * self._velocity
+        else:
+            share = min(elapsed * params.descent / (course.first[2] - depth), 1.0)
+            target[:2], target[2] = course.middle + self._point, course.first[2] + (depth - course.first[2]) * share
+        return target, velocity
+
+    def _still(self, phase: Resting) -> ImpedanceSetpoint:
+        """Return the setpoint that holds the hand where it was stopped, still pushing down."""
+        stiffness, damping = self._compliance()
+        return ImpedanceSetpoint(
+            id=self._identity,
+            tip=phase.tcp.position - np.array([0.0, 0.0, self._params.push_offset]),
+            axis=-phase.tcp.rotation[:, 0],
+            roll=phase.tcp.rotation[:, 2],
+            stiffness=stiffness,
+            damping=REST_DAMPING * damping,
+            valid_until=phase.stopped + VALIDITY,
+        )
+
+    def _compliance(self) -> tuple[Vector, Vector]:
+        """Return stiffness and damping, each shape (6,)."""
+        stiffness, damping = self._params.gains.stiffness(), self._params.gains.damping()
+        stiffness[2], damping[2] = self._push.stiffness, self._params.push_damping
+        return stiffness, damping

@@ -1,0 +1,132 @@
+"""What makes a search do something else."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cell.config import load
+from drivers.quantities import Pose
+from skills.catalogue import SEARCH
+from skills.search.course import make_course
+from skills.search.feel import Push
+from skills.search.params import TOUCHED_TIME
+from skills.search.phases import (
+    RETURN_TIME,
+    ComingDown,
+    Detour,
+    Felt,
+    Probing,
+    Resting,
+    Sliding,
+    after_rest,
+    first_phase,
+    next_phase,
+)
+
+CONFIG = load().cell
+PARAMS = CONFIG.params(SEARCH)
+COURSE = make_course(PARAMS, CONFIG.job(), np.random.default_rng(1))
+HAND, HERE, PERIOD = Pose(np.zeros(3), np.eye(3)), np.array([0.5, 0.01, 0.1]), 0.01
+ASLANT = np.array([0.6, 0.0, 0.8])
+FELT = Felt(
+    elapsed=3.0,
+    stamp=13.0,
+    frame_stamp=12.95,
+    tcp=HAND,
+    tip=HERE,
+    axis=ASLANT,
+    below=0.0,
+    is_pressed=True,
+    is_edge=False,
+)
+BACK = Detour(3.0, np.zeros(2), COURSE.axis, COURSE.closing)
+
+
+def after(phase, **felt):
+    return next_phase(phase, replace(FELT, **felt), PARAMS, COURSE, np.zeros(2), PERIOD)
+
+
+def test_the_search_slides_once_the_push_was_felt_long_enough():
+    phase, scans = first_phase(COURSE), 0
+    while isinstance(phase, ComingDown):
+        phase, scans = after(phase, elapsed=0.3), scans + 1
+    assert scans == round(TOUCHED_TIME / PERIOD)
+    assert isinstance(phase, Sliding)
+
+
+def test_a_blow_is_no_push():
+    pressed = after(first_phase(COURSE), elapsed=0.3)
+    assert after(pressed, elapsed=0.31, is_pressed=False).pressed == 0
+
+
+def test_a_plate_that_is_never_felt_is_taken_to_be_there():
+    phase = first_phase(COURSE)
+    assert isinstance(after(phase, elapsed=PARAMS.touch_down - 1e-6, is_pressed=False), ComingDown)
+    assert isinstance(after(phase, elapsed=PARAMS.touch_down, is_pressed=False), Sliding)
+
+
+def test_evidence_stops_the_hand_where_it_is():
+    rest = after(Sliding(BACK), is_edge=True)
+    assert isinstance(rest, Resting)
+    assert (rest.stopped, rest.tcp, rest.was_probed) == (FELT.stamp, HAND, False)
+    assert rest.place == pytest.approx(HERE[:2])
+
+
+def test_without_evidence_the_search_slides_on():
+    phase = Sliding(BACK)
+    assert after(phase) is phase
+
+
+def test_a_rest_is_judged_by_a_frame_of_its_end():
+    rest = Resting(HERE[:2], HAND, stopped=10.0)
+    assert not rest.is_over(replace(FELT, frame_stamp=10.0 + PARAMS.rest - 1e-6), PARAMS)
+    assert rest.is_over(replace(FELT, frame_stamp=10.0 + PARAMS.rest), PARAMS)
+    assert rest.is_over(FELT, PARAMS.model_copy(update={"fall": 0.0, "rest": 9.0}))
+
+
+def test_a_place_is_looked_round_once_and_then_left():
+    rest = Resting(HERE[:2] - 1e-3, HAND, stopped=10.0)
+    probe = after_rest(rest, FELT, PARAMS, COURSE, np.zeros(2))
+    assert isinstance(probe, Probing)
+    assert probe.detour.offset == pytest.approx([1e-3, 1e-3])
+    again = after(probe, elapsed=3.1, below=PARAMS.fall + 1e-6)
+    assert isinstance(again, Resting)
+    assert isinstance(after_rest(again, FELT, PARAMS, COURSE, np.zeros(2)), Sliding)
+
+
+def test_without_a_probe_the_place_is_left_at_once():
+    params = PARAMS.model_copy(update={"probe_radius": 0.0})
+    phase = after_rest(Resting(HERE[:2], HAND, stopped=10.0), FELT, params, COURSE, np.array([0.01, 0.02]))
+    assert isinstance(phase, Sliding)
+    assert phase.detour.offset == pytest.approx(HERE[:2] - COURSE.middle - [0.01, 0.02])
+    assert phase.detour.axis is ASLANT
+
+
+def test_a_probe_that_finds_nothing_ends_at_its_radius_without_a_jump():
+    probe, elapsed = Probing(replace(BACK, offset=np.array([2e-3, 0.0])), HERE[:2]), 3.0
+    while (phase := after(probe, elapsed=elapsed)) is probe:
+        elapsed += PERIOD
+    looked = probe.looked(elapsed, PARAMS)
+    assert PARAMS.probe_radius < np.hypot(*looked) < PARAMS.probe_radius + PARAMS.probe_speed * PERIOD
+    assert isinstance(phase, Sliding)
+    assert COURSE.middle + phase.detour.offset == pytest.approx(
+        HERE[:2] + looked + probe.detour.left(elapsed) * np.array([2e-3, 0.0])
+    )
+
+
+def test_a_detour_is_over_after_its_time():
+    assert [BACK.left(3.0 + share * RETURN_TIME) for share in (0.0, 0.5, 1.0, 2.0)] == pytest.approx(
+        [1.0, 0.5, 0.0, 0.0]
+    )
+
+
+def test_every_slip_takes_back_the_push_down_to_its_least():
+    push, theta = Push(PARAMS.push_stiffness, 0.0), 0.0
+    assert push.after(0.09, PARAMS) is push
+    found = []
+    for _ in range(5):
+        theta += 0.11
+        push = push.after(theta, PARAMS)
+        found.append(push.stiffness / PARAMS.push_stiffness)
+    assert found == pytest.approx([max(PARAMS.relief**n, PARAMS.least_push) for n in range(1, 6)])
