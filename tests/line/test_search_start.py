@@ -41,6 +41,6 @@ def test_peg_comes_down_on_the_plate_even_where_the_hole_is_known_well_and_finds
         found = SEARCH.run(skills, ctx)[-1].result
     assert found.outcome is Outcome.SUCCESS
     # The middle of the end of a peg that leans, its edge on the plate, is above the plate by more than half of its radius.
-    assert touched[0] < -config.peg.diameter / 4
+    assert touched[0] < -config.peg.part.inscribed / 4
     assert found.elapsed < 6.0
     assert isinstance(found, spray_search.SpraySearchResult)
