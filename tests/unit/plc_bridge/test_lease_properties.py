@@ -1,4 +1,4 @@
-"""The lease as the README's table has it, written a second time and simply: both must agree whatever happens."""
+"""The lease as the table of docs/plc.md has it, written a second time and simply: both must agree whatever happens."""
 
 from hypothesis import event, given, settings
 from hypothesis import strategies as st

@@ -1,0 +1,88 @@
+"""The commands that the pages for people name do what they are said to do."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from cell.config import load
+from cell.record import scene_facts
+from drivers.errors import ConfigError
+from sim.visual.render import Camera
+from sim.visual.scene import Stage
+from tests.pages import PAGES, RENDERING, ROOT, Block, blocks
+
+COPIED = ("cell", "config", "drivers", "plc_bridge", "sim", "skills", "pyproject.toml", "constraints.txt")
+PAGES_WITH_COMMANDS = sorted({block.page for block in blocks() if block.info in ("console", f"console {RENDERING}")})
+
+
+def run(commands: str, folder: Path, root: Path = ROOT) -> None:
+    """Run the lines of a block in a shell, with this tree's `cell`; every line has to succeed."""
+    tools = folder / "bin"
+    tools.mkdir(exist_ok=True)
+    cell = tools / "cell"
+    cell.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m cell "$@"\n', encoding="utf-8")
+    cell.chmod(0o755)
+    path = os.pathsep.join([str(tools), str(Path(sys.executable).parent), os.environ["PATH"]])
+    told = subprocess.run(
+        ["sh", "-e"],
+        input=commands,
+        cwd=folder,
+        env={**os.environ, "PATH": path, "PYTHONPATH": str(root), "XDG_DATA_HOME": str(folder / "data")},
+        capture_output=True,
+        text=True,
+        timeout=600,
+        check=False,
+    )
+    assert told.returncode == 0, f"{commands}\n{told.stdout}\n{told.stderr}"
+
+
+def can_render() -> bool:
+    try:
+        with Camera(Stage(scene_facts(load().cell), None)):
+            return True
+    except ConfigError:
+        return False
+
+
+@pytest.mark.parametrize("page", PAGES_WITH_COMMANDS, ids=lambda page: page.name)
+def test_the_commands_of_a_page_succeed_one_after_the_other(page, tmp_path):
+    kinds = ["console", *([f"console {RENDERING}"] if can_render() else [])]
+    for block in blocks():
+        if block.page == page and block.info in kinds:
+            run(block.text, tmp_path)
+
+
+def piece(note: str) -> Block:
+    (found,) = [block for block in blocks() if block.info == f"python {note}"]
+    return found
+
+
+def replaced(path: Path, old: str, new: str) -> None:
+    text = path.read_text(encoding="utf-8")
+    assert text.count(old) == 1, f"{path.name}: {old!r} occurs {text.count(old)} times"
+    path.write_text(text.replace(old, new), encoding="utf-8")
+
+
+def test_the_skill_of_the_page_on_extending_runs_after_the_edits_that_it_names(tmp_path):
+    assert ROOT / "docs" / "extend.md" in PAGES
+    for name in COPIED:
+        source = ROOT / name
+        (shutil.copytree if source.is_dir() else shutil.copy)(source, tmp_path / name)
+    (tmp_path / "skills" / "rest.py").write_text(piece("skills/rest.py").text, encoding="utf-8")
+    catalogue = tmp_path / "skills" / "catalogue.py"
+    replaced(catalogue, "    release_and_retract,\n", "    release_and_retract,\n    rest,\n")
+    replaced(
+        catalogue,
+        "CATALOGUE = Catalogue(\n",
+        f"{piece('skills/catalogue.py').text}\nCATALOGUE = Catalogue(\n    REST,\n",
+    )
+    registers = tmp_path / "plc_bridge" / "registers.py"
+    text = registers.read_text(encoding="utf-8")
+    registers.write_text(text.replace("\nSTAGES = 6\n", "\nSTAGES = 7\n"), encoding="utf-8")
+    (block,) = [block for block in blocks() if block.info == "console after-the-edit"]
+
+    run(block.text, tmp_path, tmp_path)

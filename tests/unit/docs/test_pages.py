@@ -1,0 +1,111 @@
+"""The pages for people: their links lead somewhere, their commands and files exist, the README stays short."""
+
+import re
+import tomllib
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from cell.cli import COMMANDS
+from cell.config import load
+from tests.pages import PAGES, REASONS, ROOT, Block, blocks, without_blocks
+
+LINK = re.compile(r"(?<!\\)\[[^\]]*\]\(([^)\s]+)\)|^\[[^\]]+\]: (\S+)", re.M)
+FILE = re.compile(r"`([\w./-]+/[\w.-]+\.(?:py|toml|md|png|hex|c))`")
+COMMAND = re.compile(r"`(?:\.venv/bin/)?cell ([a-z]+)")
+README_WORDS = 900
+
+
+@cache
+def anchors(path: Path) -> set[str]:
+    """Return the anchors that a page's headings get."""
+    headings = re.findall(r"^#+ (.+)$", without_blocks(path), re.M)
+    return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_every_relative_link_leads_to_a_file_and_a_heading(page):
+    broken = []
+    for target in (inline or reference for inline, reference in LINK.findall(without_blocks(page))):
+        if "://" in target:
+            continue
+        file, _, anchor = target.partition("#")
+        there = (page.parent / file).resolve() if file else page
+        if not there.is_file() or (anchor and anchor not in anchors(there)):
+            broken.append(target)
+    assert broken == []
+
+
+@pytest.mark.parametrize(
+    "page", [page for page in PAGES if page.parent.name != "decisions"], ids=lambda page: str(page.relative_to(ROOT))
+)
+def test_every_file_and_command_that_is_named_exists(page):
+    text = without_blocks(page)
+    if page.name != "CHANGELOG.md":
+        assert [name for name in FILE.findall(text) if not list(ROOT.glob(name.replace("N.toml", "*.toml")))] == []
+    assert sorted(set(COMMAND.findall(text)) - set(COMMANDS)) == []
+
+
+@pytest.mark.parametrize("block", blocks(), ids=str)
+def test_every_fenced_block_says_what_it_is(block: Block):
+    kind, _, note = block.info.partition(" ")
+    assert kind in ("console", "toml", "python", "text"), f"{block}: console, toml, python or text allowed"
+    if kind == "console":
+        assert note == "" or note in REASONS, f"{block}: nothing, so that it is run, or one of {', '.join(REASONS)}"
+    if kind == "python":
+        assert (ROOT / note).parent.is_dir(), f"{block}: the file that it stands in"
+
+
+@pytest.mark.parametrize("block", [block for block in blocks() if block.info.startswith("toml")], ids=str)
+def test_every_piece_of_config_can_be_used(block: Block, tmp_path):
+    base = block.info.partition(" ")[2] or "sim"
+    shipped = (ROOT / "config" / f"{base}.toml").read_text(encoding="utf-8")
+    cell = tomllib.loads(shipped)
+    for name, section in tomllib.loads(block.text).items():
+        cell[name] = {**cell.get(name, {}), **section}
+    file = tmp_path / "cell.toml"
+    file.write_text(_as_toml(cell), encoding="utf-8")
+    load(file)
+
+
+def _as_toml(cell: dict[str, object]) -> str:
+    """Return nested tables of plain values as TOML."""
+
+    def value(item: object) -> str:
+        if isinstance(item, dict):
+            return "{ " + ", ".join(f"{key} = {value(part)}" for key, part in item.items()) + " }"
+        if isinstance(item, list):
+            return "[" + ", ".join(value(part) for part in item) + "]"
+        return {True: "true", False: "false"}.get(item, repr(item)) if isinstance(item, bool) else repr(item)
+
+    return "\n".join(f"{key} = {value(item)}" for key, item in cell.items())
+
+
+def test_the_readme_is_short():
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").split()) < README_WORDS
+
+
+def test_ci_ends_with_the_second_command_of_the_readme():
+    (commands,) = [block for block in blocks() if block.page.name == "README.md"]
+    demo, tests = commands.text.strip().splitlines()
+    assert demo.endswith(".venv/bin/cell demo")
+    assert (ROOT / ".ci" / "run").read_text(encoding="utf-8").rstrip().splitlines()[-1] == tests
+
+
+def test_the_changelog_has_its_form():
+    text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    versions = re.findall(r"^## (.+)$", text, re.M)
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    dated = [re.fullmatch(r"\[(\d+\.\d+\.\d+)\] - \d{4}-\d\d-\d\d", version) for version in versions[1:]]
+    assert versions[0] == "[Unreleased]"
+    assert all(dated)
+    assert project["version"] in [version[1] for version in dated if version]
+    assert set(re.findall(r"^### (.+)$", text, re.M)) <= {
+        "Added",
+        "Changed",
+        "Deprecated",
+        "Removed",
+        "Fixed",
+        "Security",
+    }
