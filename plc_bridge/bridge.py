@@ -3,6 +3,7 @@
 One lock guards the handshake; every method takes it for a few microseconds and waits for nothing else.
 """
 
+import logging
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -17,6 +18,7 @@ from plc_bridge.images import CommandImage, Diagnostics, ReportImage, diagnostic
 from plc_bridge.messages import Command, Refusal, Report
 from plc_bridge.modbus import ModbusServer
 from plc_bridge.modbus_tls import SecureModbusServer
+from plc_bridge.peer_log import PeerLog
 from plc_bridge.registers import DISCRETE_INPUTS, Parameter, table
 from plc_bridge.rtu import RtuServer
 
@@ -43,7 +45,13 @@ class Bridge:
     ) -> None:
         self._now = now
         self._lock = threading.Lock()
-        self._handshake = Handshake(dict(programs), tuple(parameters), config.life_timeout, config.lease_timeout)
+        self._handshake = Handshake(
+            dict(programs),
+            tuple(parameters),
+            config.life_timeout,
+            config.lease_timeout,
+            log=PeerLog(logging.getLogger("plc_bridge.handshake"), now),
+        )
         self._life = 0
         self._server = ModbusServer(config.modbus, self)
         self._servers: list[ModbusServer | RtuServer | CanopenServer] = [self._server]
@@ -115,6 +123,12 @@ class Bridge:
         """Who holds the lease; empty when it is free."""
         with self._lock:
             return self._handshake.holder
+
+    @property
+    def kept(self) -> frozenset[str]:
+        """The links that hold the lease or have a run under way: nobody takes their places."""
+        with self._lock:
+            return self._handshake.kept
 
     @property
     def run(self) -> int:

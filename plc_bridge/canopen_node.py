@@ -38,6 +38,7 @@ from plc_bridge.objects import (
     words_of,
 )
 from plc_bridge.pdo import Reports
+from plc_bridge.peer_log import PeerLog
 from plc_bridge.registers import RPDOS, Register
 from plc_bridge.sdo import ABORT, SdoServer
 from plc_bridge.station import LinkStation, LinkWords, Mailbox
@@ -109,6 +110,7 @@ class CanopenNode:
         self._consumer = HeartbeatConsumer(config.plc_node, config.plc_timeout)
         self._emergency = Emergency()
         self._told: set[int] = set()
+        self._log = PeerLog(logger)
         self._station: LinkStation | None = None
         self._anybody: LinkStation | None = None
 
@@ -186,7 +188,7 @@ class CanopenNode:
     def _enter(self, state: NmtState) -> None:
         if state is self.state:
             return
-        logger.info("CANopen node %d: %s", self._id, state.name)
+        self._log.info(self.source, "CANopen node %d: %s", self._id, state.name)
         if self.state is NmtState.OPERATIONAL:
             self._mailbox.lost(self.source)
         self.state = state
@@ -204,14 +206,14 @@ class CanopenNode:
         if self._consumer.hear(now):
             self.counts.accepted += 1
             self.counts.connections = 1
-            logger.info("%s is there", self.source)
+            self._log.info(self.source, "%s is there", self.source)
             if self._emergency.is_plc_lost:
                 self._emergency.is_plc_lost = False
                 self._shout(self._emergency.message(NO_ERROR))
         self._mailbox.heard(self.source)
 
     def _lose_plc(self) -> None:
-        logger.warning("%s: no heartbeat for %g s", self.source, self._consumer.timeout)
+        self._log.warning(self.source, "%s: no heartbeat for %g s", self.source, self._consumer.timeout)
         self.counts.dropped += 1
         self.counts.connections = 0
         self._mailbox.lost(self.source)

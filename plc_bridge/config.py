@@ -24,7 +24,10 @@ class ModbusConfig(ConfigModel):
     port: Annotated[int, Field(ge=0, le=65535)] = 5020
     """TCP port; 0 takes a free one."""
     connections: Annotated[int, Field(ge=1, le=500)] = 64
-    """Most connections at once; a newcomer beyond drops the one that was idle longest."""
+    """Most connections at once, TLS handshakes included. A newcomer beyond takes the place of one that has never sent a
+    request, else of the one that was idle longest, but never of one that holds the lease or has a run under way."""
+    connections_per_host: Annotated[int, Field(ge=1, le=500)] = 32
+    """Most of them from one address; a newcomer beyond takes a place of its own host."""
     idle_timeout: Seconds = 60.0
     """A connection without a request for this long is closed, s."""
     allow: tuple[IPv4Network | IPv6Network, ...] = ()

@@ -29,6 +29,7 @@ from plc_bridge.lease import CellLease
 from plc_bridge.links import Link
 from plc_bridge.messages import UNNUMBERED, Command, Control, LeaseState, Refusal, Report, Result, Transition
 from plc_bridge.orders import Order, Orders
+from plc_bridge.peer_log import PeerLog
 from plc_bridge.refusals import CONTROLS, STOPS, Rules
 from plc_bridge.registers import Lease, Parameter
 from plc_bridge.sequence_numbers import Verdict
@@ -84,6 +85,7 @@ class Handshake:
         life_timeout: A run is lost when the life counter of its link stands still for this long, s. A link that
             never wrote its life counter shows life with any request.
         lease_timeout: Silence after which the lease is free again, s.
+        log: Where it is told what is refused, and who holds the lease.
     """
 
     programs: Mapping[int, str]
@@ -91,6 +93,7 @@ class Handshake:
     life_timeout: float = 1.0
     lease_timeout: float = 5.0
     counts: Counts = field(default_factory=Counts)
+    log: PeerLog = field(default_factory=lambda: PeerLog(logger))
     _links: dict[str, Link] = field(default_factory=dict)
     _orders: Orders = field(default_factory=Orders)
     _given: Sequence[Order] = ()
@@ -109,7 +112,7 @@ class Handshake:
 
     def __post_init__(self) -> None:
         self._rules = Rules(self.programs, self.parameters)
-        self._lease = CellLease(self.lease_timeout)
+        self._lease = CellLease(self.lease_timeout, self.log)
 
     # Links.
 
@@ -236,6 +239,12 @@ class Handshake:
     def holder(self) -> str:
         """Who holds the lease; empty when it is free."""
         return self._lease.holder.source if self._lease.holder is not None else ""
+
+    @property
+    def kept(self) -> frozenset[str]:
+        """The links that hold the lease or have a run under way: nobody takes their places."""
+        holder, runner = self._lease.holder, self._lease.runner
+        return frozenset(link.source for link in (holder, runner) if link is not None)
 
     @property
     def run(self) -> int:
@@ -409,8 +418,10 @@ class Handshake:
     def _refuse(self, order: Order, refusal: Refusal) -> None:
         self.counts.refusals += 1
         what = "stop" if order.sequence == UNNUMBERED else f"command {order.sequence}"
-        if order.link is None or order.link.told is not refusal:
-            logger.warning("%s: %s refused: %s", order.command.source, what, refusal.name)
+        link = order.link
+        if link is None or link.told is not refusal:
+            host = link.host if link is not None else order.command.source
+            self.log.warning(host, "%s: %s refused: %s", order.command.source, what, refusal.name)
         self._decide(order, Result.REFUSED, refusal)
 
     def _acknowledge(self, link: Link, sequence: int) -> None:
@@ -470,7 +481,7 @@ class Handshake:
         return run.link is not None and not run.is_lost and not run.link.is_local
 
     def _lose(self, run: Order, link: Link, why: str) -> None:
-        logger.warning("%s is lost: %s", link.source, why)
+        self.log.warning(link.host, "%s is lost: %s", link.source, why)
         self.counts.lost += 1
         run.is_lost = True
         _forget(link)

@@ -15,10 +15,11 @@ Only the holder may start, reset, clear, hold or unhold. Anybody may stop and ab
 """
 
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from plc_bridge.links import Link
 from plc_bridge.messages import LeaseState
+from plc_bridge.peer_log import PeerLog
 
 logger = logging.getLogger(__name__)
 
@@ -29,9 +30,11 @@ class CellLease:
 
     Args:
         timeout: Silence of the holder after which it is free again, s; a local user is never silent.
+        log: Where it is told who takes and loses it.
     """
 
     timeout: float
+    log: PeerLog = field(default_factory=lambda: PeerLog(logger))
     holder: Link | None = None
     runner: Link | None = None
     """Whose run is under way; what it holds goes to nobody but to the link that resumes that run."""
@@ -52,7 +55,7 @@ class CellLease:
         """Give it to `link` if it is open to it; return whether `link` holds it now."""
         if self.holder is not link and self.is_open_to(link):
             self.holder = link
-            logger.info("%s takes the lease", link.source)
+            self.log.info(link.host, "%s takes the lease", link.source)
         return self.holder is link
 
     def resume(self, earlier: Link, link: Link) -> None:
@@ -64,11 +67,11 @@ class CellLease:
         """Free it if `link` holds it or could take it over."""
         if self.holder is not None and self.is_open_to(link):
             self.holder = None
-            logger.info("%s releases the lease", link.source)
+            self.log.info(link.host, "%s releases the lease", link.source)
 
     def expire(self, now: float) -> None:
         """Free it when its holder has been silent for too long."""
         holder = self.holder
         if holder is not None and not holder.is_local and now - holder.watchdog.heard > self.timeout:
-            logger.info("%s loses the lease: silent for %g s", holder.source, self.timeout)
+            self.log.info(holder.host, "%s loses the lease: silent for %g s", holder.source, self.timeout)
             self.holder = None

@@ -1,129 +1,27 @@
-"""Modbus TCP server: one thread, one asyncio loop, every socket; strict framing, answers in the order of requests.
-
-A malformed header closes the connection, because nothing after it can be trusted; a well-framed request that cannot
-be served gets its exception. The unit identifier is not used for addressing on TCP; it is echoed.
-"""
+"""Modbus TCP server: one thread, one asyncio loop, every socket."""
 
 import asyncio
 import errno
 import logging
 import socket
-import struct
 import threading
+from functools import partial
 from ipaddress import ip_address
 
 from drivers.errors import DeviceNotOpenedError
-from plc_bridge.config import ALL_RIGHTS, ModbusConfig, Right
+from plc_bridge.admission import NoPlaceError, who_leaves
+from plc_bridge.config import ModbusConfig
 from plc_bridge.images import Diagnostics
-from plc_bridge.pdu import is_exception, respond
+from plc_bridge.modbus_connection import Connection
+from plc_bridge.peer_log import PeerLog
 from plc_bridge.station import LinkStation, LinkWords, Mailbox
 
 logger = logging.getLogger(__name__)
 
-HEADER = struct.Struct(">HHHB")
-"""Transaction, protocol, length of what follows the length field, unit."""
-SHORTEST, LONGEST = 2, 254  # MBAP length: unit + function .. unit + the longest PDU
-FRAMES_PER_TURN = 32
-"""Requests of one connection that are answered before the others get their turn."""
-
-
-class Connection(asyncio.Protocol):
-    """One client: frames its bytes."""
-
-    def __init__(self, server: "ModbusServer") -> None:
-        self._server = server
-        self._identity = ""
-        self._is_lost = False
-        self.rights = ALL_RIGHTS
-        self._mailbox = server.mailbox
-        self._buffer = bytearray()
-        self._is_writable = True
-        self._is_scheduled = True  # nothing is answered before it is admitted
-        self.transport: asyncio.Transport
-        self.address = ""
-        self.host = ""
-        self.source = ""
-        self.station: LinkStation
-        self.heard = 0.0
-
-    def identify(self, identity: str, rights: frozenset[Right]) -> None:
-        """Say who it is, before it is made; clients of other identity are others even at the same address."""
-        self._identity, self.rights = identity, rights
-
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Ask to be admitted."""
-        assert isinstance(transport, asyncio.Transport)
-        self.transport = transport
-        # asyncio does this only where the socket names its protocol; without it a second answer waits for an ACK
-        if not self._is_lost:
-            transport.get_extra_info("socket").setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        peer = transport.get_extra_info("peername")
-        if peer is None or self._is_lost:  # gone before it was accepted
-            transport.abort()
-            return
-        self.address = peer[0]
-        self.host, self.source = f"{self._identity}{peer[0]}", f"{self._identity}{peer[0]}:{peer[1]}"
-        if self._server.admit(self):
-            self._turn()
-
-    def connection_lost(self, exc: Exception | None) -> None:
-        """Leave."""
-        self._is_lost = True
-        self._server.leave(self)
-
-    def data_received(self, data: bytes) -> None:
-        """Take what has arrived."""
-        self._buffer += data
-        if not self._is_scheduled:
-            self._turn()
-
-    def pause_writing(self) -> None:
-        """Let a client that does not read wait."""
-        self._is_writable = False
-        self.transport.pause_reading()
-
-    def resume_writing(self) -> None:
-        """Go on."""
-        self._is_writable = True
-        self._turn()
-
-    def _turn(self) -> None:
-        """Answer what has arrived, but leave the others their turn."""
-        self._is_scheduled = False
-        for _ in range(FRAMES_PER_TURN):
-            if not self._is_writable or self.transport.is_closing():
-                return
-            if not self._answer_next():
-                self.transport.resume_reading()
-                return
-        self._is_scheduled = True
-        self.transport.pause_reading()
-        self._server.loop.call_soon(self._turn)
-
-    def _answer_next(self) -> bool:
-        """Answer one request; return False when there is no whole one or the connection had to be closed."""
-        if len(self._buffer) < HEADER.size:
-            return False
-        transaction, protocol, length, unit = HEADER.unpack_from(self._buffer)
-        if protocol != 0 or not SHORTEST <= length <= LONGEST:
-            self._server.counts.malformed += 1
-            logger.warning("%s: closed: protocol id %d, length %d in the frame", self.source, protocol, length)
-            self.transport.abort()
-            return False
-        end = 6 + length
-        if len(self._buffer) < end:
-            return False
-        request = bytes(self._buffer[HEADER.size : end])
-        del self._buffer[:end]
-        self.heard = self._server.loop.time()
-        self._mailbox.heard(self.station.link.source)
-        response = respond(request, self.station)
-        self._server.counts.requests += 1
-        if is_exception(response):
-            self._server.counts.exceptions += 1
-            self.station.refused(request[0], response[1])
-        self.transport.write(HEADER.pack(transaction, 0, len(response) + 1, unit) + response)
-        return True
+ACCEPTED_PER_TURN = 8
+"""Connections that are accepted before those that are there get their turn."""
+BACKLOG = 128
+"""Connections that may wait to be accepted."""
 
 
 class ModbusServer:
@@ -136,11 +34,15 @@ class ModbusServer:
         self._config = config
         self.mailbox = mailbox
         self.counts = Diagnostics()
+        self.log = PeerLog(logger)
+        self.crowd = 0
         self.loop: asyncio.AbstractEventLoop
         self._stop: asyncio.Event
         self._socket: socket.socket | None = None
         self._thread: threading.Thread | None = None
+        self._guests: set[Connection] = set()
         self._connections: dict[str, Connection] = {}
+        """Guests that have a link, by their source."""
         self._shared: dict[str, LinkWords] = {}
 
     @property
@@ -177,7 +79,8 @@ class ModbusServer:
 
     async def _serve(self, listening: socket.socket, is_ready: threading.Event) -> None:
         self.loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
-        server = await self.loop.create_server(self.receive, sock=listening)
+        server = await self.loop.create_server(self.receive, sock=listening, backlog=ACCEPTED_PER_TURN)
+        listening.listen(BACKLOG)  # asyncio takes the same figure for both
         is_ready.set()
         while not self._stop.is_set():
             try:
@@ -199,25 +102,50 @@ class ModbusServer:
 
     def abort_all(self) -> int:
         """End every connection; return how many have not ended yet."""
-        for connection in self._connections.values():
-            connection.transport.abort()
-        return len(self._connections)
+        for connection in self._guests:
+            if connection.transport is not None:
+                connection.transport.abort()
+        return len(self._guests)
 
-    def turn_away(self, transport: asyncio.BaseTransport, source: str, why: str) -> None:
+    def turn_away(self, connection: Connection, why: str) -> None:
         """Close a connection that is not let in."""
         self.counts.forbidden += 1
-        logger.warning("%s: refused: %s", source, why)
-        assert isinstance(transport, asyncio.Transport)
-        transport.abort()
+        self.log.warning(connection.address, "%s: refused: %s", connection.source, why)
+        if connection.transport is not None:
+            connection.transport.abort()
+
+    def reserve(self, connection: Connection) -> bool:
+        """Give a new connection a place, or turn it away; somebody else may have to leave for it."""
+        if not self.is_allowed(connection.address):
+            self.turn_away(connection, f"not in {self.section}.allow")
+            return False
+        config = self._config
+        try:
+            leaving = who_leaves(
+                self._guests, self._kept(), connection.address, config.connections, config.connections_per_host
+            )
+        except NoPlaceError:
+            self.turn_away(connection, f"no place: see {self.section}.connections")
+            return False
+        if leaving is not None:
+            self._drop(leaving, "to make room")
+        self._guests.add(connection)
+        return True
+
+    def _kept(self) -> set[Connection]:
+        """Return the connections that nobody makes leave: of each link that has the lease or a run, the last heard."""
+        links = self.mailbox.kept
+        kept: dict[str, Connection] = {}
+        for connection in self._connections.values():
+            source = connection.station.link.source if connection.station is not None else ""
+            if source in links and (connection.heard or 0.0) >= (kept[source].heard or 0.0 if source in kept else 0.0):
+                kept[source] = connection
+        return set(kept.values())
 
     def admit(self, connection: Connection) -> bool:
-        """Let a new connection in, or turn it away; make room by dropping the one that was idle longest."""
-        if not self.is_allowed(connection.address):
-            self.turn_away(connection.transport, connection.source, f"not in {self.section}.allow")
+        """Give a connection its place and its link, or turn it away."""
+        if connection not in self._guests and not self.reserve(connection):
             return False
-        if len(self._connections) >= self._config.connections:
-            self._drop(min(self._connections.values(), key=lambda other: other.heard), "to make room")
-        connection.heard = self.loop.time()
         shared = self._shared_of(connection.host)
         if shared is None:
             link = LinkWords(connection.source)
@@ -225,9 +153,8 @@ class ModbusServer:
         else:
             link = shared
             shared.users += 1
-        connection.station = LinkStation(
-            self.mailbox, link, self.counts, connection.rights, lambda: self.share(connection)
-        )
+        warn, share = partial(self.log.warning, connection.address), partial(self.share, connection)
+        connection.station = LinkStation(self.mailbox, link, self.counts, connection.rights, warn, share)
         self._connections[connection.source] = connection
         self.counts.accepted += 1
         self.counts.connections = len(self._connections)
@@ -235,7 +162,8 @@ class ModbusServer:
 
     def leave(self, connection: Connection) -> None:
         """Forget a connection that has ended."""
-        if self._connections.get(connection.source) is not connection:
+        self._guests.discard(connection)
+        if connection.station is None or self._connections.get(connection.source) is not connection:
             return
         del self._connections[connection.source]
         self.counts.connections = len(self._connections)
@@ -247,9 +175,11 @@ class ModbusServer:
 
     def share(self, connection: Connection) -> None:
         """Move `connection` to the link that all connections of its host have together."""
+        assert connection.station is not None  # it has written something
         link, host = connection.station.link, connection.host
         if link.source == host:
             return
+        self.mailbox.closed(link.source)
         shared = self._shared_of(host)
         if shared is None:
             shared = self._shared[host] = LinkWords(host, users=0)
@@ -257,7 +187,6 @@ class ModbusServer:
         shared.words[:], shared.users = link.words, shared.users + 1
         shared.is_numbered |= link.is_numbered
         connection.station.link = shared
-        self.mailbox.closed(link.source)
 
     def _shared_of(self, host: str) -> LinkWords | None:
         """Return the shared link of `host`; it ends with its lease, once no connection is left."""
@@ -278,14 +207,15 @@ class ModbusServer:
 
     def _drop_idle(self) -> None:
         oldest = self.loop.time() - self._config.idle_timeout
-        for connection in list(self._connections.values()):
-            if connection.heard < oldest:
+        for connection in list(self._guests):
+            if (connection.arrived if connection.heard is None else connection.heard) < oldest:
                 self._drop(connection, "idle")
 
     def _drop(self, connection: Connection, why: str) -> None:
         self.counts.dropped += 1
-        logger.info("%s: dropped: %s", connection.source, why)
-        connection.transport.abort()
+        self.log.info(connection.address, "%s: dropped: %s", connection.source, why)
+        if connection.transport is not None:
+            connection.transport.abort()
         self.leave(connection)
 
 

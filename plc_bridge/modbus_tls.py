@@ -1,18 +1,19 @@
 """Modbus/TCP Security server: the Modbus TCP server behind mutual TLS, with the rights of the client's role."""
 
 import asyncio
-import logging
 import ssl
+from collections import deque
 
 from plc_bridge.config import TlsConfig
-from plc_bridge.modbus import Connection, ModbusServer
+from plc_bridge.modbus import ModbusServer
+from plc_bridge.modbus_connection import Connection
 from plc_bridge.station import Mailbox
 from plc_bridge.tls import BadRoleError, rights_of, role_of, server_context
 
-logger = logging.getLogger(__name__)
-
 HANDSHAKE_TIMEOUT = 10.0
 """Longest TLS handshake, s."""
+HANDSHAKE_PERIOD = 0.01
+"""Between the beginnings of two handshakes, s: each takes milliseconds, which those inside must not wait for."""
 
 
 class _Door(asyncio.Protocol):
@@ -28,7 +29,10 @@ class _Door(asyncio.Protocol):
 
 
 class SecureModbusServer(ModbusServer):
-    """Listens for TLS; a client is known by its role and its address."""
+    """Listens for TLS; a client is known by its role and its address.
+
+    A client has its place from its arrival on; until its handshake is over it is one that has never spoken.
+    """
 
     section = "plc.tls"
 
@@ -36,7 +40,9 @@ class SecureModbusServer(ModbusServer):
         super().__init__(config, mailbox)
         self._tls = config
         self._context: ssl.SSLContext
-        self._handshakes: dict[asyncio.Task[None], tuple[asyncio.Transport, str]] = {}  # in the order they began
+        self._waiting: deque[Connection] = deque()
+        self._handshakes: dict[Connection, asyncio.Task[None]] = {}
+        self._is_opening = False
 
     def start(self) -> None:
         """Read the certificates, bind, then serve in a thread of its own.
@@ -52,49 +58,56 @@ class SecureModbusServer(ModbusServer):
         return _Door(self)
 
     def knock(self, transport: asyncio.Transport) -> None:
-        """Begin the handshake with a client whose address is allowed; where too many are under way, the oldest ends."""
-        peer = transport.get_extra_info("peername")
-        if peer is None:  # gone before it was accepted
-            transport.abort()
+        """Give a client a place, and let its handshake begin when it is its turn."""
+        connection = Connection(self)
+        if not connection.arrive(transport) or not self.reserve(connection):
             return
-        source = f"{peer[0]}:{peer[1]}"
-        if not self.is_allowed(peer[0]):
-            self.turn_away(transport, source, f"not in {self.section}.allow")
-            return
-        if len(self._handshakes) >= self._tls.connections:
-            self._end_oldest()
-        task = self.loop.create_task(self._shake_hands(transport, source))
-        self._handshakes[task] = transport, source
-        task.add_done_callback(lambda done: self._handshakes.pop(done, None))
+        self._waiting.append(connection)
+        if not self._is_opening:
+            self._is_opening = True
+            self._open_next()
 
-    def _end_oldest(self) -> None:
-        task = next(iter(self._handshakes))
-        transport, source = self._handshakes.pop(task)
-        logger.info("%s: dropped in its TLS handshake: to make room", source)
-        self.counts.dropped += 1
-        task.cancel()
-        transport.abort()  # a task that has not begun does not close it
+    def _open_next(self) -> None:
+        """Begin the handshake of the next client that is still there."""
+        while self._waiting:
+            connection = self._waiting.popleft()
+            if connection in self._guests:
+                self._handshakes[connection] = self.loop.create_task(self._shake_hands(connection))
+                self.loop.call_later(HANDSHAKE_PERIOD, self._open_next)
+                return
+        self._is_opening = False
+
+    def leave(self, connection: Connection) -> None:
+        """Forget a connection that has ended, in its handshake or afterwards."""
+        super().leave(connection)
+        task = self._handshakes.pop(connection, None)
+        if task is not None:
+            task.cancel()
 
     def abort_all(self) -> int:
         """End every handshake and every connection; return how many have not ended yet."""
-        for task, (transport, _) in self._handshakes.items():
-            task.cancel()
-            transport.abort()
-        return super().abort_all() + len(self._handshakes)
+        left = super().abort_all()
+        for connection in [*self._handshakes, *self._waiting]:
+            self.leave(connection)
+        self._waiting.clear()
+        return left
 
-    async def _shake_hands(self, transport: asyncio.Transport, source: str) -> None:
+    async def _shake_hands(self, connection: Connection) -> None:
         # the protocol needs the role, which the handshake brings; TLS needs a protocol before
-        connection = Connection(self)
         timeout = min(HANDSHAKE_TIMEOUT, self._tls.idle_timeout)
+        assert connection.transport is not None
         try:
             secure = await self.loop.start_tls(
-                transport, connection, self._context, server_side=True, ssl_handshake_timeout=timeout
+                connection.transport, connection, self._context, server_side=True, ssl_handshake_timeout=timeout
             )
             role = role_of(_certificate(secure))
         except (OSError, BadRoleError) as error:  # SSLError is an OSError
-            self.turn_away(transport, source, f"TLS: {error}".replace("\n", " "))
+            del self._handshakes[connection]
+            self.turn_away(connection, f"TLS: {error}".replace("\n", " "))
+            self.leave(connection)
             return
         assert secure is not None
+        del self._handshakes[connection]
         connection.identify(f"{role}@", rights_of(role, self._tls))
         connection.connection_made(secure)
 

@@ -49,6 +49,10 @@ class Mailbox(Protocol):
     def holder(self) -> str:
         """Who holds the lease."""
 
+    @property
+    def kept(self) -> frozenset[str]:
+        """The links that hold the lease or have a run under way: nobody takes their places."""
+
 
 @dataclass(slots=True)
 class LinkWords:
@@ -70,6 +74,7 @@ class LinkStation:
         link: The words of the client's link; may be replaced when connections come to share one.
         counts: Where refusals are counted.
         rights: What the client's role may do; "command" includes the stop coil.
+        warn: Logs what is wrong with the client.
         share: Called when the client asks for one link for all connections of its host.
     """
 
@@ -79,10 +84,12 @@ class LinkStation:
         link: LinkWords,
         counts: Diagnostics,
         rights: frozenset[Right] = ALL_RIGHTS,
+        warn: Callable[..., None] = logger.warning,
         share: Callable[[], None] | None = None,
     ) -> None:
         self.link = link
-        self._mailbox, self._counts, self._rights, self._share = mailbox, counts, rights, share
+        self._mailbox, self._counts, self._rights = mailbox, counts, rights
+        self._warn, self._share = warn, share
         self._told: set[Right | int] = set()
 
     def read_words(self, function: int, address: int, count: int) -> list[int]:
@@ -127,7 +134,7 @@ class LinkStation:
         """Log an exception, once for each of its codes."""
         if exception not in self._told:
             self._told.add(exception)
-            logger.warning("%s: refused: function %d: exception %02d", self.link.source, function, exception)
+            self._warn("%s: refused: function %d: exception %02d", self.link.source, function, exception)
 
     def _demand(self, right: Right) -> None:
         if right in self._rights:
@@ -135,7 +142,7 @@ class LinkStation:
         self._counts.unauthorised += 1
         if right not in self._told:
             self._told.update((right, int(ExcCodes.ILLEGAL_FUNCTION)))
-            logger.warning("%s: refused: its role may not %s", self.link.source, right)
+            self._warn("%s: refused: its role may not %s", self.link.source, right)
         raise PermissionError(right)
 
 

@@ -1,5 +1,6 @@
 """The Modbus/TCP Security server on real sockets: who gets in, who may do what, frames cut anywhere."""
 
+import contextlib
 import datetime
 import socket
 import ssl
@@ -296,3 +297,17 @@ def test_client_that_is_not_ours_reads_writes_and_is_refused(bridge, authority):
         assert client.read_input_registers(1, count=10).registers[0] == VERSION
         assert client.write_register(3, 7).isError() is not is_allowed
         client.close()
+
+
+def test_handshakes_that_never_end_take_no_place_of_one_that_spoke(authority, contexts):
+    bridge = start(authority, connections=4)
+    with connect(bridge, contexts["Operator"]) as plc, contextlib.ExitStack() as crowd:
+        ask(plc, READ)
+        for _ in range(30):
+            half = crowd.enter_context(socket.create_connection(bridge.secure_address, timeout=PATIENCE))
+            half.sendall(b"\x16\x03\x01\x00\x05\x01\x00")
+        assert ask(plc, READ)[0] == 4
+        crowd.close()
+        with connect(bridge, contexts["Operator"]) as newcomer:
+            assert ask(newcomer, READ)[0] == 4
+    bridge.close()

@@ -15,7 +15,8 @@ from plc_bridge.images import REPORT
 from plc_bridge.messages import FIRST_PROGRAM, Control, LeaseState, Refusal, Report, Result
 from plc_bridge.modbus import ModbusServer
 from plc_bridge.peer import CellSilentError, Peer
-from plc_bridge.registers import MIRROR
+from plc_bridge.peer_log import LINES
+from plc_bridge.registers import MIRROR, Lease
 from tests.scan_thread import take
 
 HEADER = struct.Struct(">HHHB")
@@ -234,6 +235,78 @@ def test_newcomer_gets_the_place_of_the_one_that_was_idle_longest():
             assert ask(busy, READ_REPORT)[0] == 4
     bridge.close()
     assert bridge.diagnostics.dropped == 1
+
+
+def connect_from(address, to):
+    return socket.create_connection(to, timeout=PATIENCE, source_address=(address, 0))
+
+
+@pytest.mark.parametrize("address", ["127.0.0.1", "127.0.0.2"])
+def test_many_silent_connections_do_not_take_the_place_of_one_that_spoke(address):
+    bridge = start(connections=8)
+    with connect(bridge) as old, contextlib.ExitStack() as crowd:
+        ask(old, READ_REPORT)
+        for _ in range(66):
+            crowd.enter_context(connect_from(address, bridge.address))
+        assert ask(old, READ_REPORT)[0] == 4
+        with connect_from("127.0.0.3", bridge.address) as newcomer:
+            assert ask(newcomer, READ_REPORT)[0] == 4
+    bridge.close()
+
+
+def test_the_holder_of_the_lease_is_not_evicted_even_when_it_was_idle_longest():
+    bridge = start(connections=2)
+    with connect(bridge) as holder, contextlib.ExitStack() as crowd:
+        ask(holder, struct.pack(">BHH", 6, 5, Lease.TAKE))
+        for _ in range(5):
+            other = crowd.enter_context(connect_from("127.0.0.2", bridge.address))
+            ask(other, READ_REPORT)
+        assert ask(holder, READ_REPORT)[0] == 4
+    bridge.close()
+
+
+def test_a_newcomer_is_turned_away_when_only_the_holder_could_leave():
+    bridge = start(connections=1)
+    with connect(bridge) as holder:
+        ask(holder, struct.pack(">BHH", 6, 5, Lease.TAKE))
+        with connect(bridge) as newcomer:
+            assert is_closed(newcomer)
+        assert ask(holder, READ_REPORT)[0] == 4
+    bridge.close()
+
+
+def test_a_host_beyond_its_places_takes_none_of_another():
+    bridge = start(connections=8, connections_per_host=2)
+    with connect(bridge) as other, contextlib.ExitStack() as crowd:
+        ask(other, READ_REPORT)
+        mine = [crowd.enter_context(connect_from("127.0.0.2", bridge.address)) for _ in range(3)]
+        ask(mine[2], READ_REPORT)
+        assert is_closed(mine[0])
+        assert bridge.diagnostics.connections == 3
+        assert ask(other, READ_REPORT)[0] == 4
+    bridge.close()
+
+
+def test_lines_in_the_log_about_one_host_are_bounded(bridge, caplog):
+    caplog.set_level(logging.INFO)
+    for _ in range(100):
+        with connect_from("127.0.0.2", bridge.address) as client:
+            client.sendall(frame(READ_REPORT, protocol=9))
+            assert is_closed(client)
+    assert len([record for record in caplog.records if "127.0.0.2" in record.getMessage()]) == LINES + 1
+
+
+def test_client_that_does_not_read_costs_no_more_than_its_buffers(bridge):
+    with connect(bridge) as deaf, connect(bridge) as other:
+        deaf.setblocking(False)
+        with contextlib.suppress(BlockingIOError):
+            for n in range(200_000):
+                deaf.sendall(frame(bytes.fromhex("03 0000 0029"), n % 0x10000))
+        answered = -1
+        while bridge.diagnostics.requests > answered + 1:  # until only the other's are answered
+            answered = bridge.diagnostics.requests
+            assert ask(other, READ_REPORT)[0] == 4
+        assert answered < 20_000
 
 
 def test_idle_connection_is_closed():

@@ -73,7 +73,7 @@ class _Stopwatch:
 def _serve(loaded: LoadedConfig, connections: int, pipe: Connection) -> None:
     """Serve the cell until the other end has had enough, and send it all scans."""
     plc = loaded.cell.plc
-    free = plc.modbus.model_copy(update={"port": 0, "connections": connections})
+    free = plc.modbus.model_copy(update={"port": 0, "connections": connections, "connections_per_host": connections})
     patient = plc.model_copy(update={"modbus": free, "life_timeout": PATIENCE, "lease_timeout": PATIENCE})
     bridge, stop = Bridge(patient, PROGRAMS, PARAMETERS), threading.Event()
 

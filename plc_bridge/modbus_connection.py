@@ -1,0 +1,174 @@
+"""One Modbus TCP connection: strict framing, answers in the order of requests, and no more than its share of the time.
+
+A malformed header closes the connection, because nothing after it can be trusted; a well-framed request that cannot
+be served gets its exception. The unit identifier is not used for addressing on TCP; it is echoed.
+"""
+
+import asyncio
+import socket
+import struct
+from typing import Protocol
+
+from plc_bridge.config import ALL_RIGHTS, Right
+from plc_bridge.images import Diagnostics
+from plc_bridge.pdu import is_exception, respond
+from plc_bridge.peer_log import PeerLog
+from plc_bridge.station import LinkStation, Mailbox
+
+HEADER = struct.Struct(">HHHB")
+"""Transaction, protocol, length of what follows the length field, unit."""
+SHORTEST, LONGEST = 2, 254  # MBAP length: unit + function .. unit + the longest PDU
+FRAMES_PER_TURN = 8
+"""Requests of one connection that are answered before the others get their turn."""
+PAUSE = 0.0005
+"""Pause after a turn for each connection that has more requests, s: about as long as the turns, so that who floods the
+server leaves half of the time to others and to the scan."""
+SEND_BUFFER = 8192
+"""Most bytes that wait here for a client who does not read; the system holds about twice as many."""
+
+
+class ServerOfConnections(Protocol):
+    """What a connection needs of its server."""
+
+    mailbox: Mailbox
+    counts: Diagnostics
+    log: PeerLog
+    loop: asyncio.AbstractEventLoop
+    crowd: int
+    """Connections that have more requests than one turn answers."""
+
+    def admit(self, connection: "Connection") -> bool:
+        """Give a connection its link, or turn it away."""
+
+    def leave(self, connection: "Connection") -> None:
+        """Forget a connection that has ended."""
+
+
+class Connection(asyncio.Protocol):
+    """One client."""
+
+    def __init__(self, server: ServerOfConnections) -> None:
+        self._server = server
+        self._identity = ""
+        self._is_lost = False
+        self._buffer = bytearray()
+        self._is_writable = True
+        self._is_waiting = True  # nothing is answered before it is admitted
+        self.rights = ALL_RIGHTS
+        self.transport: asyncio.Transport | None = None
+        self.address = ""
+        self.host = ""
+        self.source = ""
+        self.station: LinkStation | None = None
+        """None until it is admitted."""
+        self.arrived = 0.0
+        self.heard: float | None = None
+
+    def identify(self, identity: str, rights: frozenset[Right]) -> None:
+        """Say who it is, before it is made; clients of other identity are others even at the same address."""
+        self._identity, self.rights = identity, rights
+        self._name(self.address, self.source.rpartition(":")[2])
+
+    def arrive(self, transport: asyncio.Transport) -> bool:
+        """Take the transport, encrypted or not; return False when the client has gone before it was accepted."""
+        self.transport, self.arrived = transport, self._server.loop.time()
+        peer = transport.get_extra_info("peername")
+        if peer is None or self._is_lost:
+            transport.abort()
+            return False
+        self._name(peer[0], peer[1])
+        link = transport.get_extra_info("socket")
+        # asyncio does this only where the socket names its protocol; without it a second answer waits for an ACK
+        link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        link.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
+        return True
+
+    def _name(self, address: str, port: int | str) -> None:
+        self.address = address
+        self.host, self.source = f"{self._identity}{address}", f"{self._identity}{address}:{port}"
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Ask to be admitted."""
+        assert isinstance(transport, asyncio.Transport)
+        if self.transport is None and not self.arrive(transport):
+            return
+        if self._is_lost:
+            transport.abort()
+            return
+        self.transport = transport
+        transport.set_write_buffer_limits(high=SEND_BUFFER)
+        if self._server.admit(self):
+            self._is_waiting = False
+            self._turn()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Leave."""
+        self._is_lost = True
+        self._server.leave(self)
+
+    def data_received(self, data: bytes) -> None:
+        """Take what has arrived."""
+        self._buffer += data
+        if not self._is_waiting:
+            self._turn()
+
+    def pause_writing(self) -> None:
+        """Let a client that does not read wait."""
+        self._is_writable = False
+        self._reading().pause_reading()
+
+    def resume_writing(self) -> None:
+        """Go on."""
+        self._is_writable = True
+        if not self._is_waiting:
+            self._turn()
+
+    def _reading(self) -> asyncio.Transport:
+        assert self.transport is not None  # from its arrival on
+        return self.transport
+
+    def _turn(self) -> None:
+        """Answer what has arrived, but leave the others their turn."""
+        transport = self._reading()
+        for _ in range(FRAMES_PER_TURN):
+            if not self._is_writable or transport.is_closing():
+                return
+            if not self._answer_next():
+                transport.resume_reading()
+                return
+        self._is_waiting = True
+        transport.pause_reading()
+        self._server.crowd += 1
+        self._server.loop.call_later(PAUSE * self._server.crowd, self._next_turn)
+
+    def _next_turn(self) -> None:
+        self._is_waiting = False
+        self._server.crowd -= 1
+        self._turn()
+
+    def _answer_next(self) -> bool:
+        """Answer one request; return False when there is no whole one or the connection had to be closed."""
+        station, transport, counts = self.station, self._reading(), self._server.counts
+        if station is None or len(self._buffer) < HEADER.size:
+            return False
+        transaction, protocol, length, unit = HEADER.unpack_from(self._buffer)
+        if protocol != 0 or not SHORTEST <= length <= LONGEST:
+            counts.malformed += 1
+            said = "%s: closed: protocol id %d, length %d in the frame"
+            self._server.log.warning(self.address, said, self.source, protocol, length)
+            transport.abort()
+            return False
+        end = 6 + length
+        if len(self._buffer) < end:
+            return False
+        request = bytes(self._buffer[HEADER.size : end])
+        del self._buffer[:end]
+        self.heard = self._server.loop.time()
+        self._server.mailbox.heard(station.link.source)
+        response = respond(request, station)
+        counts.requests += 1
+        if is_exception(response):
+            counts.exceptions += 1
+            station.refused(request[0], response[1])
+        transport.write(HEADER.pack(transaction, 0, len(response) + 1, unit) + response)
+        return True
