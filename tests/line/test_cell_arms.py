@@ -1,9 +1,9 @@
 """A whole insertion on another arm, which is a file of figures and nothing else."""
 
 import pytest
-from cell.trials import run_trial
 
 from cell.config import DEFAULT, arm_file, load
+from cell.lab.trials import run_trial
 
 OTHER = {"d = [0.333, 0.0, 0.316,": "d = [0.35, 0.0, 0.33,", "flange = 0.107": "flange = 0.125"}
 """An FR3 with longer links, which nobody builds."""

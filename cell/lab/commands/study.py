@@ -27,7 +27,18 @@ class Study(Protocol):
         """Measure, draw, write, and return what there is to show."""
 
 
-STUDIES = ("speed", "contact", "line", "wire", "tactile", "stability", "frontier", "events", "startup")
+STUDIES = (
+    "speed",
+    "contact",
+    "line",
+    "wire",
+    "tactile",
+    "stability",
+    "frontier",
+    "reality",
+    "events",
+    "startup",
+)
 """Each is a package of this laboratory, with a module `study`."""
 
 

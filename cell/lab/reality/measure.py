@@ -1,0 +1,159 @@
+"""What errors cost: variants that draw one error alone or all, a sheet of tolerances, and a ranking by variance."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from cell.config import ERRORS_FILE, SHIPPED, CellConfig
+from cell.lab.frontier.measure import FRONTIER as TABLE
+from cell.lab.frontier.measure import FrontierLine, Variant
+from cell.lab.trials import TABLE as ROWS
+from cell.lab.trials import TrialRow, read_table
+from cell.statistics import wilson
+from drivers.quantities import Vector
+from sim.reality import KINDS, AnyError, read
+
+__all__ = ["TABLE"]
+
+ALL = "all together"
+SCALES: dict[bool, tuple[float, ...]] = {False: (1.0, 2.0, 4.0), True: (2.0,)}
+"""Sizes at which each error is drawn alone; fewer in a quick study."""
+TOGETHER: dict[bool, tuple[float, ...]] = {False: (0.0, 1.0, 2.0, 3.0), True: (0.0, 1.0)}
+"""Sizes at which all are drawn together."""
+BINS = 4
+"""Groups of equal size into which trials are sorted by the size of one error."""
+LOST = 0.02
+"""An error may be so large that a cell loses this share of the trials, by the upper end of what was seen."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tolerance:
+    """How large one error may be."""
+
+    error: str
+    about: str
+    unit: str
+    scale: float
+    """Largest tried scale up to which no more was lost than without the error, 0 where the least was too much."""
+    size: str
+    """What that is, in the unit."""
+    lost: str
+    """Successes of the trials at that scale, and at the next larger one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rank:
+    """Share of the variance among trials of all errors together that the size of one error explains."""
+
+    error: str
+    time: float
+    """Share of the variance of the total time of successes."""
+    force: float
+    """Share of the variance of the largest contact force."""
+
+
+def errors_of(config: CellConfig) -> Mapping[str, AnyError]:
+    """Return the errors that the cell draws from, by name.
+
+    Raises:
+        ConfigError: The file cannot be used.
+    """
+    return read(config.reality.file or SHIPPED / ERRORS_FILE).errors
+
+
+def variants(errors: Mapping[str, AnyError], is_quick: bool) -> list[Variant]:
+    """Return what is run: all errors together at several sizes, then each alone."""
+    found = [Variant(ALL, f"{s:g}", None, (f"reality.scale={s:g}", 'reality.alone=""')) for s in TOGETHER[is_quick]]
+    names = list(errors)[:2] if is_quick else list(errors)
+    for name in names:
+        for scale in SCALES[is_quick]:
+            found.append(Variant(name, f"{scale:g}", None, (f"reality.scale={scale:g}", f'reality.alone="{name}"')))
+    return found
+
+
+def rows_together(lines: Sequence[FrontierLine], folder: Path) -> list[TrialRow]:
+    """Return the trials in which all errors were drawn at scale 1."""
+    places = [line.folder for line in lines if line.family == ALL and line.variant == "1" and line.trials]
+    return [row for place in places for row in read_table(folder / place / ROWS)]
+
+
+def size_at(error: AnyError, scale: float) -> str:
+    """Return how large an error is at a scale, in its unit: its bounds, three standard deviations for a normal one."""
+    figures = {key: np.asarray(value, dtype=float) for key, value in error.figures().items()}
+    if error.distribution == "normal":
+        return f"±{_told(3.0 * scale * figures['sigma'])}"
+    if error.distribution == "uniform":
+        return f"{_told(scale * figures['low'])} to {_told(scale * figures['high'])}"
+    if error.distribution == "factor":
+        return f"x 1/{_told(figures['spread'] ** scale)} to {_told(figures['spread'] ** scale)}"
+    if error.distribution == "lognormal":
+        return f"x 1/{_told(np.exp(3.0 * scale * figures['sigma']))} to {_told(np.exp(3.0 * scale * figures['sigma']))}"
+    return f"{100.0 * min(scale * float(figures['probability']), 1.0):.3g} %"
+
+
+def tolerances(errors: Mapping[str, AnyError], lines: Sequence[FrontierLine]) -> list[Tolerance]:
+    """Return how large each error may be alone: up to the first size at which more than `LOST` is lost beyond doubt."""
+    sheet = []
+    for name, error in errors.items():
+        alone = [line for line in lines if line.family == name and line.trials]
+        good = 0
+        while good < len(alone) and _is_borne(alone[good]):
+            good += 1
+        scale = float(alone[good - 1].variant) if good else 0.0
+        seen = [f"{line.successes}/{line.trials} at {line.variant}" for line in alone[max(good - 1, 0) : good + 1]]
+        if alone:
+            sheet.append(Tolerance(name, error.about, error.unit, scale, size_at(error, scale), ", ".join(seen)))
+    return sheet
+
+
+def _is_borne(line: FrontierLine) -> bool:
+    """Whether what was lost can still be chance at a rate of `LOST`."""
+    return wilson(line.successes, line.trials)[1] >= 1.0 - LOST
+
+
+def ranking(errors: Mapping[str, AnyError], rows: Sequence[TrialRow]) -> list[Rank]:
+    """Return the share of variance of time and force that each recorded error explains alone, the largest first.
+
+    The first-order share Var(E[y | x]) / Var(y), the inner mean over groups of equal size, less what chance alone
+    would give (omega squared: Hays 1963). Noise remains; with 40 trials shares below 0.1 mean nothing.
+    """
+    found = []
+    for name in errors:
+        key = f"reality.{name}"
+        told = [row for row in rows if key in row.errors]
+        if len(told) < 2 * BINS:
+            continue
+        size = np.array([_deviation(name, row.errors[key]) for row in told])
+        time = np.array([row.total_time if row.outcome == "success" else math.nan for row in told], dtype=float)
+        force = np.array([row.peak_contact_force for row in told])
+        found.append(Rank(name, _explained(size, time), _explained(size, force)))
+    return sorted(found, key=lambda rank: -max(rank.time, rank.force))
+
+
+def _deviation(name: str, text: str) -> float:
+    """Return how far a drawn error is from the ideal: root of the mean square, of the logarithm for a factor."""
+    values = np.array([float(word) for word in text.split()])
+    ideal = KINDS[name].ideal
+    away = np.log(values) if ideal == 1.0 else values - ideal
+    # One value has a sign that may matter; several have a size.
+    return float(away[0]) if len(away) == 1 else float(np.sqrt((away**2).mean()))
+
+
+def _explained(size: Vector, value: Vector) -> float:
+    known = np.isfinite(value)
+    size, value = size[known], value[known]
+    total = float(((value - value.mean()) ** 2).sum()) if len(value) else 0.0
+    if len(value) < 2 * BINS or total == 0.0 or np.ptp(size) == 0.0:
+        return 0.0
+    groups = np.array_split(value[np.argsort(size, kind="stable")], BINS)
+    between = sum(len(group) * (group.mean() - value.mean()) ** 2 for group in groups)
+    within = (total - between) / (len(value) - BINS)
+    return max(float((between - (BINS - 1) * within) / (total + within)), 0.0)
+
+
+def _told(figures: Vector) -> str:
+    values = np.unique(figures)
+    return f"{values[0]:.3g}" if len(values) == 1 else f"{values[0]:.3g}..{values[-1]:.3g}"

@@ -1,0 +1,49 @@
+"""`cell study reality`: what each error of an honest cell costs alone, and all of them together."""
+
+import argparse
+from dataclasses import asdict
+
+from cell.arguments import out_folder
+from cell.lab.arguments import add_seed, add_study, add_trials, add_workers, load_simulated
+from cell.lab.report import StudyReport, finite
+from cell.terminal import progress
+
+SUMMARY = "errors between the cell that is and the believed one: success, time and force against the size of each"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what is simulated, and how many trials each size of each error has."""
+    add_study(parser)
+    add_seed(parser)
+    add_trials(parser, "of each size of each error; 40, with --quick 1")
+    add_workers(parser)
+
+
+def run(args: argparse.Namespace) -> StudyReport:
+    """Run every error alone and all together on the same seeds, write the tables, draw the chart."""
+    from cell.lab.frontier.measure import measure as run_variants
+    from cell.lab.frontier.measure import title_of
+    from cell.lab.reality import charts, measure, tables
+
+    config = load_simulated(args, "study reality").cell
+    folder = out_folder(args.out)
+    seeds = range(args.seed, args.seed + (args.trials or (1 if args.quick else 40)))
+    errors = measure.errors_of(config)
+    tried = measure.variants(errors, args.quick)
+    with progress() as bars:
+        bar = bars.add_task("trials", total=len(tried) * len(seeds))
+        lines = run_variants(
+            args.config, args.set, tried, seeds, args.workers, folder, lambda count: bars.advance(bar, count)
+        )
+    title = title_of(seeds)
+    ranks = measure.ranking(errors, measure.rows_together(lines, folder))
+    sheet = measure.tolerances(errors, lines)
+    files = [folder / measure.TABLE, charts.draw(lines, title, folder)]
+    result = {
+        "title": title,
+        "lines": [asdict(line) for line in lines],
+        "tolerances": [asdict(line) for line in sheet],
+        "ranking": [asdict(line) for line in ranks],
+    }
+    shown = [tables.sizes(lines, title), tables.tolerances(sheet), tables.ranking(ranks)]
+    return StudyReport(shown, finite(result), files)

@@ -1,0 +1,48 @@
+"""The tables of the study of errors."""
+
+from collections.abc import Sequence
+
+from rich.table import Table
+from rich.text import Text
+
+from cell.lab.frontier.measure import FrontierLine
+from cell.lab.reality.measure import Rank, Tolerance
+
+
+def sizes(lines: Sequence[FrontierLine], title: str) -> Table:
+    """Return how well and how fast the cell works under each error and scale."""
+    table = Table(title=title, caption="times are of the successes, s; forces are each trial's largest, N")
+    for name in ("error", "scale", "success", "Wilson 95 %", "mean", "p95", "force median", "force p95", "retries"):
+        table.add_column(name, justify="left" if name == "error" else "right")
+    table.add_column("endings other than success")
+    for before, line in zip((None, *lines), lines, strict=False):
+        table.add_row(
+            line.family if before is None or before.family != line.family else "",
+            line.variant,
+            f"{line.successes}/{line.trials}",
+            f"{100 * line.low:.1f} to {100 * line.high:.1f} %",
+            *(f"{value:.1f}" for value in (line.mean, line.p95, line.force_median, line.force_p95)),
+            str(line.retries),
+            Text(line.error or line.endings),
+        )
+    return table
+
+
+def tolerances(sheet: Sequence[Tolerance]) -> Table:
+    """Return how large each error may be, for whoever installs a cell."""
+    table = Table(title="Each error alone may be so large")
+    for name in ("error", "what it is", "size", "unit", "scale", "successes"):
+        table.add_column(name)
+    for line in sheet:
+        table.add_row(line.error, line.about, line.size, line.unit, f"{line.scale:g}", line.lost)
+    return table
+
+
+def ranking(ranks: Sequence[Rank]) -> Table:
+    """Return which errors time and force depend on where all are drawn together."""
+    table = Table(title="Share of the variance explained by the size of each error, all together at scale 1")
+    for name in ("error", "of the time", "of the force"):
+        table.add_column(name, justify="left" if name == "error" else "right")
+    for rank in ranks:
+        table.add_row(rank.error, f"{rank.time:.2f}", f"{rank.force:.2f}")
+    return table

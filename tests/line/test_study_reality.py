@@ -1,0 +1,116 @@
+"""The study of errors, with a few short trials: each is drawn alone, and what it may be is said in its own unit."""
+
+import io
+import json
+import math
+from contextlib import redirect_stdout
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cell.cli import main
+from cell.config import load
+from cell.lab.frontier import measure as frontier
+from cell.lab.frontier.measure import Variant
+from cell.lab.reality.measure import ALL, errors_of, ranking, size_at, tolerances, variants
+from cell.lab.trials import TABLE, TrialRow, read_table
+
+ERRORS = errors_of(load(sets=["sim.pace=max"]).cell)
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    """Return what the command printed, and its folder."""
+    folder = tmp_path_factory.mktemp("reality")
+    with redirect_stdout(io.StringIO()) as printed:
+        assert main(["study", "reality", "--quick", "--json", "--set", "search.timeout=1.0", "--out", str(folder)]) == 0
+    return json.loads(printed.getvalue()), folder
+
+
+def test_an_error_alone_leaves_the_others_ideal_in_every_row(study):
+    found, folder = study
+    for line in found["lines"]:
+        [row] = read_table(folder / line["folder"] / TABLE)
+        drawn = {name.removeprefix("reality.") for name, text in row.errors.items() if not _is_ideal(name, text)}
+        if line["family"] == ALL:
+            assert bool(drawn) == (line["variant"] != "0")
+        else:
+            assert drawn <= {line["family"]}
+
+
+def test_the_chart_and_the_table_are_written(study):
+    _, folder = study
+    assert (folder / "reality.png").stat().st_size > 10_000
+    assert (folder / "frontier.csv").exists()
+
+
+def test_every_error_is_run_alone_at_every_size():
+    alone = [variant for variant in variants(ERRORS, is_quick=False) if variant.family != ALL]
+    assert {variant.family for variant in alone} == set(ERRORS)
+    assert all(f'reality.alone="{variant.family}"' in variant.sets for variant in alone)
+
+
+def test_sizes_are_told_in_the_errors_unit():
+    assert size_at(ERRORS["place.plate_height"], 2.0) == "±0.0018"
+    assert size_at(ERRORS["grip.force"], 2.0) == "x 1/1.32 to 1.32"
+    assert size_at(ERRORS["arm.transport"], 1.0) == "0.001 to 0.002"
+    assert size_at(ERRORS["arm.sigmoid_friction"], 4.0) == "100 %"
+
+
+def test_an_error_may_be_as_large_as_the_last_size_before_the_first_that_loses():
+    lines = [_line("arm.gravity", scale, good) for scale, good in (("1", 100), ("2", 99), ("4", 80))]
+    [sheet] = tolerances(ERRORS, lines)
+    assert sheet.scale == 2.0
+    assert sheet.lost == "99/100 at 2, 80/100 at 4"
+
+
+def test_the_error_that_the_time_depends_on_ranks_first():
+    rng = np.random.default_rng(4)
+    rows = []
+    for seed in range(200):
+        height, force = rng.normal(size=2)
+        drawn = {"reality.place.plate_height": f"{height}", "reality.grip.force": f"{math.exp(0.1 * force)}"}
+        rows.append(replace(ROW, seed=seed, total_time=10.0 + height + 0.1 * rng.normal(), errors=drawn))
+    first, second = ranking(ERRORS, rows)
+    assert first.error == "place.plate_height"
+    assert first.time > 0.7
+    assert second.time < 0.1
+
+
+def _line(family: str, scale: str, successes: int) -> frontier.FrontierLine:
+    rows = [replace(ROW, seed=n, outcome="success" if n < successes else "failure") for n in range(100)]
+    return frontier._line(Variant(family, scale, None, ()), "", rows, "", is_base=False)
+
+
+def _is_ideal(name: str, text: str) -> bool:
+    from sim.reality import KINDS
+
+    return all(float(word) == KINDS[name.removeprefix("reality.")].ideal for word in text.split())
+
+
+ROW = TrialRow(
+    seed=1,
+    outcome="success",
+    reason="",
+    stage="release_and_retract",
+    grasp_time=4.0,
+    search_time=4.0,
+    insert_time=2.0,
+    adjust_time=2.0,
+    total_time=8.0,
+    retries=0,
+    peak_contact_force=15.0,
+    max_penetration=0.0,
+    max_in_hand_rotation=0.1,
+    theta_rmse=0.01,
+    tip_rmse=1e-3,
+    hole_x=0.5,
+    hole_y=0.0,
+    start_x=0.5,
+    start_y=0.0,
+    switch_closed=True,
+    depth=0.02,
+    sim_time=15.0,
+    wall_time=1.0,
+)
