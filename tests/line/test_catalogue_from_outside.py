@@ -1,0 +1,265 @@
+"""A skill and an estimator that somebody adds, each one file and one entry, at work from terminal, Modbus and CAN."""
+
+import json
+import os
+import shutil
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from drivers.errors import CellError
+from drivers.transport.can_bus import CanBus
+from plc_bridge.config import CanConfig
+from plc_bridge.messages import Result
+from plc_bridge.registers import STAGES
+
+HERE = Path(__file__).resolve().parents[2]
+PACKAGES = ("cell", "config", "drivers", "plc_bridge", "sim", "skills")
+CODE, STAGE, PATIENCE = 107, 7, 60.0
+
+STIFF = "translation=500.0, rotation=4000.0, translation_damping=60.0, rotation_damping=4.0"
+
+SKILL = '''"""Hold still for a while and see whether the peg is held at an angle."""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+from drivers.quantities import ImpedanceSetpoint
+from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillResult
+from skills.motion import VALIDITY, Gains
+
+
+class Unexpected(IntEnum):
+    """Its own words for why it ended so."""
+
+    OTHER_ANGLE = 100
+
+
+class LookParams(SkillParams):
+    """How to look."""
+
+    seconds: float = 0.5
+    theta: float = 0.25
+    gains: Gains = Gains(translation=500.0, rotation=20.0, translation_damping=60.0, rotation_damping=4.0)
+
+
+@dataclass(frozen=True, slots=True)
+class LookResult(SkillResult):
+    """What was seen."""
+
+    theta: float
+
+
+def run(params: LookParams, ctx: SkillContext) -> LookResult:
+    """Hold the hand where it is and look."""
+    tcp, identity, theta = ctx.observe().arm.tcp, ctx.new_id(), 0.0
+    for seen in ctx.scan(params.seconds):
+        theta = seen.peg.theta
+        ctx.follow(
+            ImpedanceSetpoint(
+                id=identity, tip=tcp.position, axis=-tcp.rotation[:, 0], roll=tcp.rotation[:, 2],
+                stiffness=params.gains.stiffness(), damping=params.gains.damping(), valid_until=seen.stamp + VALIDITY,
+            )
+        )
+    if abs(theta - params.theta) > 1e-6:
+        return LookResult(Outcome.FAILURE, Unexpected.OTHER_ANGLE, params.seconds, theta)
+    return LookResult(Outcome.SUCCESS, Reason.NONE, params.seconds, theta)
+'''
+SKILL_ENTRY = """    Skill(
+        name="look", code={code}, stage={stage}, section="look", params=look.LookParams, perform=look.run,
+        steered=("gains",), counts=True, reasons=look.Unexpected,
+    ),
+"""
+ESTIMATOR = '''"""Tells the angle that it was told."""
+
+from drivers.config_model import ConfigModel
+from drivers.quantities import TaxelFrame
+from skills.tactile.pose import PegPose
+
+
+class FixedParams(ConfigModel):
+    """What to tell."""
+
+    theta: float = 0.25
+
+
+class FixedEstimator:
+    """Tells one angle of every frame."""
+
+    def __init__(self, params: FixedParams) -> None:
+        """Take the angle."""
+        self._params = params
+
+    def estimate(self, frame: TaxelFrame) -> PegPose:
+        """See `skills.tactile.pose.Estimator`."""
+        return PegPose(self._params.theta, 0.0, 0.01, 0.0, True, frame.stamp)
+'''
+PLC = """
+import json, sys
+from contextlib import closing
+from plc_bridge.canopen_peer import CanPeer
+from plc_bridge.config import CanConfig
+from plc_bridge.peer import Peer
+
+bus, where, code, patience = sys.argv[1], sys.argv[2], int(sys.argv[3]), float(sys.argv[4])
+if bus == "can":
+    made = CanPeer(CanConfig(interface="udp_multicast", channel=where, plc_timeout=patience), timeout=patience)
+else:
+    made = Peer(where.split(":")[0], int(where.split(":")[1]), timeout=patience)
+with closing(made) as peer:
+    peer.connect()
+    assert peer.take()
+    reports = [peer.run(code, recipe=recipe, timeout=patience) for recipe in (0, 2)]
+print(json.dumps([[r.result, r.stage, r.reason, r.stage_times, r.total_time] for r in reports]))
+"""
+ESTIMATOR_ENTRY = """    EstimatorEntry("{name}", fixed.FixedParams, lambda params, setup: fixed.FixedEstimator(params)),
+"""
+
+
+def put(file, before, text):
+    """Put a text behind the only place where the file says `before`."""
+    told = file.read_text(encoding="utf-8")
+    assert told.count(before) == 1
+    file.write_text(told.replace(before, before + text), encoding="utf-8")
+
+
+def build(folder, code=CODE, stage=STAGE, name="fixed", room=STAGE):
+    """Copy the program, its map with room for so many stages at least, and add to the copy what an engineer adds."""
+    for package in PACKAGES:
+        shutil.copytree(HERE / package, folder / package, ignore=shutil.ignore_patterns("__pycache__"))
+    if room > STAGES:
+        table = folder / "plc_bridge" / "registers.py"
+        told = table.read_text(encoding="utf-8")
+        assert told.count(f"\nSTAGES = {STAGES}\n") == 1
+        table.write_text(told.replace(f"\nSTAGES = {STAGES}\n", f"\nSTAGES = {room}\n"), encoding="utf-8")
+    (folder / "skills" / "look.py").write_text(SKILL, encoding="utf-8")
+    put(folder / "skills" / "catalogue.py", "\nfrom skills import (\n", "    look,\n")
+    put(folder / "skills" / "catalogue.py", "\nCATALOGUE = Catalogue(\n", SKILL_ENTRY.format(code=code, stage=stage))
+    table = folder / "skills" / "tactile" / "estimators.py"
+    (folder / "skills" / "tactile" / "fixed.py").write_text(ESTIMATOR, encoding="utf-8")
+    put(table, "\nfrom drivers.skin.layout import Layout\n", "from skills.tactile import fixed\n")
+    put(table, "\nESTIMATORS = estimators(\n", ESTIMATOR_ENTRY.format(name=name))
+    (folder / "config" / "recipes" / "2.toml").write_text("[look]\ntheta = 0.5\n", encoding="utf-8")
+    return folder
+
+
+def command(house, *words):
+    """Return the command line and the environment of `cell` as it is in `house`."""
+    return [sys.executable, "-m", "cell", *words], {**os.environ, "PYTHONPATH": str(house)}
+
+
+def told(house, *words):
+    line, environment = command(house, *words)
+    return subprocess.run(line, env=environment, cwd=house, capture_output=True, text=True, check=False)
+
+
+@pytest.fixture(scope="module")
+def house(tmp_path_factory):
+    return build(tmp_path_factory.mktemp("house"))
+
+
+@pytest.fixture
+def served(house, tmp_path):
+    """Yield where Modbus listens, and the config of the bus, of the cell as it is in `house`."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        bus = CanConfig(
+            interface="udp_multicast", channel=f"239.74.163.2:{probe.getsockname()[1]}", plc_timeout=PATIENCE
+        )
+    sets = ["plc.modbus.port=0", f"plc.life_timeout={PATIENCE}", "insert.estimator=fixed", "sim.pace=max"]
+    if has_multicast(bus):
+        sets += [f'plc.can.{name}="{getattr(bus, name)}"' for name in ("interface", "channel")]
+        sets.append(f"plc.can.plc_timeout={PATIENCE}")
+    line, environment = command(house, "serve", "--journal", str(tmp_path))
+    line += [word for text in sets for word in ("--set", text)]
+    with subprocess.Popen(line, env=environment, cwd=house, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            yield process.stdout.readline().split()[-1], bus
+        finally:
+            process.terminate()
+
+
+def has_multicast(config):
+    bus = CanBus(config.interface, config.channel, config.bitrate)
+    try:
+        bus.open()
+    except CellError:
+        return False
+    bus.close()
+    return True
+
+
+def assert_read_back(house, bus, where):
+    """Run the skill by the default recipe, which expects what the estimator tells, and by recipe 2, which does not."""
+    line = [sys.executable, "-c", PLC, bus, where, str(CODE), str(PATIENCE)]
+    environment = {**os.environ, "PYTHONPATH": str(house)}
+    done = subprocess.run(line, env=environment, cwd=house, capture_output=True, text=True, check=True)
+    seen, unseen = json.loads(done.stdout)
+    assert seen[:3] == [Result.SUCCESS, STAGE, 0]
+    assert unseen[:3] == [Result.FAILURE, STAGE, 100]
+    for *_, times, total in (seen, unseen):
+        assert (times[STAGE - 1], total) == pytest.approx((0.5, 0.5))
+
+
+def test_the_terminal_runs_them(house, tmp_path):
+    words = ("run", "look", "--json", "--journal", str(tmp_path), "--set", "sim.pace=max")
+    good = told(house, *words, "--set", "insert.estimator=fixed", "--set", "fixed.theta=0.1", "--set", "look.theta=0.1")
+    row = json.loads(good.stdout)
+    assert (good.returncode, row["outcome"], row["stage"]) == (0, "success", "look")
+    assert json.loads(row["stage_times"]) == [["look", pytest.approx(0.5)]]
+    bad = told(house, *words, "--set", "insert.estimator=fixed", "--set", "fixed.theta=0.2")
+    row = json.loads(bad.stdout)
+    assert (bad.returncode, row["outcome"], row["reason"]) == (1, "failure", "other_angle")
+
+
+def test_a_plc_on_modbus_runs_them_and_reads_the_time_back(house, served):
+    assert_read_back(house, "modbus", served[0])
+
+
+def test_a_plc_on_can_runs_them_and_reads_the_time_back(house, served):
+    if not has_multicast(served[1]):
+        pytest.skip("no multicast on this computer")
+    assert_read_back(house, "can", served[1].channel)
+
+
+def test_the_map_names_them(house):
+    words = json.loads(told(house, "map", "--format", "json").stdout)
+    meanings = {entry["name"]: entry["meaning"] for entry in words}
+    assert f"{CODE} look" in meanings["command_code"]
+    assert f"{STAGE} look" in meanings["report_stage"]
+    assert "100 OTHER_ANGLE" in meanings["report_reason"]
+
+
+@pytest.mark.parametrize(
+    ("key", "words"),
+    [
+        (f"look.gains={{{STIFF}}}", ("look.gains.rotation = 4000", "unstable")),
+        ("look.seconds=long", ("look.seconds = 'long'", "a number")),
+        ("insert.estimator=eye", ("insert.estimator = 'eye'", '"fixed", "image", "pca", "ml", "robust" allowed')),
+    ],
+)
+def test_a_wrong_value_is_told_as_of_any_other(house, key, words):
+    wrong = told(house, "run", "look", "--set", key)
+    assert (wrong.returncode, wrong.stderr.count("\n")) == (2, 1)
+    assert all(word in wrong.stderr for word in words), wrong.stderr
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"code": 103}, ("command code 103", "look", "tactile_insert")),
+        ({"code": 9}, ("look: command code 9", "100 to 65535")),
+        ({"stage": 2}, ("stage 2", "look", "spray_search")),
+        ({"stage": 99}, ("look: stage 99", "the PLC's map holds")),
+        ({"name": "robust"}, ("estimators: robust", "two")),
+        ({"name": "search"}, ("[search]", "a skill and of an estimator")),
+        ({"name": "limits"}, ("[limits]", "a key of every cell")),
+    ],
+)
+def test_a_clash_ends_every_command_with_one_line(tmp_path, changes, words):
+    clash = told(build(tmp_path, **changes), "run", "recover")
+    assert (clash.returncode, clash.stdout, clash.stderr.count("\n")) == (2, "", 1)
+    assert all(word in clash.stderr for word in words), clash.stderr
