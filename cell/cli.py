@@ -39,6 +39,7 @@ class Command(Protocol):
 
 COMMANDS = {
     "check": "cell.commands.check",
+    "config": "cell.commands.config",
     "demo": "cell.lab.commands.demo",
     "serve": "cell.commands.serve",
     "run": "cell.commands.run",

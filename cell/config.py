@@ -3,7 +3,7 @@
 import math
 import re
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Self, TypeVar
@@ -306,6 +306,11 @@ for _name in CellConfig.__annotations__.keys() & Catalogued.model_fields:
     )
 
 
+Origins = Mapping[tuple[str, ...], str]
+"""File, `--set` or `parameter` that a key's value came from, by the key's place."""
+SET = "--set"
+
+
 @dataclass(frozen=True, slots=True)
 class LoadedConfig:
     """A cell and the recipes that it knows, each a whole config of its own."""
@@ -313,6 +318,8 @@ class LoadedConfig:
     cell: CellConfig
     recipes: Mapping[int, CellConfig] = field(default_factory=dict)
     """By number; 0 is the cell's own part."""
+    origins: Mapping[int, Origins] = field(default_factory=dict)
+    """Where the value of each key that is not a default came from, by recipe."""
 
 
 def load(path: Path | None = None, preset: str | None = None, sets: Iterable[str] = ()) -> LoadedConfig:
@@ -331,17 +338,16 @@ def load(path: Path | None = None, preset: str | None = None, sets: Iterable[str
     """
     path = path or DEFAULT
     layers = _layers(path)
-    source: dict[tuple[str, ...], str] = {}
     keys = [parse_set(text) for text in sets]
     if preset is not None:
         keys.append((("preset",), preset))
-    cell = _merge(path, layers, source, None, keys)
-    recipes = {0: cell}
+    merged = {0: _merge(path, layers, None, keys)}
     for file in sorted((path.parent / "recipes").glob("*.toml")):
         if not file.stem.isdigit() or int(file.stem) == 0:
             raise ConfigError(f"{file}: recipes are named by their number; 01.toml to 65535.toml allowed")
-        recipes[int(file.stem)] = _merge(path, layers, {}, file, keys)
-    return LoadedConfig(cell, recipes)
+        merged[int(file.stem)] = _merge(path, layers, file, keys)
+    recipes = {number: cell for number, (cell, _) in merged.items()}
+    return LoadedConfig(recipes[0], recipes, {number: origins for number, (_, origins) in merged.items()})
 
 
 def _layers(path: Path) -> list[tuple[str, dict[str, Any]]]:
@@ -389,7 +395,7 @@ def with_parameters(config: CellConfig, parameters: Iterable[tuple[str, Any]]) -
             )
         _lay_over(layer, _nested(place, value), "parameter", {})
     _lay_layer(merged, layer, "parameter", source)
-    return _validated(merged, source, "parameter")
+    return _validated(merged, source, "parameter", ["parameter"])
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -427,37 +433,39 @@ def parse_set(text: str) -> tuple[tuple[str, ...], Any]:
 def _merge(
     path: Path,
     layers: list[tuple[str, dict[str, Any]]],
-    source: dict[tuple[str, ...], str],
     recipe: Path | None,
     keys: list[tuple[tuple[str, ...], Any]],
-) -> CellConfig:
+) -> tuple[CellConfig, Origins]:
     merged: dict[str, Any] = {}
+    source: dict[tuple[str, ...], str] = {}
     part = {} if recipe is None else read_toml(recipe)
     for name in part:
         if name not in RECIPE_SECTIONS:
             raise ConfigError(f"{recipe}: {name}: not for a recipe; {', '.join(sorted(RECIPE_SECTIONS))} allowed")
+    order = [name for name, _ in layers]
     for name, tree in layers:
         _lay_layer(merged, tree, name, source)
     preset = {**merged, **part, **{keyed[0]: value for keyed, value in keys if len(keyed) == 1}}.get("preset", "")
     if preset != "":
         file = _find_preset(path, preset)
         _lay_layer(merged, read_toml(file), str(file), source)
+        order.append(str(file))
     _lay_layer(merged, part, str(recipe), source)
     merged["preset"] = preset
     single: dict[str, Any] = {}
     for keyed, value in keys:
-        _lay_over(single, _nested(keyed, value), "--set", {})
-    _lay_layer(merged, single, "--set", source)
-    return _validated(merged, source, str(path), path.parent)
+        _lay_over(single, _nested(keyed, value), SET, {})
+    _lay_layer(merged, single, SET, source)
+    return _validated(merged, source, str(path), [*order, str(recipe), SET], path.parent), source
 
 
 def _validated(
-    merged: dict[str, Any], source: Mapping[tuple[str, ...], str], file: str, folder: Path | None = None
+    merged: dict[str, Any], source: Origins, file: str, order: Sequence[str], folder: Path | None = None
 ) -> CellConfig:
     try:
         return CellConfig.model_validate(merged, context={"folder": folder})
     except ValidationError as error:
-        raise ConfigError(explain(error, CellConfig, merged, source, file)) from None
+        raise ConfigError(explain(error, CellConfig, merged, source, file, order)) from None
 
 
 def _nested(place: tuple[str, ...], value: Any) -> dict[str, Any]:

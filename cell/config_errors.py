@@ -1,17 +1,28 @@
 """Turn what pydantic says about a wrong config into one line: file, key, what was found, what is allowed."""
 
-from collections.abc import Mapping
+import json
+import re
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
+from cell.nearest import did_you_mean
+
 Place = tuple[str, ...]
+_KEY = re.compile(r"[a-z_]+(?:\.[a-z_]+)+")
 
 
 def explain(
-    error: ValidationError, model: type[BaseModel], tree: Mapping[str, Any], source: Mapping[Place, str], file: str
+    error: ValidationError,
+    model: type[BaseModel],
+    tree: Mapping[str, Any],
+    source: Mapping[Place, str],
+    file: str,
+    order: Sequence[str] = (),
 ) -> str:
-    """Return one line about the first thing that is wrong.
+    """Return one line about the first thing that is wrong: where it stands, the key, what was found, what is allowed.
 
     Args:
         error: What pydantic says.
@@ -19,9 +30,13 @@ def explain(
         tree: What was given.
         source: Where each key came from.
         file: Where a key should have come from when it came from nowhere.
+        order: Every place that keys came from, each laid over those before it: of two keys that do not go together,
+            the one that was laid over the other is to blame.
     """
-    first = error.errors(include_url=False)[0]
-    place, schema = _walk(first["loc"], model.model_json_schema(), tree)
+    errors = error.errors(include_url=False)
+    # A misspelt key is also missed under its right name.
+    first = next((each for each in errors if each["type"] == "extra_forbidden"), errors[0])
+    place, schema = _walk(first["loc"], _schema(model), tree)
     key = ".".join(place)
     origin = next((source[place[:n]] for n in range(len(place), 0, -1) if place[:n] in source), file)
     kind, found = first["type"], first.get("input")
@@ -31,39 +46,103 @@ def explain(
             return f"{origin}: {key}.kind: missing; {tags} needed"
         return f"{source.get((*place, 'kind'), origin)}: {key}.kind = {first['ctx']['tag']!r}: {tags} allowed"
     if kind == "missing":
-        return f"{file}: {key}: missing; {allowed(schema)} needed"
+        return f"{_beginner(place[:-1], source, order, file) or file}: {key}: missing; {allowed(schema)} needed"
     if kind == "extra_forbidden":
-        names = ", ".join(sorted(schema.get("properties", {})))
-        return f"{origin}: {key}: unknown key; {names} allowed"
+        return f"{origin}: {key}: unknown key; {_known(place, schema, _schema(model))}"
     if kind == "value_error":
         text = first["msg"].removeprefix("Value error, ")
         if not key:
-            # A check across sections names its key itself.
-            named = tuple(text.split(" = ")[0].split("."))
-            return f"{source.get(named, file)}: {text}"
+            return f"{_blamed(text, source, order) or file}: {text}"
         within = (*place, *text.split(" = ")[0].split("."))
-        if within in source:
-            # A check within a section that names its key itself.
-            return f"{source[within]}: {key}.{text}"
-        return f"{origin}: {key}: {text}"
+        # A check within a section may name its key itself.
+        return f"{source[within]}: {key}.{text}" if within in source else f"{origin}: {key}: {text}"
     return f"{origin}: {key} = {found!r}: {allowed(schema)} allowed{_hint(found, schema)}"
 
 
+@lru_cache(maxsize=4)
+def _schema(model: type[BaseModel]) -> Mapping[str, Any]:
+    return model.model_json_schema()
+
+
+def _beginner(section: Place, source: Mapping[Place, str], order: Sequence[str], file: str) -> str:
+    """Return where a section was begun that only came after the cell's file, by a preset, a recipe or an option."""
+    begun = {name for place, name in source.items() if section and place[: len(section)] == section}
+    later = order[order.index(file) + 1 :] if file in order else ()
+    return min(begun, key=order.index) if begun and begun <= set(later) else ""
+
+
+def _blamed(text: str, source: Mapping[Place, str], order: Sequence[str]) -> str:
+    """Return where the key came from that is to blame for a fault across sections; the text names the keys.
+
+    Another key than the first one that the text names is named as well.
+    """
+    named = [place for word in _KEY.findall(text) if (place := tuple(word.split("."))) in source]
+    if not named:
+        return ""
+    ranks = {name: rank for rank, name in enumerate(order)}
+    worst = max(named, key=lambda place: ranks.get(source[place], -1))
+    if ranks.get(source[worst], -1) == ranks.get(source[named[0]], -1):
+        worst = named[0]
+    is_first = text.startswith(".".join(worst))
+    return source[worst] if is_first else f"{source[worst]}: {'.'.join(worst)}"
+
+
+def _known(place: Place, schema: Mapping[str, Any], root: Mapping[str, Any]) -> str:
+    """Return the keys that a section has, and the one that was probably meant, be it of another section."""
+    names = sorted(schema.get("properties", {}))
+    section = ".".join(place[:-1])
+    near = did_you_mean(place[-1], names)
+    if near and section:
+        near = near.replace("mean ", f"mean {section}.")
+    if not near:
+        elsewhere = [
+            f"{name}.{inner}"
+            for name, each in root["properties"].items()
+            for variant in _variants(each, root)
+            for inner in variant.get("properties", {})
+            if inner == place[-1] and (name, inner) != place
+        ]
+        near = f"; did you mean {' or '.join(dict.fromkeys(elsewhere))}?" if elsewhere else ""
+    return f"{', '.join(names) or 'none'} allowed{near}"
+
+
+def _variants(schema: Mapping[str, Any], root: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Return the sections that a key may hold, one for each kind."""
+    return [_follow(branch, root) for branch in schema.get("anyOf", schema.get("oneOf", [schema]))]
+
+
+_WORDS = {"number": "a number", "integer": "an integer", "string": "a text", "boolean": "true or false"}
+_FORMATS = {"ipv4network": "a network or address", "ipv6network": "a network or address", "path": "a file"}
+
+
 def allowed(schema: Mapping[str, Any]) -> str:
-    """Return in words what a JSON schema allows."""
+    """Return in words what a JSON schema allows; never empty."""
     if "const" in schema:
-        return f'"{schema["const"]}"'
+        return json.dumps(schema["const"])
     if "enum" in schema:
-        return ", ".join(f'"{value}"' for value in schema["enum"])
-    if "anyOf" in schema:
-        return " or ".join(allowed(branch) for branch in schema["anyOf"] if branch.get("type") != "null")
+        return ", ".join(json.dumps(value) for value in schema["enum"])
+    branches = [allowed(branch) for branch in schema.get("anyOf", ()) if branch.get("type") != "null"]
+    if branches:
+        return " or ".join(dict.fromkeys(branches))
     if "properties" in schema:
         return f"a section with {', '.join(schema['properties'])}"
+    if schema.get("type") == "object":
+        return f"a table, each value {allowed(schema.get('additionalProperties', {}))}"
     if schema.get("type") == "array":
-        inner = schema.get("prefixItems")
-        return f"{len(inner)} values, each {allowed(inner[0])}" if inner else "a list"
-    word = {"number": "a number", "integer": "an integer", "string": "a text", "boolean": "true or false"}
-    name = word.get(schema.get("type", ""), "another value")
+        return _allowed_list(schema)
+    if schema.get("format") in _FORMATS:
+        return _FORMATS[schema["format"]]
+    return _allowed_number(_WORDS.get(schema.get("type", ""), "another value"), schema)
+
+
+def _allowed_list(schema: Mapping[str, Any]) -> str:
+    inner = [allowed(each) for each in schema.get("prefixItems", ())]
+    if not inner:
+        return f"a list, each {allowed(schema.get('items', {}))}"
+    return f"{len(inner)} values, each {inner[0]}" if len(set(inner)) == 1 else f"a list of {', '.join(inner)}"
+
+
+def _allowed_number(name: str, schema: Mapping[str, Any]) -> str:
     low, high = _bound(schema, "minimum"), _bound(schema, "maximum")
     above, below = _bound(schema, "exclusiveMinimum"), _bound(schema, "exclusiveMaximum")
     parts = []
@@ -109,7 +188,7 @@ def _walk(loc: tuple[int | str, ...], root: Mapping[str, Any], tree: Any) -> tup
         if variant is not None:
             schema = _follow({"$ref": variant}, root)
             continue
-        sections = [_follow(branch, root) for branch in schema.get("anyOf", schema.get("oneOf", [schema]))]
+        sections = _variants(schema, root)
         known = next((s["properties"] for s in sections if step in s.get("properties", {})), None)
         if known is not None:
             schema = _follow(known[step], root)

@@ -1,9 +1,16 @@
 """The base of every part's config model, and how a file that a config names is found; it knows no part and no device."""
 
+import ast
+import inspect
+import sys
+from functools import cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationInfo
+from pydantic import AfterValidator, BaseModel, ConfigDict, GetJsonSchemaHandler, ValidationInfo
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema
 
 
 def beside_config(path: Path, info: ValidationInfo) -> Path:
@@ -17,6 +24,52 @@ FilePath = Annotated[Path, AfterValidator(beside_config)]
 
 
 class ConfigModel(BaseModel):
-    """Base of every config model: frozen, unknown keys are errors, no infinities."""
+    """Base of every config model: frozen, unknown keys are errors, no infinities; a key's docstring is its help.
+
+    The first sentence of a docstring says what the key means and ends in its unit, as in "Peak speed of the tip, m/s.".
+    It becomes the description in the JSON schema, and is read only when a schema is asked for: pydantic's own
+    `use_attribute_docstrings` parses every source file at every start, which costs as much as all else that
+    `cell map` does.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        """Return the JSON schema, each key with its docstring as description."""
+        schema = handler(core_schema)
+        properties = handler.resolve_ref_schema(schema).get("properties", {})
+        for base in reversed(cls.__mro__):
+            for name, text in _docstrings(base).items():
+                if name in properties:
+                    properties[name]["description"] = text
+        return schema
+
+
+def _docstrings(cls: type) -> dict[str, str]:
+    """Return the docstring of each key that a class itself declares, as one line; nothing for one made by a program."""
+    if not issubclass(cls, BaseModel) or cls.__module__ not in sys.modules:
+        return {}
+    return _module_docstrings(cls.__module__).get(cls.__name__, {})
+
+
+@cache
+def _module_docstrings(module: str) -> dict[str, dict[str, str]]:
+    """Return, for every class of a module, the string below each annotated name."""
+    try:
+        tree = ast.parse(inspect.getsource(sys.modules[module]))
+    except (OSError, TypeError):
+        return {}
+    return {
+        found.name: {
+            above.target.id: " ".join(inspect.cleandoc(below.value.value).split())
+            for above, below in pairwise(found.body)
+            if isinstance(above, ast.AnnAssign)
+            and isinstance(above.target, ast.Name)
+            and isinstance(below, ast.Expr)
+            and isinstance(below.value, ast.Constant)
+            and isinstance(below.value.value, str)
+        }
+        for found in tree.body
+        if isinstance(found, ast.ClassDef)
+    }

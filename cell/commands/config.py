@@ -1,0 +1,224 @@
+"""`cell config`: what a key means, what is in force and where it came from, and how two configs differ."""
+
+import argparse
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cell.arguments import Parser, add_config, add_shared, load_config, natural
+from cell.nearest import did_you_mean
+from cell.terminal import GOOD, say, show
+from drivers.errors import ConfigError
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from cell.config import LoadedConfig
+    from cell.config_keys import Key, Setting
+
+SUMMARY = "what a key means, what is in force and where it came from"
+STOPS_ITSELF = False
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what is asked of the config."""
+    asked = parser.add_subparsers(dest="asked", required=True, metavar="WHAT", parser_class=Parser)
+
+    def add(name: str, text: str) -> argparse.ArgumentParser:
+        own = asked.add_parser(name, help=text, description=text)
+        add_shared(own)
+        return own
+
+    own = add("explain", "a key: meaning, unit, range, default, source, who reads it, and what is in force")
+    add_config(own)
+    own.add_argument("key", metavar="KEY", help="as in search.speed, or a section, as in search")
+    own = add("show", "every key in force, as a config file, with where each came from")
+    add_config(own)
+    own.add_argument("section", nargs="?", default="", metavar="SECTION", help="only this one")
+    own.add_argument("--recipe", type=natural, default=0, metavar="N", help="with this recipe's part")
+    own = add("diff", "the keys in which two configs differ")
+    add_config(own)
+    own.add_argument("first", metavar="A", help="file of a cell, or name of a preset")
+    own.add_argument("second", metavar="B", help="the same")
+    add("schema", "the JSON schema of a cell's file, for editors that complete and check TOML")
+    own = add("comment", "write into a config file what each of its keys means")
+    own.add_argument("file", type=Path, metavar="FILE")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Answer."""
+    return {"explain": _explain, "show": _show, "diff": _diff, "schema": _schema, "comment": _comment}[args.asked](args)
+
+
+def _explain(args: argparse.Namespace) -> int:
+    from rich.console import Group
+
+    from cell.config_keys import find, in_force
+
+    loaded = load_config(args)
+    settings = {setting.key: setting for setting in in_force(loaded)}
+    found = find(args.key)
+    if not found:
+        raise ConfigError(f"config explain {args.key}: no such key{_meant(args.key)}")
+    told = [_told(key, settings.get(key)) for key in found]
+    if found[0].name == args.key:
+        show(args, Group(*(_card(each) for each in told)), told)
+    else:
+        show(args, _list(found, settings), told)
+    return GOOD
+
+
+def _meant(word: str) -> str:
+    """Return a hint at the keys that may have been meant: those that end so, or one that is written alike."""
+    from cell.config_keys import keys
+
+    names = list(dict.fromkeys(key.name for key in keys()))
+    alike = [name for name in names if name.endswith(f".{word}")]
+    return f"; did you mean {', '.join(alike)}?" if alike else did_you_mean(word, names)
+
+
+def _told(key: "Key", setting: "Setting | None") -> dict[str, Any]:
+    from cell.config_keys import toml
+
+    return {
+        "key": key.name,
+        "kind": key.kind,
+        "meaning": key.meaning,
+        "unit": key.unit,
+        "allowed": key.allowed,
+        "default": key.default,
+        "in_force": None if setting is None else toml(setting.value),
+        "from": "" if setting is None else setting.origin,
+        "source": list(key.sources),
+        "read_by": key.reader,
+        "set_by": list(key.setters),
+    }
+
+
+def _card(told: dict[str, Any]) -> "RenderableType":
+    from rich.table import Table
+
+    card = Table(show_header=False, title=f"{told['key']}{' where ' + told['kind'] if told['kind'] else ''}")
+    is_used = told["in_force"] is not None
+    for name, text in (
+        ("meaning", told["meaning"]),
+        ("unit", told["unit"] or "none"),
+        ("allowed", told["allowed"]),
+        ("default", "none: it has to be given" if told["default"] is None else told["default"]),
+        ("in force", f"{told['in_force']}, from {_short(told['from'])}" if is_used else "not in this cell"),
+        ("source", ", ".join(told["source"]) or "none stated: a setting of the cell"),
+        ("read by", told["read_by"]),
+        ("set by", ", ".join(told["set_by"])),
+    ):
+        card.add_row(name, text)
+    return card
+
+
+def _list(found: "list[Key]", settings: "dict[Key, Setting]") -> "RenderableType":
+    from rich.table import Table
+
+    from cell.config_keys import toml
+
+    table = Table("key", "in force", "meaning")
+    for key in found:
+        setting = settings.get(key)
+        if setting is not None:
+            table.add_row(key.name, toml(setting.value), key.summary)
+    return table
+
+
+def _show(args: argparse.Namespace) -> int:
+    from cell.config_keys import find, in_force, toml
+    from cell.config_text import as_toml
+
+    loaded = load_config(args)
+    if args.recipe not in loaded.recipes:
+        raise ConfigError(f"--recipe {args.recipe}: no such recipe; {', '.join(map(str, loaded.recipes))} allowed")
+    if args.section and not find(args.section):
+        raise ConfigError(f"config show {args.section}: no such section or key{_meant(args.section)}")
+    settings = [
+        setting
+        for setting in in_force(loaded, args.recipe)
+        if not args.section or f"{setting.key.name}.".startswith(f"{args.section}.")
+    ]
+    if args.json:
+        data = [
+            {"key": each.key.name, "value": toml(each.value), "unit": each.key.unit, "from": each.origin}
+            for each in settings
+        ]
+        say(json.dumps(data, indent=2))
+    else:
+        say(as_toml(replace(each, origin=_short(each.origin)) for each in settings))
+    return GOOD
+
+
+def _short(origin: str) -> str:
+    """Return a file as it is seen from the folder that the command runs in, where it lies below."""
+    path = Path(origin)
+    return str(path.relative_to(Path.cwd())) if path.is_relative_to(Path.cwd()) else origin
+
+
+def _diff(args: argparse.Namespace) -> int:
+    from rich.table import Table
+
+    from cell.config_keys import in_force, toml
+
+    values: list[dict[str, str]] = []
+    units: dict[str, str] = {}
+    for word in (args.first, args.second):
+        settings = in_force(_named(args, word))
+        values.append({each.key.name: toml(each.value) for each in settings})
+        units |= {each.key.name: each.key.unit for each in settings}
+    told = [
+        {"key": name, "first": values[0].get(name), "second": values[1].get(name), "unit": unit}
+        for name, unit in units.items()
+        if values[0].get(name) != values[1].get(name)
+    ]
+    table = Table("key", args.first, args.second, "unit")
+    for row in told:
+        table.add_row(row["key"], row["first"] or "-", row["second"] or "-", row["unit"])
+    show(args, table if told else "no key differs", told)
+    return GOOD
+
+
+def _named(args: argparse.Namespace, word: str) -> "LoadedConfig":
+    """Return the config of a cell's file, or the one of --config with a preset.
+
+    Raises:
+        ConfigError: Neither is there.
+    """
+    from cell.config import load, presets
+
+    if word in presets(args.config):
+        return load(args.config, preset=word, sets=args.set)
+    if not Path(word).is_file():
+        known = ", ".join(presets(args.config))
+        raise ConfigError(
+            f"config diff {word}: no such file and no such preset; a file, or {known} allowed"
+            f"{did_you_mean(word, presets(args.config))}"
+        )
+    return load(Path(word), sets=args.set)
+
+
+def _schema(args: argparse.Namespace) -> int:
+    from cell.config_text import file_schema
+
+    say(json.dumps(file_schema(), indent=2, ensure_ascii=False))
+    return GOOD
+
+
+def _comment(args: argparse.Namespace) -> int:
+    from cell.config import read_toml
+    from cell.config_text import commented
+
+    read_toml(args.file)
+    before = args.file.read_text(encoding="utf-8")
+    after = commented(before)
+    try:
+        args.file.write_text(after, encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"{args.file}: cannot be written: {error.strerror}") from None
+    lines = sum(one != other for one, other in zip(before.splitlines(), after.splitlines(), strict=True))
+    show(args, f"{args.file}: {lines} lines changed", {"file": str(args.file), "lines": lines})
+    return GOOD

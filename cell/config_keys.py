@@ -1,0 +1,214 @@
+"""Every key of the config: what it means, its unit, what is allowed, its default, its source and who reads it; pure.
+
+Everything derives from the models: the docstring of a key is its meaning, and the first sentence ends in the unit.
+"""
+
+import inspect
+import json
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, get_args
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from cell.config import RECIPE_SECTIONS, CellConfig, LoadedConfig
+from cell.config_errors import allowed
+from cell.line import PARAMETERS
+
+UNITS = (
+    *("m", "m/s", "1/s", "1/s²", "rad", "rad/s", "s", "Hz", "kg", "N", "N/m", "N·s/m", "N·m", "N·m/rad", "N·m·s/rad"),
+    *("N·m/(rad·s)", "Pa", "counts", "counts/Pa", "bits/s"),
+)
+"""Units of keys: SI, counts of the skin's converter, and bits a second."""
+PURE = ("fraction", "ratio", "standard deviations", "multiple", "count", "percent", "number")
+"""What a number without a unit is."""
+_UNIT = re.compile(
+    r", (" + "|".join(re.escape(word) for word in sorted((*UNITS, *PURE), key=len, reverse=True)) + r")(?![\w·/²(])"
+)
+_SENTENCE = re.compile(r"(?<=[.!?])\s+(?=[A-Z0-9`\"\[])")
+_CITED = re.compile(r"\[[a-z]+\](?:, (?:Sec|Eq|Table|Fig)\. [^ ;:,.]+)?")
+_STATED = ("assumed", "measured", "data sheet", "derived", "chosen")
+
+
+@dataclass(frozen=True, slots=True)
+class Key:
+    """One key of the config; where a section comes in kinds, a key of one kind."""
+
+    name: str
+    """With its sections, as in `search.speed`."""
+    kind: str
+    """Kind of the section that has it, as in `skin.kind = "can"`; empty where there is but one."""
+    meaning: str
+    """The whole docstring."""
+    unit: str
+    """Unit, or what a pure number is; empty for what is no number."""
+    allowed: str
+    """Type and range in words."""
+    default: str | None
+    """As TOML; None where the key has to be given."""
+    sources: tuple[str, ...]
+    """Where the figure or the method comes from, as the docstring cites it."""
+    reader: str
+    """Module whose class declares the key and reads it."""
+    setters: tuple[str, ...]
+    """Who may set it: a cell's file and `--set` always; a recipe, or a command, as register parameter, some."""
+    is_float: bool
+    """Its value is a number with a fraction, or several."""
+    section: str
+    """Class of the section that has it."""
+
+    @property
+    def summary(self) -> str:
+        """Return the first sentence of the meaning, without its full stop."""
+        return first_sentence(self.meaning)
+
+
+@lru_cache(maxsize=1)
+def keys() -> tuple[Key, ...]:
+    """Return all keys, in the order of the models."""
+    return tuple(_keys_of(CellConfig, "", ""))
+
+
+def find(name: str) -> list[Key]:
+    """Return a key, in each of its kinds, or all keys of a section."""
+    exact = [key for key in keys() if key.name == name]
+    return exact or [key for key in keys() if key.name.startswith(f"{name}.")]
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """One key as it is in force."""
+
+    key: Key
+    value: Any
+    origin: str
+    """File or option that it came from; `default` where nobody said it."""
+
+
+def in_force(loaded: LoadedConfig, recipe: int = 0) -> list[Setting]:
+    """Return every key that a cell has, as it is in force with one of its recipes; sections that it does without are left out."""
+    by_section = {(key.name, key.section): key for key in keys()}
+    origins = {".".join(place): origin for place, origin in loaded.origins.get(recipe, {}).items()}
+    return [
+        Setting(by_section[name, section], value, origins.get(name, "default"))
+        for name, section, value in _leaves(loaded.recipes[recipe], "")
+    ]
+
+
+def _leaves(model: BaseModel, place: str) -> Iterator[tuple[str, str, Any]]:
+    for name in type(model).model_fields:
+        value = getattr(model, name)
+        if isinstance(value, BaseModel):
+            yield from _leaves(value, f"{place}{name}.")
+        elif value is not None:
+            yield f"{place}{name}", type(model).__name__, value
+
+
+def section_summary(name: str) -> str:
+    """Return the first sentence of what a section means, as its docstring has it; empty where there is none."""
+    models: list[type[BaseModel]] = [CellConfig]
+    *above, last = name.split(".")
+    for step in above:
+        models = [
+            inner
+            for each in models
+            if step in each.model_fields
+            for inner in _models(each.model_fields[step].annotation)
+        ]
+    found = [_properties(each)[last] for each in models if last in each.model_fields]
+    return first_sentence(found[0].get("description", "")) if found else ""
+
+
+def first_sentence(text: str) -> str:
+    """Return the first sentence of a docstring, without its full stop."""
+    return _SENTENCE.split(text)[0].rstrip(".")
+
+
+def _keys_of(model: type[BaseModel], place: str, kind: str) -> Iterator[Key]:
+    properties = _properties(model)
+    for name, field in model.model_fields.items():
+        inner = list(_models(field.annotation))
+        at = f"{place}{name}"
+        if not inner:
+            yield _key(at, kind, field, properties[name], model)
+        for each in inner:
+            chosen = each.model_fields.get("kind")
+            values = get_args(chosen.annotation) if chosen is not None and len(inner) > 1 else ()
+            yield from _keys_of(each, f"{at}.", f'{at}.kind = "{values[0]}"' if values else kind)
+
+
+def _properties(model: type[BaseModel]) -> Mapping[str, Any]:
+    """Return the JSON schema of each key of a model, references resolved."""
+    schema = model.model_json_schema()
+    found: dict[str, Any] = {}
+    for name, each in schema.get("properties", {}).items():
+        target = schema["$defs"][each["$ref"].rsplit("/", 1)[1]] if "$ref" in each else {}
+        found[name] = {**target, **each}
+    return found
+
+
+def _models(annotation: Any) -> Iterator[type[BaseModel]]:
+    """Yield the models that an annotation may hold; one is a section, several are its kinds."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+        return
+    for part in get_args(annotation):
+        yield from _models(part)
+
+
+def _key(name: str, kind: str, field: FieldInfo, schema: Mapping[str, Any], model: type[BaseModel]) -> Key:
+    meaning = schema.get("description", "")
+    setters = ["a cell's file", "a preset", "--set"]
+    if name.split(".")[0] in RECIPE_SECTIONS:
+        setters.append("a recipe")
+    for number, parameter in enumerate(PARAMETERS):
+        if parameter.name == name:
+            setters.append(f"a command, as parameter {number}")
+    return Key(
+        name=name,
+        kind=kind,
+        meaning=meaning,
+        unit=unit_of(meaning),
+        allowed=allowed(schema),
+        default=None if field.is_required() else toml(field.get_default(call_default_factory=True)),
+        sources=tuple(dict.fromkeys((*_CITED.findall(meaning), *(word for word in _STATED if word in meaning)))),
+        reader=_owner(model, name.rsplit(".", 1)[-1]),
+        setters=tuple(setters),
+        is_float=_has_float(field.annotation),
+        section=model.__name__,
+    )
+
+
+def _owner(model: type[BaseModel], field: str) -> str:
+    """Return the module of the class that declares a key."""
+    owner = next((base for base in model.__mro__ if field in inspect.get_annotations(base)), model)
+    return owner.__module__
+
+
+def _has_float(annotation: Any) -> bool:
+    return annotation is float or any(_has_float(part) for part in get_args(annotation))
+
+
+def unit_of(meaning: str) -> str:
+    """Return the unit that a docstring's first sentence names after a comma, or what a pure number is; empty without one."""
+    found = _UNIT.search(first_sentence(meaning))
+    return found.group(1) if found else ""
+
+
+def toml(value: Any) -> str:
+    """Return a value as a config file has it."""
+    if isinstance(value, BaseModel):
+        return toml(value.model_dump(mode="json"))
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, int | float):
+        return repr(value)
+    if isinstance(value, Mapping):
+        inside = ", ".join(f"{key} = {toml(each)}" for key, each in value.items() if each is not None)
+        return f"{{ {inside} }}" if inside else "{}"
+    if isinstance(value, list | tuple | set | frozenset):
+        return f"[{', '.join(toml(each) for each in value)}]"
+    return "none" if value is None else json.dumps(str(value), ensure_ascii=False)
