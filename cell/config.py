@@ -66,14 +66,14 @@ class JournalConfig(ConfigModel):
     """[journal]: where the records of runs go."""
 
     folder: str = ""
-    """Empty is the user's own data folder."""
+    """Folder that the records of runs go to; empty is the user's own data folder."""
 
 
 class CalibrationConfig(ConfigModel):
     """[calibration]: files of measured values."""
 
     skin: FilePath | None = None
-    """Written by `cell calibrate skin`."""
+    """File of the skin's measured gains and point spread, written by `cell calibrate skin`."""
 
 
 def _catalogued() -> type[ConfigModel]:
@@ -106,32 +106,49 @@ class CellConfig(Catalogued):
     """One cell."""
 
     preset: str = ""
-    """Name of a file of `presets/` that was merged in; empty is none."""
+    """Name of a file of `presets/` that is laid over this one; empty is none."""
     scan_rate: Annotated[float, Field(ge=10.0, le=1000.0)]
-    """Decisions a second, Hz."""
+    """Rate of the scan, in which a skill senses and decides once, Hz."""
     retries: Annotated[int, Field(ge=0, le=10)]
-    """So often `insert_peg` searches anew when the peg turns out not to be in the hole."""
+    """Number of times that `insert_peg` searches anew when the peg turns out not to be in the hole."""
     limits: Limits
+    """Force and workspace that end a skill at once."""
     peg: Peg
+    """The part to insert."""
     hole: Hole
+    """Where the part shall go."""
     rack: Rack
+    """Where pegs stand upright, waiting."""
     corner: CornerParams | None = None
     """What a peg with corners takes instead; needed where there is one."""
     arm: Annotated[SimArmConfig | FrankaArmConfig, Field(discriminator="kind")]
+    """The robot arm."""
     gripper: Annotated[SimGripperConfig | FrankaGripperConfig, Field(discriminator="kind")]
+    """The hand."""
     skin: Annotated[SimSkinConfig | CanSkinConfig | SerialSkinConfig, Field(discriminator="kind")]
+    """The tactile skin on both fingers."""
     smoothing: Smoothing = Smoothing()
+    """How theta is taken over from frame to frame."""
     observer: ObserverParams = ObserverParams()
+    """How theta may move between frames, where `smoothing.method` is "observer"."""
     switch: Annotated[SimSwitchConfig | SerialSwitchConfig, Field(discriminator="kind")]
+    """The success switch under the hole."""
     plc: PlcConfig
+    """The lines to the PLC."""
     journal: JournalConfig = JournalConfig()
+    """Where the records of runs go."""
     contact: ContactConfig | None = None
+    """Contact of peg and plate in the simulated world."""
     grip: GripConfig | None = None
+    """Grip of the pads on the peg in the simulated world."""
     sim: SimConfig | None = None
+    """The simulated world itself."""
     reality: RealityConfig = RealityConfig()
     """What a simulated cell differs in from what the software believes."""
     boards: BoardsConfig = BoardsConfig()
+    """Emulated boards behind the wires of skin and switch."""
     calibration: CalibrationConfig = CalibrationConfig()
+    """Files of measured values."""
 
     @model_validator(mode="after")
     def _fits(self) -> Self:

@@ -1,6 +1,7 @@
 """Every key of the config: what it means, its unit, what is allowed, its default, its source and who reads it; pure.
 
-Everything derives from the models: the docstring of a key is its meaning, and the first sentence ends in the unit.
+Everything derives from the models: the docstring of a key is its meaning, and its first clause ends in the unit, as in
+"Peak speed of the tip, m/s; 0.1 in [gibbons].". A pure number says what it is instead: "fraction", "ratio", "count".
 """
 
 import inspect
@@ -28,7 +29,7 @@ PURE = ("fraction", "ratio", "standard deviations", "multiple", "count", "percen
 _UNIT = re.compile(
     r", (" + "|".join(re.escape(word) for word in sorted((*UNITS, *PURE), key=len, reverse=True)) + r")(?![\w·/²(])"
 )
-_SENTENCE = re.compile(r"(?<=[.!?])\s+(?=[A-Z0-9`\"\[])")
+_SENTENCE = re.compile(r"(?<!Sec\.)(?<!Eq\.)(?<!Fig\.)(?<=[.!?])\s+(?=[A-Z0-9`\"\[])")
 _CITED = re.compile(r"\[[a-z]+\](?:, (?:Sec|Eq|Table|Fig)\. [^ ;:,.]+)?")
 _STATED = ("assumed", "measured", "data sheet", "derived", "chosen")
 
@@ -62,8 +63,8 @@ class Key:
 
     @property
     def summary(self) -> str:
-        """Return the first sentence of the meaning, without its full stop."""
-        return first_sentence(self.meaning)
+        """Return the first clause of the meaning, which ends in the unit."""
+        return first_clause(self.meaning)
 
 
 @lru_cache(maxsize=1)
@@ -108,7 +109,7 @@ def _leaves(model: BaseModel, place: str) -> Iterator[tuple[str, str, Any]]:
 
 
 def section_summary(name: str) -> str:
-    """Return the first sentence of what a section means, as its docstring has it; empty where there is none."""
+    """Return the first clause of what a section means, as its docstring has it; empty where there is none."""
     models: list[type[BaseModel]] = [CellConfig]
     *above, last = name.split(".")
     for step in above:
@@ -119,12 +120,17 @@ def section_summary(name: str) -> str:
             for inner in _models(each.model_fields[step].annotation)
         ]
     found = [_properties(each)[last] for each in models if last in each.model_fields]
-    return first_sentence(found[0].get("description", "")) if found else ""
+    return first_clause(found[0].get("description", "")) if found else ""
 
 
 def first_sentence(text: str) -> str:
     """Return the first sentence of a docstring, without its full stop."""
     return _SENTENCE.split(text)[0].rstrip(".")
+
+
+def first_clause(text: str) -> str:
+    """Return what stands before the first semicolon of a docstring's first sentence."""
+    return first_sentence(text).split(";")[0]
 
 
 def _keys_of(model: type[BaseModel], place: str, kind: str) -> Iterator[Key]:
@@ -194,7 +200,7 @@ def _has_float(annotation: Any) -> bool:
 
 def unit_of(meaning: str) -> str:
     """Return the unit that a docstring's first sentence names after a comma, or what a pure number is; empty without one."""
-    found = _UNIT.search(first_sentence(meaning))
+    found = _UNIT.search(first_clause(meaning))
     return found.group(1) if found else ""
 
 

@@ -23,7 +23,7 @@ def as_toml(settings: Iterable[Setting]) -> str:
 
 
 def commented(text: str) -> str:
-    """Return a config file with the first sentence of every key's meaning behind it; whole lines of comment stay."""
+    """Return a config file with the first clause of every key's meaning behind it; whole lines of comment stay."""
     return "\n".join(_commented(text.splitlines())) + "\n"
 
 

@@ -26,7 +26,7 @@ FilePath = Annotated[Path, AfterValidator(beside_config)]
 class ConfigModel(BaseModel):
     """Base of every config model: frozen, unknown keys are errors, no infinities; a key's docstring is its help.
 
-    The first sentence of a docstring says what the key means and ends in its unit, as in "Peak speed of the tip, m/s.".
+    The first clause of a docstring says what the key means and ends in its unit, as in "Peak speed of the tip, m/s;".
     It becomes the description in the JSON schema, and is read only when a schema is asked for: pydantic's own
     `use_attribute_docstrings` parses every source file at every start, which costs as much as all else that
     `cell map` does.

@@ -25,13 +25,13 @@ class Peg(ConfigModel):
     diameter: Annotated[float, Field(ge=0.002, le=0.03)] | None = None
     """Diameter of a round peg, m; for other shapes see `sides`."""
     sides: tuple[PegSide, PegSide] | None = None
-    """Sides of a square or rectangular peg, m: between the pads of the hand, and across them."""
+    """Sides of a square or rectangular peg, between the pads of the hand and across them, m."""
     length: Annotated[float, Field(ge=0.02, le=0.15)]
-    """L of [gibbons], Eq. (2): from the finger centre to the end point, m."""
+    """Length from the finger centre to the end point, m; L of [gibbons], Eq. (2)."""
     overhang: Annotated[float, Field(ge=0.005, le=0.05)]
-    """How far the peg reaches beyond the finger centre, into the hand, m."""
+    """Length that reaches beyond the finger centre into the hand, m."""
     mass: Annotated[float, Field(gt=0.0, le=1.0)]
-    """kg."""
+    """Mass of the peg, kg."""
 
     @property
     def part(self) -> Part:
@@ -50,19 +50,19 @@ class Hole(ConfigModel):
     diameter: Annotated[float, Field(ge=0.002, le=0.031)] | None = None
     """Diameter of a round hole, m; for other shapes see `sides`."""
     sides: tuple[HoleSide, HoleSide] | None = None
-    """Sides of the hole of a square or rectangular peg, m, in the order of `peg.sides`."""
+    """Sides of the hole of a square or rectangular peg, in the order of `peg.sides`, m."""
     centre: Point
     """Middle of the area that contains the hole, on the plate's surface, m, base frame."""
     area: tuple[Annotated[float, Field(ge=0.0, le=0.2)], Annotated[float, Field(ge=0.0, le=0.2)]]
-    """Extent of that area along x and y, m; the hole is anywhere in it."""
+    """Extent along x and y of the area that contains the hole, m; the hole is anywhere in it."""
     depth: Annotated[float, Field(ge=0.002, le=0.1)]
     """Depth of the tip below the surface at which the peg is seated and the switch closes, m."""
     tilt: Annotated[float, Field(ge=0.0, le=0.2)] = 0.0
     """Angle between the real plate's normal and the vertical, rad; the skills do not know it."""
     yaw: Annotated[float, Field(ge=0.0, le=math.pi / 4)] = math.radians(10.0)
-    """The hole's sides are turned from the base frame's x and y by at most this, rad; a round hole has none."""
+    """Largest angle by which the hole's sides are turned from the base frame's x and y, rad; a round hole has none."""
     present: bool = True
-    """Whether the real plate has the hole: without, every find is a false one; the skills do not know it."""
+    """Whether the real plate has the hole; without it every find is a false one, and the skills do not know it."""
 
     @property
     def part(self) -> Part:
@@ -79,10 +79,11 @@ class Rack(ConfigModel):
     """Where pegs stand upright, waiting."""
 
     first: Point
-    """Surface of the rack at the first slot, m, base frame."""
+    """Place of the first slot on the rack's surface, m, base frame."""
     pitch: Length
     """Distance between slots along y, m."""
     slots: Annotated[int, Field(ge=1, le=100)]
+    """Number of slots."""
     depth: Annotated[float, Field(ge=0.002, le=0.1)]
     """Depth of a slot, m."""
 

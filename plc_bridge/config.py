@@ -20,16 +20,17 @@ class ModbusConfig(ConfigModel):
     """The Modbus TCP server."""
 
     host: str = "127.0.0.1"
-    """Address to listen on; only this computer unless set otherwise."""
+    """Network address to listen on; only this computer unless set otherwise."""
     port: Annotated[int, Field(ge=0, le=65535)] = 5020
-    """TCP port; 0 takes a free one."""
+    """TCP port to listen on; 0 takes a free one."""
     connections: Annotated[int, Field(ge=1, le=500)] = 64
-    """Most connections at once, TLS handshakes included. A newcomer beyond takes the place of one that has never sent a
-    request, else of the one that was idle longest, but never of one that holds the lease or has a run under way."""
+    """Number of connections at once, TLS handshakes included. A newcomer beyond takes the place of one that has never
+    sent a request, else of the one that was idle longest, but never of one that holds the lease or has a run under way.
+    """
     connections_per_host: Annotated[int, Field(ge=1, le=500)] = 32
-    """Most of them from one address; a newcomer beyond takes a place of its own host."""
+    """Number of connections at once from one address; a newcomer beyond takes a place of its own host."""
     idle_timeout: Seconds = 60.0
-    """A connection without a request for this long is closed, s."""
+    """Time without a request after which a connection is closed, s."""
     allow: tuple[IPv4Network | IPv6Network, ...] = ()
     """Networks or addresses that may connect; none given means every one that can reach the port."""
 
@@ -38,51 +39,53 @@ class TlsConfig(ModbusConfig):
     """The Modbus/TCP Security server: mutual TLS, and rights by the role in the client's certificate."""
 
     port: Annotated[int, Field(ge=0, le=65535)] = 802
-    """TCP port; 802 is the registered one, below 1024 a user needs permission; 0 takes a free one."""
+    """TCP port to listen on; 802 is the registered one, below 1024 a user needs permission, 0 takes a free one."""
     certificate: FilePath
-    """The cell's own certificate, PEM, with the chain above it."""
+    """File of the cell's own certificate, PEM, with the chain above it."""
     key: FilePath
-    """Its private key, PEM, without a password."""
+    """File of the certificate's private key, PEM, without a password."""
     authority: FilePath
-    """Certificates of those who sign the clients' certificates, PEM."""
+    """File of the certificates of those who sign the clients' certificates, PEM."""
     roles: dict[Annotated[str, Field(min_length=1, max_length=64)], tuple[Right, ...]] = Field(default_factory=dict)
-    """What each role may do: "read", "command" and, without commanding, "stop"; a role not named may do nothing."""
+    """Rights of each role: "read", "command" and, without commanding, "stop"; a role not named has none."""
     without_role: tuple[Right, ...] = ()
-    """What a client may do whose certificate names no role."""
+    """Rights of a client whose certificate names no role."""
 
 
 class RtuConfig(ConfigModel):
     """The Modbus RTU server on a serial line; defaults of Modbus over Serial Line V1.02, 2.5.1, 3.2."""
 
     port: Annotated[str, Field(min_length=1)]
-    """Name of the serial port, as /dev/ttyUSB0."""
+    """Name of the serial port, as in /dev/ttyUSB0."""
     unit: Annotated[int, Field(ge=1, le=247)] = 1
-    """Unit identifier of the cell; other units are left unanswered."""
+    """Unit identifier of the cell; requests to other units are left unanswered."""
     baud_rate: Annotated[int, Field(ge=1200, le=4_000_000)] = 19200
+    """Bit rate of the line, bits/s."""
     parity: Parity = "even"
+    """Parity of the line."""
     stop_bits: Literal[1, 2] = 1
-    """The standard asks for 2 where there is no parity; many devices use 1."""
+    """Number of stop bits; the standard asks for 2 where there is no parity, and many devices use 1."""
     idle_timeout: Seconds = 60.0
-    """After a silence this long the next request begins a new conversation: its first number is adopted, s."""
+    """Silence after which the next request begins a new conversation, whose first number is adopted, s."""
 
 
 class CanConfig(ConfigModel):
     """The CANopen node."""
 
     interface: Interface
-    """What the bus is reached through."""
+    """Interface through which the bus is reached."""
     channel: Annotated[str, Field(min_length=1)]
-    """Where, as `drivers.transport.can_bus.CanBus` says: "can0", "/dev/ttyACM0", "HOST:PORT/can0", "239.74.163.2"."""
+    """Channel of the interface, as in "can0", "/dev/ttyACM0", "HOST:PORT/can0" or "239.74.163.2"."""
     bitrate: Bitrate = 250_000
-    """Bits a second; set here for `slcan`, elsewhere by whoever set the interface up."""
+    """Bit rate of the bus, bits/s; set here for `slcan`, elsewhere by whoever set the interface up."""
     node_id: Annotated[int, Field(ge=1, le=127)] = 16
-    """Of the cell."""
+    """Node-ID of the cell."""
     plc_node: Annotated[int, Field(ge=1, le=127)] = 1
-    """Of the PLC, whose heartbeat is watched and whose commands count."""
+    """Node-ID of the PLC, whose heartbeat is watched and whose commands count."""
     heartbeat: Annotated[float, Field(ge=0.01, le=60.0)] = 0.1
     """Period of the cell's own heartbeat, s."""
     plc_timeout: Annotated[float, Field(ge=0.0, le=60.0)] = 1.0
-    """A run stops when the PLC's heartbeat, once heard, stays away for longer than this, s; 0 is no watch."""
+    """Time for which the PLC's heartbeat, once heard, may stay away before a run stops, s; 0 is no watch."""
 
     @model_validator(mode="after")
     def _differ(self) -> Self:
@@ -95,13 +98,14 @@ class PlcConfig(ConfigModel):
     """The PLC's side of the cell."""
 
     life_timeout: Seconds = 1.0
-    """A run stops when the life counter of whoever started it stands still for this long, s."""
+    """Time for which the life counter of whoever started a run may stand still before the run stops, s."""
     lease_timeout: Seconds = 5.0
-    """The lease is free again when its holder has sent no request for this long, s."""
+    """Time without a request of its holder after which the lease is free again, s."""
     modbus: ModbusConfig = ModbusConfig()
+    """The Modbus TCP server."""
     tls: TlsConfig | None = None
-    """None is off."""
+    """The Modbus/TCP Security server; off where the section is missing."""
     rtu: RtuConfig | None = None
-    """None is off."""
+    """The Modbus RTU server on a serial line; off where the section is missing."""
     can: CanConfig | None = None
-    """None is off."""
+    """The CANopen node; off where the section is missing."""

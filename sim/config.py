@@ -20,20 +20,20 @@ class PadConfig(ConfigModel):
     """
 
     stiffness: Annotated[float, Field(ge=1e3, le=1e6)] = 10e3
-    """Of one pad at small depth, under a contact as long as the pad, N/m; assumed, study 0.5 to 2 times as much."""
+    """Stiffness of one pad at small depth, under a contact as long as the pad, N/m; assumed, study 0.5 to 2 times as
+    much."""
     thickness: Annotated[float, Field(ge=2e-4, le=1e-2)] = 1.1e-3
-    """Depth at which the pad is solid, m: 1 mm of elastomer ([gibbons], Sec. VI) and some of the cover (assumed)."""
+    """Depth at which the pad is solid, m; 1 mm of elastomer ([gibbons], Sec. VI) and some of the cover (assumed)."""
     blur: Annotated[float, Field(ge=1e-4, le=1e-2)] = 1.2e-3
     """Standard deviation of the point spread through 1 mm of elastomer, m; assumed, about the thickness."""
     taxel_diameter: Annotated[float, Field(ge=1e-3, le=7e-3)] = 4e-3
-    """Of the round area that one taxel averages over, m; assumed, about half the pitch of [gibbons], Sec. VI."""
-    hold: Literal["force", "width"] = "width"
-    """What the hand keeps while the peg is pushed across the pads.
-
-    `width`: the fingers' distance, as a hand does whose gears hold; the pads stiffen, so both together carry
-    more than twice the grip force. `force`: the mean of the two loads; the average over the taxels then tells
-    nothing of a push, and the hole event of [gibbons], Sec. IV, could not have worked.
+    """Diameter of the round area that one taxel averages over, m; assumed, about half the pitch of [gibbons], Sec. VI.
     """
+    hold: Literal["force", "width"] = "width"
+    """What the hand keeps constant while the peg is pushed across the pads. With `width` it is the fingers' distance,
+    as in a hand whose gears hold: the pads stiffen, so that both together carry more than twice the grip force. With
+    `force` it is the mean of the two loads: the average over the taxels then tells nothing of a push, and the hole
+    event of [gibbons], Sec. IV, could not have worked."""
 
 
 class SkinModel(ConfigModel):
@@ -46,37 +46,41 @@ class SkinModel(ConfigModel):
     noise: Annotated[float, Field(ge=0.0, le=0.2)] = 0.015
     """Standard deviation of the white noise, fraction of full scale; within the 0.3 to 4 % of [cyskin]."""
     gain_spread: Annotated[float, Field(ge=0.0, le=0.3)] = 0.05
-    """Standard deviation of a taxel's gain about 1; assumed, what calibration leaves."""
+    """Standard deviation of a taxel's gain about 1, fraction; assumed, what calibration leaves."""
     drift: Annotated[float, Field(ge=0.0, le=0.01)] = 1.7e-3
     """Random walk of a taxel's offset in one second, fraction of full scale; 0.11 of the noise, as in [cyskin]."""
     creep: Fraction = 0.05
-    """Part of the answer to a step that comes late; assumed, usual for silicone."""
+    """Part of the answer to a step that comes late, fraction; assumed, usual for silicone."""
     creep_time: Annotated[float, Field(ge=0.01, le=1e3)] = 5.0
-    """Time constant of that part, s; assumed."""
+    """Time constant of the part of an answer that comes late, s; assumed."""
     sensitivity: Annotated[float, Field(ge=1e-4, le=10.0)] = 0.05
-    """Counts of a taxel at 1 Pa, set so that touch peaks are those of [cyskin]: see `full_scale`."""
+    """Reading of a taxel for each pascal, counts/Pa; set so that touch peaks are those of [cyskin], see `full_scale`.
+    """
     full_scale: Annotated[float, Field(ge=1e3, le=43e3)] = 20e3
-    """What noise and drift are fractions of, counts: the highest touch peak that [cyskin] publishes."""
+    """Reading that noise and drift are fractions of, counts; the highest touch peak that [cyskin] publishes."""
     offset: Annotated[float, Field(ge=0.0, le=43e3)] = 5000.0
     """Mean raw reading of an untouched taxel, counts; assumed, [cyskin] has it removed."""
     dead_taxels: Annotated[NonNegativeInt, Field(le=FINGERS * TAXELS)] = 0
-    """So many taxels, drawn at random, read zero."""
+    """Number of taxels, drawn at random, that read zero."""
     dead_modules: Annotated[NonNegativeInt, Field(le=FINGERS * TAXELS // MODULE_TAXELS)] = 0
-    """So many modules, drawn at random, read zero, as one does in [cyskin]."""
+    """Number of modules, drawn at random, that read zero, as one does in [cyskin]."""
     pad: PadConfig = PadConfig()
+    """The elastomer over the taxels."""
 
 
 class SimSkinConfig(SkinModel):
     """The simulated skin; [gibbons] for rate and layout's pitch."""
 
     kind: Literal["sim"]
+    """The simulated skin."""
     rate: Annotated[float, Field(ge=1.0, le=1000.0)] = 10.0
-    """Frames a second, Hz; [gibbons], Sec. VI."""
+    """Rate of the frames, Hz; [gibbons], Sec. VI."""
     layout: Layout = "parallelogram"
-    """How the two modules of a finger sit; [gibbons] does not say."""
+    """Arrangement of the two modules of a finger; [gibbons] does not say which."""
     silent_frames: Annotated[float, Field(ge=1.5, le=100.0)] = 3.5
-    """Without a frame for so many periods the skin is silent."""
+    """Time without a frame after which the skin is silent, multiple of the period."""
     health: SkinHealthConfig = SkinHealthConfig()
+    """When a taxel is not to be trusted."""
 
 
 Instant = Annotated[float, Field(ge=0.0, le=1e6)]
@@ -86,34 +90,38 @@ class WireFaults(ConfigModel):
     """What a technician may let go wrong on the wire of an emulated board, to rehearse; times are the cell's, s."""
 
     drop: Fraction = 0.0
-    """Share of the CAN frames, or bytes, that never arrive."""
+    """Share of the CAN frames, or bytes, that never arrive, fraction."""
     corrupt: Fraction = 0.0
-    """Share of them with one bit turned."""
+    """Share of the CAN frames, or bytes, that arrive with one bit turned, fraction."""
     delay: Annotated[float, Field(ge=0.0, le=60.0)] = 0.0
-    """Everything comes so much later, s."""
+    """Time by which everything comes later, s."""
     resets: tuple[Instant, ...] = ()
-    """When the board starts anew."""
+    """Instants at which the board starts anew, s."""
     unplugged: tuple[tuple[Instant, Instant], ...] = ()
-    """From when to when the board is neither powered nor connected."""
+    """Spans from when to when the board is neither powered nor connected, s."""
 
 
 class SkinBoardConfig(SkinModel):
     """[boards.skin]: the emulated skin board, where the channel or port of [skin] is "emulated"."""
 
     faults: WireFaults = WireFaults()
+    """What goes wrong on the wire."""
 
 
 class SwitchBoardConfig(ConfigModel):
     """[boards.switch]: the emulated switch board, where the port of [switch] is "emulated"."""
 
     faults: WireFaults = WireFaults()
+    """What goes wrong on the wire."""
 
 
 class BoardsConfig(ConfigModel):
     """[boards]: emulated boards."""
 
     skin: SkinBoardConfig = SkinBoardConfig()
+    """The emulated skin board."""
     switch: SwitchBoardConfig = SwitchBoardConfig()
+    """The emulated switch board."""
 
 
 Coefficient = Annotated[float, Field(ge=0.0, le=2.0)]
@@ -125,18 +133,19 @@ class ContactConfig(ConfigModel):
     """Peg against plate."""
 
     friction: Spread
-    """Coulomb coefficient; 0.1 to 0.4 covers dry to greased metal on metal."""
+    """Coulomb coefficient of peg against plate, ratio; 0.1 to 0.4 covers dry to greased metal on metal."""
 
 
 class GripConfig(ConfigModel):
     """Peg against pads."""
 
     friction: Spread
-    """Coulomb coefficient of the rubber cover; together with force and length of contact it gives the pivot's break-away torque."""
+    """Coulomb coefficient of the rubber cover, ratio; with force and length of contact it gives the pivot's break-away
+    torque."""
     angle: Annotated[float, Field(ge=0.0, le=0.3)]
-    """The peg is found in the rack within this in-hand angle, rad."""
+    """Largest in-hand angle at which the peg is found in the rack, rad."""
     slip: Annotated[float, Field(ge=0.0, le=0.01)] = 0.0
-    """How far the peg slides into the hand unnoticed when it is first pushed, m."""
+    """Distance by which the peg slides into the hand unnoticed when it is first pushed, m."""
 
 
 HOLES = {"round": {"exact", "unpredicted", "flats", "boxes"}, "rectangular": {"exact", "unpredicted"}}
@@ -147,19 +156,22 @@ class ModelConfig(ConfigModel):
     """How much of the physics is modelled; the defaults are what `cell study contact` argues for."""
 
     hole: Literal["exact", "unpredicted", "flats", "boxes"] = "exact"
-    """Closed form; the same without contacts that are still apart; flats that turn with the peg; a ring of boxes."""
+    """Model of the hole: closed form; the same without contacts that are still apart; flats that turn with the peg; a
+    ring of boxes."""
     facets: Annotated[int, Field(ge=3, le=256)] = 64
-    """Of a ring."""
+    """Number of facets of a ring."""
     native_ccd: bool = False
     """Whether facets collide by MuJoCo's newer path, which makes ghost contacts at seams."""
     time_constant: Annotated[float, Field(ge=0.1, le=1e3)] = 2.0
-    """Of the contacts, in time steps."""
+    """Time constant of the contacts, multiple of the time step."""
     stiffness: Annotated[float, Field(ge=1e2, le=1e10)] | None = None
-    """Of the contacts instead, with critical damping, 1/s²: force by penetration and effective mass."""
+    """Stiffness of the contacts instead of their time constant, with critical damping, 1/s²; force by penetration and
+    effective mass."""
     long_steps: bool = True
     """Whether steps are twice as long while nothing can touch the hole."""
     arm: Literal["full", "inertia"] = "full"
-    """The whole arm, or what it is without the friction of its joints: an inertia at the tool that the law moves."""
+    """Model of the arm: the whole of it, or without the friction of its joints, an inertia at the tool that the law
+    moves."""
     grip: Literal["hinge", "pads"] = "hinge"
     """How the hand holds the peg: on a hinge with the pads' friction, or between rigid pads in contact."""
 
@@ -172,19 +184,20 @@ class SimConfig(ConfigModel):
     """The simulated world itself."""
 
     timestep: Annotated[float, Field(ge=5e-5, le=1e-3)]
-    """Of the physics, s; the arm's control period must be a multiple of it."""
+    """Time step of the physics, s; the arm's control period must be a multiple of it."""
     pace: Annotated[float, Field(gt=0.0, le=100.0)] | Literal["max"] = 1.0
-    """Multiple of real time that the clock keeps to, or as fast as it goes."""
+    """Pace of the cell's clock, multiple of real time; "max" is as fast as it goes."""
     seed: Annotated[int, Field(ge=0)] = 0
-    """Of the first run; every further run of a session takes the next."""
+    """Seed of the first run; every further run of a session takes the next."""
     model: ModelConfig = ModelConfig()
+    """How much of the physics is modelled."""
 
 
 class RealityConfig(ConfigModel):
     """[reality]: how large the errors of a simulated cell are."""
 
     scale: Annotated[float, Field(ge=0.0, le=5.0)] = 1.0
-    """How large the errors are: 0 ideal, 1 honest, 2 careless; a ratio."""
+    """Size of the errors that are drawn, ratio; 0 is ideal, 1 honest and 2 careless."""
     alone: str = ""
     """Name of the one error that is drawn, the others being ideal, as `arm.gravity`; empty draws all."""
     file: FilePath | None = None
@@ -195,17 +208,20 @@ class SimArmConfig(ConfigModel):
     """The simulated arm."""
 
     kind: Literal["sim"]
+    """The simulated arm."""
     model: ArmName = "panda"
-    """Which arm: one of those that ship, or a file of figures beside the config."""
+    """Arm by its figures: one of those that ship, or a file of figures beside the config."""
 
 
 class SimGripperConfig(ConfigModel):
     """The simulated hand."""
 
     kind: Literal["sim"]
+    """The simulated hand."""
 
 
 class SimSwitchConfig(ConfigModel):
     """The simulated switch."""
 
     kind: Literal["sim"]
+    """The simulated switch."""

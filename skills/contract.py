@@ -116,9 +116,9 @@ class Limits(ConfigModel):
     force: float
     """Largest estimated external force at the TCP, N."""
     low: tuple[float, float, float]
-    """Corner of the workspace that the TCP must stay in, m, base frame."""
+    """Lower corner of the workspace that the TCP must stay in, m, base frame."""
     high: tuple[float, float, float]
-    """The other corner, m, base frame."""
+    """Upper corner of the workspace that the TCP must stay in, m, base frame."""
 
 
 Recorder = Callable[[Observation, ImpedanceSetpoint | None], None]

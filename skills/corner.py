@@ -14,21 +14,26 @@ class CornerParams(ConfigModel):
     """How a peg with corners is handled; where nothing is said, as a round one."""
 
     tilt: Annotated[float, Field(gt=0.0, lt=1.4)]
-    """Of the peg in the search, rad: the closing axis is beside the plane of the tilt, so that theta's error is felt as height."""
+    """Tilt of the peg in the search, rad; the closing axis is beside the plane of the tilt, so that theta's error is
+    felt as height."""
     speed: Annotated[float, Field(gt=0.0, le=0.5)]
-    """Peak speed of the tip along the path, m/s: a corner that has fallen in meets the wall with all of it."""
+    """Peak speed of the tip along the path, m/s; a corner that has fallen in meets the wall with all of it."""
     pitch: Annotated[float, Field(gt=0.0, le=2.0)]
-    """Largest distance between neighbouring passes, in shorter sides of the hole."""
+    """Largest distance between neighbouring passes, multiple of the hole's shorter side."""
     dip: PositiveFloat
-    """Of the corner below the surface, that is evidence of an edge, m."""
+    """Dip of the corner below the surface that is evidence of an edge, m."""
     fall: PositiveFloat
-    """The resting corner must stand so far below the surface, m."""
+    """Depth below the surface at which the resting corner is in the hole, m."""
     blend: Annotated[float, Field(gt=0.0, le=1.0)]
-    """Instead of `smoothing.blend`, for the same reason."""
+    """Weight of a new frame in the running estimate of theta, fraction; it stands for `smoothing.blend`, because
+    theta's error is felt as height."""
     retries: Annotated[int, Field(ge=0, le=20)]
-    """Instead of the cell's own: each turns about another middle."""
+    """Number of times that `insert_peg` searches anew with a peg that has corners; each attempt turns about another
+    middle."""
     insert: CornerInsertParams
+    """How the peg is raised and turned."""
     adjust: CornerAdjustParams
+    """How the peg is worked in."""
 
     def searching(self, search: SpraySearchParams) -> SpraySearchParams:
         """Return the parameters of the search with a corner."""

@@ -19,26 +19,26 @@ class CornerAdjustParams(SkillParams):
     """How to work the peg in. Tactile measurements are not used."""
 
     gains: Gains
-    """Along x and y, and in rotation."""
+    """Stiffness and damping along x and y and in rotation."""
     push_stiffness: PositiveFloat
-    """Along z, N/m."""
+    """Stiffness along z, which makes the push, N/m."""
     push_damping: PositiveFloat
-    """Along z, N·s/m."""
+    """Damping along z, N·s/m."""
     push_offset: NonNegativeFloat
-    """The tip's setpoint lies so far below the tip, m."""
+    """Depth of the tip's setpoint below the tip, m."""
     raise_rate: PositiveFloat
-    """Of the setpoint of the axis towards the normal, rad/s."""
+    """Rate at which the setpoint of the axis goes towards the normal, rad/s."""
     radius: NonNegativeFloat
-    """Of the circles of the finger centre, m at first, fading."""
+    """First radius of the circles that the finger centre draws, m; they fade."""
     rate: PositiveFloat
-    """Of those circles, rad/s."""
+    """Turning rate of the circles, rad/s."""
     period: PositiveFloat
-    """In which they fade, s."""
+    """Time in which the circles fade, s."""
     turn: NonNegativeFloat
-    """The hand is asked to turn by so much more than it has, to and fro, rad: times the stiffness it is the torque that it
-    turns with, which the joints' friction takes most of."""
+    """Angle by which the hand is asked to turn further than it has, to and fro, rad; times the stiffness it is the
+    torque that it turns with, which the joints' friction takes most of."""
     turn_period: PositiveFloat
-    """To and fro, s."""
+    """Period of turning to and fro, s."""
     timeout: PositiveFloat
     """Longest adjustment, s."""
 

@@ -25,54 +25,57 @@ class CornerInsertParams(SkillParams):
     """How to raise and turn the peg."""
 
     gains: Gains
-    """Along x and y, and in rotation."""
+    """Stiffness and damping along x and y and in rotation."""
     push_stiffness: PositiveFloat
-    """Along z, N/m."""
+    """Stiffness along z, which makes the push, N/m."""
     relief: Annotated[float, Field(gt=0.0, le=1.0)]
-    """The push is taken back to this share while the peg is raised: raised in the hole it turns in the hand."""
+    """Share of the push that is kept while the peg is raised, fraction; raised in the hole it turns in the hand."""
     push_damping: PositiveFloat
-    """Along z, N·s/m."""
+    """Damping along z, N·s/m."""
     push_offset: NonNegativeFloat
-    """The tip's setpoint lies so far below the tip, m."""
+    """Depth of the tip's setpoint below the tip, m."""
     lead: tuple[NonNegativeFloat, NonNegativeFloat]
-    """And so far ahead of the tip, along the closing axis and across it, m: the corner shall stay in the hole's own. A
-    push across turns the peg in the hand."""
+    """Distance of the tip's setpoint ahead of the tip, along the closing axis and across it, m; the corner shall stay
+    in the hole's own. A push across turns the peg in the hand."""
     tilt: Annotated[float, Field(gt=0.0, lt=0.4)]
-    """To which the peg is raised, rad."""
+    """Tilt to which the peg is raised, rad."""
     integral_gain: NonNegativeFloat
-    """K_I on orientation, N·m/(rad·s)."""
+    """Integral gain on orientation, N·m/(rad·s); K_I of [gibbons], Eq. (6)."""
     integral_limit: NonNegativeFloat
     """Saturation of the integral, N·m."""
     settle: NonNegativeFloat
-    """After the setpoint is raised, s."""
+    """Time to settle after the setpoint is raised, s."""
     raise_rate: PositiveFloat
-    """Of the setpoint of the axis, rad/s."""
+    """Rate at which the setpoint of the axis is raised, rad/s."""
     turn_rate: PositiveFloat
-    """Of the setpoint about the normal, rad/s: while it is turned as the hole is, the peg must have time to sink."""
+    """Rate of the yaw sweep's setpoint about the normal, rad/s; while it is turned as the hole is, the peg must have
+    time to sink."""
     centres: Annotated[tuple[Annotated[float, Field(ge=-1.0, le=1.0)], ...], Field(min_length=1)]
-    """About which it is turned in the first attempt, in the next, and so on; shares of the most that the hole can be turned: far
-    from how the hole is turned the corner would climb out."""
+    """Middle of the yaw sweep in the first attempt, in the next, and so on, fraction of the most that the hole can be
+    turned; far from how the hole is turned the corner would climb out."""
     sweep: Annotated[float, Field(ge=0.0, le=1.0)]
-    """To either side, share of the same, and no less than `felt`, or walls would never be felt."""
+    """Reach of the yaw sweep to either side, fraction of the most that the hole can be turned; no less than `felt`, or
+    walls would never be felt."""
     margin: NonNegativeFloat
-    """And so much more, rad."""
+    """Addition to the reach of the yaw sweep, rad."""
     radius: NonNegativeFloat
-    """Of circles that the finger centre draws all the while, m at first, fading: they shake friction loose."""
+    """First radius of the circles that the finger centre draws all the while, m; they fade, and shake friction loose.
+    """
     rate: PositiveFloat
-    """Of those circles, rad/s."""
+    """Turning rate of the circles, rad/s."""
     period: PositiveFloat
-    """In which they fade, s."""
+    """Time in which the circles fade, s."""
     growth: PositiveFloat
-    """By which every turn to one side reaches further than the last, rad: the hole is rather turned little."""
+    """Angle by which every turn to one side reaches further than the last, rad; the hole is rather turned little."""
     felt: PositiveFloat
-    """Angle by which the hand lags behind its setpoint about the normal when walls hold the peg, rad: many times what the
-    joints' friction explains."""
+    """Angle by which the hand lags behind its setpoint about the normal when walls hold the peg, rad; many times what
+    the joints' friction explains."""
     sunk: PositiveFloat
-    """What the tip sinks when the peg drops in all the same, m."""
+    """Distance that the tip sinks when the peg drops in all the same, m."""
     strayed: PositiveFloat
-    """The tip so far from where it was raised is out of the hole, m."""
+    """Distance of the tip from where it was raised at which it is out of the hole, m."""
     lost_height: PositiveFloat
-    """The corner so far above the surface is out of the hole, m."""
+    """Height of the corner above the surface at which it is out of the hole, m."""
     timeout: PositiveFloat
     """Longest insertion, s."""
 

@@ -35,7 +35,7 @@ class GraspFromRackParams(SkillParams):
     """How to take a peg."""
 
     transfer: Transfer
-    """To the slot and away from it."""
+    """How the hand goes to the slot and away from it."""
     force: Annotated[float, Field(gt=0.0, le=70.0)]
     """Grip force, N."""
     opening: Annotated[float, Field(gt=0.0, le=0.08)]
@@ -45,7 +45,7 @@ class GraspFromRackParams(SkillParams):
     closing_time: Annotated[float, Field(gt=0.0, le=10.0)]
     """Longest time for the fingers to close, s."""
     width_tolerance: Annotated[float, Field(gt=0.0, le=0.005)]
-    """The pads must stand within this of the peg's thickness between them, m."""
+    """Largest difference between the pads' distance and the peg's width between them, m."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,13 +21,13 @@ class Gains(ConfigModel):
     """How stiffly the arm follows."""
 
     translation: PositiveFloat
-    """N/m."""
+    """Translational stiffness, N/m."""
     rotation: PositiveFloat
-    """N·m/rad."""
+    """Rotational stiffness, N·m/rad."""
     translation_damping: PositiveFloat
-    """N·s/m."""
+    """Translational damping, N·s/m."""
     rotation_damping: PositiveFloat
-    """N·m·s/rad."""
+    """Rotational damping, N·m·s/rad."""
 
     def stiffness(self) -> Vector:
         """Return the stiffness, shape (6,)."""
@@ -42,12 +42,13 @@ class Transfer(ConfigModel):
     """How the arm moves through free space."""
 
     gains: Gains
+    """Stiffness and damping on the way."""
     speed: PositiveFloat
     """Largest speed of the tip, m/s."""
     turn_speed: PositiveFloat
     """Largest turning rate, rad/s."""
     elbow: Annotated[float, Field(ge=-math.pi, le=math.pi)]
-    """Position of the elbow's joint that the null space is drawn to, rad: without, it would wander from run to run."""
+    """Position of the elbow's joint that the null space is drawn to, rad; without, it would wander from run to run."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -20,12 +20,13 @@ class RecoverParams(SkillParams):
     """How to come back."""
 
     transfer: Transfer
+    """How the hand goes to the bin."""
     height: Annotated[float, Field(gt=0.0, le=0.3)]
-    """How far to draw up first, m."""
+    """Distance to draw up first, m."""
     bin: Point
-    """Above the reject bin, m, base frame."""
+    """Place above the reject bin where the peg is let go, m, base frame."""
     opening: Annotated[float, Field(gt=0.0, le=0.08)]
-    """Distance between the pads, m."""
+    """Distance between the pads that lets the peg go, m."""
     opening_time: Annotated[float, Field(gt=0.0, le=10.0)]
     """Longest time for the fingers to open, s."""
 

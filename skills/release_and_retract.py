@@ -15,12 +15,13 @@ class ReleaseAndRetractParams(SkillParams):
     """How to let go."""
 
     transfer: Transfer
+    """How the hand draws back."""
     opening: Annotated[float, Field(gt=0.0, le=0.08)]
-    """Distance between the pads, m."""
+    """Distance between the pads that lets the peg go, m."""
     opening_time: Annotated[float, Field(gt=0.0, le=10.0)]
     """Longest time for the fingers to open, s."""
     height: Annotated[float, Field(gt=0.0, le=0.3)]
-    """How far to draw back, m."""
+    """Distance to draw back, m."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,35 +25,36 @@ class SpiralAdjustParams(SkillParams):
     growth: PositiveFloat
     """Growth of the spiral's radius at the finger centre, m/s."""
     turn_rate: PositiveFloat
-    """Turns of the spiral, rad/s."""
+    """Turning rate of the spiral, rad/s."""
     radius: PositiveFloat
-    """Largest radius, m; `patience` may end the spiral before."""
+    """Largest radius of the spiral, m; `patience` may end the spiral before."""
     patience: Annotated[float, Field(gt=0.0, le=120.0)]
-    """A peg that has not gone deeper by `jammed` for so long, s, is not in the hole, or will not go in so; close to the
-    bottom the timeout alone counts."""
+    """Stall timeout, s; a peg that has not gone deeper by `jammed` for so long is not in the hole, or will not go in
+    so. Close to the bottom the timeout alone counts."""
     timeout: PositiveFloat
     """Longest adjustment, s; where the radius is largest sooner, the spiral starts again."""
     gains: Gains
-    """Along x and y, and in rotation."""
+    """Stiffness and damping along x and y and in rotation."""
     push_stiffness: PositiveFloat
-    """Along z, N/m."""
+    """Stiffness along z, which makes the push, N/m."""
     push_damping: PositiveFloat
-    """Along z, N·s/m: the push over this is the speed at which the peg arrives at the bottom."""
+    """Damping along z, N·s/m; the push over this is the speed at which the peg arrives at the bottom."""
     push_offset: NonNegativeFloat
-    """The tip's setpoint lies so far below its own height, m."""
+    """Depth of the tip's setpoint below the tip, m."""
     guided_depth: PositiveFloat
-    """Once the tip is so deep, m, a growing spiral would only load its walls."""
+    """Depth of the tip from which a growing spiral would only load its walls, m."""
     guided_radius: NonNegativeFloat
-    """From there on the finger centre draws circles, m at first, fading: torque that friction holds jams."""
+    """First radius of the circles that the finger centre draws from there on, m; they fade, because torque that
+    friction holds jams."""
     guided_rate: PositiveFloat
-    """Of those circles, rad/s."""
+    """Turning rate of the circles, rad/s."""
     guided_period: PositiveFloat
-    """In which they fade, s."""
+    """Time in which the circles fade, s."""
     jammed: NonNegativeFloat
-    """Where the peg goes less deep in that period, m, the skin is asked again how it is held, and the peg is aimed where it
-    rests, every other time: no torque is left but that of the circles."""
+    """Least progress of the tip in one period of the circles, m; below it the skin is asked again how the peg is held,
+    and every other time the peg is aimed where it rests, so that no torque is left but that of the circles."""
     arrival: NonNegativeFloat
-    """This close to the bottom, m, the peg is damped more, so that it arrives without a blow."""
+    """Distance from the bottom within which the peg is damped more, m, so that it arrives without a blow."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,33 +23,35 @@ class TactileInsertParams(SkillParams):
     """How to align the peg with the plate's normal."""
 
     gains: Gains
-    """Along x and y, and in rotation."""
+    """Stiffness and damping along x and y and in rotation."""
     integral_gain: NonNegativeFloat
-    """K_I on orientation, N·m/(rad·s)."""
+    """Integral gain on orientation, N·m/(rad·s); K_I of [gibbons], Eq. (6)."""
     integral_limit: NonNegativeFloat
     """Saturation of the integral, N·m."""
     push_offset: NonNegativeFloat
-    """The tip's setpoint lies so far below the surface, m; 0.01 in [gibbons]."""
+    """Depth of the tip's setpoint below the surface, m; 0.01 in [gibbons]."""
     push_stiffness: tuple[PositiveFloat, PositiveFloat]
-    """K_min and K_max of Eq. (7), along z, N/m."""
+    """Least and largest stiffness along z, N/m; K_min and K_max of [gibbons], Eq. (7)."""
     turn_rate: PositiveFloat
     """Rate at which the setpoint of the axis goes from where the peg is to upright, rad/s."""
     turn_run_up: NonNegativeFloat
-    """Time in which it gets to that rate, s: the hole's wall bears what sets the arm in motion."""
+    """Time in which the setpoint of the axis gets to its rate, s; the hole's wall bears what sets the arm in motion."""
     aligned: Annotated[float, Field(gt=0.0, lt=0.8)]
-    """phi below which the adjustment takes over, rad; 15 degrees in [gibbons]."""
+    """Tilt phi below which the adjustment takes over, rad; 15 degrees in [gibbons]."""
     yielding: NonNegativeFloat
     """Rate at which the tip's setpoint along x and y gives way to where the hole keeps the tip, 1/s; 0 in [gibbons]."""
     forward: NonNegativeFloat
-    """The tip's setpoint lies so far ahead, towards the side that the peg leans to, m: raising then cannot lift the peg out."""
+    """Distance of the tip's setpoint ahead of the tip, towards the side that the peg leans to, m; raising then cannot
+    lift the peg out."""
     timeout: PositiveFloat
     """Longest insertion, s."""
     least_share: Annotated[float, Field(ge=0.0, lt=1.0)]
-    """Of the depth that the tilt allows: an aligned peg that is less deep never was in the hole. 0 leaves that to the adjustment."""
+    """Least depth of an aligned peg that is in the hole, fraction of the depth that the tilt allows; 0 leaves that to
+    the adjustment."""
     lost_height: PositiveFloat
-    """The tip this far above the surface is out of the hole, m."""
+    """Height of the tip above the surface at which it is out of the hole, m."""
     estimator: EstimatorName = "image"
-    """What turns taxels into the pose of the peg, in every skill."""
+    """Estimator that turns taxels into the pose of the peg, in every skill."""
 
 
 @dataclass(frozen=True, slots=True)

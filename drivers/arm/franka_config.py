@@ -12,13 +12,15 @@ class FrankaArmConfig(ConfigModel):
     """[arm] of a Franka arm."""
 
     kind: Literal["franka"]
+    """A Franka arm behind the maker's control interface."""
     model: ArmName = "fr3"
-    """Which arm: one of those that ship, or a file of figures beside the config."""
+    """Arm by its figures: one of those that ship, or a file of figures beside the config."""
     host: Annotated[str, Field(min_length=1)]
-    """Address of its control interface."""
+    """Network address of the arm's control interface."""
     collision_torque: Annotated[float, Field(ge=5.0, le=100.0)]
     """Estimated external torque on a joint at which the arm's reflex stops it, N·m; no default."""
     collision_force: Annotated[float, Field(ge=5.0, le=100.0)]
-    """Estimated external force, N, or torque, N·m, at the hand at which the reflex stops it; no default."""
+    """Estimated external force at the hand at which the reflex stops the arm, N; the same figure limits the torque
+    there, N·m; no default."""
     realtime: Literal["enforce", "ignore"] = "enforce"
-    """`ignore` also runs without a real-time kernel and priority; for simulated arms."""
+    """Whether a real-time kernel and priority are required; `ignore` runs without, for simulated arms."""

@@ -11,7 +11,8 @@ class FrankaGripperConfig(ConfigModel):
     """[gripper] of a Franka hand."""
 
     kind: Literal["franka"]
+    """A Franka hand behind the maker's control interface."""
     host: Annotated[str, Field(min_length=1)]
-    """Address of the arm's control interface."""
+    """Network address of the arm's control interface, which the hand shares."""
     speed: Annotated[float, Field(ge=0.01, le=0.1)] = 0.05
-    """Of the distance between the fingers, m/s."""
+    """Speed at which the distance between the fingers changes, m/s."""

@@ -25,7 +25,9 @@ class HubConfig(ConfigModel):
     """A CySkin hub with the modules of both fingers."""
 
     kind: Literal["cyskin"] = "cyskin"
+    """A CySkin hub."""
     wire: SkinWireConfig = SkinWireConfig()
+    """What differs between the hub's firmwares."""
     modules: tuple[Annotated[int, Field(ge=0, le=0xFFFFFFFF)], ...] = ()
     """Own numbers (sui) of the modules, both of the left finger first; empty is the order on the hub."""
     channels: tuple[Annotated[int, Field(ge=1, le=11)], ...] = tuple(range(1, MODULE_TAXELS + 1))
@@ -46,7 +48,9 @@ class IcubConfig(ConfigModel):
     """An iCub skin board with the triangles of both fingers."""
 
     kind: Literal["icub"]
+    """An iCub skin board."""
     board: Annotated[int, Field(ge=0, le=15)] = 1
+    """Number of the board on the bus."""
     triangles: Annotated[tuple[Annotated[int, Field(ge=0, le=15)], ...], Field(min_length=4, max_length=4)] = (
         0,
         1,
@@ -55,21 +59,22 @@ class IcubConfig(ConfigModel):
     )
     """Numbers of the triangles, both of the left finger first."""
     channels: tuple[Annotated[int, Field(ge=0, le=11)], ...] = (0, 1, 2, 3, 4, 5, 7, 8, 9, 11)
-    """Which of a triangle's twelve channels is which taxel, in the order of the layout; assumed, to be checked."""
+    """Channel of a triangle, of twelve, that each taxel is on, in the order of the layout; assumed, to be checked."""
 
 
 class BoardSkinConfig(ConfigModel):
     """What every skin board has."""
 
     rate: Annotated[float, Field(ge=1.0, le=100.0)] = 10.0
-    """Scans a second that the board is told to make, Hz; 10 to 100 where it can."""
+    """Rate of the scans that the board is told to make, Hz; 10 to 100 where it can."""
     layout: Layout = "parallelogram"
-    """How the two modules of a finger sit."""
+    """Arrangement of the two modules of a finger."""
     silent_frames: Annotated[float, Field(ge=1.5, le=100.0)] = 3.5
-    """Without a scan for so many periods the skin is silent."""
+    """Time without a scan after which the skin is silent, multiple of the period."""
     open_timeout: Annotated[float, Field(ge=0.1, le=60.0)] = 3.0
     """Longest wait for the board's first scan, s."""
     health: SkinHealthConfig = SkinHealthConfig()
+    """When a taxel is not to be trusted."""
     record: str = ""
     """File that all traffic of the wire goes to; empty is none."""
 
@@ -78,23 +83,26 @@ class CanSkinConfig(BoardSkinConfig):
     """[skin] of a board on a CAN bus."""
 
     kind: Literal["can"]
+    """A skin board on a CAN bus."""
     interface: Interface = "socketcan"
-    """What the bus is reached through."""
+    """Interface through which the bus is reached."""
     channel: Annotated[str, Field(min_length=1)] = EMULATED
-    """As `drivers.transport.can_bus.CanBus` says: "can0"; "emulated" is an emulated board in a simulated cell."""
+    """Channel of the interface, as in "can0"; "emulated" is an emulated board in a simulated cell."""
     bitrate: Annotated[int, Field(ge=10_000, le=1_000_000)] = 1_000_000
-    """Bits a second."""
+    """Bit rate of the bus, bits/s."""
     board: Annotated[HubConfig | IcubConfig, Field(discriminator="kind")] = HubConfig()
-    """What stands on the bus."""
+    """Board that stands on the bus."""
 
 
 class SerialSkinConfig(BoardSkinConfig):
     """[skin] of a board on a serial line."""
 
     kind: Literal["serial"]
+    """A skin board on a serial line."""
     port: Annotated[str, Field(min_length=1)] = EMULATED
-    """As the operating system has it, best a name that stays; "emulated" is an emulated board in a simulated cell."""
+    """Name of the serial port, best one that stays, as those of /dev/serial/by-id; "emulated" is an emulated board in
+    a simulated cell."""
     baud_rate: Annotated[int, Field(ge=1200, le=4_000_000)] = 115_200
-    """Bits a second."""
+    """Bit rate of the line, bits/s."""
     board: HubConfig = HubConfig()
-    """What stands on the line."""
+    """Board that stands on the line."""

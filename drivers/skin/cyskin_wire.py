@@ -56,11 +56,11 @@ class SkinWireConfig(ConfigModel):
     hub: Byte = 1
     """Number of the hub, the low byte of its CAN ids."""
     byte_order: Literal["little", "big"] = "little"
-    """Of readings and of the period; modules' records are little-endian in all public firmwares."""
+    """Byte order of readings and of the period; modules' records are little-endian in all public firmwares."""
     crc: Crc8 = Crc8()
-    """The polynomial is not public."""
+    """Check sum of the messages; the polynomial is not public."""
     values_per_message: Annotated[int, Field(ge=1, le=126)] = 24
-    """Readings that one message carries at most: two modules, in seven CAN frames."""
+    """Number of readings that one message carries at most; 24 is two modules, in seven CAN frames."""
 
 
 @dataclass(frozen=True, slots=True)

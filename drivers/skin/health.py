@@ -26,19 +26,19 @@ class SkinHealthConfig(ConfigModel):
     """When a taxel is not to be trusted."""
 
     baseline_frames: Annotated[int, Field(ge=BASELINE_FRAMES, le=10_000)] = BASELINE_FRAMES
-    """Frames without a load that the baseline is the mean of."""
+    """Number of frames without a load that the baseline is the mean of."""
     saturation: Annotated[int, Field(ge=1000, le=ERROR_COUNT)] = 42_900
-    """The converter's rail, counts: from here on a reading says "at least"."""
+    """Reading at which the converter is at its rail, counts; from here on it says "at least"."""
     stuck_frames: Annotated[int, Field(ge=5, le=100_000)] = 30
-    """So many equal readings in a row are no measurement; noise moves a live taxel."""
+    """Number of equal readings in a row that are no measurement, because noise moves a live taxel."""
     frozen_frames: Annotated[int, Field(ge=2, le=100_000)] = 5
-    """So many frames in a row that are equal in every taxel come from a board that no longer measures."""
+    """Number of frames in a row, equal in every taxel, that come from a board that no longer measures."""
     drift_time: Annotated[float, Field(ge=1.0, le=1e5)] = 30.0
     """Time constant with which the baseline follows the untouched skin, s."""
     touch: Annotated[float, Field(ge=3.0, le=20.0)] = 5.0
-    """A taxel this many standard deviations of its noise above the baseline is touched."""
+    """Height above the baseline from which a taxel is touched, standard deviations of its noise."""
     least_touch: Annotated[float, Field(ge=1.0, le=5000.0)] = 50.0
-    """A change of fewer counts is no touch, whatever the noise."""
+    """Smallest change that is a touch, counts, whatever the noise."""
 
 
 class SkinHealth:

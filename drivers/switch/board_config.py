@@ -11,7 +11,9 @@ class SerialSwitchConfig(ConfigModel):
     """[switch] of a board on a serial line."""
 
     kind: Literal["serial"]
+    """The switch board on a serial line."""
     port: Annotated[str, Field(min_length=1)]
-    """As the operating system has it, best a name that stays, as those of /dev/serial/by-id."""
+    """Name of the serial port, best one that stays, as those of /dev/serial/by-id; "emulated" is an emulated board in
+    a simulated cell."""
     record: str = ""
     """File that all traffic of the line goes to; empty is none."""

@@ -15,12 +15,13 @@ class Crc8(ConfigModel):
     """One CRC of 8 bits, by the parameters that every catalogue of them uses."""
 
     polynomial: Byte = 0x07
-    """Without its highest term."""
+    """Generator polynomial without its highest term."""
     initial: Byte = 0x00
+    """Value that the register starts with."""
     reflected: bool = False
-    """Bits of each byte, and of the result, lowest first."""
+    """Whether the bits of each byte, and of the result, go lowest first."""
     final: Byte = 0x00
-    """Combined with the result by exclusive or."""
+    """Value that is combined with the result by exclusive or."""
 
     @field_validator("polynomial")
     @classmethod

@@ -15,11 +15,13 @@ class Smoothing(ConfigModel):
     """How theta is taken over from frame to frame; noise of theta would kick the tip at the skin's rate."""
 
     method: Literal["blend", "observer"] = "blend"
-    """Blend frames and hold theta between them, or observe it at every scan: see `skills.tactile.observer`."""
+    """How theta is kept from frame to frame: blended and held between frames, or observed at every scan, see
+    `skills.tactile.observer`."""
     blend: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
-    """Weight of a new frame in the running estimate; 1 takes each frame as it is, as [gibbons] does."""
+    """Weight of a new frame in the running estimate, fraction; 1 takes each frame as it is, as [gibbons] does."""
     jump: Annotated[float, Field(gt=0.0)] = 0.15
-    """A frame further off than this, rad, is a slip of the peg and taken at once."""
+    """Difference of a frame from the running estimate at which the peg has slipped and the frame is taken at once,
+    rad."""
 
     def take(self, held: PegPose, new: PegPose) -> PegPose:
         """Return the running estimate after a new healthy frame.

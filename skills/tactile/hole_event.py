@@ -35,18 +35,20 @@ class HoleEventParams(ConfigModel):
     """How a change of the average is told from noise."""
 
     method: Literal["derivative", "difference", "cusum"] = "cusum"
-    """The fall from one frame to the next, against `threshold`, as in [gibbons]; the difference between the mean of the
-    newest `span` frames and those before; or the sum of all deviations beyond half of `step` ([page], two-sided)."""
+    """How a hole event is detected. `derivative` is the fall from one frame to the next, against `threshold`, as in
+    [gibbons]; `difference` compares the mean of the newest `span` frames with those before; `cusum` sums all deviations
+    beyond half of `step` ([page], two-sided)."""
     threshold: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.2
-    """For `derivative`: fall that counts, fraction of the running average, set by hand."""
+    """Fall that counts for `derivative`, fraction of the running average; set by hand."""
     false_alarms: Annotated[float, Field(gt=0.0, le=100.0)] = 1e-3
-    """For the others: events that noise alone may cause in a search that lasts until its timeout."""
+    """Events that noise alone may cause in a search that lasts until its timeout, count; for `difference` and `cusum`.
+    """
     span: Annotated[int, Field(ge=1, le=100)] = 3
-    """Frames that `difference` takes together."""
+    """Number of frames that `difference` takes together."""
     memory: Annotated[int, Field(ge=1, le=1000)] = 20
-    """Frames that the running average is made of, the newest not among them."""
+    """Number of frames that the running average is made of, the newest not among them."""
     step: Annotated[float, Field(ge=0.5, le=10.0)] = 3.0
-    """Smallest change that the sum shall find, standard deviations of the noise."""
+    """Smallest change that `cusum` shall find, standard deviations of the noise."""
 
 
 class HoleEvent:

@@ -21,22 +21,23 @@ class ImageParams(ConfigModel):
     """How the image is made and read."""
 
     kind: Literal["image"] = "image"
+    """The estimator of [gibbons]: an image of the taxels, and the ellipse in it."""
     pixel: Annotated[float, Field(ge=1e-4, le=5e-3)] = 1e-3
     """Side of a pixel, m."""
     full_scale: Annotated[float, Field(ge=100.0, le=1e6)] = 20e3
-    """Counts at which a pixel is saturated, [gibbons], Eq. (1)."""
+    """Reading at which a pixel is saturated, counts; [gibbons], Eq. (1)."""
     threshold: Fraction = 0.5
-    """Pixels below this share of the brightest are background."""
+    """Brightness below which a pixel is background, fraction of the brightest."""
     least_peak: Annotated[float, Field(ge=0.0, le=43e3)] = 2000.0
-    """A frame whose highest pixel is below this shows no peg, counts."""
+    """Highest pixel below which a frame shows no peg, counts."""
     least_elongation: Annotated[float, Field(ge=1.0, le=100.0)] = 1.5
-    """An ellipse whose axes' ratio is below this has no direction."""
+    """Least ratio of an ellipse's axes that has a direction, ratio."""
     most_width: Annotated[float, Field(ge=5e-4, le=2e-2)] = 4e-3
-    """An ellipse whose minor axis has a larger standard deviation is no peg, m; 2.4 mm for 8 mm of diameter."""
+    """Largest standard deviation along an ellipse's minor axis that is a peg, m; 2.4 mm for 8 mm of diameter."""
     most_residual: Fraction = 0.4
-    """A frame with more than this beside the peg's axis shows something else."""
+    """Largest share of the image beside the peg's axis in a frame that shows a peg, fraction."""
     least_trusted: Annotated[int, Field(ge=3, le=FINGERS * TAXELS)] = 20
-    """Fewer trusted taxels than this tell nothing."""
+    """Number of trusted taxels below which a frame tells nothing."""
 
 
 class ImageEstimator:

@@ -23,7 +23,9 @@ class LikelihoodParams(ConfigModel):
     """What a frame is expected to look like, and when it shows no peg."""
 
     kind: Literal["ml", "robust"] = "ml"
+    """The estimator by maximum likelihood over templates."""
     templates: TemplateParams = TemplateParams()
+    """The pad as its maker knows it."""
     noise: Annotated[float, Field(ge=1.0, le=5000.0)] = 300.0
     """Standard deviation of a taxel's reading, counts."""
     gain_spread: Annotated[float, Field(ge=0.0, le=0.5)] = 0.08
@@ -31,25 +33,25 @@ class LikelihoodParams(ConfigModel):
     offset_spread: Annotated[float, Field(ge=1e-5, le=1e-2)] = 7e-4
     """Standard deviation of the peg's offset from the finger centre, m."""
     off_centre: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.05
-    """Chance that the offset is anything within the templates' reach instead."""
+    """Chance that the offset is anything within the templates' reach instead, fraction."""
     imbalance: Annotated[float, Field(ge=0.01, le=2.0)] = 0.3
     """Standard deviation of half the difference of the fingers' loads, fraction of their mean."""
     rise: Annotated[float, Field(ge=0.01, le=5.0)] = 0.6
     """Standard deviation of the loads' opposite rise over 20 mm, fraction of their mean."""
     common_rise: Annotated[float, Field(ge=0.01, le=5.0)] = 0.1
-    """Standard deviation of the rise that both loads share, likewise."""
+    """Standard deviation of the rise over 20 mm that both loads share, fraction of their mean."""
     wide_misfit: Annotated[float, Field(ge=1.0, le=100.0)] = 3.0
-    """Beyond this misfit the peg is looked for at all offsets."""
+    """Misfit beyond which the peg is looked for at all offsets, ratio of squared residuals to those expected."""
     least_load: Annotated[float, Field(ge=0.0, le=43e3)] = 2000.0
-    """A mean load that gives fewer counts right under the peg is no peg."""
+    """Mean load, as the reading right under the peg, below which there is no peg, counts."""
     most_sigma: Annotated[float, Field(gt=0.0, le=1.6)] = 0.1
-    """An angle less certain than this is not told, rad."""
+    """Standard deviation of an angle above which it is not told, rad."""
     most_misfit: Annotated[float, Field(ge=1.0, le=1000.0)] = 12.0
-    """A frame whose squared residuals are this many times what was expected shows something else."""
+    """Misfit beyond which a frame shows something else than a peg, ratio of squared residuals to those expected."""
     most_residual: Fraction = 0.3
-    """A frame that keeps more than this share of its squares unexplained shows something else."""
+    """Largest share of a frame's squares that a peg leaves unexplained, fraction."""
     least_trusted: Annotated[int, Field(ge=3, le=FINGERS * TAXELS)] = 20
-    """Fewer trusted taxels than this tell nothing."""
+    """Number of trusted taxels below which a frame tells nothing."""
 
 
 class LikelihoodEstimator:

@@ -31,13 +31,13 @@ class ObserverParams(ConfigModel):
     """How theta may move between frames."""
 
     walk: Annotated[float, Field(gt=0.0, le=1.0)] = 8e-3
-    """Standard deviation of what neither way of moving foresees, rad in one second."""
+    """Standard deviation in one second of what neither way of moving foresees, rad."""
     change: Annotated[float, Field(gt=0.0, lt=0.5)] = 0.1
-    """Chance that the peg passes from one way of moving to the other between two frames."""
+    """Chance that the peg passes from one way of moving to the other between two frames, fraction."""
     slip: Annotated[float, Field(ge=2.0, le=20.0)] = 4.0
-    """A frame this many standard deviations from both is a slip."""
+    """Distance of a frame from both ways of moving at which the peg has slipped, standard deviations."""
     longest: Annotated[float, Field(gt=0.0, le=10.0)] = 1.0
-    """After so long without a frame everything begins anew, s."""
+    """Time without a frame after which everything begins anew, s."""
 
 
 class Observer:

@@ -32,11 +32,13 @@ class PcaParams(ConfigModel):
     """How the axis is found, and what the table is drawn from."""
 
     kind: Literal["pca"] = "pca"
+    """The estimator by the principal axis of the readings."""
     templates: TemplateParams = TemplateParams(theta_step=math.pi / 180)
+    """The pad as its maker knows it."""
     noise: Annotated[float, Field(ge=1.0, le=5000.0)] = 300.0
     """Standard deviation of a taxel's reading, counts."""
     load: Annotated[float, Field(ge=100.0, le=43e3)] = 8500.0
-    """What a taxel right under the peg reads at the usual grip, counts."""
+    """Reading of a taxel right under the peg at the usual grip, counts."""
     gain_spread: Annotated[float, Field(ge=0.0, le=0.5)] = 0.06
     """What taxels differ by, fraction of the reading."""
     offset_spread: Annotated[float, Field(ge=1e-5, le=1e-2)] = 7e-4
@@ -44,17 +46,17 @@ class PcaParams(ConfigModel):
     imbalance: Annotated[float, Field(ge=0.0, le=0.5)] = 0.15
     """Standard deviation of half the difference of the fingers' loads, fraction of their mean."""
     floor: Annotated[float, Field(ge=0.0, le=10.0)] = 3.0
-    """Readings below so many standard deviations of the noise count nothing."""
+    """Reading below which a taxel counts nothing, standard deviations of the noise."""
     least_peak: Annotated[float, Field(ge=0.0, le=43e3)] = 1500.0
-    """A frame whose highest taxel is below this shows no peg, counts."""
+    """Highest taxel below which a frame shows no peg, counts."""
     least_elongation: Annotated[float, Field(ge=1.0, le=100.0)] = 1.5
-    """A cloud whose axes' ratio is below this has no direction."""
+    """Least ratio of a cloud's axes that has a direction, ratio."""
     most_width: Annotated[float, Field(ge=5e-4, le=2e-2)] = 4.5e-3
-    """A cloud whose minor axis has a larger standard deviation is no peg, m."""
+    """Largest standard deviation along a cloud's minor axis that is a peg, m."""
     most_sigma: Annotated[float, Field(gt=0.0, le=1.6)] = 0.25
-    """An angle less certain than this is not told, rad."""
+    """Standard deviation of an angle above which it is not told, rad."""
     least_trusted: Annotated[int, Field(ge=3, le=FINGERS * TAXELS)] = 20
-    """Fewer trusted taxels than this tell nothing."""
+    """Number of trusted taxels below which a frame tells nothing."""
 
 
 class PcaEstimator:

@@ -47,14 +47,15 @@ class RobustParams(LikelihoodParams):
     """As for maximum likelihood, and how much of what else to consider."""
 
     kind: Literal["ml", "robust"] = "robust"
+    """The estimator by maximum likelihood that also considers what may be wrong."""
     doubt: Annotated[float, Field(ge=1.0, le=100.0)] = 2.2
-    """Beyond this misfit everything that may be wrong is considered."""
+    """Misfit beyond which everything that may be wrong is considered, ratio of squared residuals to those expected."""
     rarity: Annotated[float, Field(ge=0.0, le=30.0)] = 5.0
-    """Log of the odds against each of those."""
+    """Natural logarithm of the odds against each thing that may be wrong, ratio."""
     outlier: Annotated[float, Field(ge=2.0, le=20.0)] = 4.0
-    """A reading so many standard deviations off the rest is left out."""
+    """Distance from the rest at which a reading is left out, standard deviations."""
     most_outliers: Annotated[int, Field(ge=0, le=20)] = 4
-    """So many at the most."""
+    """Number of readings that are left out at the most."""
 
 
 class RobustEstimator:

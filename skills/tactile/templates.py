@@ -27,15 +27,15 @@ class TemplateParams(ConfigModel):
     blur: Annotated[float, Field(ge=1e-4, le=1e-2)] = 1.2e-3
     """Standard deviation of the point spread of 1 mm of elastomer, m; assumed, about the thickness."""
     taxel_diameter: Annotated[float, Field(ge=1e-3, le=7e-3)] = 4e-3
-    """Of the round area that one taxel averages over, m; assumed, about half the pitch."""
+    """Diameter of the round area that one taxel averages over, m; assumed, about half the pitch."""
     indentation: Annotated[float, Field(ge=1e-5, le=3e-3)] = 8.5e-4
     """Depth of the groove that a usual grip leaves, m; the groove then reaches 2.6 mm to either side under 8 mm."""
     theta_step: Annotated[float, Field(ge=2e-3, le=0.1)] = math.pi / 360
-    """Between neighbouring templates, rad."""
+    """Angle between neighbouring templates, rad."""
     offset_step: Annotated[float, Field(ge=5e-5, le=2e-3)] = 2.5e-4
-    """Between neighbouring templates, m."""
+    """Offset between neighbouring templates, m."""
     offset_reach: Annotated[float, Field(ge=1e-3, le=1e-2)] = 4e-3
-    """Furthest that the peg's axis may lie beside the finger centre, m."""
+    """Largest distance of the peg's axis from the finger centre, m."""
 
     def broader(self, factor: float) -> Self:
         """Return the pad whose prints are so many times as broad, point spread and groove alike."""

@@ -32,13 +32,28 @@ def test_what_only_looks_like_a_unit_is_none(text):
 
 def test_the_first_sentence_ends_where_the_next_begins():
     assert first_sentence("As in Eq. (7), N/m. 0 leaves it. More.") == "As in Eq. (7), N/m"
+    assert first_sentence("Rate, Hz; [gibbons], Sec. VI. More.") == "Rate, Hz; [gibbons], Sec. VI"
+
+
+@pytest.mark.parametrize("key", keys(), ids=lambda key: f"{key.name}-{key.kind}")
+def test_every_key_says_what_it_means_and_in_which_unit(key):
+    assert key.meaning.endswith((".", '."'))
+    assert len(key.summary.split()) >= 2 or key.kind
+    assert len(key.summary) <= 130
+    assert key.unit or not key.is_float
+    assert key.allowed
+
+
+def test_the_shipped_cell_is_commented_with_what_its_keys_mean():
+    text = DEFAULT.read_text(encoding="utf-8")
+    assert text == commented(text), "cell config comment config/sim.toml writes the comments anew"
 
 
 def test_a_key_that_a_command_may_set_says_so():
     (key,) = find("search.speed")
     assert "a recipe" in key.setters
     assert "a command, as parameter 1" in key.setters
-    assert key.reader == "skills.spray_search"
+    assert key.reader == "skills.search.params"
 
 
 def test_a_key_of_hardware_is_not_for_recipes():
