@@ -22,7 +22,7 @@ from canopen import SdoAbortedError
 
 from drivers.transport.wires import CanFrame
 from plc_bridge.config import CanConfig
-from plc_bridge.emcy import BUS_RECOVERED, HEARTBEAT_LOST, NO_ERROR, PDO_TOO_SHORT, Emergency
+from plc_bridge.emcy import BUS_RECOVERED, HEARTBEAT_LOST, NO_ERROR, PDO_NOT_PROCESSED, PDO_TOO_SHORT, Emergency
 from plc_bridge.heartbeat import HeartbeatConsumer, HeartbeatProducer
 from plc_bridge.images import Diagnostics
 from plc_bridge.object_values import Values
@@ -288,7 +288,11 @@ class CanopenNode:
             words += words_of(register, data[: size_of(register)])
             data = data[size_of(register) :]
         self._mailbox.heard(self.source)
-        self._linked().write_words(registers[0].address, words)
+        try:
+            self._linked().write_words(registers[0].address, words)
+        except ValueError:  # the station has said why
+            self.counts.exceptions += 1
+            self._shout(self._emergency.message(PDO_NOT_PROCESSED))
         self._publish(now)
 
     def _publish(self, now: float) -> None:

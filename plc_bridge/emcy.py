@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 GENERIC, COMMUNICATION, MANUFACTURER = 0x01, 0x10, 0x80
 """Bits of the error register 0x1001."""
-NO_ERROR, HEARTBEAT_LOST, BUS_RECOVERED, PDO_TOO_SHORT = 0x0000, 0x8130, 0x8140, 0x8210
+NO_ERROR, HEARTBEAT_LOST, BUS_RECOVERED, PDO_NOT_PROCESSED, PDO_TOO_SHORT = 0x0000, 0x8130, 0x8140, 0x8200, 0x8210
 """Error codes of CiA 301, table 26."""
 DEVICE_SPECIFIC = 0xFF00
 """The cell's own faults: this and the thousands of the fault code; the code itself stands in bytes 3 and 4."""

@@ -39,7 +39,8 @@ _HEAD_LENGTH = {15: 6, 16: 6, 23: 10}
 class Station(Protocol):
     """The registers and bits behind the requests, as one client sees them.
 
-    Unmapped addresses raise LookupError, what the client may not do PermissionError.
+    Unmapped addresses raise LookupError, what the client may not do PermissionError, and values that nobody may write
+    ValueError.
     """
 
     def read_words(self, function: int, address: int, count: int) -> list[int]:
@@ -73,6 +74,8 @@ def respond(request: bytes, station: Station) -> bytes:
         response = ExceptionResponse(function & 0x7F, illegal.code)
     except PermissionError:  # Modbus/TCP Security, R-31
         response = ExceptionResponse(function & 0x7F, ExcCodes.ILLEGAL_FUNCTION)
+    except ValueError:
+        response = ExceptionResponse(function & 0x7F, ExcCodes.ILLEGAL_VALUE)
     except LookupError:
         response = ExceptionResponse(function & 0x7F, ExcCodes.ILLEGAL_ADDRESS)
     return bytes([response.function_code]) + response.encode()

@@ -57,13 +57,19 @@ class RtuServer:
         line: The line, not yet open.
         mailbox: The bridge.
         now: Monotonic time, s.
+        pause: First pause before a lost line is opened again, s.
     """
 
     def __init__(
-        self, config: RtuConfig, line: Line, mailbox: Mailbox, now: Callable[[], float] = time.monotonic
+        self,
+        config: RtuConfig,
+        line: Line,
+        mailbox: Mailbox,
+        now: Callable[[], float] = time.monotonic,
+        pause: float = FIRST_PAUSE,
     ) -> None:
         self._unit, self._idle_timeout = config.unit, config.idle_timeout
-        self._line, self._mailbox, self._now = line, mailbox, now
+        self._line, self._mailbox, self._now, self._first_pause = line, mailbox, now, pause
         self._silence = max(3.5 * line.character_time, SHORTEST_SILENCE)
         self.source = f"rtu:{line.port.rpartition('/')[2]}"
         self.counts = Diagnostics()
@@ -94,18 +100,18 @@ class RtuServer:
             self._thread = None
 
     def _serve(self) -> None:
-        pause, is_told = FIRST_PAUSE, False
+        pause, is_told = self._first_pause, False
         while not self._stop.is_set():
             try:
                 self._line.open()
-                if is_told:
-                    logger.info("Modbus RTU: %s is open again", self._line.port)
-                pause, is_told = FIRST_PAUSE, False
                 while not self._stop.is_set():
                     self.turn()
-            except CellError as error:
+                    if is_told:
+                        logger.info("Modbus RTU: %s is open again", self._line.port)
+                    pause, is_told = self._first_pause, False
+            except Exception as error:  # whatever it is, a dead thread would leave a dead bus behind
                 if not is_told:
-                    logger.warning("Modbus RTU: %s", error)
+                    logger.warning("Modbus RTU: %s", error, exc_info=not isinstance(error, CellError))
                     is_told = True
                 self._end_link()
                 self._line.close()
@@ -123,6 +129,8 @@ class RtuServer:
         data = self._line.read(PATIENCE if self._receiver.is_waiting else IDLE)
         if not data:
             self._receiver.give_up()
+            if self._now() - self._heard > self._idle_timeout:
+                self._end_link()  # a stop coil that a dead PLC left at 1 falls with it
         while data:
             self._receiver.feed(data)
             if self._receiver.is_full:

@@ -15,6 +15,7 @@ logger = logging.getLogger(__name__)
 
 T = TypeVar("T")
 
+_LEASE = next(register for register in COMMAND.registers if register.name == "command_lease")
 _SEQUENCE = next(register.address for register in COMMAND.registers if register.name == "command_sequence")
 
 
@@ -90,7 +91,7 @@ class LinkStation:
         self.link = link
         self._mailbox, self._counts, self._rights = mailbox, counts, rights
         self._warn, self._share = warn, share
-        self._told: set[Right | int] = set()
+        self._told: set[str | int] = set()
 
     def read_words(self, function: int, address: int, count: int) -> list[int]:
         """Return holding registers (3) or input registers (4)."""
@@ -109,9 +110,17 @@ class LinkStation:
         return _slice(bits, address, count)
 
     def write_words(self, address: int, words: Sequence[int]) -> None:
-        """Write into the command block."""
+        """Write into the command block, all or nothing.
+
+        Raises:
+            ValueError: The wish for the lease is none of those that there are.
+        """
         self._demand("command")
         _slice(self.link.words, address, len(words))
+        wish = words[_LEASE.address - address] if address <= _LEASE.address < address + len(words) else Lease.NONE
+        if not Lease.NONE <= wish <= Lease.RELEASE:
+            self._say_once(f"{_LEASE.name} = {wish}: {Lease.NONE} to {Lease.RELEASE} allowed")
+            raise ValueError(wish)
         self.link.words[address : address + len(words)] = words
         self.link.is_numbered |= address <= _SEQUENCE < address + len(words)
         image = command_image(self.link.words)
@@ -135,6 +144,11 @@ class LinkStation:
         if exception not in self._told:
             self._told.add(exception)
             self._warn("%s: refused: function %d: exception %02d", self.link.source, function, exception)
+
+    def _say_once(self, why: str) -> None:
+        if why not in self._told:
+            self._told.add(why)
+            self._warn("%s: refused: %s", self.link.source, why)
 
     def _demand(self, right: Right) -> None:
         if right in self._rights:

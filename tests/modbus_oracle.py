@@ -8,6 +8,8 @@ import struct
 
 COMMAND_WORDS, REPORT_WORDS, DIAGNOSTICS_WORDS, DIAGNOSTICS_AT, MIRROR = 41, 46, 26, 100, 1000
 COILS, INPUTS = 3, 4
+LEASE, GREATEST_WISH = 5, 3
+"""Address of the wish for the lease, and the greatest that there is."""
 MOST = {1: 2000, 2: 2000, 3: 125, 4: 125, 15: 1968, 16: 123}
 
 
@@ -70,7 +72,10 @@ class Oracle:
             return 3
         if isinstance(self._read(23, read, read_count), int) or start + count > COMMAND_WORDS:
             return 2
-        self.words[start : start + count] = struct.unpack(f">{count}H", pdu[10:])
+        values = list(struct.unpack(f">{count}H", pdu[10:]))
+        if _wishes_nonsense(start, values):
+            return 3
+        self.words[start : start + count] = values
         return self._read(23, read, read_count)
 
     def _read(self, function: int, start: int, count: int) -> tuple[bytes, int] | int:
@@ -97,5 +102,11 @@ class Oracle:
     def _put(block: list[int], start: int, values: list[int], echo: bytes) -> tuple[bytes, int] | int:
         if start + len(values) > len(block):
             return 2
+        if len(block) == COMMAND_WORDS and _wishes_nonsense(start, values):
+            return 3
         block[start : start + len(values)] = values
         return echo, len(echo)
+
+
+def _wishes_nonsense(start: int, values: list[int]) -> bool:
+    return start <= LEASE < start + len(values) and values[LEASE - start] > GREATEST_WISH

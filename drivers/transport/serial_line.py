@@ -39,7 +39,10 @@ class SerialLine:
             return
         try:
             self._serial = serial.Serial(self.port, exclusive=True, write_timeout=_WRITE_TIMEOUT, **self._settings)
+            # a pseudo-terminal takes a parity that it does not have once, and refuses every setting after it
+            self._serial.timeout = _WRITE_TIMEOUT
         except Exception as error:  # pyserial lets termios.error through, which has no base but this
+            self.close()
             raise DeviceNotOpenedError(f"serial port {self.port}: {_why(error)}") from error
 
     def close(self) -> None:
@@ -60,7 +63,7 @@ class SerialLine:
                 port.timeout = timeout
             data: bytes = port.read(1)
             return data + port.read(port.in_waiting) if data else data
-        except (OSError, TypeError) as error:  # pyserial stumbles over its own closed handle with a TypeError
+        except Exception as error:  # termios.error has no base but this, a handle closed meanwhile is a TypeError
             raise LineLostError(f"serial port {self.port}: {error}") from error
 
     def write(self, data: bytes) -> None:

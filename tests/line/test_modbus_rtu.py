@@ -135,3 +135,11 @@ def test_mbpoll_stops_the_cell(bridge, cable):
     command = take(bridge)
     assert isinstance(command, Command)
     assert command.code == 2
+
+
+def test_a_line_that_cannot_have_the_parity_is_refused_at_start():
+    with Cable() as cable:
+        rtu = RtuConfig(port=cable.ends[0])
+        bridge = Bridge(PlcConfig(modbus=ModbusConfig(port=0), rtu=rtu), {100: "insert_peg"})
+        with pytest.raises(DeviceNotOpenedError, match=rf"^serial port {cable.ends[0]}: [^\n]*parity[^\n]*$"):
+            bridge.start()

@@ -146,6 +146,8 @@ def test_unit_is_echoed(bridge):
         ("04 007E 0001", "84 02"),
         ("01 0003 0001", "81 02"),
         ("02 0004 0001", "82 02"),
+        ("06 0005 0004", "86 03"),
+        ("10 0004 0002 04 0000 FFFF", "90 03"),
     ],
 )
 def test_illegal_request_gets_its_exception_and_the_connection_stays(bridge, request_, response):

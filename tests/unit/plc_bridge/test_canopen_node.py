@@ -463,3 +463,12 @@ def test_100000_random_frames_do_no_harm():
         assert value == 0 or register.low <= value <= register.high, register.name
     rig.nmt(RESET_NODE)
     assert rig.start() is not None
+
+
+@pytest.mark.parametrize("wish", [4, 0xFFFF])
+def test_a_wish_for_the_lease_that_there_is_not_is_refused_in_a_pdo_too(rig, wish):
+    rig.nmt(START)
+    rig.take()
+    rig.give(0x300 + NODE, b"\0\0" + wish.to_bytes(2, "little"))
+    assert rig.take(EMCY)[0][:2] == bytes.fromhex("0082")
+    assert (rig.read(0x2000, 6), rig.bridge.holder) == (0, "")

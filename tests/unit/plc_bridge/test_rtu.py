@@ -1,4 +1,5 @@
 import random
+import threading
 
 import pytest
 
@@ -189,3 +190,25 @@ def test_lost_line_is_opened_again(monkeypatch):
     server._thread.join(timeout=10.0)
     server.close()
     assert (line.opened, len(with_answer)) == (3, 1)
+
+
+def test_whatever_breaks_the_line_is_opened_again_and_no_thread_is_dead(caplog):
+    opened, is_served = [], threading.Event()
+
+    class BreakingLine(FakeLine):
+        def open(self):
+            opened.append(True)
+
+        def read(self, timeout):
+            if len(opened) < 3:
+                raise ZeroDivisionError("what nobody foresaw")
+            is_served.set()
+            return SILENCE
+
+    server = RtuServer(RtuConfig(port="-"), BreakingLine(), Bridge(PlcConfig(), {PROGRAM: "insert_peg"}), pause=0.0)
+    server.start()
+    assert is_served.wait(10.0)
+    server.close()
+    assert [record.getMessage() for record in caplog.records if record.levelname == "WARNING"] == [
+        "Modbus RTU: what nobody foresaw"
+    ]
