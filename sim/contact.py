@@ -1,6 +1,6 @@
 """Contacts between a peg and plates with one hole, hung into MuJoCo's own collision table: what all shapes share.
 
-Soft, faceted holes let a peg fall through the wall; here `sim.cylinder` and `sim.square` find the features of a peg
+Soft, faceted holes let a peg fall through the wall; here `sim.cylinder` and `sim.rectangular` find the features of a peg
 against a half-space with a bore in closed form, inside an untouched `mj_step`, and `put` makes contacts of them.
 
 Contacts are added with `mj_addContact` also while still apart, by up to what the coming steps can close:
@@ -23,6 +23,7 @@ PLATE_TYPE = mujoco.mjtGeom.mjGEOM_ELLIPSOID
 PLATE = np.dtype(
     [
         ("hole", "f8"),
+        ("across", "f8"),
         ("depth", "f8"),
         ("friction", "f8"),
         ("timestep", "f8"),
@@ -54,7 +55,7 @@ ABOVE = 2e-3
 IMPEDANCE = 0.9999
 """Largest that MuJoCo allows."""
 SOLID = -1.0
-"""Radius of a hole that is not there, m: for every point of the peg's end the plane is nearer than such a wall."""
+"""Half the extents of a hole that is not there, m: for every point of the peg's end the plane is nearer than such a wall."""
 FRICTION_FLOOR = 1e-5
 """A contact with friction 0 vanishes in MuJoCo's elliptic cone."""
 
@@ -71,7 +72,9 @@ class Meeting(NamedTuple):
     userdata: int
     """Address of MuJoCo's `userdata`: at its beginning the contact that is filled in, a record of `native.CONTACT`."""
     hole: float
-    """Radius of the hole, or half its side, m."""
+    """Half the extent of the hole along x: its radius, or half its first side, m."""
+    across: float
+    """Half the extent along y, m."""
     depth: float
     """Depth of the hole's floor, m."""
     origin: tuple[float, float, float]
@@ -89,7 +92,7 @@ class Meeting(NamedTuple):
 
 
 def plate_user(
-    hole_radius: float,
+    half: tuple[float, float],
     hole_depth: float,
     friction: float,
     timestep: float,
@@ -100,7 +103,7 @@ def plate_user(
     """Return a plate's `geom_user`, shape (USER,); the plate's frame has its origin at the middle of the hole's mouth, z outward.
 
     Args:
-        hole_radius: m.
+        half: Half the extents of the hole along x and y, m.
         hole_depth: Depth of the floor under the surface, m.
         friction: Coulomb coefficient between plate and peg.
         timestep: Of the model, s; contacts look ahead by it.
@@ -109,7 +112,7 @@ def plate_user(
         has_flats: Whether the boxes of `sim.flats` follow the plate's geom.
     """
     first, second = solref or (2.0 * timestep, 1.0)
-    return np.array([hole_radius, hole_depth, max(friction, FRICTION_FLOOR), timestep, first, second, mode, has_flats])
+    return np.array([*half, hole_depth, max(friction, FRICTION_FLOOR), timestep, first, second, mode, has_flats])
 
 
 @njit(cache=True)
@@ -181,6 +184,7 @@ def meeting(model, data, geom_plate, geom_peg, g, lever):  # type: ignore[no-unt
         address,
         userdata,
         plate.hole,
+        plate.across,
         plate.depth,
         (origin[0], origin[1], origin[2]),
         ((R[0, 0], R[0, 1], R[0, 2]), (R[1, 0], R[1, 1], R[1, 2]), (R[2, 0], R[2, 1], R[2, 2])),

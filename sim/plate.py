@@ -57,7 +57,7 @@ def geoms(
     mode = contact.UNPREDICTED if model.hole == "unpredicted" else contact.EXACT
     if has_facets:
         mode = contact.PROBE if is_judged else contact.NONE
-    user = contact.plate_user(plate.half[0], plate.depth, friction, timestep, solref, mode, has_flats)
+    user = contact.plate_user(plate.half, plate.depth, friction, timestep, solref, mode, has_flats)
     shapes = [
         f'<geom name="{name}" type="ellipsoid" size="0.1 0.1 0.1" {_pose(plate, np.zeros(3), 0.0)} '
         f'contype="1" conaffinity="0" user="{words(user)}"/>'

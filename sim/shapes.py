@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from drivers.part.contract import Part
-from sim import cylinder, square
+from sim import cylinder, rectangular
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,7 +21,7 @@ class Solid:
 
 SOLIDS: Mapping[str, Solid] = {
     "round": Solid("cylinder", lambda part: f"{part.reach}", cylinder.install),
-    "rectangular": Solid("box", lambda part: f"{part.half[0]} {part.half[1]}", square.install),
+    "rectangular": Solid("box", lambda part: f"{part.half[0]} {part.half[1]}", rectangular.install),
 }
 """By the part's kind."""
 

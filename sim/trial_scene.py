@@ -113,10 +113,11 @@ def _plate(job: Job, drawn: Draw) -> Plate:
 def _rack(job: Job, drawn: Draw) -> Plate:
     rack = job.rack
     slot = np.array(rack.first) + np.array([0.0, rack.pitch * (job.slot % rack.slots), 0.0]) + drawn.rack
-    # The hand comes with its closing axis along y, so the slot leans about y.
+    # The hand comes with its closing axis along y, so the slot leans about y and its first side lies along y.
+    lean = frames.rotation_about(np.array([0.0, 1.0, 0.0]), -drawn.grasp_angle)
     return Plate(
         slot,
-        frames.rotation_about(np.array([0.0, 1.0, 0.0]), -drawn.grasp_angle),
+        lean @ frames.rotation_about(frames.UP, job.peg.part.least_turn(math.pi / 2)),
         job.peg.part.grown(scene.RACK_CLEARANCE).half,
         # The deeper the slot, the closer to its back end the peg is taken.
         rack.depth + drawn.depth_in_hand,

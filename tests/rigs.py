@@ -6,7 +6,8 @@ import mujoco
 import numpy as np
 
 from drivers.frames import UP, rotation_about
-from sim import contact, engine, native, square
+from drivers.part.rectangular import Rectangular
+from sim import contact, engine, native, rectangular
 from sim.plate import Plate, geoms, words
 from sim.rig import HOLE_DEPTH as HOLE_DEPTH
 from sim.rig import lean as lean
@@ -43,16 +44,29 @@ def square_peg(
     side: float, hole: float, axes: np.ndarray, yaw: float, friction: float, timestep: float, joints: str = ""
 ) -> mujoco.MjModel:
     """Return a square peg whose end's middle is at its body's origin, over a square hole turned by `yaw`."""
-    square.install()
+    return rectangular_peg(Rectangular(side, side), Rectangular(hole, hole), axes, yaw, friction, timestep, joints)
+
+
+def rectangular_peg(
+    peg: Rectangular,
+    hole: Rectangular,
+    axes: np.ndarray,
+    yaw: float,
+    friction: float,
+    timestep: float,
+    joints: str = "",
+) -> mujoco.MjModel:
+    """Return a rectangular peg whose end's middle is at its body's origin, over a rectangular hole turned by `yaw`."""
+    rectangular.install()
     slides = "".join(f'<joint type="slide" axis="{words(axis)}"/>' for axis in np.eye(3))
     quat, length = np.empty(4), 0.05
     mujoco.mju_mat2Quat(quat, axes.flatten())
-    plate = Plate(np.zeros(3), rotation_about(UP, yaw), (hole / 2, hole / 2), HOLE_DEPTH)
+    plate = Plate(np.zeros(3), rotation_about(UP, yaw), hole.half, HOLE_DEPTH)
     return mujoco.MjModel.from_xml_string(
         f"""<mujoco><option timestep="{timestep}" gravity="0 0 0" cone="elliptic" impratio="10" tolerance="1e-14" iterations="60">
         <flag autoreset="disable"/></option><size nuser_geom="{contact.USER}" nuserdata="{native.NUSERDATA}"/>
         <worldbody>{"".join(geoms("plate", plate, friction, timestep))}
-        <body name="peg">{joints or slides}<geom name="peg" type="box" size="{side / 2} {side / 2} {length / 2}"
+        <body name="peg">{joints or slides}<geom name="peg" type="box" size="{peg.half[0]} {peg.half[1]} {length / 2}"
         pos="{words(axes[:, 2] * length / 2)}" quat="{words(quat)}" mass="0.5" contype="0" conaffinity="1"/></body></worldbody></mujoco>"""
     )
 
@@ -82,8 +96,15 @@ def pushed_square_depth(
     model: mujoco.MjModel, side: float, axes: np.ndarray, beside: np.ndarray, push: float, steps: int
 ) -> tuple[float, float]:
     """Push a square peg down from `beside` the hole's middle; see `pushed_depth`."""
+    return pushed_rectangle_depth(model, Rectangular(side, side), axes, beside, push, steps)
+
+
+def pushed_rectangle_depth(
+    model: mujoco.MjModel, peg: Rectangular, axes: np.ndarray, beside: np.ndarray, push: float, steps: int
+) -> tuple[float, float]:
+    """Push a rectangular peg down from `beside` the hole's middle; see `pushed_depth`."""
     data = mujoco.MjData(model)
-    lowest = side / 2 * (abs(axes[2, 0]) + abs(axes[2, 1]))
+    lowest = peg.half[0] * abs(axes[2, 0]) + peg.half[1] * abs(axes[2, 1])
     data.qpos[:] = [*beside, lowest + 1e-4]
     for _ in range(steps):
         data.qfrc_applied[:] = np.array([0.0, 0.0, -push]) - 5.0 * data.qvel

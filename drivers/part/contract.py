@@ -89,6 +89,9 @@ class Part(Protocol):
     def symmetry(self) -> float:
         """Smallest turn about the peg's axis after which it looks the same, rad; 0 where every turn does that."""
 
+    def least_turn(self, turn: float) -> float:
+        """Return the smallest turn about the peg's axis, >= 0, after which it looks as after `turn`, rad."""
+
     @property
     def face(self) -> Face:
         """What the pads touch."""

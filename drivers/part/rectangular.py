@@ -51,6 +51,10 @@ class Rectangular:
         """Half a turn; a quarter for a square."""
         return math.pi / 2 if self.a == self.b else math.pi
 
+    def least_turn(self, turn: float) -> float:
+        """Return the turn without whole symmetries."""
+        return turn % self.symmetry
+
     @property
     def face(self) -> Face:
         """A plane as wide as the second side."""

@@ -52,6 +52,10 @@ class Round:
         """Zero: it looks the same however it is turned."""
         return 0.0
 
+    def least_turn(self, turn: float) -> float:
+        """Return zero."""
+        return 0.0
+
     @property
     def face(self) -> Face:
         """The line along a cylinder."""

@@ -1,4 +1,4 @@
-"""Exact contacts between a square peg and plates with one square hole, beside `sim.cylinder`, which has the round ones.
+"""Exact contacts between a rectangular peg and plates with one rectangular hole, beside `sim.cylinder` with the round ones.
 
 Peg and solid are bounded by planes, so the places where they can touch are finite in number: the corners of the peg's
 end against plane, walls and floor, and the hole's four rim edges against the peg's edges. The hole's own corners are
@@ -30,7 +30,7 @@ from sim.contact import (
 )
 
 PEG_TYPE = mujoco.mjtGeom.mjGEOM_BOX
-"""Against `PLATE_TYPE` again a pair that nothing else uses; the plate's `hole` is half the side of a square one."""
+"""Against `PLATE_TYPE` again a pair that nothing else uses; the plate's `hole` and `across` are half the hole's sides."""
 
 FLUSH = 0.02
 """Sine of the angle by which a normal may lie outside of a cone."""
@@ -52,13 +52,13 @@ def collide(model, data, geom_plate, geom_peg):  # type: ignore[no-untyped-def]
     """Find every place where the end of the peg may touch the plate, and add it as a contact."""
     plate = plate_at(plate_of(model, geom_plate))
     size = native.array(model + native.MODEL_GEOM_SIZE, (geom_peg + 1, 3))[geom_peg]
-    hole, depth = plate.hole, plate.depth
+    half, depth = (plate.hole, plate.across), plate.depth
     e1, e2, v, c, g = peg_end(data, geom_plate, geom_peg, size[2])
     highest = size[0] * abs(e1[2]) + size[1] * abs(e2[2])
     if plate.mode == NONE or c[2] - highest > ABOVE:
         return
     away = math.sqrt(_dot(c, c))
-    lever = max(size[0] + size[1], away + math.sqrt(2.0) * (hole + BEYOND) + NEAR)
+    lever = max(size[0] + size[1], away + math.hypot(half[0] + BEYOND, half[1] + BEYOND) + NEAR)
     meet = meeting(model, data, geom_plate, geom_peg, g, lever)
 
     # The end's corners: a point in the solid is below the plane and beyond a wall, so its clearance is the larger gap.
@@ -68,12 +68,12 @@ def collide(model, data, geom_plate, geom_peg):  # type: ignore[no-untyped-def]
         for k in range(3):
             corners[n, k] = c[k] + s * e1[k] + t * e2[k]
         p = (corners[n, 0], corners[n, 1], corners[n, 2])
-        wall = hole - max(abs(p[0]), abs(p[1]))
+        wall = min(half[0] - abs(p[0]), half[1] - abs(p[1]))
         if p[2] >= wall:
             put(meet, p[2], p, (0.0, 0.0, 1.0), False, FEATURE_BAND)
             continue
         for k in range(2):
-            gap = hole - abs(p[k])
+            gap = half[k] - abs(p[k])
             if gap < NEAR:
                 away = -1.0 if p[k] > 0.0 else 1.0
                 inward = (away, 0.0, 0.0) if k == 0 else (0.0, away, 0.0)
@@ -107,27 +107,26 @@ def _outward(e1, e2, n):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _depth(p, inward, hole):  # type: ignore[no-untyped-def]
+def _depth(p, inward, half):  # type: ignore[no-untyped-def]
     """Return how little a corner within the solid behind one wall is in it, m, not above 0; far below 0 for one that is not.
 
     Where the corner is in the solid less deep than its edge passes below the rim, the corner is what touches.
     """
-    wall = hole + _dot(p, inward)
+    wall = half + _dot(p, inward)
     return max(p[2], wall) if p[2] < 0.0 and wall < 0.0 else -1.0
 
 
 @njit(cache=True)
 def _edges(meet, start, along, length, one, other, is_end):  # type: ignore[no-untyped-def]
     """Add one edge of the peg, from `start` along a unit vector, against the hole's four; one and other its faces' normals."""
-    hole = meet.hole
     end = (start[0] + length * along[0], start[1] + length * along[1], start[2] + length * along[2])
     for k in range(4):
         sign = 1.0 if k < 2 else -1.0
-        # The rim edge's direction t and the wall's normal into the bore.
+        # The rim edge's direction t, the wall's normal into the bore and distance from its axis, and half the edge's length.
         if k % 2 == 0:
-            t, inward = (0.0, 1.0, 0.0), (-sign, 0.0, 0.0)
+            t, inward, away, reach = (0.0, 1.0, 0.0), (-sign, 0.0, 0.0), meet.hole, meet.across
         else:
-            t, inward = (1.0, 0.0, 0.0), (0.0, -sign, 0.0)
+            t, inward, away, reach = (1.0, 0.0, 0.0), (0.0, -sign, 0.0), meet.across, meet.hole
         n = (
             t[1] * along[2] - t[2] * along[1],
             t[2] * along[0] - t[0] * along[2],
@@ -142,7 +141,7 @@ def _edges(meet, start, along, length, one, other, is_end):  # type: ignore[no-u
         if inside < -FLUSH:
             continue
         # From the middle of the rim edge to the start of the peg's.
-        d = (start[0] + hole * inward[0], start[1] + hole * inward[1], start[2])
+        d = (start[0] + away * inward[0], start[1] + away * inward[1], start[2])
         gap = _dot(d, n)
         if abs(gap) > NEAR or (inside < 0.0 and gap < -ROUNDING):
             continue
@@ -151,9 +150,9 @@ def _edges(meet, start, along, length, one, other, is_end):  # type: ignore[no-u
         across = 1.0 - cosine * cosine
         u = (cosine * _dot(d, t) - _dot(d, along)) / across
         s = _dot(d, t) + u * cosine
-        if u < 0.0 or u > length or abs(s) > hole + BEYOND:
+        if u < 0.0 or u > length or abs(s) > reach + BEYOND:
             continue
-        if gap < 0.0 and is_end and max(_depth(start, inward, hole), _depth(end, inward, hole)) > gap:
+        if gap < 0.0 and is_end and max(_depth(start, inward, away), _depth(end, inward, away)) > gap:
             continue
         p = (start[0] + u * along[0], start[1] + u * along[1], start[2] + u * along[2])
         band = FEATURE_BAND if inside >= 0.0 else SAMPLE_BAND
