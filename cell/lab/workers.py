@@ -3,12 +3,14 @@
 import multiprocessing
 import os
 import platform
+import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from functools import partial
+from multiprocessing import connection
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -16,6 +18,8 @@ from cell.journal import versions
 from drivers.errors import CellError, ConfigError
 
 if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
+
     from distributed import Client, Future
 
 Row = TypeVar("Row")
@@ -38,28 +42,46 @@ def on_processes(task: Callable[[int], Row], seeds: Sequence[int], workers: int)
     """
     if not seeds:
         return
+    context = multiprocessing.get_context("spawn")
+    lifeline, held = context.Pipe(duplex=False)
     with _one_thread_each():
-        context = multiprocessing.get_context("spawn")
-        pool = ProcessPoolExecutor(min(workers, len(seeds)), mp_context=context, initializer=_leave_with_parent)
+        pool = ProcessPoolExecutor(
+            min(workers, len(seeds)), mp_context=context, initializer=_leave_with_parent, initargs=(lifeline,)
+        )
         try:
-            for future in as_completed([pool.submit(task, seed) for seed in seeds]):
+            with _deaf_children():
+                futures = [pool.submit(task, seed) for seed in seeds]
+            for future in as_completed(futures):
                 yield future.result()
         except BrokenProcessPool:
             raise CellError(f"trials: a worker process was killed; {_TAKE_UP}") from None
         finally:
+            # Whoever interrupts does not wait for trials under way: they are run again by the same command.
+            held.close()
             pool.shutdown(cancel_futures=True)
+            lifeline.close()
 
 
-def _leave_with_parent() -> None:
-    """End this process when the one that asked for it is killed; a pool's workers would wait for ever."""
+def _leave_with_parent(lifeline: "Connection") -> None:
+    """End this process when the one that asked for it is killed or interrupted; a pool's workers would wait for ever."""
     parent = multiprocessing.parent_process()
     assert parent is not None
 
     def wait() -> None:
-        parent.join()
+        connection.wait([parent.sentinel, lifeline])
         os._exit(1)
 
     threading.Thread(target=wait, daemon=True).start()
+
+
+@contextmanager
+def _deaf_children() -> Iterator[None]:
+    """Let processes that are started meanwhile not hear a Ctrl-C, which their parent hears and answers for them."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def on_cluster(

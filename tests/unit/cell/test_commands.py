@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from cell.cli import COMMANDS, GOOD, WRONG_USE, load_command, main
+from cell.journal import Journal, RunRow
 from cell.lab.commands.study import STUDIES, load_study
 from cell.nearest import did_you_mean
 from cell.versions import PINS, packages
@@ -68,6 +69,28 @@ def test_one_fault_is_told_by_its_number_or_its_name(word, capsys):
 def test_a_fault_that_does_not_exist_is_wrong_use(capsys):
     assert main(["faults", "9999"]) == WRONG_USE
     assert "1002" in capsys.readouterr().err
+
+
+SERIAL = "PN7[a]-[/x] :warning: [red]"
+"""As a PLC may send it: a number that looks like the terminal's own markup."""
+
+
+def test_a_serial_number_that_looks_like_markup_is_printed_as_it_is(tmp_path, capsys):
+    with Journal(tmp_path) as journal:
+        row = RunRow(
+            run=0,
+            started="2026-01-01T00:00:00",
+            program="insert_peg",
+            recipe=0,
+            serial=SERIAL,
+            source="plc[/]",
+            sequence=1,
+        )
+        journal.begin(row)
+    assert main(["runs", "--journal", str(tmp_path)]) == GOOD
+    told = capsys.readouterr().out
+    assert SERIAL in told
+    assert "plc[/]" in told
 
 
 def test_the_version_is_told_with_those_that_the_suite_ran_with(capsys):
