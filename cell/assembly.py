@@ -298,7 +298,7 @@ def bench_skin(config: CellConfig, rod_half: float) -> "tuple[Skin, Clock, Bench
     if config.sim is None or config.contact is None or config.grip is None or not config.is_skin_simulated():
         raise ConfigError("a bench needs a simulated skin or an emulated board")
     bench = Bench(config.peg.part.thickness, rod_half)
-    drawn = draw(config.job(), config.contact, config.grip, config.sim.seed)
+    drawn = draw(config.arm_model(), config.job(), config.contact, config.grip, config.sim.seed)
     felt = _world_skin(config, bench, drawn.skin)
     return felt.skin, felt.clock, bench
 

@@ -90,6 +90,12 @@ def rotation_of(quaternion: Vector) -> Vector:
     return rotation
 
 
+def rotation_by(turn: Vector) -> Vector:
+    """Return the rotation of a rotation vector, rad, shape (3, 3)."""
+    angle = float(np.linalg.norm(turn))
+    return rotation_about(turn / angle, angle) if angle > 0.0 else _ONE.copy()
+
+
 def end_point(T_base_tcp: Pose, theta: float, length: float) -> tuple[Vector, Vector]:
     """Return the peg's end point x_p, m, and its axis v, both shape (3,) in the base frame, [gibbons], Eq. (3)."""
     c, s = math.cos(theta), math.sin(theta)

@@ -3,7 +3,7 @@
 import math
 
 from drivers import impedance
-from drivers.quantities import ArmState, ImpedanceSetpoint, Wrench
+from drivers.quantities import ArmState, ImpedanceSetpoint, Pose, Wrench
 from sim.world import World
 
 
@@ -43,16 +43,18 @@ class SimArm:
         self.halt()
 
     def read(self) -> ArmState:
-        """Return the state now; the external wrench is the plates' force on the peg, exact but for a 5 ms low-pass."""
+        """Return the newest state; of an ideal arm the external wrench is the plates' force on the peg, 5 ms low-pass."""
         world = self._world
         now = world.now()
         words = world.control.words
+        q, dq, wrench = world.scanned()
+        position, rotation, _, _ = impedance.forward(world.control.arm, q)
         return ArmState(
             stamp=now,
-            q=world.q,
-            dq=world.dq,
-            tcp=world.tcp(),
+            q=q,
+            dq=dq,
+            tcp=Pose(position, rotation),
             elbow=world.arm.kinematics.elbow - 1,
-            wrench=Wrench(world.contact_force(), world.contact_torque()),
+            wrench=Wrench(wrench[:3], wrench[3:]),
             setpoint_age=now - words[impedance.STAMP] if words[impedance.VALID_UNTIL] >= now else math.inf,
         )

@@ -4,10 +4,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drivers.arm.model import ArmModel
 from drivers.parts import Job
 from drivers.quantities import Vector
+from sim.arm_truth import ArmTruth, ideal
 from sim.config import ContactConfig, GripConfig, Spread
 from sim.reality import AS_BELIEVED, Drawn
+
+SENSES_STREAM = 6
+"""Key of the random stream for the noise of what the arm reads; the keys before it are taken."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,19 +41,30 @@ class Draw:
     """How much further than believed the peg reaches from the finger centre when it is taken from the rack, m."""
     grip_force: float
     """Force of the fingers over the commanded one, a ratio."""
+    arm: ArmTruth
+    """The arm as it is."""
+    senses: np.random.Generator
+    """For the noise of what the arm reads."""
 
 
 def draw(
-    job: Job, contact: ContactConfig, grip: GripConfig, seed: int, cell: Drawn = AS_BELIEVED, part: Drawn = AS_BELIEVED
+    arm: ArmModel,
+    job: Job,
+    contact: ContactConfig,
+    grip: GripConfig,
+    seed: int,
+    cell: Drawn = AS_BELIEVED,
+    part: Drawn = AS_BELIEVED,
 ) -> Draw:
     """Return the world of the trial with this seed; independent streams, so that no draw shifts another.
 
     Args:
+        arm: The arm as the cell believes it to be.
         job: The part and its believed places.
         contact: Friction of peg and plate.
         grip: Friction of peg and pads, and the angle in the rack.
         seed: Seed of the trial.
-        cell: Errors of the places, which stay as long as the cell does.
+        cell: Errors of arm and places, which stay as long as the cell does.
         part: Errors of the peg and its grasp.
     """
     place, feel, skin = np.random.SeedSequence(seed).spawn(3)
@@ -66,6 +82,8 @@ def draw(
         rack=cell["place.rack"],
         depth_in_hand=float(part["peg.depth_in_hand"]),
         grip_force=float(part["grip.force"]),
+        arm=ideal(arm),
+        senses=np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(SENSES_STREAM,))),
     )
 
 

@@ -10,7 +10,7 @@ from drivers import impedance
 from drivers.arm.model import Hand
 from drivers.compiled import njit
 from drivers.quantities import Vector
-from sim import contact, native
+from sim import arm_senses, contact, joint_drive, native
 
 METER_WORDS = 64
 FORCE, TORQUE, PEAK_FORCE = 0, 3, 6
@@ -94,19 +94,25 @@ class Watch(NamedTuple):
     """Index of the peg's hinge among the positions, or -1."""
     lost: float
     """Angle of the hinge beyond which the peg is no longer held, rad."""
+    is_felt: bool
+    """Whether the arm feels what the plates do to the peg."""
 
 
 class Control(NamedTuple):
     """What is commanded, and the figures that tell what comes of it."""
 
     arm: Vector
-    """Figures of the arm, see `drivers.impedance.figures`."""
+    """Figures of the arm as the cell believes them, see `drivers.impedance.figures`."""
     words: Vector
     """The held setpoint, see `drivers.impedance`."""
     law: Vector
     """State of the torque law."""
     drive: Vector
     """The hand's drive, see the indices of this module."""
+    joints: Vector
+    """The joints' drives, see `sim.joint_drive`."""
+    senses: Vector
+    """What is read of the joints, see `sim.arm_senses`."""
 
 
 class Span(NamedTuple):
@@ -121,6 +127,8 @@ class Span(NamedTuple):
     """Ticks in a control period."""
     phase: int
     """Ticks since the last control period began."""
+    noise: Vector
+    """Standard normal numbers for its control periods, a row each, see `sim.arm_senses`; one row where none are needed."""
 
 
 def new_meters() -> Vector:
@@ -202,19 +210,22 @@ def advance(
     """
     qpos, qvel, qfrc, peg = state.qpos, state.qvel, state.qfrc, watch.peg
     lasting = window(span.timestep)
-    force, torque = np.zeros(3), np.zeros(3)
-    tick = 0
+    force, torque, nothing = np.zeros(3), np.zeros(3), np.zeros(6)
+    tick = cycle = 0
     while tick < span.ticks:
         if (span.phase + tick) % span.law_every == 0:
             now, period = span.start + tick * span.timestep, span.law_every * span.timestep
-            tau = impedance.torque(control.arm, control.words, control.law, qpos[:7], qvel[:7], now, period)
-            for i in range(7):
-                qfrc[i] = tau[i]
+            felt = meters[FORCE : TORQUE + 3] if watch.is_felt else nothing
+            q, dq = arm_senses.measure(control.senses, qpos[:7], qvel[:7], felt, span.noise[cycle])
+            tau = impedance.torque(control.arm, control.words, control.law, q, dq, now, period)
+            joint_drive.command(control.joints, control.arm, qpos[:7], tau, qfrc)
+            cycle = min(cycle + 1, span.noise.shape[0] - 1)
         if watch.hinge < 0:
             _drive_fingers(state, control.drive)
         state.userdata[contact.PENETRATION] = 0.0
         may_coarsen = models.coarse != 0 and (span.phase + tick) % COARSE == 0 and tick + COARSE <= span.ticks
         stride = COARSE if may_coarsen and is_far(models.hole, peg.size, peg.middle, peg.axes) else 1
+        joint_drive.act(control.joints, qvel, qfrc, stride > 1)
         native.step(models.fine if stride == 1 else models.coarse, state.data)
         tick += stride
         _net_force(state.data, watch.pivot, watch.plates, force, torque)

@@ -10,10 +10,14 @@ import math
 from copy import copy
 
 import mujoco
+import numpy as np
 
-from drivers.arm.model import ArmModel, Inertial
+from drivers import frames
+from drivers.arm.model import Inertial
 from drivers.parts import Job
+from drivers.quantities import Vector
 from sim import contact, native, shapes
+from sim.arm_truth import ArmTruth
 from sim.config import ModelConfig
 from sim.plate import EXACT, Plate, flags, geoms, words
 
@@ -38,24 +42,24 @@ acceleration errs by less than 1e-3 rad/s². The line search need not be finer t
 
 
 def held_model(
-    arm: ArmModel, job: Job, plate: Plate, friction: float, timestep: float, how: ModelConfig = EXACT
+    arm: ArmTruth, job: Job, plate: Plate, friction: float, timestep: float, how: ModelConfig = EXACT
 ) -> mujoco.MjModel:
     """Return the arm with the peg on its hinge, above one plate."""
-    axis = -job.peg.length / 2 + job.peg.overhang / 2
+    axis, hand = -job.peg.length / 2 + job.peg.overhang / 2, arm.model.hand
     # The peg's frame is that of `drivers.frames.peg_in_finger(0)`: x the closing axis, z from the tip to the finger.
-    peg = f"""<body name="peg" pos="0 0 {arm.hand.finger_centre}" quat="0 {math.sqrt(0.5)} {math.sqrt(0.5)} 0">
+    peg = f"""<body name="peg" pos="0 0 {hand.finger_centre}" quat="0 {math.sqrt(0.5)} {math.sqrt(0.5)} 0">
       <joint name="pivot" type="hinge" axis="1 0 0" frictionloss="0.2"
         solreffriction="{2 * timestep} 1" solimpfriction="0.9999 0.9999 0.001 0.5 2"/>
       {_peg_geom(job, axis)}</body>"""
-    hand_mass = arm.hand.body.mass + 2 * arm.hand.finger.mass
+    hand_mass = hand.body.mass + 2 * hand.finger.mass
     plates = "".join(geoms("plate", plate, friction, timestep, how))
-    model = _compile(plates, _arm(arm, timestep, hand_mass, peg, how), "", f'island="disable" {flags(how)}', timestep)
+    model = _compile(plates, _arm(arm, timestep, hand_mass, peg), "", f'island="disable" {flags(how)}', timestep)
     model.dof_invweight0[model.joint("pivot").dofadr] *= STIFFER
     return model
 
 
 def free_model(
-    arm: ArmModel,
+    arm: ArmTruth,
     job: Job,
     plate: Plate,
     rack: Plate,
@@ -63,11 +67,10 @@ def free_model(
     pad_friction: float,
     pad: tuple[float, float],
     timestep: float,
-    how: ModelConfig = EXACT,
 ) -> mujoco.MjModel:
     """Return the arm with two moving fingers, pads of length and width `pad`, and the peg as a body of its own."""
     length, width = pad
-    hand = arm.hand
+    hand = arm.model.hand
     fingers = ""
     for name, sign, finger in (("left", 1, hand.finger), ("right", -1, hand.finger.turned())):
         fingers += f"""<body name="{name}" pos="0 0 {hand.finger_centre}">
@@ -81,7 +84,7 @@ def free_model(
     peg = f"""<body name="peg"><freejoint/>{_peg_geom(job, 0.0)}</body>"""
     plates = "".join(geoms("plate", plate, friction, timestep) + geoms("rack", rack, friction, timestep))
     extra = f'<equality><joint joint1="left" joint2="right" solref="{2 * timestep} 1" solimp="0.999 0.999 0.0005"/></equality>'
-    return _compile(plates, _arm(arm, timestep, hand.body.mass, fingers, how) + peg, extra, 'island="enable"', timestep)
+    return _compile(plates, _arm(arm, timestep, hand.body.mass, fingers) + peg, extra, 'island="enable"', timestep)
 
 
 def without_peg(model: mujoco.MjModel, longer: int) -> mujoco.MjModel:
@@ -105,19 +108,31 @@ def _peg_geom(job: Job, axis: float) -> str:
     )
 
 
-def _arm(arm: ArmModel, timestep: float, hand_mass: float, in_hand: str, how: ModelConfig) -> str:
-    dh, joints = arm.kinematics, arm.joints
-    inner = f"""<body name="hand" pos="0 0 {dh.flange}" euler="0 0 {arm.hand.turn}">
-      {_inertial(arm.hand.body.model_copy(update={"mass": hand_mass}))}
-      {in_hand}</body>"""
-    for i, link in reversed(list(enumerate(arm.link))):
+def _arm(arm: ArmTruth, timestep: float, hand_mass: float, in_hand: str) -> str:
+    dh, joints, hand = arm.model.kinematics, arm.model.joints, arm.model.hand
+    inner = f"""<body name="hand" pos="0 0 {dh.flange}" euler="0 0 {hand.turn}">
+      {_inertial(arm.hand_body(hand_mass))}
+      {_displaced(arm, in_hand)}</body>"""
+    for i, link in reversed(list(enumerate(arm.model.link))):
         a, d, alpha = dh.a[i], dh.d[i], dh.alpha[i]
         inner = f"""<body name="link{i + 1}" pos="{a} {-d * math.sin(alpha)} {d * math.cos(alpha)}" euler="{alpha} 0 0">
           {_inertial(link)}
           <joint name="joint{i + 1}" type="hinge" axis="0 0 1" limited="true" range="{joints.q_min[i]} {joints.q_max[i]}"
-            frictionloss="{joints.friction[i] if how.arm == "full" else 0.0}" solreffriction="{2 * timestep} 1" solimpfriction="0.9999 0.9999 0.001 0.5 2"/>
+            armature="{arm.rotor_inertia[i]}" frictionloss="{arm.friction.dry[i]}" solreffriction="{2 * timestep} 1" solimpfriction="0.9999 0.9999 0.001 0.5 2"/>
           {inner}</body>"""
     return inner
+
+
+def _displaced(arm: ArmTruth, in_hand: str) -> str:
+    """Return what is in the hand where it really is: displaced and turned about the point where the cell believes it."""
+    offset, turn = np.array(arm.tcp_offset), np.array(arm.tcp_turn)
+    if not offset.any() and not turn.any():
+        return in_hand
+    centre, R = arm.model.hand.finger_centre * frames.UP, frames.rotation_by(turn)
+    place: Vector = centre + offset - R @ centre
+    quat = np.empty(4)
+    mujoco.mju_mat2Quat(quat, R.flatten())
+    return f'<body pos="{words(place)}" quat="{words(quat)}">{in_hand}</body>'
 
 
 def _inertial(body: Inertial) -> str:

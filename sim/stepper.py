@@ -9,7 +9,8 @@ from drivers import frames, impedance
 from drivers.arm.model import JOINTS, ArmModel
 from drivers.errors import SimulationUnstableError
 from drivers.quantities import Pose, Vector
-from sim import engine, situation
+from sim import arm_senses, engine, joint_drive, situation
+from sim.arm_truth import ArmTruth
 from sim.config import GripConfig, SimConfig
 from sim.pace import Pace
 from sim.pads import breakaway_torque_of
@@ -21,6 +22,7 @@ NOWHERE: Vector = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0, -math.inf])
 FINGERS, PEG = slice(7, 9), slice(9, 15)
 """Degrees of freedom of the free model after the arm's seven; the held model has the hinge at 7."""
 HINGE = 7
+NO_NOISE: Vector = np.zeros((1, arm_senses.NOISES))
 
 
 class Stepper:
@@ -28,7 +30,7 @@ class Stepper:
 
     def __init__(self, arm: ArmModel, sim: SimConfig, grip: GripConfig, pad: tuple[float, float], pace: Pace) -> None:
         """Set the arm down where it waits; `pad` is length and width of a pad, m."""
-        self._model_of, self._grip, self._pad, self._pace = sim.model, grip, pad, pace
+        self._arm, self._model_of, self._grip, self._pad, self._pace = arm, sim.model, grip, pad, pace
         self.law_every = round(arm.control_period / sim.timestep)
         """Ticks in a control period."""
         self.control = engine.Control(
@@ -36,6 +38,8 @@ class Stepper:
             np.zeros(impedance.WORDS),
             np.zeros(impedance.STATE_WORDS),
             engine.new_drive(arm.hand),
+            np.zeros(joint_drive.WORDS),
+            np.zeros(arm_senses.WORDS),
         )
         self.meters = engine.new_meters()
         self.peg, self.peg_length = Peg.FREE, math.nan
@@ -55,11 +59,28 @@ class Stepper:
         assert self._running is not None
         return self._running
 
-    def restock(self, scene: TrialScene, pad_friction: float) -> None:
-        """Begin a trial with a fresh peg in the rack; `pad_friction` is the Coulomb coefficient of its pads."""
-        self.scene, self._pad_friction = scene, pad_friction
+    def restock(self, scene: TrialScene, pad_friction: float, noise: np.random.Generator) -> None:
+        """Begin a trial with a fresh peg in the rack.
+
+        Args:
+            scene: Its scene.
+            pad_friction: Coulomb coefficient of the peg's pads.
+            noise: For what the arm reads.
+        """
+        self.scene, self._pad_friction, self._noise = scene, pad_friction, noise
         self.meters = engine.new_meters()
+        self._change_arm(scene.arm)
         self.enter_free(float(self.control.drive[engine.DRIVE_WIDTH]), scene.racked())
+
+    def _change_arm(self, truth: ArmTruth) -> None:
+        """Let another arm stand where the last one stood, under the torques that the law commanded last."""
+        timestep, period, law = self._pace.timestep, self._arm.control_period, self.control.law
+        joints = joint_drive.words_of(truth, period, (timestep, engine.COARSE * timestep))
+        joint_drive.fill(joints, law[impedance.TORQUE : impedance.TORQUE + JOINTS])
+        senses = arm_senses.words_of(truth, period)
+        arm_senses.fill(senses, self.q if self._running else self._q, self.dq if self._running else self._dq)
+        self.control = self.control._replace(joints=joints, senses=senses)
+        self._real = impedance.figures(truth.model)
 
     # From one situation to the other; positions and velocities go along.
 
@@ -134,6 +155,7 @@ class Stepper:
             mechanism.plates,
             HINGE if is_held else -1,
             situation.LOST_TURN,
+            self.feels_plates(),
         )
         self._set_near(self.scene.hole)
         self._in_grip_since = self._loose_since = now
@@ -143,6 +165,11 @@ class Stepper:
         self._models = engine.Models(addresses[0], addresses[1] if len(addresses) > 1 else 0, hole)
 
     # The physics.
+
+    def command(self, torque: Vector) -> None:
+        """Command joint torques from outside, shape (7,), N·m, in the place of the law; once a control period."""
+        data = self.running.data
+        joint_drive.command(self.control.joints, self.control.arm, data.qpos[:7], torque, data.qfrc_applied)
 
     def advance(self, ticks: int) -> int:
         """Advance the physics by so many ticks, or fewer where the peg changes its situation; return how many it took.
@@ -157,7 +184,9 @@ class Stepper:
         else:
             self._let_rest()
         pace = self._pace
-        span = engine.Span(pace.now(), pace.timestep, ticks, self.law_every, pace.ticks % self.law_every)
+        span = engine.Span(
+            pace.now(), pace.timestep, ticks, self.law_every, pace.ticks % self.law_every, self._noises(ticks)
+        )
         taken: int = engine.advance(self._models, self._state, self._watch, self.control, self.meters, span)
         if not taken:
             # Time goes on all the same: whoever reports the fault waits for the end of the scan.
@@ -168,6 +197,12 @@ class Stepper:
         pace.ticks += taken
         self._pass_on()
         return taken
+
+    def _noises(self, ticks: int) -> Vector:
+        """Return the random numbers of what the arm reads in so many ticks."""
+        if self.control.senses[arm_senses.IS_IDEAL] > 0.0:
+            return NO_NOISE
+        return self._noise.standard_normal((ticks // self.law_every + 1, arm_senses.NOISES))
 
     def _let_rest(self) -> None:
         """Leave a peg that lies still, out of the pads' reach, out of the physics; take it in again before they reach it."""
@@ -220,15 +255,24 @@ class Stepper:
         """Joint velocities, shape (7,), rad/s."""
         return np.array(self.running.data.qvel[:7])
 
+    def scanned(self) -> tuple[Vector, Vector, Vector]:
+        """Return what a scan reads of the arm: positions, rad, velocities, rad/s, and the wrench at the TCP, N and N·m."""
+        control = self.control
+        if control.senses[arm_senses.IS_IDEAL] > 0.0:
+            felt = self.meters[engine.FORCE : engine.TORQUE + 3].copy() if self.feels_plates() else np.zeros(6)
+            return self.q, self.dq, felt
+        q, dq, wrench = arm_senses.scanned(control.senses, control.arm, joint_drive.unmodelled(control.joints))
+        return q, dq, wrench
+
     def physics(self) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """Return the model that the next step takes, and the data."""
         is_far = engine.is_far(self._models.hole, *self.peg_view)
         return (self._steppers[-1] if is_far else self._steppers[0]), self.running.data
 
     def tcp(self) -> Pose:
-        """Return T_base_tcp from the arm's own kinematics."""
-        position, rotation, _, _ = impedance.forward(self.control.arm, self.running.data.qpos[:7])
-        return Pose(position, rotation)
+        """Return T_base_tcp as it is."""
+        position, rotation, _, _ = impedance.forward(self._real, self.running.data.qpos[:7])
+        return self.scene.arm.displaced(Pose(position, rotation))
 
     def peg_pose(self) -> Pose:
         """Return the pose of the peg's middle, z from its end upward."""

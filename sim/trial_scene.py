@@ -1,16 +1,17 @@
 """What one trial is made of: plate, rack and peg as drawn, and the compiled models that move them."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
 
 from drivers import frames
-from drivers.arm.model import ArmModel
+from drivers.errors import ConfigError
 from drivers.parts import Job
 from drivers.quantities import Pose, Vector
-from sim import contact, engine, scene
+from sim import contact, engine, joint_drive, scene
+from sim.arm_truth import ArmTruth, JointFriction
 from sim.config import SimConfig
 from sim.disturb import Draw
 from sim.plate import Plate
@@ -53,28 +54,31 @@ class PegSize:
 class TrialScene:
     """One trial's plate, rack and models."""
 
-    def __init__(
-        self, arm: ArmModel, sim: SimConfig, job: Job, drawn: Draw, pad: tuple[float, float], has_twins: bool
-    ) -> None:
+    def __init__(self, sim: SimConfig, job: Job, drawn: Draw, pad: tuple[float, float], has_twins: bool) -> None:
         """Compile what was drawn.
 
         Args:
-            arm: The arm.
             sim: Config of the simulated world.
             job: The part, its rack and its hole.
             drawn: What the trial's seed gave.
             pad: Length and width of a pad, m.
-            has_twins: Whether longer steps are taken where nothing can touch the hole.
+            has_twins: Whether longer steps are taken where nothing can touch the hole, if the joints' friction bears them.
+
+        Raises:
+            ConfigError: The joints' smooth friction is too steep for the time step.
         """
         self.job = job
+        self.arm = drawn.arm if sim.model.arm == "full" else replace(drawn.arm, friction=JointFriction())
+        """The arm as it is."""
+        has_twins = has_twins and _can_step(self.arm, sim.timestep)
         self.plate, self.rack = _plate(job, drawn), _rack(job, drawn)
         dt, how = sim.timestep, sim.model
-        held = scene.held_model(arm, job, self.plate, drawn.friction, dt, how)
-        free = scene.free_model(arm, job, self.plate, self.rack, drawn.friction, drawn.pad_friction, pad, dt, how)
+        held = scene.held_model(self.arm, job, self.plate, drawn.friction, dt, how)
+        free = scene.free_model(self.arm, job, self.plate, self.rack, drawn.friction, drawn.pad_friction, pad, dt)
         twins: tuple[mujoco.MjModel | None, mujoco.MjModel | None] = (None, None)
         if has_twins:
             twins = (
-                scene.held_model(arm, job, self.plate, drawn.friction, engine.COARSE * dt, how),
+                scene.held_model(self.arm, job, self.plate, drawn.friction, engine.COARSE * dt, how),
                 scene.without_peg(free, engine.COARSE),
             )
         self.held = Mechanism(held, twins[0], "peg", int(held.geom("peg").id))
@@ -97,6 +101,22 @@ class TrialScene:
         """Return the pose of the peg's middle in its slot."""
         up = self.rack.rotation[:, 2]
         return Pose(self.rack.position + up * (self.size.half - self.rack.depth), self.rack.rotation)
+
+
+def _can_step(arm: ArmTruth, timestep: float) -> bool:
+    """Whether long steps are short enough for the smooth friction of the joints.
+
+    Raises:
+        ConfigError: Even a single tick is too long.
+    """
+    if not any(arm.friction.steepest()):
+        return True
+    share = joint_drive.stiffest(arm, np.array(arm.model.home), timestep)
+    if share > 1.0:
+        raise ConfigError(
+            f"sim.timestep = {timestep}: too long for the slope of the joints' friction; at most {timestep / share:.2g} allowed"
+        )
+    return engine.COARSE * share <= 1.0
 
 
 def _plate(job: Job, drawn: Draw) -> Plate:

@@ -11,7 +11,7 @@ from drivers.quantities import Pose, Vector
 from drivers.skin.layout import Layout, pad_size
 from sim import engine, shapes
 from sim.config import ContactConfig, GripConfig, SimConfig
-from sim.disturb import draw
+from sim.disturb import Draw, draw
 from sim.pace import Pace
 from sim.pads import PadLoad, load_of
 from sim.plate import Plate
@@ -56,9 +56,13 @@ class World:
     def restock(self, job: Job, seed: int) -> None:
         """Stand a fresh peg in the rack and draw the trial's world from `seed`; the arm stays where it is."""
         part = self._errors.draw(seed)
-        self.job, self.draw = job, draw(job, self._contact, self._grip, seed, self.drawn, part)
-        scene = TrialScene(self.arm, self._sim, job, self.draw, self.pad, self.stepper.has_twins)
-        self.stepper.restock(scene, self.draw.pad_friction)
+        self.begin(job, draw(self.arm, job, self._contact, self._grip, seed, self.drawn, part))
+
+    def begin(self, job: Job, drawn: Draw) -> None:
+        """Stand a fresh peg in the rack of a world that is drawn already; the arm stays where it is."""
+        self.job, self.draw = job, drawn
+        scene = TrialScene(self._sim, job, drawn, self.pad, self.stepper.has_twins)
+        self.stepper.restock(scene, drawn.pad_friction, drawn.senses)
 
     def now(self) -> float:
         """Return the simulated time, s."""
@@ -111,8 +115,12 @@ class World:
         return self.stepper.dq
 
     def tcp(self) -> Pose:
-        """Return T_base_tcp from the arm's own kinematics."""
+        """Return T_base_tcp as it is."""
         return self.stepper.tcp()
+
+    def scanned(self) -> tuple[Vector, Vector, Vector]:
+        """Return what a scan reads of the arm: positions, rad, velocities, rad/s, and the wrench at the TCP, N and N·m."""
+        return self.stepper.scanned()
 
     def physics(self) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """Return the model that the next step takes, and the data, for measurements."""

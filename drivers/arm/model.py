@@ -38,6 +38,12 @@ Rate = Annotated[float, Field(gt=0.0, le=1e5)]
 Rates = tuple[Rate, Rate, Rate, Rate, Rate, Rate, Rate]
 Friction = Annotated[float, Field(ge=0.0, le=50.0)]
 Frictions = tuple[Friction, Friction, Friction, Friction, Friction, Friction, Friction]
+Rotor = Annotated[float, Field(ge=0.0, le=2.0)]
+Rotors = tuple[Rotor, Rotor, Rotor, Rotor, Rotor, Rotor, Rotor]
+Slope = Annotated[float, Field(gt=0.0, le=1000.0)]
+Slopes = tuple[Slope, Slope, Slope, Slope, Slope, Slope, Slope]
+Shift = Annotated[float, Field(ge=-1.0, le=1.0)]
+Shifts = tuple[Shift, Shift, Shift, Shift, Shift, Shift, Shift]
 Moment = Annotated[float, Field(ge=-10.0, le=10.0)]
 
 
@@ -61,11 +67,27 @@ class Inertial(ConfigModel):
         (x, y, z), (xx, yy, zz, xy, xz, yz) = self.com, self.inertia
         return Inertial(mass=self.mass, com=(-x, -y, z), inertia=(xx, yy, zz, xy, -xz, -yz))
 
+    def with_point(self, mass: float, at: tuple[float, float, float]) -> "Inertial":
+        """Return body and a point of this mass, kg, at a place in its frame, m, as one body about their common centre."""
+        whole = self.mass + mass
+        centre = (self.mass * np.array(self.com) + mass * np.array(at)) / whole
+        tensor = self.tensor() + _about(self.mass, np.array(self.com) - centre) + _about(mass, np.array(at) - centre)
+        x, y, z = (float(value) for value in centre)
+        xx, yy, zz = (float(value) for value in np.diag(tensor))
+        products = (float(tensor[0, 1]), float(tensor[0, 2]), float(tensor[1, 2]))
+        return Inertial(mass=whole, com=(x, y, z), inertia=(xx, yy, zz, *products))
+
     @model_validator(mode="after")
     def _is_positive(self) -> Self:
         if np.linalg.eigvalsh(self.tensor())[0] <= 0.0:
             raise ValueError("inertia: not positive definite; xx, yy, zz, xy, xz, yz about the centre of mass allowed")
         return self
+
+
+def _about(mass: float, way: Vector) -> Vector:
+    """Return what a mass, kg, adds to the inertia about a point, `way` from which it is, m."""
+    moved: Vector = mass * (float(way @ way) * np.eye(3) - np.outer(way, way))
+    return moved
 
 
 class Kinematics(ConfigModel):
@@ -83,6 +105,17 @@ class Kinematics(ConfigModel):
     """Number of the joint that turns the elbow about the line from shoulder to wrist: what the null space is drawn by."""
 
 
+class SmoothFriction(ConfigModel):
+    """Friction without stiction, joints 1 to 7: span / (1 + exp(-slope (dq + shift))), less its value at rest."""
+
+    span: Frictions
+    """N·m."""
+    slope: Slopes
+    """s/rad."""
+    shift: Shifts
+    """rad/s."""
+
+
 class Joints(ConfigModel):
     """Limits and friction, joints 1 to 7."""
 
@@ -96,6 +129,12 @@ class Joints(ConfigModel):
     """Largest change of a commanded torque, N·m/s: beyond it the arm ends the motion with a reflex."""
     friction: Frictions
     """Dry friction of the stand-in's joints, N·m."""
+    smooth_friction: SmoothFriction | None = None
+    """The smooth curve of the joints' friction, where one is published."""
+    viscous_friction: Frictions | None = None
+    """N·m·s/rad, where it is published."""
+    rotor_inertia: Rotors | None = None
+    """What the rotors add to the inertia at each joint, kg·m², where it is published."""
 
     @model_validator(mode="after")
     def _is_in_order(self) -> Self:

@@ -58,7 +58,7 @@ class TorqueWorld(World):
 
     def step(self, torque: Vector) -> None:
         """Advance by one control period with these joint torques, N·m."""
-        self.physics()[1].qfrc_applied[:7] = torque
+        self.stepper.command(torque)
         self.wait_until(self.now() + self.arm.control_period)
 
 

@@ -7,6 +7,7 @@ from drivers import impedance
 from drivers.arm.inertia import joint_inertia, tip_inertia
 from drivers.arm.model import read_arm
 from sim import cylinder, scene
+from sim.arm_truth import ideal
 from sim.plate import Plate
 
 
@@ -23,7 +24,7 @@ def q(request, arm):
 def test_the_arms_inertia_is_that_of_the_physics(arm, q, loaded):
     cylinder.install()
     plate = Plate(np.zeros(3), np.eye(3), (0.004, 0.004), 0.02)
-    model = scene.held_model(arm, loaded.cell.job(), plate, 0.1, 5e-4)
+    model = scene.held_model(ideal(arm), loaded.cell.job(), plate, 0.1, 5e-4)
     data = mujoco.MjData(model)
     peg = model.body("peg").id
     model.body_mass[peg] = model.body_inertia[peg] = 0.0

@@ -1,0 +1,221 @@
+"""The arm of one trial as it is, apart from what the cell believes of it: data for the physics, never for skills.
+
+The cell believes an `ArmModel` and that torques act as commanded, at once, on joints with dry friction. `ideal` is the
+truth that agrees with it. Everything else is a departure from it that a trial may draw.
+
+What the maker's client does to torques, as far as its source says (frankarobotics/libfranka 0.21.2): the low-pass of
+100 Hz (`kDefaultCutoffFrequency`) and the rate limiter, which is off unless asked for, belong to `Robot::control` with a
+callback (control_loop.cpp). `startTorqueControl` and `writeOnce`, which pylibfranka offers and this cell's driver uses
+(active_torque_control.cpp), send a command as it is: neither filter nor limiter is between the law and the network. What
+the arm's own controller and motors add is not published. One cycle of transport each way is in the protocol: a state
+is one cycle old when its torque is computed, and the torque acts in the next one.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from drivers import frames
+from drivers.arm.model import ArmModel, Inertial, Joints
+from drivers.errors import ConfigError
+from drivers.quantities import Pose
+
+Seven = tuple[float, float, float, float, float, float, float]
+Three = tuple[float, float, float]
+NONE: Seven = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+NOWHERE: Three = (0.0, 0.0, 0.0)
+LONGEST_DELAY = 50
+"""Control cycles."""
+
+
+def every(value: float) -> Seven:
+    """Return one value for all joints."""
+    return value, value, value, value, value, value, value
+
+
+@dataclass(frozen=True, slots=True)
+class JointFriction:
+    """Friction of the joints: dry, which holds still, plus a smooth curve, which does not, plus a viscous part.
+
+    The smooth curve is that of Gaz et al. 2019 (marcocognetti/FrankaEmikaPandaDynModel):
+    span / (1 + exp(-slope (dq + shift))) - span / (1 + exp(-slope shift)). It is 0 at rest; far from rest it approaches
+    about half its span on either side.
+    """
+
+    dry: Seven = NONE
+    """Coulomb level, N·m."""
+    span: Seven = NONE
+    """Full span of the smooth curve, N·m."""
+    slope: Seven = NONE
+    """Its slope parameter, s/rad."""
+    shift: Seven = NONE
+    """Its offset of the velocity, rad/s."""
+    viscous: Seven = NONE
+    """N·m·s/rad."""
+
+    @classmethod
+    def published_curve(cls, joints: Joints) -> "JointFriction | None":
+        """Return the smooth friction that an arm's file has, with its viscous part; None where it has no curve."""
+        curve = joints.smooth_friction
+        if curve is None:
+            return None
+        return cls(span=curve.span, slope=curve.slope, shift=curve.shift, viscous=joints.viscous_friction or NONE)
+
+    def scaled(self, factors: Seven) -> "JointFriction":
+        """Return the friction with each joint's torque multiplied by its own factor."""
+        return JointFriction(
+            _product(self.dry, factors),
+            _product(self.span, factors),
+            self.slope,
+            self.shift,
+            _product(self.viscous, factors),
+        )
+
+    def steepest(self) -> Seven:
+        """Return the largest slope of what is smooth, N·m·s/rad: a logistic curve rises by span·slope/4 at its middle."""
+        a, b, c, d, e, f, g = (
+            span * slope / 4 + viscous for span, slope, viscous in zip(self.span, self.slope, self.viscous, strict=True)
+        )
+        return a, b, c, d, e, f, g
+
+
+@dataclass(frozen=True, slots=True)
+class TorquePath:
+    """What happens to a torque between the law's output and the joint."""
+
+    delay: int = 0
+    """Control cycles from the state that a torque was computed for until it acts."""
+    cutoff: float = math.inf
+    """Corner frequency of a first-order low-pass, Hz."""
+    rate: float = math.inf
+    """Largest change, N·m/s."""
+
+
+@dataclass(frozen=True, slots=True)
+class StateReading:
+    """What the arm's controller and the cell read of the joints."""
+
+    zero: Seven = NONE
+    """Error of each joint's zero: what is read, less what is, rad."""
+    noise: float = 0.0
+    """Standard deviation of a position, white from cycle to cycle, rad."""
+    rate_noise: Seven = NONE
+    """Standard deviation of each joint's velocity, white from cycle to cycle, rad/s."""
+    delay: int = 0
+    """Age of the state that a scan reads, control cycles; the law reads the newest. The cell is not told."""
+
+
+@dataclass(frozen=True, slots=True)
+class WrenchReading:
+    """How the arm estimates the external wrench: from the torques on the joints' link side that its model does not explain.
+
+    What compensation of gravity leaves over and an unknown payload are such torques, and show in it without being said
+    here; friction on the motors' side does not.
+    """
+
+    force: Three = NOWHERE
+    """Force that is told where nothing touches, base frame, N."""
+    joint_torque: Seven = NONE
+    """Further error of the modelled joint torques, N·m: told as a wrench that moves with posture."""
+    force_noise: float = 0.0
+    """Standard deviation of each component before the low-pass, white from cycle to cycle, N."""
+    torque_noise: float = 0.0
+    """Likewise, N·m."""
+    cutoff: float = math.inf
+    """Corner frequency of a first-order low-pass behind the 5 ms of the meters, Hz."""
+    force_dead_zone: float = 0.0
+    """What of each component is not told, N."""
+    torque_dead_zone: float = 0.0
+    """Likewise, N·m."""
+
+
+@dataclass(frozen=True, slots=True)
+class Payload:
+    """A mass at the hand that the arm's controller does not know."""
+
+    mass: float = 0.0
+    """kg."""
+    at: Three = NOWHERE
+    """Its place in the hand's frame, which lies at the flange, m."""
+
+
+@dataclass(frozen=True, slots=True)
+class ArmTruth:
+    """One trial's arm."""
+
+    model: ArmModel
+    """Kinematics, limits and masses as they are."""
+    friction: JointFriction
+    rotor_inertia: Seven = NONE
+    """What the rotors add at each joint, kg·m². An arm that controls torque on the link's side shows less than the rotor's
+    reflected inertia."""
+    path: TorquePath = field(default_factory=TorquePath)
+    reading: StateReading = field(default_factory=StateReading)
+    wrench: WrenchReading = field(default_factory=WrenchReading)
+    gravity: Seven = NONE
+    """Torque on the joints that compensation of gravity leaves over, N·m."""
+    payload: Payload = field(default_factory=Payload)
+    tcp_offset: Three = NOWHERE
+    """Where the middle between the pads is, in the hand frame that the cell believes in, from where it believes it, m."""
+    tcp_turn: Three = NOWHERE
+    """Rotation vector of the real fingers about that point, in the same frame, rad."""
+
+    def __post_init__(self) -> None:
+        """Refuse what no arm can be.
+
+        Raises:
+            ConfigError: One line with the figure and what is allowed.
+        """
+        for name, value in (("path.delay", self.path.delay), ("reading.delay", self.reading.delay)):
+            if not 0 <= value <= LONGEST_DELAY:
+                raise ConfigError(f"arm truth: {name} = {value}: 0 to {LONGEST_DELAY} control cycles allowed")
+        positive = (
+            ("path.cutoff", self.path.cutoff),
+            ("path.rate", self.path.rate),
+            ("wrench.cutoff", self.wrench.cutoff),
+        )
+        for name, figure in positive:
+            if not figure > 0.0:
+                raise ConfigError(f"arm truth: {name} = {figure}: more than 0 allowed")
+        never_negative = (
+            *(("rotor_inertia", x) for x in self.rotor_inertia),
+            *(("friction.dry", x) for x in self.friction.dry),
+            *(("friction.span", x) for x in self.friction.span),
+            *(("friction.slope", x) for x in self.friction.slope),
+            *(("friction.viscous", x) for x in self.friction.viscous),
+            ("payload.mass", self.payload.mass),
+            ("reading.noise", self.reading.noise),
+            *(("reading.rate_noise", x) for x in self.reading.rate_noise),
+            ("wrench.force_noise", self.wrench.force_noise),
+            ("wrench.torque_noise", self.wrench.torque_noise),
+            ("wrench.force_dead_zone", self.wrench.force_dead_zone),
+            ("wrench.torque_dead_zone", self.wrench.torque_dead_zone),
+        )
+        for name, figure in never_negative:
+            if not 0.0 <= figure < math.inf:
+                raise ConfigError(f"arm truth: {name} = {figure}: 0 or more allowed")
+
+    def hand_body(self, mass: float) -> Inertial:
+        """Return the inertial of a hand of this mass with the payload, about their common centre of mass."""
+        body, load = self.model.hand.body.model_copy(update={"mass": mass}), self.payload
+        return body if load.mass == 0.0 else body.with_point(load.mass, load.at)
+
+    def displaced(self, tcp: Pose) -> Pose:
+        """Return where the middle between the pads really is, T_base_tcp, from where the arm's kinematics has it."""
+        if self.tcp_offset == NOWHERE == self.tcp_turn:
+            return tcp
+        # The hand's axes are y, z and x of the finger frame.
+        hand = np.column_stack([tcp.rotation[:, 1], tcp.rotation[:, 2], tcp.rotation[:, 0]])
+        turn = hand @ frames.rotation_by(np.array(self.tcp_turn)) @ hand.T
+        return Pose(tcp.position + hand @ self.tcp_offset, turn @ tcp.rotation)
+
+
+def ideal(arm: ArmModel) -> ArmTruth:
+    """Return the arm that is as the cell believes: dry friction as in its file, everything else exact and at once."""
+    return ArmTruth(model=arm, friction=JointFriction(dry=arm.joints.friction))
+
+
+def _product(values: Seven, factors: Seven) -> Seven:
+    a, b, c, d, e, f, g = (value * factor for value, factor in zip(values, factors, strict=True))
+    return a, b, c, d, e, f, g

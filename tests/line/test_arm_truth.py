@@ -1,0 +1,189 @@
+"""An arm that is not as the cell believes, in the whole physics: what each departure from the ideal does to it."""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+
+from cell.assembly import assemble, opened
+from cell.config import load
+from drivers import impedance
+from sim import joint_drive
+from sim.arm import SimArm
+from sim.arm_truth import JointFriction, Payload, StateReading, TorquePath, WrenchReading, every, ideal
+from sim.world import World
+from skills.catalogue import CATALOGUE
+
+NEVER = 2**40
+"""Ticks until the law commands."""
+CURVE = JointFriction.published_curve(load().cell.arm_model().joints)
+
+
+def world_of(timestep=5e-4, **departure):
+    """Return a world whose arm departs from what the cell believes, at rest where it waits."""
+    config = load(sets=["sim.pace=max", f"sim.timestep={timestep}"]).cell
+    world = World(config.arm_model(), config.sim, config.contact, config.grip, config.skin.layout, config.job())
+    world.begin(world.job, replace(world.draw, arm=replace(world.draw.arm, **departure)))
+    return world
+
+
+def torqued(world, torque, seconds):
+    """Command constant joint torques from outside for so long; yield after every control period."""
+    world.stepper.law_every = NEVER
+    if world.now() == 0.0:
+        # The law's one turn; it commands nothing at all.
+        world.wait_until(world.arm.control_period)
+    for _ in range(round(seconds / world.arm.control_period)):
+        world.stepper.command(torque)
+        world.wait_until(world.now() + world.arm.control_period)
+        yield world
+
+
+def test_smooth_friction_holds_nothing_still_and_dry_friction_does():
+    wrist, push = 6, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.15)
+    dry, smooth = (world_of(gravity=push, **law) for law in ({}, {"friction": CURVE}))
+    for world in (dry, smooth):
+        for _ in torqued(world, np.zeros(7), 1.0):
+            pass
+    assert abs(dry.dq[wrist]) < 1e-5
+    balance = joint_drive.friction(smooth.control.joints, wrist, smooth.dq[wrist])
+    assert balance == pytest.approx(push[wrist], rel=0.02)
+    assert smooth.dq[wrist] > 0.05
+
+
+def test_smooth_friction_only_takes_energy_from_an_arm_in_motion():
+    world = world_of(friction=CURVE)
+    model, data = world.physics()
+    data.qvel[:7] = [0.5, -0.3, 0.4, 0.6, -1.0, 0.8, 2.0]
+    M, energies = np.zeros((model.nv, model.nv)), []
+    for _ in torqued(world, np.zeros(7), 0.4):
+        mujoco.mj_fullM(model, data, M)
+        energies.append(0.5 * world.dq @ M[:7, :7] @ world.dq)
+    assert np.diff(energies).max() <= 1e-6 * energies[0]
+    assert energies[-1] < 0.8 * energies[0]
+
+
+def test_a_rotors_inertia_adds_to_that_of_its_joint():
+    rotors = np.array([0.2, 0.2, 0.2, 0.2, 0.07, 0.07, 0.07])
+    tau, rates = np.array([2.0, -1.0, 1.0, 2.0, 0.5, -0.5, 0.3]), []
+    for inertia in (np.zeros(7), rotors):
+        world = world_of(friction=JointFriction(), rotor_inertia=tuple(inertia))
+        model, data = world.physics()
+        M = np.zeros((model.nv, model.nv))
+        mujoco.mj_fullM(model, data, M)
+        bare = M[:7, :7] - np.diag(inertia)
+        for _ in torqued(world, tau, 0.001):
+            rates.append(world.dq)
+        np.testing.assert_allclose(
+            rates[-1] / 0.001, np.linalg.solve(bare + np.diag(inertia), tau), rtol=0.01, atol=0.01
+        )
+    assert (np.abs(rates[1]) < np.abs(rates[0])).all()
+
+
+def test_fingers_beside_their_place_are_there_in_the_physics_and_unknown_to_the_cell():
+    offset, turn = (0.0005, -0.0008, 0.001), (0.01, 0.005, -0.02)
+    arm = ideal(load().cell.arm_model()).model
+    longer = arm.model_copy(update={"kinematics": arm.kinematics.model_copy(update={"flange": 0.1073})})
+    world = world_of(model=longer, tcp_offset=offset, tcp_turn=turn)
+    model, data = world.physics()
+    fingers = [model.body(name).id for name in ("left", "right")]
+    real, told = world.tcp(), SimArm(world).read().tcp
+    np.testing.assert_allclose(real.position, data.xpos[fingers].mean(axis=0), atol=1e-12)
+    # The finger frame has the hand's axes y, z and x.
+    np.testing.assert_allclose(real.rotation, data.xmat[fingers[0]].reshape(3, 3)[:, [2, 0, 1]], atol=1e-12)
+    way = told.rotation.T @ (real.position - told.position)
+    np.testing.assert_allclose(way, [offset[2] + 0.0003, offset[0], offset[1]], atol=1e-12)
+
+
+def test_a_wrong_zero_puts_the_tip_where_the_cell_does_not_see_it():
+    zero = (0.0, 0.002, 0.0, 0.0, 0.0, 0.0, 0.0)
+    world = world_of(reading=StateReading(zero=zero))
+    told, real = SimArm(world).read().tcp.position, world.tcp().position
+    _, _, axes, origins = impedance.forward(world.control.arm, world.q)
+    np.testing.assert_allclose(told - real, 0.002 * np.cross(axes[1], real - origins[1]), atol=2e-6)
+
+
+def test_a_payload_pulls_the_arm_down_and_is_told_as_a_force():
+    world = world_of(payload=Payload(0.5, (0.0, 0.0, 0.1034)))
+    arm, height = SimArm(world), world.tcp().position[2]
+    arm.halt()
+    world.wait_until(1.5)
+    assert world.tcp().position[2] < height - 2e-3
+    force = arm.read().wrench.force
+    assert force[2] == pytest.approx(-0.5 * joint_drive.GRAVITY, rel=0.01)
+    assert np.linalg.norm(force[:2]) < 0.01
+
+
+@pytest.mark.parametrize(
+    "late", [{"path": TorquePath(2, 100.0)}, {"path": TorquePath(2, 100.0), "rotor_inertia": every(0.1)}]
+)
+def test_late_torques_swing_a_wrist_without_rotors_and_not_one_with_them(late):
+    world = world_of(friction=JointFriction(), **late)
+    arm = SimArm(world)
+    arm.halt()
+    _, data = world.physics()
+    data.qvel[:7] = 0.02
+    world.wait_until(1.0)
+    swing = []
+    for k in range(100):
+        world.wait_until(1.0 + 0.002 * k)
+        swing.append(np.abs(world.dq).max())
+    assert (max(swing) > 0.5) != ("rotor_inertia" in late)
+
+
+def motion(timestep):
+    """Return where the tip goes, m, when a departing arm holds still against a payload, at one time step."""
+    world = world_of(
+        timestep,
+        friction=CURVE,
+        rotor_inertia=every(0.05),
+        path=TorquePath(1, 100.0),
+        payload=Payload(0.5, (0.0, 0.0, 0.1034)),
+    )
+    arm = SimArm(world)
+    arm.halt()
+    places = []
+    for k in range(1, 31):
+        world.wait_until(0.02 * k)
+        places.append(world.tcp().position)
+    return np.array(places)
+
+
+def test_the_motion_is_that_of_a_quarter_of_the_step():
+    coarse, fine = motion(5e-4), motion(1.25e-4)
+    assert np.linalg.norm(fine[-1] - fine[0]) > 2e-3
+    assert np.linalg.norm(coarse - fine, axis=1).max() < 0.02 * np.linalg.norm(fine[-1] - fine[0])
+
+
+DEPARTURES = {
+    "smooth friction, rotors and late torques": {
+        "friction": CURVE,
+        "rotor_inertia": every(0.1),
+        "path": TorquePath(1, 100.0),
+    },
+    "everything a little": {
+        "friction": JointFriction(dry=(0.3, 0.5, 0.4, 0.7, 0.4, 0.2, 0.3), viscous=every(0.05)),
+        "rotor_inertia": (0.15, 0.15, 0.15, 0.15, 0.06, 0.06, 0.06),
+        "path": TorquePath(2, 150.0),
+        "reading": StateReading(zero=every(3e-4), noise=1e-5, rate_noise=every(1e-3), delay=1),
+        "wrench": WrenchReading(force=(0.5, -0.5, 1.0), force_noise=0.5, cutoff=50.0),
+        "gravity": (0.02, 0.2, 0.1, 0.2, 0.05, 0.05, 0.01),
+        "payload": Payload(0.1, (0.0, 0.02, 0.05)),
+        "tcp_offset": (2e-4, -2e-4, 1e-4),
+    },
+}
+
+
+@pytest.mark.parametrize("timestep", [5e-4, 2.5e-4])
+@pytest.mark.parametrize("departure", DEPARTURES.values(), ids=list(DEPARTURES))
+def test_the_peg_stays_out_of_the_wall_at_the_step_and_at_half_of_it(departure, timestep):
+    config = load(sets=["sim.pace=max", "sim.seed=7", f"sim.timestep={timestep}"]).cell
+    with opened(assemble(config)) as cell:
+        world = cell.clock
+        world.begin(world.job, replace(world.draw, arm=replace(world.draw.arm, **departure)))
+        records = CATALOGUE["insert_peg"].run(config.skill_set(), cell.context(7))
+        truth = world.truth()
+    assert "tactile_insert" in [record.name for record in records]
+    assert not truth.is_void
+    assert truth.max_penetration < 2e-6
