@@ -18,7 +18,7 @@ from cell.record import Ending, RunRecord, StageClock, ending_of
 from cell.states import ASKED, Event, State, after, is_permitted, is_reached
 from drivers.errors import CellError, ConfigError, FaultCode, PlcLostError
 from drivers.quantities import ArmState, ImpedanceSetpoint
-from plc_bridge.messages import Command, Control, Refusal, Report, Result, Transition
+from plc_bridge.messages import Command, Control, Refusal, Report, Result
 from skills.catalogue import CATALOGUE
 from skills.contract import Observation, Outcome, Request
 from skills.entry import Entry
@@ -367,7 +367,7 @@ class Supervisor:
     def _enter(self, event: Event) -> None:
         before, self.state = self.state, after(self.state, event)
         if self.state is not before and event is not Event.FINISHED:
-            self.report = replace(self.report, transition=Transition[event.name])
+            self.report = replace(self.report, transition=Control[event.name])
 
     def _fresh(self, command: Command, fault: int = 0) -> Report:
         return Report(sequence=command.sequence, fault=fault, run=self.report.run, transition=self.report.transition)

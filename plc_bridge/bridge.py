@@ -107,6 +107,7 @@ class Bridge:
         with self._lock:
             self._life = (self._life + 1) % 0x10000
             self._handshake.publish(report)
+            self._handshake.tags.publish(report, self._now())
 
     def accept(self, command: Command) -> None:
         """Tell whoever sent `command` that it is done: a program begins, a control is obeyed; for the scan thread."""
@@ -143,7 +144,7 @@ class Bridge:
             refusals=counts.refusals,
             torn=counts.torn,
             lost=counts.lost,
-            transition=self._handshake.transition or 0,
+            stops_held=self._handshake.stops_held,
         )
         for server in self._servers:
             total = total + server.counts
@@ -221,6 +222,16 @@ class Bridge:
             holder=report.holder,
             stage_times=report.stage_times,
             total_time=report.total_time,
+            answered_result=answer.answered_result,
+            refusal_detail=answer.refusal_detail,
+            transition=report.transition or 0,
+            part=report.part,
+            part_depth=report.part_depth,
+            hole_x=report.hole[0],
+            hole_y=report.hole[1],
+            warnings=report.warnings,
+            overruns=report.overruns,
+            peak_force=report.peak_force,
             life_tail=life,
         )
 
@@ -231,6 +242,11 @@ class Bridge:
     def diagnostics_words(self) -> list[int]:
         """Return the diagnostics block, for a server."""
         return diagnostics_words(self.diagnostics)
+
+    def packml_words(self) -> list[int]:
+        """Return the block of PackTags, for a server."""
+        with self._lock:
+            return self._handshake.tags.words()
 
     def discrete_inputs(self, source: str) -> list[bool]:
         """Return the discrete inputs, for a server."""

@@ -18,6 +18,13 @@ from plc_bridge.objects import RPDO_BASES, bytes_of, dictionary
 from plc_bridge.peer import CellSilentError, PlcPeer
 from plc_bridge.registers import RPDOS, STAGES, Register, table
 
+_NEWS = tuple(
+    f"report_{name}" for name in ("run", "stage", "result", "total_time", "state", "sequence", "answered", "refusal")
+)
+"""What comes by PDO, and whose change makes the rest be read again."""
+_TIMES = tuple(f"stage_time_{number}" for number in range(1, STAGES + 1))
+_PART = ("part", "part_depth", "hole_x", "hole_y", "peak_force")
+_BY_SDO = ("version", "code", "total_time", *_TIMES, "refusal_detail", "transition", *_PART, "warnings", "overruns")
 _READ_TIMEOUT, _NMT_PERIOD = 0.01, 0.2  # s
 
 
@@ -92,7 +99,7 @@ class CanPeer(PlcPeer):
         self._values: dict[str, int] = {}
         self._heard: set[str] = set()
         self._has_report = threading.Event()
-        self._rest: tuple[tuple[int, ...], list[int]] = ((), [])
+        self._rest: tuple[tuple[int, ...], dict[str, float]] = ((), {})
 
     def close(self) -> None:
         """Fall silent and leave the bus; may be called again."""
@@ -117,15 +124,13 @@ class CanPeer(PlcPeer):
         if self._node is not None and self._node.nmt.state != "OPERATIONAL":
             raise CellSilentError(f"{self._where}: it is {self._node.nmt.state}")
         values = dict(self._values)
-        state = tuple(values[name] for name in ("report_run", "report_stage", "report_result", "report_total_time"))
+        state = tuple(values[name] for name in _NEWS)
         if self._rest[0] != state:
-            names = [f"report_stage_time_{n}" for n in range(1, STAGES + 1)]
-            self._rest = state, [self._number(name) for name in ("report_version", "report_total_time", *names)]
-        version, total, *times = self._rest[1]
-        scale = self._places["report_total_time"].scale
+            self._rest = state, {name: self._number(f"report_{name}") for name in _BY_SDO}
+        rest = self._rest[1]
         return ReportImage(
             life=values["report_life"],
-            version=version,
+            version=round(rest["version"]),
             sequence=values["report_sequence"],
             answered=values["report_answered"],
             refusal=values["report_refusal"],
@@ -135,19 +140,29 @@ class CanPeer(PlcPeer):
             stage=values["report_stage"],
             reason=values["report_reason"],
             progress=values["report_progress"],
-            code=values["report_code"],
+            code=round(rest["code"]),
             run=values["report_run"],
             lease=values["report_lease"],
             holder=holder.decode("ascii"),
-            stage_times=tuple(scale * time for time in times),
-            total_time=scale * total,
+            stage_times=tuple(rest[name] for name in _TIMES),
+            total_time=rest["total_time"],
+            answered_result=values["report_answered_result"],
+            refusal_detail=round(rest["refusal_detail"]),
+            transition=round(rest["transition"]),
+            part=round(rest["part"]),
+            part_depth=rest["part_depth"],
+            hole_x=rest["hole_x"],
+            hole_y=rest["hole_y"],
+            warnings=round(rest["warnings"]),
+            overruns=round(rest["overruns"]),
+            peak_force=rest["peak_force"],
             life_tail=values["report_life"],
         )
 
     def read_diagnostics(self) -> Diagnostics:
         """Return the cell's counts; writes nothing."""
         names = [name for name in self._places if name.startswith("diagnostics_")]
-        return Diagnostics(**{name.removeprefix("diagnostics_"): self._number(name) for name in names})
+        return Diagnostics(**{name.removeprefix("diagnostics_"): round(self._number(name)) for name in names})
 
     def stop(self) -> None:
         """Stop the cell, whoever holds the lease."""
@@ -210,8 +225,9 @@ class CanPeer(PlcPeer):
         with self._asking() as node:
             return bytes(node.sdo.upload(self._places[name].index, self._places[name].subindex))
 
-    def _number(self, name: str) -> int:
-        return int.from_bytes(self._read(name), "little")
+    def _number(self, name: str) -> float:
+        place = self._places[name]
+        return place.scale * int.from_bytes(self._read(name), "little", signed=place.type.startswith("i"))
 
     def _name(self, index: int, subindex: int) -> str:
         return next(r.name for r in self._places.values() if (r.index, r.subindex) == (index, subindex))

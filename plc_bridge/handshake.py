@@ -27,10 +27,11 @@ from plc_bridge.coils import Edge
 from plc_bridge.images import CommandImage
 from plc_bridge.lease import CellLease
 from plc_bridge.links import Link
-from plc_bridge.messages import UNNUMBERED, Command, Control, LeaseState, Refusal, Report, Result, Transition
+from plc_bridge.messages import FIRST_PROGRAM, UNNUMBERED, Command, Control, LeaseState, Refusal, Report, Result
 from plc_bridge.orders import Order, Orders
+from plc_bridge.packml import PackTags
 from plc_bridge.peer_log import PeerLog
-from plc_bridge.refusals import CONTROLS, STOPS, Rules
+from plc_bridge.refusals import CONTROLS, STOPS, BadParameterError, Rules
 from plc_bridge.registers import Lease, Parameter
 from plc_bridge.sequence_numbers import Verdict
 from plc_bridge.watchdog import Watchdog
@@ -38,6 +39,8 @@ from plc_bridge.watchdog import Watchdog
 logger = logging.getLogger(__name__)
 
 
+IDLE, COMPLETE = 4, 17
+"""States of PackML in which a start is taken."""
 _ERRORS = (Result.FAILURE, Result.FAULT, Result.REFUSED)
 
 
@@ -49,6 +52,8 @@ class Answer:
     result: Result
     answered: int
     refusal: Refusal
+    refusal_detail: int
+    answered_result: Result
     code: int
     is_busy: bool
     lease: LeaseState
@@ -58,12 +63,14 @@ class Answer:
 
 @dataclass(frozen=True, slots=True)
 class Inputs:
-    """The discrete inputs of one link, by name; all but the first are held until acknowledged."""
+    """The discrete inputs of one link, by name; done, error and command_aborted are held until acknowledged."""
 
     busy: bool
     done: bool
     error: bool
     command_aborted: bool
+    ready: bool
+    """The one input that is held by nothing: a start of this link would be taken now."""
 
 
 @dataclass(slots=True)
@@ -94,6 +101,7 @@ class Handshake:
     lease_timeout: float = 5.0
     counts: Counts = field(default_factory=Counts)
     log: PeerLog = field(default_factory=lambda: PeerLog(logger))
+    tags: PackTags = field(default_factory=PackTags)
     _links: dict[str, Link] = field(default_factory=dict)
     _orders: Orders = field(default_factory=Orders)
     _given: Sequence[Order] = ()
@@ -216,6 +224,7 @@ class Handshake:
         for order in self._undecided(command):
             if order.is_program:
                 self._seen = order
+            self.tags.obey(Control.START if order.is_program else order.command.code)
             self._decide(order, Result.NONE if order.is_program else Result.SUCCESS)
 
     def refuse(self, command: Command, refusal: Refusal) -> None:
@@ -231,6 +240,8 @@ class Handshake:
             return
         run.report = report
         if report.result is not Result.NONE:
+            if run.command.code == FIRST_PROGRAM:
+                self.tags.count(report.result)
             self._decide(run, report.result)
 
     # What links read.
@@ -252,9 +263,9 @@ class Handshake:
         return self._report.run
 
     @property
-    def transition(self) -> Transition | None:
-        """Why the cell's state last changed."""
-        return self._report.transition
+    def stops_held(self) -> int:
+        """How many links hold their stop coil at 1."""
+        return sum(link.coils.stop for link in self._links.values())
 
     @property
     def is_busy(self) -> bool:
@@ -274,6 +285,8 @@ class Handshake:
             result=shown.told_to(link) if shown is not None else Result.NONE,
             answered=answered.sequence if answered is not None else 0,
             refusal=answered.refusal if answered is not None else Refusal.NONE,
+            refusal_detail=answered.detail if answered is not None else 0,
+            answered_result=answered.result if answered is not None else Result.NONE,
             code=command.code,
             is_busy=is_busy,
             lease=self._lease.state_for(link),
@@ -292,12 +305,28 @@ class Handshake:
             done=order is not None and order.is_program and result is Result.SUCCESS,
             error=result in _ERRORS,
             command_aborted=result is Result.ABORTED,
+            ready=self._is_ready_for(link),
         )
+
+    def _is_ready_for(self, link: Link) -> bool:
+        is_waiting = self._report.state in (IDLE, COMPLETE)
+        return is_waiting and not self.is_busy and not self.stops_held and self._lease.is_open_to(link)
 
     def _report_of(self, order: Order | None) -> Report:
         """Return the state of the cell with the details of the run `order`; those of another run are left out."""
         told, cell = order.report if order is not None else Report(), self._report
-        return replace(told, state=cell.state, fault=cell.fault, transition=cell.transition, holder=self.holder)
+        return replace(
+            cell,
+            holder=self.holder,
+            stage=told.stage,
+            reason=told.reason,
+            progress=told.progress,
+            run=told.run,
+            stage_times=told.stage_times,
+            total_time=told.total_time,
+            hole=told.hole,
+            peak_force=told.peak_force,
+        )
 
     # Numbers and commands.
 
@@ -336,11 +365,14 @@ class Handshake:
             return self._command_stop(link, sequence, image)
         if image.code == Control.NONE:
             return self._command_nothing(link, sequence, image)
-        parameters = self._rules.parameters_of(image)
-        refusal = self._why_not(link, image)
-        if refusal is Refusal.NONE and parameters is None:
-            refusal = Refusal.PARAMETER
-        order = Order(_command_of(link, sequence, image, parameters or ()), link)
+        refusal, detail = self._why_not(link, image), 0
+        parameters: tuple[tuple[str, float], ...] = ()
+        try:
+            parameters = self._rules.parameters_of(image)
+        except BadParameterError as error:
+            if refusal is Refusal.NONE:
+                refusal, detail = Refusal.PARAMETER, error.detail
+        order = Order(_command_of(link, sequence, image, parameters), link, detail=detail)
         link.add(order)
         if refusal is not Refusal.NONE:
             self._refuse(order, refusal)
@@ -356,7 +388,7 @@ class Handshake:
         refusal = self._rules.refuse_code(image)
         if refusal is not Refusal.NONE:
             return refusal
-        if image.code != Control.HOLD and any(each.coils.stop for each in self._links.values()):
+        if image.code != Control.HOLD and self.stops_held:
             return Refusal.STOP_HELD
         if not self._lease.is_open_to(link):
             return Refusal.NOT_HOLDER

@@ -46,6 +46,16 @@ class ReportImage:
     holder: str = ""
     stage_times: tuple[float, ...] = (0.0,) * STAGES
     total_time: float = 0.0
+    answered_result: int = 0
+    refusal_detail: int = 0
+    transition: int = 0
+    part: int = 0
+    part_depth: float = 0.0
+    hole_x: float = 0.0
+    hole_y: float = 0.0
+    warnings: int = 0
+    overruns: int = 0
+    peak_force: float = 0.0
     life_tail: int = 0
 
 
@@ -65,7 +75,7 @@ class Diagnostics:
     forbidden: int = 0
     unauthorised: int = 0
     bad_frames: int = 0
-    transition: int = 0
+    stops_held: int = 0
 
     def __add__(self, other: "Diagnostics") -> "Diagnostics":
         return Diagnostics(*(getattr(self, n.name) + getattr(other, n.name) for n in fields(Diagnostics)))
@@ -120,6 +130,7 @@ def _range(register: Register) -> tuple[int, int]:
 
 COMMAND = Block([register for register in table() if register.table == "holding"])
 REPORT = Block([register for register in table() if register.name.startswith("report_")])
+PACKML = Block([register for register in table() if register.name.startswith("packml_")])
 DIAGNOSTICS = Block([register for register in table() if register.name.startswith("diagnostics_")])
 
 

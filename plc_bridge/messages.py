@@ -4,18 +4,6 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 
 
-class Transition(IntEnum):
-    """What made the cell's state change, but for a state's having done what it does."""
-
-    RESET = 1
-    START = 2
-    STOP = 3
-    HOLD = 4
-    UNHOLD = 5
-    ABORT = 6
-    CLEAR = 7
-
-
 class Result(IntEnum):
     """How the acknowledged command ended."""
 
@@ -48,19 +36,37 @@ class Refusal(IntEnum):
 
 
 class Control(IntEnum):
-    """Command codes that act on the state machine; programs and skills have the codes from 100 on."""
+    """Commands of the state machine, numbered as PackML numbers CntrlCmd; programs and skills have the codes from 100 on.
+
+    The same numbers tell why the state last changed. Source: OMAC PackML V2022 as published in the command constants of
+    github.com/simatic-ax/lpmlv2022, docs/constants; 6 Suspend, 7 Unsuspend and 10 Complete have no meaning here.
+    """
 
     NONE = 0
     RESET = 1
-    STOP = 2
-    HOLD = 3
-    UNHOLD = 4
+    START = 2
+    """Never a command of its own: a program's code starts that program."""
+    STOP = 3
+    HOLD = 4
+    UNHOLD = 5
     ABORT = 8
     CLEAR = 9
     LOST = 0x10000
     """Made by the watchdog: whoever started the run has fallen silent; no 16-bit register can hold it."""
     ACKNOWLEDGE = 0x10001
     """Made by the handshake: the result has been read."""
+
+
+class PartPlace(IntEnum):
+    """Where the peg is."""
+
+    UNKNOWN = 0
+    RACK = 1
+    IN_HAND = 2
+    ON_PLATE = 3
+    IN_HOLE = 4
+    SEATED = 5
+    BIN = 6
 
 
 UNNUMBERED = -1
@@ -101,7 +107,7 @@ class Report:
     fault: int = 0
     stage: int = 0
     """Number of the skill under way or reached last, 0 before the first."""
-    transition: Transition | None = None
+    transition: Control | None = None
     """Why the state last changed; None before it did."""
     reason: int = 0
     """Reason of the outcome, as in `skills.contract.Reason`, by number."""
@@ -112,6 +118,17 @@ class Report:
     holder: str = ""
     """Who holds the lease; the bridge fills it in."""
     stage_times: tuple[float, ...] = field(default=())
-    """Time spent in each stage of the run so far, s; at most six."""
+    """Time spent in each stage of the run so far, s; at most `registers.STAGES`."""
     total_time: float = 0.0
     """Time of the run that counts, s."""
+    hole: tuple[float, float] = (0.0, 0.0)
+    """Place where the run found the hole, shape (2,), m, base frame; zeros before it did."""
+    peak_force: float = 0.0
+    """Largest force of the run at the tool, N."""
+    part: PartPlace = PartPlace.UNKNOWN
+    part_depth: float = 0.0
+    """How deep the peg's tip is below the plate, m."""
+    warnings: int = 0
+    """What is not as it should be without stopping the cell, as a sum of `registers.Warnings`."""
+    overruns: int = 0
+    """Scans that took longer than their period since the start."""

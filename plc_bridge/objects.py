@@ -23,7 +23,14 @@ TIMERS = ((0, 500), (0, 500), (1000, 100), (0, 500))
 
 _NO_REMOTE_REQUEST = 0x40000000
 _EVENT_DRIVEN = 254
-_BLOCKS = {0x2000: "command", 0x2001: "report", 0x2002: "diagnostics", 0x2003: "coils", 0x2004: "discrete inputs"}
+_BLOCKS = {
+    0x2000: "command",
+    0x2001: "report",
+    0x2002: "diagnostics",
+    0x2003: "coils",
+    0x2004: "discrete inputs",
+    0x2005: "PackTags",
+}
 _U8, _U16, _U32, _TEXT = datatypes.UNSIGNED8, datatypes.UNSIGNED16, datatypes.UNSIGNED32, datatypes.VISIBLE_STRING
 _TYPES = {
     "u16": _U16,

@@ -25,6 +25,8 @@ class Order:
     """It was refused, obeyed or, if it is a program, begun."""
     result: Result = Result.NONE
     refusal: Refusal = Refusal.NONE
+    detail: int = 0
+    """What the refusal is about, as `report_refusal_detail`."""
     is_acknowledged: bool = False
     is_read: bool = False
     """Its link was told the result."""

@@ -5,11 +5,19 @@ from dataclasses import dataclass
 
 from plc_bridge.images import CommandImage
 from plc_bridge.messages import FIRST_PROGRAM, Control, Refusal
-from plc_bridge.registers import VERSION_MAJOR, Parameter
+from plc_bridge.registers import SERIAL_NUMBER, VERSION_MAJOR, Parameter
 
-CONTROLS = frozenset(control.value for control in Control if control < FIRST_PROGRAM)
+CONTROLS = frozenset(control.value for control in Control if control < FIRST_PROGRAM) - {Control.START.value}
 STOPS = frozenset({Control.STOP.value, Control.ABORT.value})
 """Controls that anybody may give, in front of everything else."""
+
+
+class BadParameterError(Exception):
+    """A parameter that cannot be taken; `detail` is its number from 1, or `SERIAL_NUMBER`."""
+
+    def __init__(self, detail: int) -> None:
+        super().__init__(detail)
+        self.detail = detail
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,18 +40,22 @@ class Rules:
             return Refusal.UNKNOWN_CODE
         return Refusal.NONE
 
-    def parameters_of(self, image: CommandImage) -> tuple[tuple[str, float], ...] | None:
-        """Return the parameters in their units, or None where one is unknown or beyond its limits."""
+    def parameters_of(self, image: CommandImage) -> tuple[tuple[str, float], ...]:
+        """Return the parameters in their units.
+
+        Raises:
+            BadParameterError: One is unknown or beyond its limits, or the serial number cannot be printed.
+        """
         if not image.serial.isascii() or not image.serial.isprintable():
-            return None
+            raise BadParameterError(SERIAL_NUMBER)
         values = []
         for number, count in image.parameters:
             if number >= len(self.parameters):
-                return None
+                raise BadParameterError(number + 1)
             spec = self.parameters[number]
             value = count * spec.scale
             slack = spec.scale / 2  # limits need not be a multiple of the scale
             if not spec.low - slack <= value <= spec.high + slack:
-                return None
+                raise BadParameterError(number + 1)
             values.append((spec.name, min(max(value, spec.low), spec.high)))
         return tuple(values)

@@ -15,17 +15,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from plc_bridge.messages import FIRST_PROGRAM, Control, LeaseState, Refusal, Result, Transition
+from plc_bridge.messages import FIRST_PROGRAM, Control, LeaseState, PartPlace, Refusal, Result
 
-VERSION_MAJOR = 1
-VERSION_MINOR = 3
+VERSION_MAJOR = 2
+VERSION_MINOR = 0
 VERSION = VERSION_MAJOR * 256 + VERSION_MINOR
-VERSION_DATE = "2026-11-21"
+VERSION_DATE = "2026-11-22"
 """On which this version was made."""
 
 MIRROR = 1000
 """Offset of the holding registers that repeat the input registers."""
-STAGES = 6
+STAGES = 12
 """Stages whose times the report can hold."""
 PARAMETERS = 8
 """Parameters that a command can carry."""
@@ -40,7 +40,7 @@ TPDOS: tuple[tuple[str, ...], ...] = (
     ("report_sequence", "report_answered", "report_result", "report_refusal"),
     ("report_state", "report_fault", "report_stage", "report_reason"),
     ("report_life", "report_progress", "report_total_time"),
-    ("report_run", "report_lease", "report_code"),
+    ("report_run", "report_lease", "report_answered_result"),
 )
 """What the cell sends by itself over CAN, in order."""
 _PDO_OF = {
@@ -61,6 +61,20 @@ class Lease:
     TAKE = 1
     TAKE_FOR_HOST = 2
     RELEASE = 3
+
+
+class Warnings:
+    """Bits of `report_warnings`."""
+
+    NOT_RECORDED = 1
+    DISK_LOW = 2
+    SCAN_OVERRUNS = 4
+
+
+SERIAL_NUMBER = 100
+"""`report_refusal_detail` of PARAMETER where the serial number is what is wrong."""
+STATES = 17
+"""States of PackML, numbered from 1."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,12 +114,18 @@ class Parameter:
     meaning: str
 
 
-def _numbers(words: type[Result] | type[Refusal] | type[LeaseState] | type[Transition]) -> str:
+def _numbers(words: type[Result] | type[Refusal] | type[LeaseState] | type[PartPlace]) -> str:
     return _listed({word.value: word.name for word in words})
 
 
 def _codes(programs: Mapping[int, str]) -> str:
-    return _listed({**{control.value: control.name for control in Control if control < FIRST_PROGRAM}, **programs})
+    named = {control.value: control.name for control in Control if control < FIRST_PROGRAM}
+    del named[Control.START]  # a program's own code starts it
+    return _listed({**named, **programs})
+
+
+def _transitions() -> str:
+    return _listed({control.value: control.name for control in Control if Control.NONE < control < FIRST_PROGRAM})
 
 
 def _listed(words: Mapping[int, str]) -> str:
@@ -197,8 +217,34 @@ def _report_block() -> list[Register]:
     block.add("lease", "u16", f"who may start: {_numbers(LeaseState)}")
     block.add("holder", "string", "who holds the lease, ASCII, zero-padded", words=16)
     for number in range(1, STAGES + 1):
-        block.add(f"stage_time_{number}", "u32", f"time spent in stage {number} of the run", unit="s", scale=0.001)
+        block.add(
+            f"stage_time_{number}",
+            "u32",
+            f"time spent in stage {number} of the run, 0 where there is no such stage",
+            unit="s",
+            scale=0.001,
+        )
     block.add("total_time", "u32", "time of the run that counts", unit="s", scale=0.001)
+    block.add("answered_result", "u16", f"how report_answered ended, 0 while it is under way: {_numbers(Result)}")
+    block.add(
+        "refusal_detail",
+        "u16",
+        f"of refusal {Refusal.PARAMETER.value}: number of the parameter, 9 a bit of the mask beyond them, "
+        f"{SERIAL_NUMBER} the serial number, 0 the parameters together; else 0",
+    )
+    block.add("transition", "u16", f"why the state last changed, 0 not yet: {_transitions()}")
+    block.add("part", "u16", f"where the peg is: {_numbers(PartPlace)}")
+    block.add("part_depth", "i32", "how deep the peg's tip is below the plate", unit="m", scale=1e-6)
+    block.add("hole_x", "i32", "place where the hole was found, base frame, 0 not yet", unit="m", scale=1e-6)
+    block.add("hole_y", "i32", "the same, the other way", unit="m", scale=1e-6)
+    block.add(
+        "warnings",
+        "u16",
+        f"sum of {Warnings.NOT_RECORDED} records not written, {Warnings.DISK_LOW} disk low, "
+        f"{Warnings.SCAN_OVERRUNS} scan overruns",
+    )
+    block.add("overruns", "u32", "scans that took longer than their period since the start")
+    block.add("peak_force", "u32", "largest force of the run at the tool", unit="N", scale=0.01)
     block.add("life_tail", "u16", "equal to report_life when the block was read whole")
     return block.registers
 
@@ -219,7 +265,24 @@ def _diagnostics_block() -> list[Register]:
     block.add(
         "bad_frames", "u32", "serial frames with a wrong check sum, over CAN what was no frame, or could not be sent"
     )
-    block.add("transition", "u32", f"why the state last changed, 0 not yet: {_numbers(Transition)}")
+    block.add("stops_held", "u32", "connections that hold their stop coil at 1 now: nothing starts before they let go")
+    return block.registers
+
+
+def _packml_block() -> list[Register]:
+    block = _Layout("input", 200, "r", "packml_", 0x2005)
+    block.add("unit_mode", "u16", "PackTags UnitModeCurrent: 1 production")
+    block.add("state", "u16", "PackTags StateCurrent, equal to report_state")
+    block.add("cntrl_cmd", "u16", f"PackTags CntrlCmd, obeyed last: {_transitions()}")
+    block.add(
+        "stop_reason",
+        "u16",
+        "PackTags StopReason: fault code, or the control that stopped the cell; 0 since it went on",
+    )
+    block.add("processed", "u32", "PackTags ProdProcessedCount: insertions that have ended since the start")
+    block.add("defective", "u32", "PackTags ProdDefectiveCount: those of them that did not end in success")
+    for number in range(1, STATES + 1):
+        block.add(f"state_time_{number}", "u32", f"PackTags AccTime: time in state {number} since the start", unit="s")
     return block.registers
 
 
@@ -233,6 +296,9 @@ def _bits() -> list[Register]:
     inputs.add("done", "bool", "the command ended in success; held until acknowledged")
     inputs.add("error", "bool", "the command failed, met a fault or was refused; held until acknowledged")
     inputs.add("command_aborted", "bool", "the command was stopped; held until acknowledged")
+    inputs.add(
+        "ready", "bool", "a start of this connection would be taken now: idle or complete, its lease, no stop held"
+    )
     return [*coils.registers, *inputs.registers]
 
 
@@ -248,7 +314,13 @@ def table(
         parameters: What the numbered parameters mean, at most `PARAMETERS`.
         words: What the numbers in a register mean, by its name, where that is the cell's affair.
     """
-    registers = [*_command_block(programs or {}, parameters), *_report_block(), *_diagnostics_block(), *_bits()]
+    registers = [
+        *_command_block(programs or {}, parameters),
+        *_report_block(),
+        *_diagnostics_block(),
+        *_packml_block(),
+        *_bits(),
+    ]
     said = words or {}
     return tuple(
         replace(r, meaning=f"{r.meaning}: {_listed(said[r.name])}") if r.name in said else r for r in registers

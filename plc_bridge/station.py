@@ -8,7 +8,7 @@ from typing import Protocol, TypeVar
 from pymodbus.constants import ExcCodes
 
 from plc_bridge.config import ALL_RIGHTS, Right
-from plc_bridge.images import COMMAND, DIAGNOSTICS, CommandImage, Diagnostics, command_image
+from plc_bridge.images import COMMAND, DIAGNOSTICS, PACKML, CommandImage, Diagnostics, command_image
 from plc_bridge.registers import COILS, MIRROR, Lease
 
 logger = logging.getLogger(__name__)
@@ -42,6 +42,9 @@ class Mailbox(Protocol):
 
     def diagnostics_words(self) -> list[int]:
         """Return the diagnostics block."""
+
+    def packml_words(self) -> list[int]:
+        """Return the block of PackTags."""
 
     def discrete_inputs(self, source: str) -> list[bool]:
         """Return the discrete inputs."""
@@ -101,7 +104,9 @@ class LinkStation:
         start = address - (MIRROR if function == 3 else 0)
         if start < DIAGNOSTICS.start:
             return _slice(self._mailbox.report_words(self.link.source), start, count)
-        return _slice(self._mailbox.diagnostics_words(), start - DIAGNOSTICS.start, count)
+        if start < PACKML.start:
+            return _slice(self._mailbox.diagnostics_words(), start - DIAGNOSTICS.start, count)
+        return _slice(self._mailbox.packml_words(), start - PACKML.start, count)
 
     def read_bits(self, function: int, address: int, count: int) -> list[bool]:
         """Return coils (1) or discrete inputs (2)."""

@@ -24,6 +24,8 @@ _DECODED = {
     "progress": "Progress",
     "fault": "Fault",
     "lease": "LeaseState",
+    "transition": "Transition",
+    "part": "Part",
 }
 _WIDE = {"run": "Run", "total_time": "TotalTime"}
 

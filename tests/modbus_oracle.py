@@ -6,8 +6,9 @@ Modbus Application Protocol V1.1b3, 6 and 7: a wrong function code is exception 
 
 import struct
 
-COMMAND_WORDS, REPORT_WORDS, DIAGNOSTICS_WORDS, DIAGNOSTICS_AT, MIRROR = 41, 46, 26, 100, 1000
-COILS, INPUTS = 3, 4
+COMMAND_WORDS, REPORT_WORDS, DIAGNOSTICS_WORDS, DIAGNOSTICS_AT, MIRROR = 41, 73, 26, 100, 1000
+PACKML_AT, PACKML_WORDS = 200, 42
+COILS, INPUTS = 3, 5
 LEASE, GREATEST_WISH = 5, 3
 """Address of the wish for the lease, and the greatest that there is."""
 MOST = {1: 2000, 2: 2000, 3: 125, 4: 125, 15: 1968, 16: 123}
@@ -86,6 +87,7 @@ class Oracle:
             start -= MIRROR
         is_there = start >= 0 and start + count <= REPORT_WORDS
         is_there |= start >= DIAGNOSTICS_AT and start + count <= DIAGNOSTICS_AT + DIAGNOSTICS_WORDS
+        is_there |= start >= PACKML_AT and start + count <= PACKML_AT + PACKML_WORDS
         return self._unforeseen(function, 2 * count) if is_there else 2
 
     def _bits(self, function: int, bits: list[int], start: int, count: int) -> tuple[bytes, int] | int:

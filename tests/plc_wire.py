@@ -49,9 +49,9 @@ class Wire:
         return report_image(struct.unpack(f">{REPORT.words}H", answer[2:]))
 
     def bits(self):
-        """Return the names of the discrete inputs that are 1."""
+        """Return the names of the discrete inputs that are 1, but for `ready`, which tells of the cell."""
         (answer,) = self.ask(struct.pack(">BHH", 2, 0, len(DISCRETE_INPUTS)))
-        return {name for name, place in DISCRETE_INPUTS.items() if answer[2] >> place & 1}
+        return {name for name, place in DISCRETE_INPUTS.items() if answer[2] >> place & 1} - {"ready"}
 
     def until(self, is_met):
         """Return the first report for which `is_met` holds."""

@@ -7,7 +7,9 @@ from awlsim.common.exceptions import MaintenanceRequest
 from awlsim.core.hardware import AbstractHardwareInterface
 from awlsim.core.hardware_params import HwParamDesc_int, HwParamDesc_str
 
-REPORT_WORDS, COMMAND_WORDS = 46, 41
+REPORT_WORDS, COMMAND_WORDS = 73, 41
+IMAGE_WORDS = 64
+"""Of the simulated CPU's input image: the report does not fit, so its last word takes the place of the last one that does."""
 TRIGGERED, DONE, IS_FINISHED = 2 * COMMAND_WORDS, 2 * COMMAND_WORDS + 2, 2 * COMMAND_WORDS + 4
 
 
@@ -27,7 +29,8 @@ class HardwareInterface(AbstractHardwareInterface):
 
     def readInputs(self):
         report = self._ask(struct.pack(">BHH", 4, 0, REPORT_WORDS))[2:]
-        self.sim.cpu.storeInputRange(self.inputAddressBase, bytearray(report))
+        seen = report[: 2 * IMAGE_WORDS - 2] + report[-2:]
+        self.sim.cpu.storeInputRange(self.inputAddressBase, bytearray(seen))
 
     def writeOutputs(self):
         image = bytes(self.sim.cpu.fetchOutputRange(self.outputAddressBase, IS_FINISHED + 1))

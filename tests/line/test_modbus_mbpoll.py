@@ -7,7 +7,7 @@ import pytest
 
 from plc_bridge.bridge import Bridge
 from plc_bridge.config import ModbusConfig, PlcConfig
-from plc_bridge.messages import Command, Report, Result
+from plc_bridge.messages import Command, Control, Report, Result
 from plc_bridge.registers import COILS, DISCRETE_INPUTS, VERSION, Lease, table
 from tests.scan_thread import take
 
@@ -81,4 +81,4 @@ def test_coil_stops(bridge):
     write(bridge, "coil", COILS["stop"], 1)
     command = take(bridge)
     assert command is not None
-    assert command.code == 2
+    assert command.code == Control.STOP

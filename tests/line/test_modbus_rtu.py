@@ -9,7 +9,7 @@ from drivers.errors import DeviceNotOpenedError
 from drivers.transport.serial_line import SerialLine
 from plc_bridge.bridge import Bridge
 from plc_bridge.config import ModbusConfig, PlcConfig, RtuConfig
-from plc_bridge.messages import Command, Report, Result
+from plc_bridge.messages import Command, Control, Report, Result
 from plc_bridge.registers import DISCRETE_INPUTS, VERSION, table
 from plc_bridge.rtu_frames import with_check_sum
 from tests.cable import Cable
@@ -134,7 +134,7 @@ def test_mbpoll_stops_the_cell(bridge, cable):
     write(cable, "coil", AT["stop"], 1)
     command = take(bridge)
     assert isinstance(command, Command)
-    assert command.code == 2
+    assert command.code == Control.STOP
 
 
 def test_a_line_that_cannot_have_the_parity_is_refused_at_start():

@@ -9,7 +9,7 @@ import pytest
 from cell.states import State
 from drivers.errors import FaultCode, SkinSilentError
 from plc_bridge.images import CommandImage
-from plc_bridge.messages import Control, LeaseState, Refusal, Result, Transition
+from plc_bridge.messages import Control, LeaseState, Refusal, Result
 from plc_bridge.peer import CellSilentError
 from plc_bridge.registers import VERSION, VERSION_MAJOR
 from skills.catalogue import GRASP
@@ -200,7 +200,7 @@ def test_hold_waits_and_unhold_goes_on(plc, served):
     plc.trigger(Control.HOLD)
     served.program.may_end.set()
     until(plc.cycle, in_state(State.HELD))
-    assert plc.read_diagnostics().transition == Transition.HOLD
+    assert plc.read_report().transition == Control.HOLD
     assert {plc.cycle().state for _ in range(20)} == {State.HELD}
     plc.trigger(Control.UNHOLD)
     done = until(plc.cycle, lambda report: report.result != Result.NONE)
@@ -211,7 +211,7 @@ def test_abort_then_clear_then_reset(plc, served):
     begin(plc, served)
     plc.abort()
     assert until(plc.cycle, in_state(State.ABORTED)).result == Result.ABORTED
-    assert plc.read_diagnostics().transition == Transition.ABORT
+    assert plc.read_report().transition == Control.ABORT
     assert plc.run(CODE, timeout=PATIENCE).refusal == Refusal.NOT_READY
     assert plc.run(Control.CLEAR, timeout=PATIENCE).state == State.STOPPED
     assert plc.reset(PATIENCE).state == State.IDLE

@@ -19,7 +19,7 @@ import (
 const (
 	life, sequence, code, acknowledge, version, lifeTail, commandWords = 0, 1, 2, 4, 6, 40, 41
 
-	rLife, rVersion, rSequence, rAnswered, rRefusal, rResult, rLifeTail, reportWords = 0, 1, 2, 3, 4, 5, 45, 46
+	rLife, rVersion, rSequence, rAnswered, rRefusal, rResult, rLifeTail, reportWords = 0, 1, 2, 3, 4, 5, 72, 73
 
 	insertPeg, success, mostCycles = 100, 1, 100000
 )

@@ -5,7 +5,7 @@ from plc_bridge.bridge import Bridge
 from plc_bridge.config import ModbusConfig, PlcConfig
 from plc_bridge.images import CommandImage, report_image
 from plc_bridge.messages import Command, Control, Refusal, Report, Result
-from plc_bridge.registers import Lease
+from plc_bridge.registers import STAGES, Lease
 from tests.scan_thread import take
 
 
@@ -37,7 +37,7 @@ def test_command_and_report_go_through(bridge):
     bridge.publish(Report(sequence=2, state=17, result=Result.SUCCESS, run=9, stage_times=(1.0, 2.5), total_time=3.5))
     image = report_image(bridge.report_words("plc"))
     assert (image.sequence, image.result, image.run, image.holder) == (2, Result.SUCCESS, 9, "plc")
-    assert image.stage_times == (1.0, 2.5, 0.0, 0.0, 0.0, 0.0)
+    assert image.stage_times == (1.0, 2.5, *[0.0] * (STAGES - 2))
 
 
 def test_report_life_counts_with_every_report(bridge):
@@ -65,7 +65,7 @@ def test_busy_done_error_and_aborted_exclude_each_other(bridge, result, bits):
     bridge.wrote("plc", CommandImage(sequence=2, code=100))
     take(bridge)
     bridge.publish(Report(sequence=2, result=result))
-    assert bridge.discrete_inputs("plc") == bits
+    assert bridge.discrete_inputs("plc")[:4] == bits
 
 
 def test_local_user_holds_the_same_lease(bridge):

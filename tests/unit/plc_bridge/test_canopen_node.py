@@ -360,7 +360,7 @@ def test_a_report_goes_out_by_itself_and_the_answer_last(rig):
     assert numbers(sent[TPDO1]) == [2, 2, Result.SUCCESS, 0]
     assert numbers(sent[TPDO2]) == [17, 0, 5, 2]
     assert numbers(sent[TPDO3])[1:] == [100, 1500, 0]
-    assert numbers(sent[TPDO4]) == [70000 & 0xFFFF, 70000 >> 16, LeaseState.YOURS, PROGRAM]
+    assert numbers(sent[TPDO4]) == [70000 & 0xFFFF, 70000 >> 16, LeaseState.YOURS, Result.SUCCESS]
     first = [frame.id for frame in rig.sent if frame.id in (TPDO1, TPDO2, TPDO4)]
     assert first[-1] == TPDO1
 

@@ -6,7 +6,7 @@ from plc_bridge.handshake import Handshake
 from plc_bridge.images import CommandImage
 from plc_bridge.messages import UNNUMBERED, Command, Control, LeaseState, Refusal, Report, Result
 from plc_bridge.orders import MOST_WAITING
-from plc_bridge.registers import Lease, Parameter
+from plc_bridge.registers import SERIAL_NUMBER, Lease, Parameter
 from plc_bridge.sequence_numbers import LATE_WINDOW
 
 INSERT, GRASP = 100, 101
@@ -146,7 +146,7 @@ def test_unknown_code_is_refused():
     assert (answer.sequence, answer.result, answer.refusal) == (2, Result.REFUSED, Refusal.UNKNOWN_CODE)
 
 
-@pytest.mark.parametrize("code", [5, 6, 7, 10, 99])
+@pytest.mark.parametrize("code", [Control.START, 6, 7, 10, 99])
 def test_codes_between_the_controls_and_the_programs_are_unknown(code):
     line = Line()
     line.write(sequence=1)
@@ -155,7 +155,13 @@ def test_codes_between_the_controls_and_the_programs_are_unknown(code):
 
 @pytest.mark.parametrize(
     ("version", "refusal"),
-    [(0, Refusal.NONE), (0x0100, Refusal.NONE), (0x01FF, Refusal.NONE), (0x0200, Refusal.VERSION)],
+    [
+        (0, Refusal.NONE),
+        (0x0200, Refusal.NONE),
+        (0x02FF, Refusal.NONE),
+        (0x0103, Refusal.VERSION),
+        (0x0300, Refusal.VERSION),
+    ],
 )
 def test_only_another_major_version_is_refused(version, refusal):
     line = Line()
@@ -515,3 +521,38 @@ def test_every_refusal_is_counted():
     line.write(sequence=5, code=INSERT)
     line.write(sequence=6, code=999)
     assert line.handshake.counts.refusals == 2
+
+
+@pytest.mark.parametrize(
+    ("what", "detail"),
+    [({"parameters": ((0, 9),)}, 1), ({"parameters": ((1, 0),)}, 2), ({"serial": "\x07"}, SERIAL_NUMBER)],
+)
+def test_a_parameter_that_is_refused_is_named(what, detail):
+    line = Line()
+    line.write(sequence=1)
+    answer = line.write(sequence=2, code=INSERT, **what)
+    assert (answer.refusal, answer.refusal_detail) == (Refusal.PARAMETER, detail)
+
+
+@pytest.mark.parametrize("code", [Control.STOP, Control.HOLD])
+def test_a_control_in_the_middle_of_a_run_has_its_own_result(code):
+    line = Line()
+    line.run(2)
+    line.write(sequence=3, code=code)
+    line.poll()
+    answer = line.write()
+    assert (answer.answered, answer.answered_result, answer.sequence) == (3, Result.SUCCESS, 2)
+
+
+def test_ready_says_whether_a_start_of_this_link_would_be_taken():
+    line = Line("a", "b")
+    line.handshake.publish(Report(state=4))
+    ready = lambda source: line.handshake.inputs(source).ready  # noqa: E731
+    assert (ready("a"), ready("b")) == (True, True)
+    line.write("a", lease=Lease.TAKE)
+    assert (ready("a"), ready("b")) == (True, False)
+    line.coils("b", stop=True)
+    assert not ready("a")
+    line.coils("b", stop=False)
+    line.run(2, "a")
+    assert not ready("a")

@@ -21,7 +21,7 @@ from plc_bridge.images import (
 )
 from plc_bridge.map_formats import as_csv, as_json, as_markdown
 from plc_bridge.messages import Refusal, Result
-from plc_bridge.registers import COILS, DISCRETE_INPUTS, MIRROR, Parameter, table
+from plc_bridge.registers import COILS, DISCRETE_INPUTS, MIRROR, STAGES, Parameter, table
 
 PLACES = {register.name: register for register in table()}
 
@@ -60,7 +60,8 @@ def test_each_block_fits_one_request():
         ("report_answered", "input", 3),
         ("report_result", "input", 5),
         ("report_run", "input", 12),
-        ("report_life_tail", "input", 45),
+        ("report_life_tail", "input", 72),
+        ("packml_state", "input", 201),
         ("diagnostics_refusals", "input", 106),
         ("execute", "coil", 0),
         ("stop", "coil", 1),
@@ -77,7 +78,9 @@ def test_command_survives_its_words():
 
 
 def test_report_survives_its_words():
-    image = ReportImage(1, 256, 2, 3, 4, 5, 6, 1006, 3, 9, 50, 100, 70_000, 1, "10.0.0.5:4711", (0.5,) * 6, 12.25, 1)
+    image = ReportImage(
+        1, 256, 2, 3, 4, 5, 6, 1006, 3, 9, 50, 100, 70_000, 1, "10.0.0.5:4711", (0.5,) * STAGES, 12.25, 1
+    )
     assert report_image(report_words(image)) == image
 
 
@@ -111,7 +114,7 @@ def test_mask_beyond_the_parameters_is_kept_for_refusal():
 
 def test_images_have_exactly_the_registers_of_their_block():
     names = {f"report_{column.name}" for column in fields(ReportImage)} - {"report_stage_times"}
-    names |= {f"report_stage_time_{n}" for n in range(1, 7)}
+    names |= {f"report_stage_time_{n}" for n in range(1, STAGES + 1)}
     assert names == {register.name for register in REPORT.registers}
     assert {f"diagnostics_{column.name}" for column in fields(Diagnostics)} == {r.name for r in DIAGNOSTICS.registers}
 
@@ -141,4 +144,4 @@ def test_parameters_bring_their_unit_scale_and_limits():
 
 def test_bits_are_numbered_from_zero():
     assert list(COILS.values()) == [0, 1, 2]
-    assert list(DISCRETE_INPUTS.values()) == [0, 1, 2, 3]
+    assert list(DISCRETE_INPUTS.values()) == [0, 1, 2, 3, 4]
