@@ -49,6 +49,12 @@ class PadLoad:
     """Whether two flat faces of the peg lie in the pads."""
 
 
+TOUCH = PadLoad(
+    theta=0.0, offset=0.0, grip_force=1.0, across=0.0, tilting=0.0, reach_tip=0.05, reach_back=0.01, width=0.008
+)
+"""Any load that touches every pad."""
+
+
 def load_of(peg: Peg, tcp: Pose, pose: Pose, grip_force: float, force: Vector, torque: Vector) -> PadLoad:
     """Return what the pads hold: the grip, and the reaction of what pushes the peg, whose inertia is too small to count.
 
@@ -197,6 +203,8 @@ class Pads:
             if misplaced is None
             else weights_at(finger_positions(layout) + misplaced, layout, config.blur, config.taxel_diameter)
         )
+        # The first touch of a process compiles; a cell shall not stand still for that while a PLC watches its run.
+        self.pressure(TOUCH)
 
     def line_load(self, depth: Vector) -> Vector:
         """Return the load of a pad for a depth of the contact line, N/m."""

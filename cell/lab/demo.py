@@ -73,6 +73,7 @@ def run_demo(
     errors: list[CellError] = []
     with opened(assemble(loaded.cell)) as cell:
         supervisor = Supervisor(cell, loaded, bridge, journal, stop)
+        supervisor.scan()  # the first one compiles; a PLC in the same process is not heard meanwhile
         bridge.start()
         has_ended = threading.Event()
 

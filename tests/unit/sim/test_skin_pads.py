@@ -1,4 +1,6 @@
 import math
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -118,3 +120,21 @@ def test_a_flat_face_turns_in_the_pads_where_friction_over_it_says(theta):
     under = (np.abs(beside) < 0.004) & (along < flat.reach_tip) & (along > -flat.reach_back)
     expected = 2.0 * 0.5 * flat.grip_force * np.hypot(x, y)[under].mean()
     assert breakaway_torque(flat, 0.5, LENGTH, WIDTH) == pytest.approx(expected, rel=0.02)
+
+
+COMPILED = """
+from sim.config import PadConfig
+from sim.pad_solver import lie, spread
+from sim.pads import PadLoad, Pads
+pads = Pads(PadConfig(hold={hold!r}), "parallelogram")
+before = len(lie.signatures), len(spread.signatures)
+pads.pressure(PadLoad(0.3, 1e-3, 30.0, 5.7, 0.285, 0.05, 0.02, 0.008, is_flat=True))
+print(before == (len(lie.signatures), len(spread.signatures)) and min(before) > 0)
+"""
+
+
+@pytest.mark.parametrize("hold", HOLDS)
+def test_pads_are_compiled_before_they_are_touched(hold):
+    """Otherwise a cell stands still for seconds in the middle of its first run, and takes its PLC for lost."""
+    command = [sys.executable, "-c", COMPILED.format(hold=hold)]
+    assert subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip() == "True"
