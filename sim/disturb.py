@@ -7,8 +7,9 @@ import numpy as np
 from drivers.arm.model import ArmModel
 from drivers.parts import Job
 from drivers.quantities import Vector
-from sim.arm_truth import ArmTruth, ideal
+from sim.arm_truth import ArmTruth
 from sim.config import ContactConfig, GripConfig, Spread
+from sim.drawn_arm import drawn_arm
 from sim.reality import AS_BELIEVED, Drawn
 
 SENSES_STREAM = 6
@@ -82,7 +83,7 @@ def draw(
         rack=cell["place.rack"],
         depth_in_hand=float(part["peg.depth_in_hand"]),
         grip_force=float(part["grip.force"]),
-        arm=ideal(arm),
+        arm=drawn_arm(arm, cell),
         senses=np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(SENSES_STREAM,))),
     )
 

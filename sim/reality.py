@@ -63,7 +63,7 @@ KINDS: dict[str, Kind] = {
     "arm.velocity_noise": Kind("joint", 0.0),
     "arm.tcp_place": Kind("axis", 0.0),
     "arm.joint_offsets": Kind("joint", 0.0),
-    "arm.wrench_offset": Kind("axis", 0.0),
+    "arm.wrench_torque": Kind("joint", 0.0),
     "arm.wrench_noise": Kind("trial", 0.0),
     "place.rack": Kind("axis", 0.0),
     "place.plate_height": Kind("trial", 0.0),
