@@ -42,6 +42,8 @@ EXACT, UNPREDICTED, PROBE, NONE = 0, 1, 2, 3
 told; nothing."""
 PENETRATION = 80
 """Index in `userdata` of the deepest penetration in the bore or at its rim since it was last set to 0, m."""
+SURFACE = 81
+"""Index in `userdata` of the deepest penetration of a plate's surface or a hole's floor since it was last set to 0, m."""
 
 NEAR = 1e-3
 """Features further apart than this cannot meet in a step, m."""
@@ -250,15 +252,13 @@ def put(meeting, gap, p, n, judged, band):  # type: ignore[no-untyped-def]
         gap: Distance of the two features, m, negative when they penetrate.
         p: Point of the peg, m, plate frame.
         n: Normal from plate to peg, plate frame.
-        judged: Whether a penetration here is one of the bore or its rim.
+        judged: Whether a penetration here is one of the bore or its rim, which can make a trial void.
         band: Gap below which it is a contact whatever its speed, m.
     """
-    plate, penetration = (
-        plate_at(meeting.plate),
-        carray(native.pointer(meeting.userdata), (native.NUSERDATA,), np.float64),
-    )
-    if judged and -gap > penetration[PENETRATION]:
-        penetration[PENETRATION] = -gap
+    plate = plate_at(meeting.plate)
+    deepest = carray(native.pointer(meeting.userdata), (native.NUSERDATA,), np.float64)
+    kind = PENETRATION if judged else SURFACE
+    deepest[kind] = max(deepest[kind], -gap)
     if gap > band + meeting.reach or plate.mode == PROBE or (plate.mode == UNPREDICTED and gap > 0.0):
         return
     origin, (x, y, z) = meeting.origin, meeting.rows

@@ -12,15 +12,21 @@ from drivers.compiled import njit
 from drivers.quantities import Vector
 from sim import arm_senses, contact, joint_drive, native
 
-METER_WORDS = 64
+METER_WORDS = 128
 FORCE, TORQUE, PEAK_FORCE = 0, 3, 6
 """Net force of the plates on the peg and its torque about the finger centre, base frame, low-passed; largest force, N."""
 SUSTAINED, RING_AT, TURN_FROM, TURN_MAX = 7, 8, 9, 10
-"""Deepest penetration that lasted, m; its ring; hinge angle that turns are counted from and the largest turn, rad."""
-RING = 20
+"""Deepest penetration of a bore or its rim that lasted, m; where its ring stands; hinge angle that turns are counted from
+and the largest turn, rad."""
+OVER_TIME, SURFACE_SUSTAINED = 11, 12
+"""Time that the force on the held peg exceeded `OVER_FORCE`, s; deepest penetration of a surface or a floor that lasted, m."""
+RING, SURFACE_RING = 20, 70
+"""Where the penetrations of the newest ticks are kept, of bores and rims and of surfaces and floors."""
 
 FORCE_FILTER = 0.005
-"""Time constant of the low-pass on forces, s: single steps of a rigid contact say little."""
+"""Time constant of the low-pass on forces, s, a bandwidth of 32 Hz: single steps of a rigid contact say little."""
+OVER_FORCE = 20.0
+"""Force on the peg, N, whose excess is timed."""
 DRIVE_FORCE, DRIVE_WIDTH, DRIVE_SPEED, DRIVE_OPENING = 0, 1, 2, 3
 """The hand's drive: closing force commanded, N, where 0 opens to the width commanded, m; speed of a finger, m/s, and the
 force that opens it, N, which are figures of the hand."""
@@ -222,7 +228,7 @@ def advance(
             cycle = min(cycle + 1, span.noise.shape[0] - 1)
         if watch.hinge < 0:
             _drive_fingers(state, control.drive)
-        state.userdata[contact.PENETRATION] = 0.0
+        _clear(state.userdata)
         may_coarsen = models.coarse != 0 and (span.phase + tick) % COARSE == 0 and tick + COARSE <= span.ticks
         stride = COARSE if may_coarsen and is_far(models.hole, peg.size, peg.middle, peg.axes) else 1
         joint_drive.act(control.joints, qvel, qfrc, stride > 1)
@@ -231,7 +237,7 @@ def advance(
         _net_force(state.data, watch.pivot, watch.plates, force, torque)
         _meter(meters, force, torque, stride * span.timestep, watch.hinge, qpos)
         for _ in range(stride):
-            judge(meters, state.userdata[contact.PENETRATION], lasting)
+            judge(meters, state.userdata, lasting)
         if watch.hinge >= 0 and abs(qpos[watch.hinge]) > watch.lost:
             break
     total = 0.0
@@ -266,6 +272,8 @@ def _meter(
         size += meters[FORCE + i] * meters[FORCE + i]
     if hinge >= 0:
         meters[PEAK_FORCE] = max(meters[PEAK_FORCE], math.sqrt(size))
+        if size > OVER_FORCE * OVER_FORCE:
+            meters[OVER_TIME] += elapsed
         meters[TURN_MAX] = max(meters[TURN_MAX], abs(qpos[hinge] - meters[TURN_FROM]))
 
 
@@ -329,23 +337,28 @@ def below_mouth(
 
 
 @njit(cache=True)
-def judge(meters: Vector, penetration: float, ticks: int) -> None:  # pragma: no cover
-    """Meter one tick's penetration: the least of the last `ticks` has lasted."""
+def _clear(userdata: Vector) -> None:  # pragma: no cover
+    """Set the penetrations that the contact functions leave back to 0."""
+    userdata[contact.PENETRATION] = userdata[contact.SURFACE] = 0.0
+
+
+@njit(cache=True)
+def judge(meters: Vector, userdata: Vector, ticks: int) -> None:  # pragma: no cover
+    """Meter one tick's penetrations: the least of the last `ticks` has lasted."""
     at = int(meters[RING_AT])
-    meters[RING + at] = penetration
+    meters[RING + at] = userdata[contact.PENETRATION]
+    meters[SURFACE_RING + at] = userdata[contact.SURFACE]
     meters[RING_AT] = float((at + 1) % ticks)
-    lasting = meters[RING]
-    for i in range(1, ticks):
-        lasting = min(lasting, meters[RING + i])
-    meters[SUSTAINED] = max(meters[SUSTAINED], lasting)
+    meters[SUSTAINED] = max(meters[SUSTAINED], meters[RING : RING + ticks].min())
+    meters[SURFACE_SUSTAINED] = max(meters[SURFACE_SUSTAINED], meters[SURFACE_RING : SURFACE_RING + ticks].min())
 
 
 @njit(cache=True)
 def judged_step(model: int, state: State, meters: Vector, ticks: int) -> None:  # pragma: no cover
     """Take one step with a model and meter its penetration; `ticks` as `judge` has it."""
-    state.userdata[contact.PENETRATION] = 0.0
+    _clear(state.userdata)
     native.step(model, state.data)
-    judge(meters, state.userdata[contact.PENETRATION], ticks)
+    judge(meters, state.userdata, ticks)
 
 
 @njit(cache=True)

@@ -27,12 +27,16 @@ class Truth:
     """The tip is below the surface and within the hole's radius of its axis."""
     switch_closed: bool
     peak_contact_force: float
-    """Largest net force of the plates on the peg, 5 ms low-pass, N."""
+    """Largest net force of the plates on the held peg, N, after a first-order low-pass of 5 ms (32 Hz)."""
     max_penetration: float
     """Deepest that lasted longer than 2 ms, in a bore or at its rim, m."""
     is_void: bool
     max_in_hand_rotation: float
     """Since the grasp, rad."""
+    time_over_20N: float  # noqa: N815 - a column of trials.csv
+    """Time that the force of which `peak_contact_force` is the largest exceeded 20 N, s."""
+    plate_penetration: float
+    """Deepest that lasted longer than 2 ms, of a surface or a hole's floor, m; recorded, not judged."""
 
 
 def is_void(penetration: float, clearance: float) -> bool:

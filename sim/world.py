@@ -179,6 +179,8 @@ class World:
             max_penetration=lasting,
             is_void=is_void(lasting, self.job.peg.part.clearance(self.job.hole.part)),
             max_in_hand_rotation=float(self.meters[engine.TURN_MAX]),
+            time_over_20N=float(self.meters[engine.OVER_TIME]),
+            plate_penetration=float(self.meters[engine.SURFACE_SUSTAINED]),
         )
 
 

@@ -136,5 +136,5 @@ def worked_in(yaw: float, friction: float, seconds: float, timestep: float) -> t
         data.xfrc_applied[1] = [*force, *torque]
         data.userdata[contact.PENETRATION] = 0.0
         mujoco.mj_step(model, data)
-        engine.judge(meters, data.userdata[contact.PENETRATION], engine.window(timestep))
+        engine.judge(meters, data.userdata, engine.window(timestep))
     return -float((middle + lever)[2]), float(meters[engine.SUSTAINED])

@@ -67,6 +67,10 @@ class TrialRow:
     wall_time: float
     cycle_time: float = math.nan
     """From the command to the end of the program, transfers, grasp and release included."""
+    time_over_20N: float = math.nan  # noqa: N815 - the column's name is part of the contract
+    """Time that the reported force exceeded 20 N, s."""
+    plate_penetration: float = math.nan
+    """Deepest of a plate's surface or a hole's floor that lasted longer than 2 ms, m."""
     errors: dict[str, str] = field(default_factory=dict)
     """What was drawn of the cell's errors, by name: a column each."""
 
@@ -178,6 +182,8 @@ def run_trial(config: CellConfig, seed: int) -> TrialRow:
         sim_time=sim_time,
         wall_time=time.perf_counter() - wall,
         cycle_time=sim_time - began,
+        time_over_20N=truth.time_over_20N,
+        plate_penetration=truth.plate_penetration,
         errors=dict(cell.errors),
     )
 

@@ -33,6 +33,8 @@ ROW = TrialRow(
     depth=0.02,
     sim_time=25.0,
     wall_time=1.5,
+    time_over_20N=0.0,
+    plate_penetration=1e-7,
 )
 LOST = replace(
     ROW,
@@ -66,7 +68,7 @@ def test_the_table_has_the_promised_columns(tmp_path):
     assert head == (
         "seed,outcome,reason,stage,grasp_time,search_time,insert_time,adjust_time,total_time,retries,peak_contact_force,"
         "max_penetration,max_in_hand_rotation,theta_rmse,tip_rmse,hole_x,hole_y,start_x,start_y,switch_closed,depth,"
-        "sim_time,wall_time,cycle_time"
+        "sim_time,wall_time,cycle_time,time_over_20N,plate_penetration"
     )
     assert len(rows) == 2
 
@@ -147,5 +149,10 @@ def test_what_was_drawn_of_the_errors_stands_in_columns_of_its_own_and_is_read_b
     drawn = {"reality.arm.gravity": "0.1 -0.2", "reality.skin.age": "0.01"}
     rows = [replace(ROW, seed=1, errors=drawn, start_x=0.5), replace(ROW, seed=2, errors=drawn, start_x=0.5)]
     write_table(rows, tmp_path / "t.csv")
-    assert (tmp_path / "t.csv").read_text().splitlines()[0].endswith("cycle_time,reality.arm.gravity,reality.skin.age")
+    assert (
+        (tmp_path / "t.csv")
+        .read_text()
+        .splitlines()[0]
+        .endswith("plate_penetration,reality.arm.gravity,reality.skin.age")
+    )
     assert [row.errors for row in read_table(tmp_path / "t.csv")] == [drawn, drawn]
