@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Self, TypeVar
 from pydantic import Field, ValidationError, create_model, model_validator
 
 import config as shipped
-from cell.config_errors import explain
+from cell.config_errors import explain, renamed_key
 from cell.margins import MARGIN, Place, too_high
 from drivers.arm.franka_config import FrankaArmConfig
 from drivers.arm.model import ArmModel, read_arm
@@ -58,8 +58,6 @@ NOT_INHERITED = (("limits", "force"), ("limits", "low"), ("limits", "high"), ("h
 """What a cell says itself, whatever its base says: what it may do, and where its parts stand."""
 RECIPE_SECTIONS = frozenset({"preset", "peg", "hole", "rack", "corner", *(skill.section for skill in CATALOGUE.skills)})
 """What a recipe may say: the part, its place and how to handle it; never the hardware."""
-RENAMED = {"square": "corner"}
-"""Sections of files of an older layout, and what they are called now."""
 
 
 class JournalConfig(ConfigModel):
@@ -249,7 +247,7 @@ class CellConfig(Catalogued):
             arm=self.arm_model(),
             tip=self.hole.centre,
             part=self.peg.part,
-            lean=search.lean,
+            lean=search.tilt_azimuth,
             tilt=search.tilt,
             elbow=search.transfer.elbow,
             length=self.peg.length,
@@ -508,9 +506,8 @@ def _find_preset(path: Path, name: Any) -> Path:
 
 def _lay_layer(below: dict[str, Any], above: Mapping[str, Any], name: str, source: dict[tuple[str, ...], str]) -> None:
     """Merge a whole layer into what is below it; a size that it keeps is then said in the word of the peg's shape."""
-    for old, new in RENAMED.items():
-        if old in above:
-            raise ConfigError(f"{name}: [{old}]: is called [{new}] now")
+    if (told := renamed_key(above)) is not None:
+        raise ConfigError(f"{name}: {told}")
     _lay_over(below, above, name, source)
     try:
         renamed = follow_shape(below, above)

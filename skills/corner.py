@@ -20,7 +20,7 @@ class CornerParams(ConfigModel):
     """Peak speed of the tip along the path, m/s; a corner that has fallen in meets the wall with all of it."""
     pitch: Annotated[float, Field(gt=0.0, le=2.0)]
     """Largest distance between neighbouring passes, multiple of the hole's shorter side."""
-    dip: PositiveFloat
+    dip_threshold: PositiveFloat
     """Dip of the corner below the surface that is evidence of an edge, m."""
     fall: PositiveFloat
     """Depth below the surface at which the resting corner is in the hole, m."""
@@ -42,7 +42,7 @@ class CornerParams(ConfigModel):
                 "tilt": self.tilt,
                 "speed": self.speed,
                 "pitch": self.pitch,
-                "dip": self.dip,
+                "dip_threshold": self.dip_threshold,
                 "fall": self.fall,
                 "edge_leads": True,
             }

@@ -11,7 +11,7 @@ from drivers.quantities import ImpedanceSetpoint
 from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillResult
 from skills.ground import Plane, nominal
 from skills.motion import VALIDITY, Gains, tilted_by
-from skills.paths import fading_circles
+from skills.paths import dither
 from skills.seating import depth_of, is_seated, require_short_of_bottom
 
 
@@ -28,11 +28,11 @@ class CornerAdjustParams(SkillParams):
     """Depth of the tip's setpoint below the tip, m."""
     raise_rate: PositiveFloat
     """Rate at which the setpoint of the axis goes towards the normal, rad/s."""
-    radius: NonNegativeFloat
+    dither_radius: NonNegativeFloat
     """First radius of the circles that the finger centre draws, m; they fade."""
-    rate: PositiveFloat
+    dither_rate: PositiveFloat
     """Turning rate of the circles, rad/s."""
-    period: PositiveFloat
+    dither_period: PositiveFloat
     """Time in which the circles fade, s."""
     turn: NonNegativeFloat
     """Angle by which the hand is asked to turn further than it has, to and fro, rad; times the stiffness it is the
@@ -65,7 +65,7 @@ def run(params: CornerAdjustParams, ctx: SkillContext, plane: Plane | None = Non
         tip, axis = end_point(seen.arm.tcp, in_hand.theta, in_hand.length)
         if is_seated(seen.switch, tip, hole):
             return CornerAdjustResult(Outcome.SUCCESS, Reason.NONE, seen.elapsed, depth_of(tip, hole))
-        offset = fading_circles(seen.elapsed, params.radius, params.rate, params.period)
+        offset = dither(seen.elapsed, params.dither_radius, params.dither_rate, params.dither_period)
         left = max(start - params.raise_rate * seen.elapsed, 0.0)
         offset = offset + in_hand.length * (plane.normal[:2] + math.sin(left) * lean[:2])
         share = (seen.elapsed / params.turn_period) % 1.0

@@ -17,7 +17,7 @@ from drivers.quantities import ImpedanceSetpoint, Vector
 from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillResult
 from skills.ground import Plane, nominal
 from skills.motion import VALIDITY, Gains
-from skills.paths import fading_circles
+from skills.paths import dither
 from skills.seating import is_seated
 
 
@@ -28,7 +28,7 @@ class CornerInsertParams(SkillParams):
     """Stiffness and damping along x and y and in rotation."""
     push_stiffness: PositiveFloat
     """Stiffness along z, which makes the push, N/m."""
-    relief: Annotated[float, Field(gt=0.0, le=1.0)]
+    push_back: Annotated[float, Field(gt=0.0, le=1.0)]
     """Share of the push that is kept while the peg is raised, fraction; raised in the hole it turns in the hand."""
     push_damping: PositiveFloat
     """Damping along z, N·s/m."""
@@ -53,17 +53,17 @@ class CornerInsertParams(SkillParams):
     centres: Annotated[tuple[Annotated[float, Field(ge=-1.0, le=1.0)], ...], Field(min_length=1)]
     """Middle of the yaw sweep in the first attempt, in the next, and so on, fraction of the most that the hole can be
     turned; far from how the hole is turned the corner would climb out."""
-    sweep: Annotated[float, Field(ge=0.0, le=1.0)]
+    yaw_sweep: Annotated[float, Field(ge=0.0, le=1.0)]
     """Reach of the yaw sweep to either side, fraction of the most that the hole can be turned; no less than `felt`, or
     walls would never be felt."""
     margin: NonNegativeFloat
     """Addition to the reach of the yaw sweep, rad."""
-    radius: NonNegativeFloat
+    dither_radius: NonNegativeFloat
     """First radius of the circles that the finger centre draws all the while, m; they fade, and shake friction loose.
     """
-    rate: PositiveFloat
+    dither_rate: PositiveFloat
     """Turning rate of the circles, rad/s."""
-    period: PositiveFloat
+    dither_period: PositiveFloat
     """Time in which the circles fade, s."""
     growth: PositiveFloat
     """Angle by which every turn to one side reaches further than the last, rad; the hole is rather turned little."""
@@ -110,7 +110,7 @@ def run(
     swing = angle_between(first.axis, axis)
     anchor: Vector | None = None
     since = swing / params.raise_rate + params.settle
-    reach = max(params.sweep * ctx.job.hole.yaw, params.felt) + params.margin
+    reach = max(params.yaw_sweep * ctx.job.hole.yaw, params.felt) + params.margin
     highest, yaw, phi = -math.inf, 0.0, params.tilt
     centre = params.centres[attempt % len(params.centres)] * ctx.job.hole.yaw
     for seen in ctx.scan(params.timeout, holding=True):
@@ -122,7 +122,7 @@ def run(
             return CornerInsertResult(Outcome.FAILURE, Reason.NOT_ALIGNED, elapsed, yaw, phi)
         left = max(swing - params.raise_rate * elapsed, 0.0)
         yaw = centre * min(elapsed / since, 1.0)
-        stiffness[2] = params.push_stiffness * (params.relief if elapsed < since else 1.0)
+        stiffness[2] = params.push_stiffness * (params.push_back if elapsed < since else 1.0)
         if elapsed >= since:
             anchor = seen.tip if anchor is None else anchor
             yaw = centre + to_and_fro(elapsed - since, params.turn_rate, params.growth, reach)
@@ -135,7 +135,10 @@ def run(
         turned = rotation_about(normal, yaw)
         leaning = turned @ rotation_about(about, left)
         if elapsed >= since:
-            shaken = fading_circles(elapsed - since, params.radius, params.rate, params.period) / ctx.job.peg.length
+            shaken = (
+                dither(elapsed - since, params.dither_radius, params.dither_rate, params.dither_period)
+                / ctx.job.peg.length
+            )
             leaning = tipped(shaken) @ leaning
         ctx.progress(elapsed / params.timeout)
         ctx.follow(

@@ -162,7 +162,7 @@ def spiral_at_speed(time: float, speed: float, pitch: float) -> Vector:
     return np.array([radius * math.cos(angle), radius * math.sin(angle)])
 
 
-def fading_circles(time: float, radius: float, turn_rate: float, period: float) -> Vector:
+def dither(time: float, radius: float, turn_rate: float, period: float) -> Vector:
     """Return the point at `time` on circles that swell from nothing and fade to nothing within each period.
 
     A decaying oscillation leaves a system with dry friction free of stored torque, as a decaying field leaves

@@ -3,7 +3,7 @@
 from drivers.quantities import ImpedanceSetpoint, Vector
 from skills.contract import SkillContext
 from skills.motion import VALIDITY, Gains, tilted_by
-from skills.paths import fading_circles
+from skills.paths import dither
 
 SPEED = 0.05
 """At which the setpoint rises, m/s."""
@@ -30,7 +30,7 @@ def pull_out(height: float, gains: Gains, ctx: SkillContext) -> Vector | None:
         if tip[2] >= height:
             return None
         target[2] = min(target[2] + SPEED * ctx.scan_period, tip[2] + most)
-        offset = fading_circles(seen.elapsed, *SHAKEN)
+        offset = dither(seen.elapsed, *SHAKEN)
         ctx.follow(
             ImpedanceSetpoint(
                 id=identity,

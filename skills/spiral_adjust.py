@@ -12,7 +12,7 @@ from drivers.quantities import ImpedanceSetpoint, InHandTip, Pose, Vector
 from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillResult
 from skills.ground import Plane, nominal
 from skills.motion import VALIDITY, Gains, tilted_by
-from skills.paths import fading_circles, spiral
+from skills.paths import dither, spiral
 from skills.seating import OPEN_TOLERANCE, depth_of, is_seated, require_short_of_bottom
 
 ARRIVING = 3.0
@@ -27,8 +27,8 @@ class SpiralAdjustParams(SkillParams):
     turn_rate: PositiveFloat
     """Turning rate of the spiral, rad/s."""
     radius: PositiveFloat
-    """Largest radius of the spiral, m; `patience` may end the spiral before."""
-    patience: Annotated[float, Field(gt=0.0, le=120.0)]
+    """Largest radius of the spiral, m; `stall_timeout` may end the spiral before."""
+    stall_timeout: Annotated[float, Field(gt=0.0, le=120.0)]
     """Stall timeout, s; a peg that has not gone deeper by `jammed` for so long is not in the hole, or will not go in
     so. Close to the bottom the timeout alone counts."""
     timeout: PositiveFloat
@@ -43,12 +43,12 @@ class SpiralAdjustParams(SkillParams):
     """Depth of the tip's setpoint below the tip, m."""
     guided_depth: PositiveFloat
     """Depth of the tip from which a growing spiral would only load its walls, m."""
-    guided_radius: NonNegativeFloat
+    dither_radius: NonNegativeFloat
     """First radius of the circles that the finger centre draws from there on, m; they fade, because torque that
     friction holds jams."""
-    guided_rate: PositiveFloat
+    dither_rate: PositiveFloat
     """Turning rate of the circles, rad/s."""
-    guided_period: PositiveFloat
+    dither_period: PositiveFloat
     """Time in which the circles fade, s."""
     jammed: NonNegativeFloat
     """Least progress of the tip in one period of the circles, m; below it the skin is asked again how the peg is held,
@@ -113,7 +113,7 @@ class Aim:
 
 @dataclass(frozen=True, slots=True)
 class Guide:
-    """Whether the hole guides the peg, and what it gained in each period of the fading circles since; pure."""
+    """Whether the hole guides the peg, and what it gained in each period of the dither since; pure."""
 
     began: float = math.inf
     """When the peg was first deep enough, as time of running, s."""
@@ -134,7 +134,7 @@ class Guide:
         if not self.is_on and depth <= params.guided_depth:
             return self
         began = min(self.began, elapsed)
-        if int((elapsed - began) / params.guided_period) <= self.periods:
+        if int((elapsed - began) / params.dither_period) <= self.periods:
             return Guide(began, self.periods, self.reached)
         return Guide(began, self.periods + 1, depth, is_jammed=depth - self.reached < params.jammed)
 
@@ -142,7 +142,7 @@ class Guide:
         """Return how far the finger centre stands off the line that the peg is aimed along, shape (2,), m."""
         if not self.is_on:
             return spiral(elapsed % (params.radius / params.growth), params.growth, params.turn_rate)
-        return fading_circles(elapsed - self.began, params.guided_radius, params.guided_rate, params.guided_period)
+        return dither(elapsed - self.began, params.dither_radius, params.dither_rate, params.dither_period)
 
 
 def run(params: SpiralAdjustParams, ctx: SkillContext, plane: Plane | None = None) -> SpiralAdjustResult:
@@ -157,7 +157,7 @@ def run(params: SpiralAdjustParams, ctx: SkillContext, plane: Plane | None = Non
             return _result(Outcome.SUCCESS, Reason.NONE, elapsed, offset, depth_of(tip, hole))
         depth = plane.depth(tip)
         stall = stall.after(depth, elapsed, params.jammed)
-        if elapsed - stall.since > params.patience and depth_of(tip, hole) < hole.depth - OPEN_TOLERANCE:
+        if elapsed - stall.since > params.stall_timeout and depth_of(tip, hole) < hole.depth - OPEN_TOLERANCE:
             break
         guide = guide.after(depth, elapsed, params)
         if guide.is_jammed:

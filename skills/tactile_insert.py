@@ -38,7 +38,7 @@ class TactileInsertParams(SkillParams):
     """Time in which the setpoint of the axis gets to its rate, s; the hole's wall bears what sets the arm in motion."""
     aligned: Annotated[float, Field(gt=0.0, lt=0.8)]
     """Tilt phi below which the adjustment takes over, rad; 15 degrees in [gibbons]."""
-    yielding: NonNegativeFloat
+    compliance_rate: NonNegativeFloat
     """Rate at which the tip's setpoint along x and y gives way to where the hole keeps the tip, 1/s; 0 in [gibbons]."""
     forward: NonNegativeFloat
     """Distance of the tip's setpoint ahead of the tip, towards the side that the peg leans to, m; raising then cannot
@@ -90,7 +90,7 @@ def run(params: TactileInsertParams, ctx: SkillContext, plane: Plane | None = No
         if plane.depth(seen.tip) < -params.lost_height - peg.reach * math.sin(phi):
             return TactileInsertResult(Outcome.FAILURE, Reason.NOT_ALIGNED, elapsed, first_phi, phi)
         ctx.progress(1.0 - min(phi / max(first_phi, 1e-6), 1.0))
-        hole[:2] += min(params.yielding * ctx.scan_period, 1.0) * (seen.tip - hole)[:2]
+        hole[:2] += min(params.compliance_rate * ctx.scan_period, 1.0) * (seen.tip - hole)[:2]
         tip = hole + params.forward * min(phi / UPRIGHT, 1.0) * _ahead(seen.axis)
         stiffness[2] = push_stiffness(phi, first_phi, *params.push_stiffness)
         ctx.follow(

@@ -52,10 +52,10 @@ def make_course(params: SpraySearchParams, job: Job, rng: np.random.Generator) -
         path = lanes(over, pitch, min(params.speed, CROSSINGS * hole.part.inscribed), fast, begin, run_in)
     else:
         path = spray_paint(over, pitch, params.speed, fast, begin)
-    axis, closing = part.leaning(params.lean, params.tilt)
-    ahead, lean = part.reach * math.cos(params.tilt), part.azimuth(params.lean)
+    axis, closing = part.leaning(params.tilt_azimuth, params.tilt)
+    ahead, azimuth = part.reach * math.cos(params.tilt), part.azimuth(params.tilt_azimuth)
     middle = np.array(hole.centre[:2])
     if params.edge_leads:
-        middle = middle - ahead * np.array([math.cos(lean), math.sin(lean)])
+        middle = middle - ahead * np.array([math.cos(azimuth), math.sin(azimuth)])
     first = np.array([*(middle + path.at(0.0)[0]), hole.centre[2] + params.height])
     return Course(path, middle, first, axis, closing, fast)

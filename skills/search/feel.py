@@ -29,7 +29,7 @@ class Evidence:
         """
         is_event = seen.is_new_frame and self._event.update(seen.frame)
         below = self._ground.below(edge, sense)
-        return below, is_event if self._params.evidence == "skin" else below > self._params.dip
+        return below, is_event if self._params.evidence == "skin" else below > self._params.dip_threshold
 
     def learn(self, edge: Vector, sense: int) -> None:
         """Take the height of the plate from a scan without an edge."""
@@ -41,7 +41,7 @@ class Evidence:
 
     def forget(self, below: float) -> None:
         """Begin anew where all of the plate seems to lie `below`, m: no edge, but theta has jumped, say, and with it the plane."""
-        if below > self._params.dip:
+        if below > self._params.dip_threshold:
             self._ground = Ground()
 
     @property
@@ -67,4 +67,4 @@ class Push:
         """Return the push after a scan in which the in-hand angle is `theta`, rad."""
         if abs(theta - self.theta) <= SLIP:
             return self
-        return Push(max(params.relief * self.stiffness, params.least_push * params.push_stiffness), theta)
+        return Push(max(params.push_back * self.stiffness, params.least_push * params.push_stiffness), theta)

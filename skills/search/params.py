@@ -22,7 +22,7 @@ class SpraySearchParams(SkillParams):
     """Stiffness and damping along the path and in rotation."""
     push_stiffness: PositiveFloat
     """Stiffness along z, which makes the push, N/m."""
-    relief: Annotated[float, Field(gt=0.0, le=1.0)]
+    push_back: Annotated[float, Field(gt=0.0, le=1.0)]
     """Share of the push that is kept at every slip of the peg in the hand, fraction; friction at the tip turns it."""
     least_push: Annotated[float, Field(gt=0.0, le=1.0)]
     """Smallest share of the push that is left after slips, fraction."""
@@ -32,7 +32,7 @@ class SpraySearchParams(SkillParams):
     """Depth of the tip's setpoint below the surface, m; 0.01 in [gibbons]."""
     tilt: Annotated[float, Field(ge=0.0, lt=1.4)]
     """Tilt of the peg from the vertical, rad; 45 degrees in [gibbons]."""
-    lean: Annotated[float, Field(ge=-math.pi, le=math.pi)]
+    tilt_azimuth: Annotated[float, Field(ge=-math.pi, le=math.pi)]
     """Tilt azimuth, of the peg's upper end, rad."""
     fast_axis: Literal["x", "y"]
     """Axis of the base frame that is swept fast."""
@@ -65,7 +65,7 @@ class SpraySearchParams(SkillParams):
     can miss."""
     event: HoleEventParams
     """How a hole event of the skin is told from noise."""
-    dip: PositiveFloat
+    dip_threshold: PositiveFloat
     """Dip of the tip below the surface that is evidence of an edge, m; the exact fall at 45 degrees is 2.4 mm."""
     fall: NonNegativeFloat
     """Depth below the surface at which the resting tip is in the hole, m; 0 takes the evidence for the hole, as

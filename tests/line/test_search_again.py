@@ -51,7 +51,7 @@ def test_peg_that_goes_no_deeper_is_given_up_after_the_patience_and_not_after_th
         ended = spiral_adjust.run(config.adjust, ctx)
     assert ended.outcome is Outcome.FAILURE
     assert ended.reason is Reason.NOT_SEATED
-    assert config.adjust.patience <= ended.elapsed < config.adjust.timeout / 2
+    assert config.adjust.stall_timeout <= ended.elapsed < config.adjust.timeout / 2
 
 
 def test_peg_that_jams_along_a_wrongly_felt_normal_is_freed_where_it_rests():

@@ -15,7 +15,7 @@ RUNNING, HELD, RESUMED = 0.3, 10.0, 1.0
 
 def test_setpoint_of_a_search_that_was_held_anywhere_goes_on_without_a_step() -> None:
     """A plate without a hole and a dip that noise exceeds: most of the time the search probes."""
-    sets = ["sim.pace=max", "sim.seed=105", "hole.present=false", "search.dip=2e-5", "search.timeout=6"]
+    sets = ["sim.pace=max", "sim.seed=105", "hole.present=false", "search.dip_threshold=2e-5", "search.timeout=6"]
     config = load(None, None, sets).cell
     cell = assemble(config)
     steps: list[float] = []

@@ -72,10 +72,10 @@ def test_search_that_listens_goes_the_same_way_until_its_first_event():
 def test_peg_falls_where_there_is_a_hole_and_nowhere_else():
     hollow, solid = (watch(config(), has_hole, SEED) for has_hole in (True, False))
     assert hollow.after is not None
-    assert hollow.after[HEIGHT].first(config().search.dip) is not None
+    assert hollow.after[HEIGHT].first(config().search.dip_threshold) is not None
     assert solid.after is None
     assert solid.slid > hollow.slid
-    assert solid.before[HEIGHT].first(config().search.dip) is None
+    assert solid.before[HEIGHT].first(config().search.dip_threshold) is None
 
 
 def test_plate_of_facets_has_a_hole():

@@ -141,7 +141,7 @@ def _in_use(config: CellConfig, detector: str) -> tuple[float, float]:
     """Return a detector's threshold by the config, and the rate that it was derived from."""
     search = config.params(SEARCH)
     if detector == HEIGHT:
-        return search.dip, math.nan
+        return search.dip_threshold, math.nan
     if detector == "derivative":
         return search.event.threshold, math.nan
     return _limit(config, detector, search.event.false_alarms), search.event.false_alarms

@@ -351,7 +351,7 @@ def _bench(config: CellConfig, case: Case) -> Iterator[Bench]:
         if grasp_from_rack.run(config.params(GRASP), ctx).outcome is not Outcome.SUCCESS:
             raise CellError("study: the peg could not be taken from the rack")
         search = config.params(SEARCH)
-        axis, closing = config.peg.part.leaning(search.lean, search.tilt)
+        axis, closing = config.peg.part.leaning(search.tilt_azimuth, search.tilt)
         tip = np.array(config.hole.centre) + np.array([0.0, 0.0, HEIGHT])
         for _ in move(Goal(tip, axis, closing), search.transfer, ctx, ctx.in_hand(), settle=1.0):
             pass

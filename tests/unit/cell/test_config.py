@@ -1,11 +1,14 @@
 import re
 import shutil
+from typing import get_args
 
 import pytest
 
 from cell.assembly import make_estimator
-from cell.config import DEFAULT, SHIPPED, arm_file, load, parse_set, with_parameters
+from cell.config import DEFAULT, SHIPPED, CellConfig, arm_file, load, parse_set, with_parameters
+from cell.config_errors import RENAMED
 from cell.margins import inertias
+from drivers.config_model import ConfigModel
 from drivers.errors import ConfigError
 
 
@@ -357,3 +360,23 @@ def test_a_square_peg_is_tried_as_often_as_its_own_section_says():
     assert load(sets=("peg.shape=square", "retries=1", "corner.retries=4")).cell.skill_set().retries == 4
     assert load(sets=("retries=1", "corner.retries=4")).cell.skill_set().retries == 1
     assert load().cell.handling().blend is None
+
+
+def known_places(model, at=()):
+    """Yield the path of every section and key of a config model."""
+    for name, field in model.model_fields.items():
+        yield ".".join((*at, name))
+        for kind in (field.annotation, *get_args(field.annotation)):
+            if isinstance(kind, type) and issubclass(kind, ConfigModel):
+                yield from known_places(kind, (*at, name))
+
+
+def test_every_old_word_leads_to_one_that_is_known_and_no_other():
+    known = set(known_places(CellConfig))
+    assert set(RENAMED.values()) <= known
+    assert not set(RENAMED) & known
+
+
+@pytest.mark.parametrize("old", [old for old in RENAMED if "." in old])
+def test_an_old_key_is_told_with_the_new_word(old):
+    assert line_about(f"{old}=0.5") == f"--set: {old}: is called {RENAMED[old]} now"

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from skills.paths import TURN_TIME, fading_circles, lanes, spiral, spiral_at_speed, spray_paint
+from skills.paths import TURN_TIME, dither, lanes, spiral, spiral_at_speed, spray_paint
 
 HALF = (0.03, 0.03)
 
@@ -43,7 +43,7 @@ def test_neighbouring_turns_are_evenly_spaced() -> None:
 
 
 def test_circles_swell_from_nothing_and_fade_to_nothing() -> None:
-    sizes = [float(np.linalg.norm(fading_circles(t, 0.007, 12.0, 1.0))) for t in np.linspace(0.0, 0.999, 200)]
+    sizes = [float(np.linalg.norm(dither(t, 0.007, 12.0, 1.0))) for t in np.linspace(0.0, 0.999, 200)]
     assert sizes[0] == 0.0
     assert max(sizes) == pytest.approx(0.007, rel=0.02)
     assert sizes[-1] < 1e-4

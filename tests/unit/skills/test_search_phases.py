@@ -129,4 +129,4 @@ def test_every_slip_takes_back_the_push_down_to_its_least():
         theta += 0.11
         push = push.after(theta, PARAMS)
         found.append(push.stiffness / PARAMS.push_stiffness)
-    assert found == pytest.approx([max(PARAMS.relief**n, PARAMS.least_push) for n in range(1, 6)])
+    assert found == pytest.approx([max(PARAMS.push_back**n, PARAMS.least_push) for n in range(1, 6)])

@@ -12,7 +12,7 @@ from skills.catalogue import ADJUST
 from skills.spiral_adjust import Aim, Guide, Stall
 
 PARAMS = load().cell.params(ADJUST)
-PERIOD, LEAST = PARAMS.guided_period, PARAMS.jammed
+PERIOD, LEAST = PARAMS.dither_period, PARAMS.jammed
 DEEP = PARAMS.guided_depth + 1e-6
 
 
@@ -45,7 +45,7 @@ def test_the_spiral_grows_and_the_guided_circles_fade():
     free = [np.linalg.norm(Guide().offset(time, PARAMS)) for time in (1.0, 2.0)]
     guided = [np.linalg.norm(Guide(began=1.0).offset(1.0 + share * PERIOD, PARAMS)) for share in (0.1, 0.9)]
     assert free == pytest.approx([PARAMS.growth, 2 * PARAMS.growth])
-    assert guided[1] < guided[0] <= PARAMS.guided_radius
+    assert guided[1] < guided[0] <= PARAMS.dither_radius
 
 
 def test_after_a_jam_the_peg_is_aimed_where_it_rests_and_after_the_next_by_the_plate():
