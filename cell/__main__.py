@@ -1,6 +1,6 @@
-"""`python -m cell`, and what the command `cell` calls.
+"""Entry point of `python -m cell` and of the command `cell`.
 
-Worker processes import this module again: what they do not need is imported only when a command is run.
+Worker processes import this module again, so that it imports what a command needs only when that command is run.
 """
 
 import sys
@@ -13,7 +13,7 @@ def main() -> int:
     try:
         from cell.cli import main as run
     except CellError as error:
-        # What is wrong with a catalogue is found out when it is read.
+        # Faults of a catalogue show when it is read.
         sys.stderr.write(f"{error}\n")
         return 2
     return run()

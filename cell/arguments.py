@@ -1,4 +1,4 @@
-"""What the options of several commands share: their types, the config and the journal that they name; imports nothing heavy."""
+"""Options that several commands share: their types, and the config and the journal that they name; imports nothing heavy."""
 
 import argparse
 from collections.abc import Iterable
@@ -9,15 +9,18 @@ from cell.nearest import did_you_mean
 from drivers.errors import ConfigError
 
 if TYPE_CHECKING:
-    from cell.config import LoadedConfig
+    from cell.config import JournalConfig, LoadedConfig
     from cell.journal import Journal
+    from cell.run_query import RunQuery
 
 
 class Parser(argparse.ArgumentParser):
-    """Raises what is wrong, so that it is told like any other wrong use, and names what may have been meant."""
+    """Parser of the command line that raises its errors, so that they are reported like any other wrong use, with what
+    may have been meant.
+    """
 
     def error(self, message: str) -> NoReturn:
-        """Raise.
+        """Raise the error.
 
         Raises:
             ConfigError: Always.
@@ -32,7 +35,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def add_shared(parser: argparse.ArgumentParser) -> None:
-    """Add what every command has."""
+    """Add the options of every command."""
     parser.add_argument("-v", "--verbose", action="store_true", help="log everything")
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
 
@@ -52,7 +55,7 @@ def load_config(args: argparse.Namespace, default_pace: str | None = None) -> "L
     """Return the config that --config and --set name, at `default_pace` unless --set says another.
 
     Raises:
-        ConfigError: Something in it is wrong.
+        ConfigError: The config is wrong.
     """
     from cell.config import load
 
@@ -62,18 +65,53 @@ def load_config(args: argparse.Namespace, default_pace: str | None = None) -> "L
     return load(args.config, sets=sets)
 
 
-def open_journal(args: argparse.Namespace, folder: str = "") -> "Journal":
-    """Return the journal that --journal names, else the one in the config's `folder`, else the user's own; not yet open."""
+def open_journal(args: argparse.Namespace, config: "JournalConfig") -> "Journal":
+    """Return the journal to write, not yet open: of --journal, of the config's `folder`, or of the user's own data folder."""
+    from cell.journal import Journal, default_folder
+    from cell.journal_upkeep import Keep
+
+    named = Path(config.folder).expanduser() if config.folder else default_folder()
+    return Journal(args.journal or named, keep=Keep(config.days, config.bytes, config.least_free))
+
+
+def read_journal(args: argparse.Namespace) -> "Journal":
+    """Return the journal to read, not yet open: of --journal, or of the user's own data folder."""
     from cell.journal import Journal, default_folder
 
-    return Journal(args.journal or (Path(folder).expanduser() if folder else default_folder()))
+    return Journal(args.journal or default_folder(), is_read_only=True)
+
+
+def add_query(parser: argparse.ArgumentParser) -> None:
+    """Add what runs a question is about."""
+    parser.add_argument("--since", default="", metavar="WHEN", help="30m, 12h, 7d, 4w back, or a date in local time")
+    parser.add_argument("--outcome", metavar="WORD", help="success, failure, aborted, fault, lost or running")
+    parser.add_argument("--fault", type=positive, metavar="CODE", help="number of a fault, as in 2004")
+    parser.add_argument("--part", metavar="SERIAL", help="serial number of the part")
+    parser.add_argument("--program", metavar="NAME", help="name of the program or skill")
+    parser.add_argument("--recipe", type=natural, metavar="N", help="number of the part's recipe")
+
+
+def query_of(args: argparse.Namespace) -> "RunQuery":
+    """Return which runs a question is about.
+
+    Raises:
+        ConfigError: A time or a word in it is wrong.
+    """
+    from datetime import UTC, datetime
+
+    from cell.run_query import OUTCOMES, RunQuery, since_text
+
+    if args.outcome is not None:
+        require_known("--outcome", args.outcome, OUTCOMES)
+    since = since_text(args.since, datetime.now(UTC)) if args.since else ""
+    return RunQuery(since, args.outcome, args.fault, args.part, args.program, args.recipe)
 
 
 def out_folder(folder: Path) -> Path:
-    """Return the folder that a command writes to, made if need be.
+    """Return the folder that a command writes to, which is made where it is missing.
 
     Raises:
-        ConfigError: It cannot be made.
+        ConfigError: The folder cannot be made.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -86,7 +124,7 @@ def require_known(what: str, name: str, known: Iterable[str]) -> None:
     """Make sure that a name is a known one.
 
     Raises:
-        ConfigError: It is not; `what` says of what.
+        ConfigError: The name is unknown; `what` says what it should name.
     """
     known = list(known)
     if name not in known:
@@ -108,15 +146,23 @@ def natural(text: str) -> int:
 
 
 def address(text: str) -> tuple[str, int]:
-    """Return host and port of `HOST:PORT`."""
+    """Return host and port of a text `HOST:PORT`."""
     host, colon, port = text.rpartition(":")
     if not colon or not host or not port.isdigit() or not 0 < int(port) < 65536:
         raise argparse.ArgumentTypeError(f"{text!r}: HOST:PORT allowed, as in 127.0.0.1:5020")
     return host.strip("[]"), int(port)
 
 
+def listening(text: str) -> tuple[str, int]:
+    """Return host and port to listen on of a text `HOST:PORT`; port 0 takes a free one."""
+    host, colon, port = text.rpartition(":")
+    if not colon or not host or not port.isdigit() or int(port) > 65535:
+        raise argparse.ArgumentTypeError(f"{text!r}: HOST:PORT allowed, as in 127.0.0.1:8080; port 0 takes a free one")
+    return host.strip("[]"), int(port)
+
+
 def scheduler(text: str) -> str:
-    """Return the address of a Dask scheduler as it is."""
+    """Return the address of a Dask scheduler unchanged."""
     protocol, colon, place = text.partition("://")
     try:
         address(place)

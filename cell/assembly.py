@@ -1,12 +1,12 @@
-"""CellConfig -> opened devices, clock and estimator; closes them in reverse order.
+"""Makes devices, clock and estimator from a CellConfig, opens the devices, and closes them in reverse order.
 
-The only place that names hardware and simulated classes together, and where the type checker proves that
-each satisfies its protocol. The simulated ones are imported only when a config asks for them.
+This is the only module that names hardware and simulated classes together, and where the type checker proves that each
+satisfies its protocol. Simulated classes are imported only when a config asks for them.
 """
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -29,7 +29,6 @@ from drivers.skin.board_config import EMULATED, CanSkinConfig, SerialSkinConfig
 from drivers.skin.boards import CanSkin, SerialSkin
 from drivers.skin.calibration import CalibratedSkin, SkinCalibration, read_calibration
 from drivers.skin.figures import SkinFigures
-from drivers.skin.health import require_trust
 from drivers.skin.layout import Layout
 from drivers.skin.recording import RecordedSkin
 from drivers.switch.board import SerialSuccessSwitch
@@ -39,15 +38,17 @@ from drivers.transport.can_bus import CanBus
 from drivers.transport.serial_line import SerialLine
 from drivers.transport.traffic import PlaybackCan, PlaybackLine, RecordedCan, RecordedLine, Recorder, is_traffic
 from drivers.transport.wires import ByteLink, CanLink
-from skills.catalogue import INSERT
+from skills.catalogue import INSERT, RECOVER
 from skills.contract import SkillContext
+from skills.setpoint_gate import GatedArm
 from skills.tactile.blend import Blend
 from skills.tactile.estimators import ESTIMATORS, TouchSetup
 from skills.tactile.observer import Observer
 from skills.tactile.pose import Estimator, Tracker
 
 if TYPE_CHECKING:
-    from sim.bench import Bench
+    from sim.bench import CalibrationBench
+    from sim.board_links import EmulatedCan, EmulatedLine
     from sim.boards import SkinSource
     from sim.reality import Drawn
     from sim.switch import SwitchSource
@@ -56,12 +57,16 @@ if TYPE_CHECKING:
 SCAN_STREAM = 5
 """Key of the random stream for scans that come late."""
 SEARCH_STREAM = 3
-"""Key of the random stream for choices of the skills; the simulated world draws from the ones before it."""
+"""Key of the random stream for choices of the skills; the simulated world draws from the streams before it."""
+
+
+def _nothing() -> None:
+    """Leave it to the people and machines around a real cell."""
 
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """Everything that one cell is made of, ready to be opened."""
+    """The parts of one cell, ready to be opened."""
 
     config: CellConfig
     clock: Clock
@@ -70,28 +75,36 @@ class Cell:
     skin: Skin
     switch: SuccessSwitch
     restock: Callable[[Job, int], None]
-    """Stand a fresh peg in the rack: simulated cells do, on hardware it is the operator's affair."""
+    """Set up what the run with this seed finds: simulated cells do, on hardware it is the line's affair."""
+    exchange: Callable[[], None] = _nothing
+    """Take the workpiece with the seated peg away, as the line does; on hardware the line does it itself."""
+    refill: Callable[[], None] = _nothing
+    """Fill the rack; on hardware whoever says so has done it."""
+    clear: Callable[[], None] = _nothing
+    """Take the peg away from wherever it is; on hardware whoever says so has done it."""
     errors: Mapping[str, str] = field(default_factory=dict)
-    """What was drawn of the errors of a simulated cell, by name, for records."""
+    """Errors drawn for a simulated cell, by name, for records."""
     truth: "Callable[[], Truth] | None" = None
-    """What no sensor tells; simulated cells only."""
+    """Function that returns the true state, which no sensor tells; None on hardware."""
     sight: Callable[[], Sight] | None = None
-    """Where peg and hole really are, for pictures of a run; simulated cells only."""
+    """Function that returns the true poses of peg and hole, for pictures of a run; None on hardware."""
     boards: tuple[Device, ...] = ()
     """Emulated boards that are powered before the devices are opened."""
+    skin_wire: "EmulatedCan | EmulatedLine | None" = None
+    """Emulated wire of the skin, whose faults may be replaced; None where there is none."""
     skin_figures: Callable[[], SkinFigures] | None = None
-    """How well the skin is heard; None for a stand-in without a wire."""
+    """Function that returns how well the skin is received; None for a simulated skin without a wire."""
 
     def devices(self) -> tuple[tuple[str, Device], ...]:
         """Return the devices by name, in the order in which they are opened."""
         return (("arm", self.arm), ("gripper", self.gripper), ("skin", self.skin), ("switch", self.switch))
 
     def context(self, seed: int) -> SkillContext:
-        """Return a skill's world; `seed` is that of the choices which skills make at random."""
+        """Return a skill's context; `seed` is that of the choices which skills make at random."""
         config = self.config
         return SkillContext(
             clock=self.clock,
-            arm=self.arm,
+            arm=GatedArm(self.arm, config.arm_model().tool_speed, config.limits),
             gripper=self.gripper,
             skin=self.skin,
             switch=self.switch,
@@ -105,7 +118,7 @@ class Cell:
 
 
 def choices(seed: int) -> np.random.Generator:
-    """Return the random numbers that skills may draw in the run with this seed."""
+    """Return the random generator of the skills' choices in the run with this seed."""
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(SEARCH_STREAM,)))
 
 
@@ -118,12 +131,14 @@ def make_estimator(config: CellConfig) -> Estimator:
 
 @lru_cache(maxsize=8)
 def _calibration(path: Path, layout: Layout) -> SkinCalibration:
-    """Return a file's content as it was when the cell was started: gains and point spread belong together."""
+    """Return the content of a calibration file as it was when the cell was started, so that gains and point spread
+    belong together.
+    """
     return read_calibration(path, layout)
 
 
 def make_tracker(config: CellConfig) -> Tracker:
-    """Return what keeps theta from frame to frame."""
+    """Return the tracker that keeps theta from frame to frame."""
     smoothing = config.smoothing
     if (blend := config.handling().blend) is not None:
         smoothing = smoothing.model_copy(update={"blend": blend})
@@ -131,12 +146,13 @@ def make_tracker(config: CellConfig) -> Tracker:
 
 
 def assemble(config: CellConfig) -> Cell:
-    """Return the cell that a config describes; nothing is opened yet."""
+    """Return the cell of a config, with nothing opened yet."""
     if isinstance(config.arm, FrankaArmConfig):
         return _hardware(config, config.arm)
     from sim.arm import SimArm
     from sim.busy_clock import BusyClock
     from sim.gripper import SimGripper
+    from sim.line import SimLine
     from sim.reality import Errors, recorded
     from sim.reality import read as read_errors
     from sim.world import World
@@ -152,6 +168,7 @@ def assemble(config: CellConfig) -> Cell:
     if world.drawn["scan.late"] > 0.0:
         stream = np.random.SeedSequence(config.sim.seed, spawn_key=(SCAN_STREAM,))
         clock = BusyClock(clock, world.drawn, np.random.default_rng(stream))
+    line = SimLine(world, clock, config.params(RECOVER).bin)
     return Cell(
         config=config,
         clock=clock,
@@ -159,11 +176,15 @@ def assemble(config: CellConfig) -> Cell:
         gripper=SimGripper(world),
         skin=_calibrated(config, felt.skin),
         switch=switch,
-        restock=world.restock,
+        restock=line.stock,
+        exchange=line.exchange,
+        refill=line.refill,
+        clear=line.clear,
         errors=recorded(world.drawn),
         truth=world.truth,
         sight=lambda: Sight(world.peg_pose(), Pose(world.plate.position, world.plate.rotation)),
         boards=boards,
+        skin_wire=felt.wire,
         skin_figures=felt.figures,
     )
 
@@ -194,7 +215,9 @@ class SkinLine:
     clock: Clock
     """The cell's clock, which an emulated board keeps step with."""
     figures: Callable[[], SkinFigures] | None
-    """How well the skin is heard; None where there is no wire."""
+    """Function that returns how well the skin is received; None where there is no wire."""
+    wire: "EmulatedCan | EmulatedLine | None" = None
+    """Emulated wire, whose faults may be replaced; None where there is none."""
 
 
 def _calibrated(config: CellConfig, skin: Skin) -> Skin:
@@ -204,7 +227,7 @@ def _calibrated(config: CellConfig, skin: Skin) -> Skin:
 
 
 def real_skin(config: CellConfig) -> SkinLine:
-    """Return the skin of a real board as it is, without a calibration, and wall time."""
+    """Return the skin of a real board, without a calibration, on wall time."""
     return _real_skin(config, WallClock())
 
 
@@ -237,20 +260,22 @@ def _serial_skin(config: SerialSkinConfig, line: ByteLink, clock: Clock) -> Skin
 def _world_skin(
     config: CellConfig, source: "SkinSource", rng: np.random.Generator, drawn: "Drawn | None" = None
 ) -> SkinLine:
-    """Return the skin between the pads of a simulated world: a stand-in, or a driver with an emulated board behind its wire."""
+    """Return the skin between the pads of a simulated world: a simulated one, or a driver with an emulated board behind
+    its wire.
+    """
     skin, model, seed = config.skin, config.boards.skin, config.sim.seed if config.sim is not None else 0
     if isinstance(skin, CanSkinConfig) and skin.channel == EMULATED:
         from sim.board_clock import BoardClock
         from sim.board_links import emulated_can
 
         bus = emulated_can(skin, model, source, rng, seed)
-        return _can_skin(skin, bus, BoardClock(source, (bus,)))
+        return replace(_can_skin(skin, bus, BoardClock(source, (bus,))), wire=bus)
     if isinstance(skin, SerialSkinConfig) and skin.port == EMULATED:
         from sim.board_clock import BoardClock
         from sim.board_links import emulated_line
 
         line = emulated_line(skin, model, source, rng, seed)
-        return _serial_skin(skin, line, BoardClock(source, (line,)))
+        return replace(_serial_skin(skin, line, BoardClock(source, (line,))), wire=line)
     if isinstance(skin, CanSkinConfig | SerialSkinConfig):
         return _real_skin(config, source)
     from sim.reality import AS_BELIEVED
@@ -263,7 +288,7 @@ def played_skin(config: CellConfig, path: Path, clock: Clock) -> SkinLine:
     """Return a skin that is played from a file: traffic of a wire, on the playback's own clock, or a text, on `clock`.
 
     Raises:
-        ConfigError: No recording, or of another wire than `skin.kind` says.
+        ConfigError: The file is no recording, or one of another wire than `skin.kind` says.
     """
     skin = config.skin
     if not is_traffic(path):
@@ -286,18 +311,18 @@ def _require_wire(path: Path, found: str, wanted: str) -> None:
         raise ConfigError(f'{path}: traffic of a wire of kind "{found}"; skin.kind = "{wanted}"')
 
 
-def bench_skin(config: CellConfig, rod_half: float) -> "tuple[Skin, Clock, Bench]":
+def bench_skin(config: CellConfig, rod_half: float) -> "tuple[Skin, Clock, CalibrationBench]":
     """Return the cell's skin on a bench with a rod as thick as the peg, `rod_half` m to either side, and its clock.
 
     Raises:
-        ConfigError: The skin is no simulated one.
+        ConfigError: The skin is not a simulated one.
     """
-    from sim.bench import Bench
+    from sim.bench import CalibrationBench
     from sim.disturb import draw
 
     if config.sim is None or config.contact is None or config.grip is None or not config.is_skin_simulated():
         raise ConfigError("a bench needs a simulated skin or an emulated board")
-    bench = Bench(config.peg.part.thickness, rod_half)
+    bench = CalibrationBench(config.peg.part.thickness, rod_half)
     drawn = draw(config.arm_model(), config.job(), config.contact, config.grip, config.sim.seed)
     felt = _world_skin(config, bench, drawn.skin)
     return felt.skin, felt.clock, bench
@@ -306,7 +331,7 @@ def bench_skin(config: CellConfig, rod_half: float) -> "tuple[Skin, Clock, Bench
 def _switch(
     config: CellConfig, source: "SwitchSource", clock: Clock
 ) -> tuple[SuccessSwitch, Clock, tuple[Device, ...]]:
-    """Return the switch, the clock that its board, where it is emulated, keeps step with, and that board."""
+    """Return the switch, the clock that an emulated switch board keeps step with, and that board or None."""
     wired = config.switch
     if not isinstance(wired, SerialSwitchConfig):
         from sim.switch import SimSwitch
@@ -331,7 +356,7 @@ def _serial_switch(config: SerialSwitchConfig, clock: Clock) -> SerialSuccessSwi
 
 @contextmanager
 def opened(cell: Cell, only: str = "") -> Iterator[Cell]:
-    """Open every device, or the one named `only`; on the way out halt the arm and close them in reverse order.
+    """Open every device, or the one named `only`; at the end halt the arm and close the devices in reverse order.
 
     Raises:
         CellError: A device cannot be opened; those opened before it are closed again.
@@ -370,7 +395,7 @@ def _check_devices(cell: Cell) -> list[tuple[str, str]]:
     readers: dict[str, Callable[[], object]] = {
         "arm": cell.arm.read,
         "gripper": cell.gripper.read,
-        "skin": lambda: require_trust(cell.skin.read()),
+        "skin": cell.skin.read,
         "switch": cell.switch.read,
     }
     found = []

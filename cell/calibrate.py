@@ -1,4 +1,4 @@
-"""Calibration of the skin: a sweep of a rod over known angles, and the dated file that comes of it."""
+"""Calibration of the skin: a sweep of a rod over known angles, and the dated file that results."""
 
 import math
 from collections.abc import Callable
@@ -18,16 +18,16 @@ from drivers.skin.calibration import SkinCalibration
 from skills.tactile.skin_gains import fit_gains, rod_angles
 
 ROD_HALF = 0.05
-"""The rod lies across the whole pad, to either side of the finger centre so far, m."""
+"""Half the length of the rod, m; it reaches across the whole pad to either side of the finger centre."""
 STEP = math.radians(5.0)
 STEP_BY_HAND = math.radians(15.0)
-"""Twelve angles of a rod that somebody has to turn."""
+"""Step between the angles of a rod that somebody turns by hand, rad; it makes twelve angles."""
 FRAMES = 20
-"""Read at every angle; their mean counts."""
+"""Number of frames that are read at every angle and averaged."""
 SETTLE = 0.5
-"""Time between a new angle and the first frame that counts, s."""
+"""Time between a new angle and the first frame that is used, s."""
 RECOVERY = 3.0
-"""Time that the elastomer gets to forget the angle before, s."""
+"""Time in which the elastomer recovers from the angle before, s."""
 
 
 def calibrate_skin(
@@ -38,13 +38,13 @@ def calibrate_skin(
     A simulated skin, or an emulated board, is swept on a bench; of a real one somebody has to hold the rod.
 
     Args:
-        config: Of the cell.
-        today: The date to write down.
-        turned: Told how many of how many angles are done.
-        ask: Says what somebody shall do, and returns when it is done.
+        config: Config of the cell.
+        today: Date of the calibration.
+        turned: Called with the number of angles done and the number of all.
+        ask: Asks somebody to do something, and returns when it is done.
 
     Raises:
-        ConfigError: What was swept was no rod.
+        ConfigError: The readings are not those of a rod.
         CellError: The skin cannot be opened, or fell silent.
     """
     period = 1.0 / config.scan_rate
@@ -96,7 +96,7 @@ class HandHeldRod:
     """A rod that somebody holds, who is told what to do and presses Enter when it is done."""
 
     def __init__(self, skin: Skin, clock: Clock, period: float, ask: Callable[[str], object]) -> None:
-        """Take the skin, which is read every `period` s meanwhile: a board that nobody hears counts as silent."""
+        """Take the skin, which is read every `period`, s, meanwhile: a board that nobody reads counts as silent."""
         self._skin, self._clock, self._period, self._ask = skin, clock, period, ask
 
     def hold(self, theta: float) -> None:
@@ -121,17 +121,18 @@ class HandHeldRod:
 def sweep(
     skin: Skin, clock: Clock, rod: Rod, angles: Vector, period: float, turned: Callable[[int, int], None]
 ) -> tuple[Vector, Mask]:
-    """Return what the rod adds to the readings at each angle, and which taxels were trusted throughout.
+    """Return the rod's readings at each angle, and which taxels were trusted throughout.
 
-    Before every angle the fingers are open for a while: offsets drift, and the elastomer remembers the angle before.
+    Before every angle the fingers stay open for a while, because offsets drift and the elastomer remembers the angle
+    before.
 
     Args:
-        skin: Opened.
-        clock: That it keeps.
-        rod: In the hand.
-        angles: The angles, rad, n of them.
-        period: Between two looks at the skin, s.
-        turned: Told how many of how many angles are done.
+        skin: The opened skin.
+        clock: The clock that the skin keeps.
+        rod: The rod in the hand.
+        angles: The angles, shape (n,), rad.
+        period: Time between two looks at the skin, s.
+        turned: Called with the number of angles done and the number of all.
 
     Returns:
         Mean readings, counts, shape (n, 2, 20), and a mask, shape (2, 20).
@@ -149,7 +150,7 @@ def sweep(
 
 
 def _mean(skin: Skin, clock: Clock, settle: float, period: float) -> tuple[Vector, Mask]:
-    """Return the mean of the frames after `settle` s, and which taxels were trusted in all of them."""
+    """Return the mean of the frames after `settle`, s, and which taxels were trusted in all of them."""
     start = clock.now() + settle
     frames: list[TaxelFrame] = []
     while len(frames) < FRAMES:

@@ -1,4 +1,4 @@
-"""The command line: which commands there are, and how each ends.
+"""The command line: which commands there are, and with which status each ends.
 
 Exit status: 0 done and good, 1 done and not good, 2 wrong use, 3 fault.
 """
@@ -15,6 +15,7 @@ from threading import Event as ThreadEvent
 from typing import Any, Protocol, cast
 
 from cell.arguments import Parser, add_shared
+from cell.patient_log import PatientHandler
 from cell.terminal import FAULT, NOT_GOOD, WRONG_USE, complain, say
 from cell.terminal import GOOD as GOOD
 from drivers.errors import CellError, ConfigError
@@ -22,21 +23,23 @@ from drivers.errors import CellError, ConfigError
 logger = logging.getLogger(__name__)
 
 
-class Command(Protocol):
-    """What the module of a command has; it imports what it needs when it is run, so that no other command pays for it."""
+class CommandModule(Protocol):
+    """The contents of a command's module; it imports what it needs when it is run, so that no other command pays for it."""
 
     SUMMARY: str
-    """What it does, in one line for the help."""
+    """Purpose of the command, in one line for the help."""
     STOPS_ITSELF: bool
-    """It ends in its own way when `args.stop` is set by SIGINT or SIGTERM; other commands are interrupted."""
+    """Whether the command ends in its own way when SIGINT or SIGTERM sets `args.stop`; other commands are interrupted."""
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Add its own arguments to those of every command."""
+        """Add the command's own arguments to those of every command."""
 
     def run(self, args: argparse.Namespace) -> int:
-        """Run it and return the exit status."""
+        """Run the command and return the exit status."""
 
 
+COMPLETION = "completion"
+"""Command that needs the arguments of all others."""
 COMMANDS = {
     "check": "cell.commands.check",
     "config": "cell.commands.config",
@@ -48,12 +51,16 @@ COMMANDS = {
     "skin": "cell.commands.skin",
     "calibrate": "cell.commands.calibrate",
     "study": "cell.lab.commands.study",
+    "learned": "cell.commands.learned",
     "runs": "cell.commands.runs",
     "show": "cell.commands.show",
+    "report": "cell.commands.report",
+    "compare": "cell.commands.compare",
     "film": "cell.commands.film",
     "view": "cell.commands.view",
     "faults": "cell.commands.faults",
     "map": "cell.commands.map",
+    COMPLETION: "cell.commands.completion",
 }
 """Module of each command; those of the laboratory are named here and imported nowhere."""
 
@@ -62,9 +69,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status."""
     try:
         args = _parse(list(sys.argv[1:] if arguments is None else arguments))
-        _log_to_stderr(logging.DEBUG if args.verbose else logging.INFO if args.command == "serve" else logging.ERROR)
         command = load_command(args.command)
-        with _signals(command.STOPS_ITSELF) as args.stop:
+        with _logging(args), _signals(command.STOPS_ITSELF) as args.stop:
             return command.run(args)
     except ConfigError as error:
         return _complain(str(error), WRONG_USE)
@@ -73,17 +79,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return _complain("stopped", NOT_GOOD)
     except BrokenPipeError:
-        # Whoever read our output has left; point it elsewhere so that the interpreter's last flush is quiet too.
+        # The reader of the output has left; the output goes elsewhere so that the interpreter's last flush is quiet too.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return NOT_GOOD
     except Exception as error:
-        logger.debug("error inside this program", exc_info=True)
         return _complain(f"fault {CellError.code.value}: {type(error).__name__}: {error}; -v shows more", FAULT)
 
 
-def load_command(name: str) -> Command:
+def load_command(name: str) -> CommandModule:
     """Return the module of a command."""
-    return cast(Command, import_module(COMMANDS[name]))
+    return cast(CommandModule, import_module(COMMANDS[name]))
 
 
 def _parse(arguments: list[str]) -> argparse.Namespace:
@@ -98,10 +103,12 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     for name in COMMANDS:
         module = load_command(name)
         parser = commands.add_parser(name, help=module.SUMMARY, description=module.SUMMARY)
-        if name == chosen:
+        if chosen in (name, COMPLETION):
             add_shared(parser)
             module.add_arguments(parser)
-    return whole.parse_args(arguments)
+    args = whole.parse_args(arguments)
+    args.parser = whole
+    return args
 
 
 class _Version(argparse.Action):
@@ -114,10 +121,24 @@ class _Version(argparse.Action):
         parser.exit()
 
 
-def _log_to_stderr(level: int) -> None:
-    logging.basicConfig(
-        stream=sys.stderr, level=level, format="%(asctime)s %(levelname)s %(name)s: %(message)s", force=True
-    )
+@contextmanager
+def _logging(args: argparse.Namespace) -> Iterator[None]:
+    """Log meanwhile to standard error, in a way that never waits for whoever reads it."""
+    level = logging.DEBUG if args.verbose else logging.INFO if args.command == "serve" else logging.ERROR
+    handler = PatientHandler(sys.stderr)
+    handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
+    logging.basicConfig(level=level, handlers=[handler], force=True)
+    try:
+        yield
+    except CellError:
+        raise
+    except Exception:
+        logger.debug("error inside this program", exc_info=True)
+        raise
+    finally:
+        handler.flush()
+        logging.getLogger().removeHandler(handler)
+        handler.close()
 
 
 def _complain(message: str, status: int) -> int:
@@ -127,10 +148,13 @@ def _complain(message: str, status: int) -> int:
 
 @contextmanager
 def _signals(stops_itself: bool) -> Iterator[ThreadEvent]:
-    """Yield an event that SIGINT and SIGTERM set for a command that stops itself; any other they interrupt."""
+    """Yield an event that a signal to end, the end of a terminal included, sets for a command that stops itself.
+
+    The signals interrupt any other command.
+    """
     stop = ThreadEvent()
     handler = (lambda *_: stop.set()) if stops_itself else signal.default_int_handler
-    before = {number: signal.signal(number, handler) for number in (signal.SIGINT, signal.SIGTERM)}
+    before = {number: signal.signal(number, handler) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
     try:
         yield stop
     finally:

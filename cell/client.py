@@ -11,16 +11,16 @@ from plc_bridge.peer import Peer
 from skills.catalogue import CATALOGUE
 
 PERIOD = 0.1
-"""Between two looks at a cell that is watched, s."""
+"""Time between two looks at a cell that is watched, s."""
 LONGEST = 3600.0
-"""A run is given up after this wall time, s."""
+"""Wall time after which a run is given up, s."""
 
 
 def raw_parameters(sets: Iterable[str]) -> list[tuple[int, int]]:
     """Return number and raw count of each `KEY=VALUE`.
 
     Raises:
-        ConfigError: No command can carry that key, or not with that value.
+        ConfigError: No command can carry that key, or that value of it.
     """
     numbers = {spec.name: number for number, spec in enumerate(PARAMETERS)}
     found = []
@@ -81,7 +81,7 @@ def run_remote(
 def watch_remote(
     address: tuple[str, int], show: Callable[[ReportImage, Diagnostics], None], stop: ThreadEvent, once: bool
 ) -> None:
-    """Read a served cell's report and counts again and again; it writes nothing.
+    """Read a served cell's report and counts again and again, and write nothing.
 
     Raises:
         CellError: The cell does not answer.

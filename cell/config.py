@@ -35,12 +35,14 @@ from sim.config import (
     SimSwitchConfig,
 )
 from skills.catalogue import ADJUST, CATALOGUE, GRASP, INSERT, SEARCH
-from skills.contract import Limits, SkillParams
+from skills.contract import SkillParams
 from skills.corner import CornerParams
 from skills.entry import Skill, SkillSet
 from skills.handling import WAYS, Handling, Sections, handling
 from skills.motion import Gains
+from skills.prior import LearningConfig
 from skills.search.params import TOUCHED_TIME
+from skills.setpoint_gate import Limits
 from skills.tactile.blend import Smoothing
 from skills.tactile.estimators import ESTIMATORS, EstimatorEntry
 from skills.tactile.observer import ObserverParams
@@ -48,27 +50,35 @@ from skills.tactile.observer import ObserverParams
 P = TypeVar("P", bound=SkillParams)
 E = TypeVar("E", bound=ConfigModel)
 SHIPPED = Path(shipped.__file__).parent
-"""Where the configs that come with the program are."""
+"""Folder of the configs that come with the program."""
 DEFAULT = SHIPPED / "sim.toml"
 ERRORS_FILE = "reality.toml"
-"""Name of the shipped file of errors, which is no cell."""
+"""Name of the shipped file of errors, which does not describe a cell."""
 ARMS = SHIPPED / "arms"
-"""Where the files of figures of the arms are that come with the program."""
+"""Folder of the files of figures of the arms that come with the program."""
 NOT_INHERITED = (("limits", "force"), ("limits", "low"), ("limits", "high"), ("hole", "centre"), ("rack", "first"))
-"""What a cell says itself, whatever its base says: what it may do, and where its parts stand."""
+"""Sections that a cell's file has to state itself, whatever its base states: limits, and the places of its parts."""
+LEAST_TURN = 1e-3
+"""Turn of a peg with corners against its hole that is left out of account, rad; what a rounded figure makes."""
 RECIPE_SECTIONS = frozenset({"preset", "peg", "hole", "rack", "corner", *(skill.section for skill in CATALOGUE.skills)})
-"""What a recipe may say: the part, its place and how to handle it; never the hardware."""
+"""Sections that a recipe may state: the part, its place and how to handle it, but never the hardware."""
 
 
 class JournalConfig(ConfigModel):
-    """[journal]: where the records of runs go."""
+    """[journal]: where the records of runs go, and how many are kept."""
 
     folder: str = ""
     """Folder that the records of runs go to; empty is the user's own data folder."""
+    days: Annotated[int, Field(ge=0, le=36500)] = 0
+    """Days after which runs, their samples and events are deleted; 0 keeps all."""
+    bytes: Annotated[int, Field(ge=0)] = 0
+    """Size of all samples together, bytes, beyond which the oldest are deleted, while their runs stay on record; 0 keeps all."""
+    least_free: Annotated[int, Field(ge=0)] = 500_000_000
+    """Free space of the disk below which the PLC is warned, bytes; below a tenth of it no samples are recorded."""
 
 
 class CalibrationConfig(ConfigModel):
-    """[calibration]: files of measured values."""
+    """Section [calibration]: files of measured values."""
 
     skin: FilePath | None = None
     """File of the skin's measured gains and point spread, written by `cell calibrate skin`."""
@@ -77,10 +87,10 @@ class CalibrationConfig(ConfigModel):
 def _catalogued() -> type[ConfigModel]:
     """Return a model with a section for every skill and every estimator.
 
-    A section may be left out where all that it says has a default.
+    A section may be left out where all of its keys have defaults.
 
     Raises:
-        ConfigError: Two claim the same section.
+        ConfigError: Two entries claim the same section.
     """
     fields: dict[str, Any] = {}
     for name, params in (
@@ -94,14 +104,14 @@ def _catalogued() -> type[ConfigModel]:
 
 
 if TYPE_CHECKING:
-    # What the catalogues add is typed by `CellConfig.params` and `estimator_params`.
+    # `CellConfig.params` and `estimator_params` give the sections of the catalogues their types.
     Catalogued = ConfigModel
 else:
     Catalogued = _catalogued()
 
 
 class CellConfig(Catalogued):
-    """One cell."""
+    """Config of one cell."""
 
     preset: str = ""
     """Name of a file of `presets/` that is laid over this one; empty is none."""
@@ -114,11 +124,11 @@ class CellConfig(Catalogued):
     peg: Peg
     """The part to insert."""
     hole: Hole
-    """Where the part shall go."""
+    """The hole that the part goes into."""
     rack: Rack
-    """Where pegs stand upright, waiting."""
+    """The rack where pegs stand upright until they are taken."""
     corner: CornerParams | None = None
-    """What a peg with corners takes instead; needed where there is one."""
+    """Handling of a peg with corners, which replaces that of a round peg; needed for such a peg."""
     arm: Annotated[SimArmConfig | FrankaArmConfig, Field(discriminator="kind")]
     """The robot arm."""
     gripper: Annotated[SimGripperConfig | FrankaGripperConfig, Field(discriminator="kind")]
@@ -126,13 +136,15 @@ class CellConfig(Catalogued):
     skin: Annotated[SimSkinConfig | CanSkinConfig | SerialSkinConfig, Field(discriminator="kind")]
     """The tactile skin on both fingers."""
     smoothing: Smoothing = Smoothing()
-    """How theta is taken over from frame to frame."""
+    """How theta is carried from frame to frame."""
     observer: ObserverParams = ObserverParams()
-    """How theta may move between frames, where `smoothing.method` is "observer"."""
+    """How theta may move between frames, where `smoothing.method` is "observer". Source: decision 0017."""
     switch: Annotated[SimSwitchConfig | SerialSwitchConfig, Field(discriminator="kind")]
     """The success switch under the hole."""
     plc: PlcConfig
     """The lines to the PLC."""
+    learning: LearningConfig = LearningConfig()
+    """What a served cell takes over from part to part."""
     journal: JournalConfig = JournalConfig()
     """Where the records of runs go."""
     contact: ContactConfig | None = None
@@ -140,9 +152,9 @@ class CellConfig(Catalogued):
     grip: GripConfig | None = None
     """Grip of the pads on the peg in the simulated world."""
     sim: SimConfig | None = None
-    """The simulated world itself."""
+    """The simulated world."""
     reality: RealityConfig = RealityConfig()
-    """What a simulated cell differs in from what the software believes."""
+    """Differences of a simulated cell from what the software believes."""
     boards: BoardsConfig = BoardsConfig()
     """Emulated boards behind the wires of skin and switch."""
     calibration: CalibrationConfig = CalibrationConfig()
@@ -160,20 +172,49 @@ class CellConfig(Catalogued):
                 raise ValueError(
                     f"{name} = {depth}: deeper than the peg reaches; less than peg.length = {peg.length} allowed"
                 )
+        (near, far), (least, most) = rack.bounds, hole.plate_bounds
+        if self.sim is not None and all(near[i] < most[i] and least[i] < far[i] for i in range(2)):
+            raise ValueError(
+                f"rack.first = {list(rack.first)}: the rack overlaps the plate; slots outside x {least[0]:g} to {most[0]:g}, y"
+                f" {least[1]:g} to {most[1]:g} allowed"
+            )
         grasp, search = self.params(GRASP), self.params(SEARCH)
         if grasp.clearance <= rack.depth:
             raise ValueError(
                 f"grasp.clearance = {grasp.clearance}: leaves the peg in its slot; more than rack.depth = {rack.depth} allowed"
             )
-        least = (search.height + search.push_offset) / (search.touch_down - TOUCHED_TIME)
-        if search.descent < least:
+        slowest = (search.height + search.push_offset) / (search.touch_down - TOUCHED_TIME)
+        if search.descent < slowest:
             raise ValueError(
                 f"search.descent = {search.descent}: not down within search.touch_down = {search.touch_down} s;"
-                f" at least {math.ceil(1e4 * least) / 1e4} allowed"
+                f" at least {math.ceil(1e4 * slowest) / 1e4} allowed"
             )
         for low, high, axis in zip(self.limits.low, self.limits.high, "xyz", strict=True):
             if low >= high:
                 raise ValueError(f"limits.low = {low} along {axis}: less than limits.high = {high} allowed")
+        return self
+
+    @model_validator(mode="after")
+    def _has_reachable_prior(self) -> Self:
+        hole = self.hole
+        if hole.prior is not None:
+            for low, high, mean, axis in zip(self.limits.low, self.limits.high, hole.prior.mean, "xyz", strict=False):
+                if not low <= mean <= high:
+                    raise ValueError(
+                        f"hole.prior.mean = {list(hole.prior.mean)}: outside the workspace along {axis};"
+                        f" {low:g} to {high:g} of limits.low and limits.high allowed"
+                    )
+        return self
+
+    @model_validator(mode="after")
+    def _is_turned_as_its_hole(self) -> Self:
+        azimuth, part = self.params(SEARCH).tilt_azimuth, self.peg.part
+        turn = part.least_turn(azimuth)
+        if min(turn, part.symmetry - turn) > LEAST_TURN:
+            raise ValueError(
+                f'search.tilt_azimuth = {azimuth:g}: turns the hand, and with it a peg of peg.shape = "{self.peg.shape}",'
+                f" against the hole; multiples of {part.symmetry:.4f} allowed"
+            )
         return self
 
     @model_validator(mode="after")
@@ -195,11 +236,16 @@ class CellConfig(Catalogued):
                 f"hole.centre = {self.hole.centre}: the arm, {place.arm.name}, does not reach it with the peg upright and"
                 f" tilted by {place.tilt} rad; a place within its reach allowed"
             )
+        if self.limits.force > (most := place.largest_push()):
+            raise ValueError(
+                f"limits.force = {self.limits.force:g}: more than {place.arm.name} can press with at hole.centre;"
+                f" at most {math.floor(most)} allowed"
+            )
         for name, gains in self.steered().items():
             found = too_high(gains, self.skin.rate, place)
             if found is not None:
                 raise ValueError(
-                    f"{name}.{found.kind} = {found.gain:g}: unstable from {found.limit:.4g} with this damping and"
+                    f"{name}.{found.kind} = {found.gain:g}: unstable from {found.limit:.4g} with this damping ratio and"
                     f" frames at {self.skin.rate:g} Hz; at most {found.limit / MARGIN:.4g} allowed"
                 )
         return self
@@ -241,13 +287,13 @@ class CellConfig(Catalogued):
         return read_arm(arm_file(self.arm.model))
 
     def place(self) -> Place:
-        """Return where and how the arm works with a peg that the skin steers."""
+        """Return the place and the attitude in which the arm works with a peg that the skin steers."""
         search = self.handling().search
         return Place(
             arm=self.arm_model(),
             tip=self.hole.centre,
             part=self.peg.part,
-            lean=search.tilt_azimuth,
+            tilt_azimuth=search.tilt_azimuth,
             tilt=search.tilt,
             elbow=search.transfer.elbow,
             length=self.peg.length,
@@ -257,7 +303,7 @@ class CellConfig(Catalogued):
         """Make sure that this is a simulated cell.
 
         Raises:
-            ConfigError: It is a real one; `what` is the command that needs the other.
+            ConfigError: The cell is a real one; `what` is the command that needs a simulated one.
         """
         if self.arm.kind != "sim":
             raise ConfigError(f'{what}: arm.kind = "{self.arm.kind}": runs on simulated cells alone; "sim" allowed')
@@ -268,7 +314,7 @@ class CellConfig(Catalogued):
         return EMULATED in (getattr(skin, "channel", None), getattr(skin, "port", None))
 
     def is_skin_simulated(self) -> bool:
-        """Whether the skin is a stand-in, or a driver with an emulated board behind its wire."""
+        """Whether the skin is a simulated one, or a driver with an emulated board behind its wire."""
         return self.skin.kind == "sim" or self.is_skin_emulated()
 
     def params(self, skill: Skill[P]) -> P:
@@ -289,7 +335,7 @@ class CellConfig(Catalogued):
         return self.model_copy(update={skill.section: params.model_copy(update=changes)})
 
     def steered(self) -> dict[str, Gains]:
-        """Return, by key, all gains that act on what the skin tells."""
+        """Return all gains that act on what the skin tells, by key."""
         found = {
             f"{skill.section}.{name}": getattr(self.params(skill), name)
             for skill in CATALOGUE.skills
@@ -306,12 +352,12 @@ class CellConfig(Catalogued):
         )
 
     def handling(self) -> Handling:
-        """Return how the cell's own part is handled."""
+        """Return the handling of the cell's own part."""
         sections = Sections(self.params(SEARCH), self.params(INSERT), self.params(ADJUST), self.corner, self.retries)
         return handling(self.peg.part, sections)
 
     def job(self, slot: int = 0) -> Job:
-        """Return the part and its place, taken from the rack's `slot`."""
+        """Return the part and its places, to be taken from the rack's `slot`."""
         return Job(peg=self.peg, hole=self.hole, rack=self.rack, slot=slot)
 
 
@@ -322,7 +368,7 @@ for _name in CellConfig.__annotations__.keys() & Catalogued.model_fields:
 
 
 Origins = Mapping[tuple[str, ...], str]
-"""File, `--set` or `parameter` that a key's value came from, by the key's place."""
+"""Origin of each value, a file, `--set` or `parameter`, by the place of its key."""
 SET = "--set"
 
 
@@ -332,9 +378,9 @@ class LoadedConfig:
 
     cell: CellConfig
     recipes: Mapping[int, CellConfig] = field(default_factory=dict)
-    """By number; 0 is the cell's own part."""
+    """Config of each recipe by its number; 0 is the cell's own part."""
     origins: Mapping[int, Origins] = field(default_factory=dict)
-    """Where the value of each key that is not a default came from, by recipe."""
+    """Origin of each value that is not a default, by recipe."""
 
 
 def load(path: Path | None = None, preset: str | None = None, sets: Iterable[str] = ()) -> LoadedConfig:
@@ -345,7 +391,7 @@ def load(path: Path | None = None, preset: str | None = None, sets: Iterable[str
 
     Args:
         path: TOML file of the cell; None is the simulated cell that ships with the program.
-        preset: Instead of the file's own `preset`.
+        preset: Name of the preset that replaces the file's own.
         sets: Single keys, `KEY=VALUE`; a value is TOML, a bare word a text.
 
     Raises:
@@ -366,7 +412,7 @@ def load(path: Path | None = None, preset: str | None = None, sets: Iterable[str
 
 
 def _layers(path: Path) -> list[tuple[str, dict[str, Any]]]:
-    """Return a cell's file by name, after the one that its `base` names: beside it, or shipped."""
+    """Return a cell's file by name, preceded by the one that its `base` names, which lies beside it or is shipped."""
     tree = read_toml(path)
     name = tree.pop("base", None)
     if name is None:
@@ -391,10 +437,10 @@ def arm_file(model: str) -> Path:
 
 
 def with_parameters(config: CellConfig, parameters: Iterable[tuple[str, Any]]) -> CellConfig:
-    """Return a config with single values replaced, as a command may ask for; only what a recipe may say.
+    """Return a config with single values replaced, as a command may ask for; only keys of recipes can be replaced.
 
     Raises:
-        ConfigError: Unknown, or not allowed.
+        ConfigError: A key is unknown, or a value is not allowed.
     """
     parameters = list(parameters)
     if not parameters:
@@ -417,7 +463,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     """Return the content of a TOML file.
 
     Raises:
-        ConfigError: No such file, not readable, or not TOML.
+        ConfigError: The file does not exist, is not readable, or is not TOML.
     """
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
@@ -433,7 +479,7 @@ def parse_set(text: str) -> tuple[tuple[str, ...], Any]:
     """Return path and value of `KEY.SUBKEY=VALUE`.
 
     Raises:
-        ConfigError: Not of that form.
+        ConfigError: The text has another form.
     """
     key, equals, literal = text.partition("=")
     if not equals or not re.fullmatch(r"\w+(\.\w+)*", key.strip()):
@@ -505,7 +551,7 @@ def _find_preset(path: Path, name: Any) -> Path:
 
 
 def _lay_layer(below: dict[str, Any], above: Mapping[str, Any], name: str, source: dict[tuple[str, ...], str]) -> None:
-    """Merge a whole layer into what is below it; a size that it keeps is then said in the word of the peg's shape."""
+    """Merge a whole layer into what is below it; a size that it keeps takes the key of the peg's shape."""
     if (told := renamed_key(above)) is not None:
         raise ConfigError(f"{name}: {told}")
     _lay_over(below, above, name, source)
@@ -524,7 +570,7 @@ def _lay_over(
     source: dict[tuple[str, ...], str],
     at: tuple[str, ...] = (),
 ) -> None:
-    """Merge `above` into `below`, tables key by key, everything else whole; note where each key came from."""
+    """Merge `above` into `below`, tables key by key, other values whole, and note the origin of each key."""
     for key, value in above.items():
         place = (*at, key)
         if isinstance(value, Mapping) and (key not in below or isinstance(below[key], dict)):

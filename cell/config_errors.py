@@ -1,4 +1,4 @@
-"""Turn what pydantic says about a wrong config into one line: file, key, what was found, what is allowed."""
+"""Report of a wrong config in one line: file, key, what was found, what is allowed."""
 
 import json
 import re
@@ -33,11 +33,11 @@ RENAMED = {
     "corner.adjust.rate": "corner.adjust.dither_rate",
     "corner.adjust.period": "corner.adjust.dither_period",
 }
-"""Sections and keys of files of an older layout, and what they are called now."""
+"""New names of sections and keys that files of an older layout use."""
 
 
 def renamed_key(tree: Mapping[str, Any]) -> str | None:
-    """Return what to say of the first section or key in `tree` that has another name now, or None."""
+    """Return the report on the first section or key in `tree` that has been renamed, or None."""
     for old, new in RENAMED.items():
         found: Any = tree
         for name in old.split("."):
@@ -55,14 +55,14 @@ def explain(
     file: str,
     order: Sequence[str] = (),
 ) -> str:
-    """Return one line about the first thing that is wrong: where it stands, the key, what was found, what is allowed.
+    """Return one line about the first fault of a config: its file, the key, what was found, and what is allowed.
 
     Args:
-        error: What pydantic says.
-        model: The model that was wanted.
-        tree: What was given.
-        source: Where each key came from.
-        file: Where a key should have come from when it came from nowhere.
+        error: Pydantic's report.
+        model: The model that the config should have met.
+        tree: The config as given.
+        source: Origin of each key.
+        file: File that should have held a key which is missing.
         order: Every place that keys came from, each laid over those before it: of two keys that do not go together,
             the one that was laid over the other is to blame.
     """
@@ -79,7 +79,7 @@ def explain(
             return f"{origin}: {key}.kind: missing; {tags} needed"
         return f"{source.get((*place, 'kind'), origin)}: {key}.kind = {first['ctx']['tag']!r}: {tags} allowed"
     if kind == "missing":
-        return f"{_beginner(place[:-1], source, order, file) or file}: {key}: missing; {allowed(schema)} needed"
+        return f"{_beginner(place[:-1], source, order, file) or file}: {key}: missing; {allowed(schema, _schema(model))} needed"
     if kind == "extra_forbidden":
         return f"{origin}: {key}: unknown key; {_known(place, schema, _schema(model))}"
     if kind == "value_error":
@@ -89,7 +89,7 @@ def explain(
         within = (*place, *text.split(" = ")[0].split("."))
         # A check within a section may name its key itself.
         return f"{source[within]}: {key}.{text}" if within in source else f"{origin}: {key}: {text}"
-    return f"{origin}: {key} = {found!r}: {allowed(schema)} allowed{_hint(found, schema)}"
+    return f"{origin}: {key} = {found!r}: {allowed(schema, _schema(model))} allowed{_hint(found, schema)}"
 
 
 @lru_cache(maxsize=4)
@@ -98,16 +98,16 @@ def _schema(model: type[BaseModel]) -> Mapping[str, Any]:
 
 
 def _beginner(section: Place, source: Mapping[Place, str], order: Sequence[str], file: str) -> str:
-    """Return where a section was begun that only came after the cell's file, by a preset, a recipe or an option."""
+    """Return the origin of a section that a preset, a recipe or an option began, after the cell's file."""
     begun = {name for place, name in source.items() if section and place[: len(section)] == section}
     later = order[order.index(file) + 1 :] if file in order else ()
     return min(begun, key=order.index) if begun and begun <= set(later) else ""
 
 
 def _blamed(text: str, source: Mapping[Place, str], order: Sequence[str]) -> str:
-    """Return where the key came from that is to blame for a fault across sections; the text names the keys.
+    """Return the origin of the key that is to blame for a fault across sections; the text names the keys.
 
-    Another key than the first one that the text names is named as well.
+    A key that is to blame and is not the first one in the text is named as well.
     """
     named = [place for word in _KEY.findall(text) if (place := tuple(word.split("."))) in source]
     if not named:
@@ -121,8 +121,8 @@ def _blamed(text: str, source: Mapping[Place, str], order: Sequence[str]) -> str
 
 
 def _known(place: Place, schema: Mapping[str, Any], root: Mapping[str, Any]) -> str:
-    """Return the keys that a section has, and the one that was probably meant, be it of another section."""
-    names = sorted(schema.get("properties", {}))
+    """Return the keys that a section has, and the one that was probably meant, which may be one of another section."""
+    names = sorted(name for variant in _variants(schema, root) for name in variant.get("properties", {}))
     section = ".".join(place[:-1])
     near = did_you_mean(place[-1], names)
     if near and section:
@@ -148,30 +148,37 @@ _WORDS = {"number": "a number", "integer": "an integer", "string": "a text", "bo
 _FORMATS = {"ipv4network": "a network or address", "ipv6network": "a network or address", "path": "a file"}
 
 
-def allowed(schema: Mapping[str, Any]) -> str:
-    """Return in words what a JSON schema allows; never empty."""
+def allowed(schema: Mapping[str, Any], root: Mapping[str, Any] | None = None) -> str:
+    """Return what a JSON schema allows, in words; never empty.
+
+    Args:
+        schema: Schema of one key.
+        root: The whole schema, whose definitions the key's may refer to; None where it refers to none.
+    """
+    schema = _follow(schema, root or {})
     if "const" in schema:
         return json.dumps(schema["const"])
     if "enum" in schema:
         return ", ".join(json.dumps(value) for value in schema["enum"])
-    branches = [allowed(branch) for branch in schema.get("anyOf", ()) if branch.get("type") != "null"]
+    either = schema.get("anyOf", schema.get("oneOf", ()))
+    branches = [allowed(branch, root) for branch in either if branch.get("type") != "null"]
     if branches:
         return " or ".join(dict.fromkeys(branches))
     if "properties" in schema:
         return f"a section with {', '.join(schema['properties'])}"
     if schema.get("type") == "object":
-        return f"a table, each value {allowed(schema.get('additionalProperties', {}))}"
+        return f"a table, each value {allowed(schema.get('additionalProperties', {}), root)}"
     if schema.get("type") == "array":
-        return _allowed_list(schema)
+        return _allowed_list(schema, root)
     if schema.get("format") in _FORMATS:
         return _FORMATS[schema["format"]]
     return _allowed_number(_WORDS.get(schema.get("type", ""), "another value"), schema)
 
 
-def _allowed_list(schema: Mapping[str, Any]) -> str:
-    inner = [allowed(each) for each in schema.get("prefixItems", ())]
+def _allowed_list(schema: Mapping[str, Any], root: Mapping[str, Any] | None) -> str:
+    inner = [allowed(each, root) for each in schema.get("prefixItems", ())]
     if not inner:
-        return f"a list, each {allowed(schema.get('items', {}))}"
+        return f"a list, each {allowed(schema.get('items', {}), root)}"
     return f"{len(inner)} values, each {inner[0]}" if len(set(inner)) == 1 else f"a list of {', '.join(inner)}"
 
 
@@ -193,7 +200,7 @@ def _bound(schema: Mapping[str, Any], name: str) -> float | None:
 
 
 def _hint(found: Any, schema: Mapping[str, Any]) -> str:
-    """Return what to think of when a number is far too large."""
+    """Return a hint at the probable cause of a number that is far too large."""
     if isinstance(found, bool) or not isinstance(found, int | float):
         return ""
     for branch in schema.get("anyOf", [schema]):

@@ -1,14 +1,15 @@
-"""Every key of the config: what it means, its unit, what is allowed, its default, its source and who reads it; pure.
+"""Every key of the config: its meaning, unit, range, default, source and reader; pure.
 
 Everything derives from the models: the docstring of a key is its meaning, and its first clause ends in the unit, as in
 "Peak speed of the tip, m/s; 0.1 in [gibbons].". A pure number says what it is instead: "fraction", "ratio", "count".
+The last sentence may say where the figure comes from, as in "Source: decision 0030; measured by `cell trials`.".
 """
 
 import inspect
 import json
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, get_args
 
@@ -25,41 +26,42 @@ UNITS = (
 )
 """Units of keys: SI, counts of the skin's converter, and bits a second."""
 PURE = ("fraction", "ratio", "standard deviations", "multiple", "count", "percent", "number")
-"""What a number without a unit is."""
+"""Words that stand in place of a unit for a pure number."""
 _UNIT = re.compile(
     r", (" + "|".join(re.escape(word) for word in sorted((*UNITS, *PURE), key=len, reverse=True)) + r")(?![\w·/²(])"
 )
 _SENTENCE = re.compile(r"(?<!Sec\.)(?<!Eq\.)(?<!Fig\.)(?<=[.!?])\s+(?=[A-Z0-9`\"\[])")
-_CITED = re.compile(r"\[[a-z]+\](?:, (?:Sec|Eq|Table|Fig)\. [^ ;:,.]+)?")
+_SOURCE = re.compile(r"\s*\bSource: (.+)\.$")
+_CITED = re.compile(r"\[[a-z]+\](?:, (?:Sec|Eq|Table|Fig)\. (?:\(\d+\)|[^ ;:,.()]+))?")
 _STATED = ("assumed", "measured", "data sheet", "derived", "chosen")
 
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """One key of the config; where a section comes in kinds, a key of one kind."""
+    """One key of the config; where a section comes in kinds, the key of one kind."""
 
     name: str
-    """With its sections, as in `search.speed`."""
+    """Name with its sections, as in `search.speed`."""
     kind: str
-    """Kind of the section that has it, as in `skin.kind = "can"`; empty where there is but one."""
+    """Kind of the section that has the key, as in `skin.kind = "can"`; empty where the section has a single kind."""
     meaning: str
-    """The whole docstring."""
+    """The docstring without its sentence on the source."""
     unit: str
-    """Unit, or what a pure number is; empty for what is no number."""
+    """Unit, or the word that stands for it; empty for values that are not numbers."""
     allowed: str
     """Type and range in words."""
     default: str | None
-    """As TOML; None where the key has to be given."""
+    """Default as TOML; None where the key has to be given."""
     sources: tuple[str, ...]
-    """Where the figure or the method comes from, as the docstring cites it."""
+    """Sources of the figure or the method; empty for a figure that was chosen without one."""
     reader: str
     """Module whose class declares the key and reads it."""
     setters: tuple[str, ...]
-    """Who may set it: a cell's file and `--set` always; a recipe, or a command, as register parameter, some."""
+    """Places that may set the key: a cell's file, a preset and `--set` always, a recipe or a command's parameter at times."""
     is_float: bool
-    """Its value is a number with a fraction, or several."""
+    """Whether the value is a number with a fraction, or several."""
     section: str
-    """Class of the section that has it."""
+    """Class of the section that has the key."""
 
     @property
     def summary(self) -> str:
@@ -74,23 +76,25 @@ def keys() -> tuple[Key, ...]:
 
 
 def find(name: str) -> list[Key]:
-    """Return a key, in each of its kinds, or all keys of a section."""
+    """Return a key in each of its kinds, or all keys of a section."""
     exact = [key for key in keys() if key.name == name]
     return exact or [key for key in keys() if key.name.startswith(f"{name}.")]
 
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """One key as it is in force."""
+    """The value of one key in force."""
 
     key: Key
     value: Any
     origin: str
-    """File or option that it came from; `default` where nobody said it."""
+    """File or option that the value came from; `default` where none states it."""
 
 
 def in_force(loaded: LoadedConfig, recipe: int = 0) -> list[Setting]:
-    """Return every key that a cell has, as it is in force with one of its recipes; sections that it does without are left out."""
+    """Return the value in force of every key that a cell has, with one of its recipes; sections that it does without
+    are left out.
+    """
     by_section = {(key.name, key.section): key for key in keys()}
     origins = {".".join(place): origin for place, origin in loaded.origins.get(recipe, {}).items()}
     return [
@@ -109,7 +113,7 @@ def _leaves(model: BaseModel, place: str) -> Iterator[tuple[str, str, Any]]:
 
 
 def section_summary(name: str) -> str:
-    """Return the first clause of what a section means, as its docstring has it; empty where there is none."""
+    """Return the first clause of a section's docstring; empty where it has none."""
     models: list[type[BaseModel]] = [CellConfig]
     *above, last = name.split(".")
     for step in above:
@@ -123,6 +127,18 @@ def section_summary(name: str) -> str:
     return first_clause(found[0].get("description", "")) if found else ""
 
 
+def split_source(text: str) -> tuple[str, tuple[str, ...]]:
+    """Return a docstring without its last sentence "Source: ...", and the sources of a key.
+
+    A docstring without that sentence has for sources the references that it cites, and the words by which it says
+    that a figure is measured or assumed.
+    """
+    stated = _SOURCE.search(text)
+    if stated:
+        return text[: stated.start()], tuple(stated.group(1).split("; "))
+    return text, tuple(dict.fromkeys((*_CITED.findall(text), *(word for word in _STATED if word in text))))
+
+
 def first_sentence(text: str) -> str:
     """Return the first sentence of a docstring, without its full stop."""
     return _SENTENCE.split(text)[0].rstrip(".")
@@ -133,17 +149,25 @@ def first_clause(text: str) -> str:
     return first_sentence(text).split(";")[0]
 
 
-def _keys_of(model: type[BaseModel], place: str, kind: str) -> Iterator[Key]:
+def _keys_of(model: type[BaseModel], place: str, kind: str, source: tuple[str, ...] = ()) -> Iterator[Key]:
+    """Yield the keys of a model; `source` is that of its section and stands for keys that have none of their own."""
     properties = _properties(model)
     for name, field in model.model_fields.items():
         inner = list(_models(field.annotation))
         at = f"{place}{name}"
         if not inner:
-            yield _key(at, kind, field, properties[name], model)
+            key = _key(at, kind, field, properties[name], model)
+            yield replace(key, sources=key.sources or source)
         for each in inner:
             chosen = each.model_fields.get("kind")
             values = get_args(chosen.annotation) if chosen is not None and len(inner) > 1 else ()
-            yield from _keys_of(each, f"{at}.", f'{at}.kind = "{values[0]}"' if values else kind)
+            of_section = _SOURCE.search(properties[name].get("description", ""))
+            yield from _keys_of(
+                each,
+                f"{at}.",
+                f'{at}.kind = "{values[0]}"' if values else kind,
+                split_source(of_section.group())[1] if of_section else source,
+            )
 
 
 def _properties(model: type[BaseModel]) -> Mapping[str, Any]:
@@ -166,7 +190,7 @@ def _models(annotation: Any) -> Iterator[type[BaseModel]]:
 
 
 def _key(name: str, kind: str, field: FieldInfo, schema: Mapping[str, Any], model: type[BaseModel]) -> Key:
-    meaning = schema.get("description", "")
+    meaning, sources = split_source(schema.get("description", ""))
     setters = ["a cell's file", "a preset", "--set"]
     if name.split(".")[0] in RECIPE_SECTIONS:
         setters.append("a recipe")
@@ -180,7 +204,7 @@ def _key(name: str, kind: str, field: FieldInfo, schema: Mapping[str, Any], mode
         unit=unit_of(meaning),
         allowed=allowed(schema),
         default=None if field.is_required() else toml(field.get_default(call_default_factory=True)),
-        sources=tuple(dict.fromkeys((*_CITED.findall(meaning), *(word for word in _STATED if word in meaning)))),
+        sources=sources,
         reader=_owner(model, name.rsplit(".", 1)[-1]),
         setters=tuple(setters),
         is_float=_has_float(field.annotation),

@@ -9,7 +9,7 @@ from cell.config_keys import Setting, find, section_summary, toml
 
 
 def as_toml(settings: Iterable[Setting]) -> str:
-    """Return settings as a config file, each with its unit and where it came from."""
+    """Return settings as a config file, each with its unit and its origin."""
     sections: dict[str, list[str]] = {"": []}
     for setting in settings:
         section, _, name = setting.key.name.rpartition(".")
@@ -43,7 +43,7 @@ def _commented(lines: Iterable[str]) -> Iterator[str]:
 
 
 def _meaning(name: str, kinds: Mapping[str, str]) -> str:
-    """Return the short meaning of a key, of the kind that its section has in this file; that of a section for a whole table."""
+    """Return the short meaning of a key, in the kind that its section has in this file; for a whole table that of its section."""
     found = [key for key in find(name) if key.name == name]
     chosen = [key for key in found if not key.kind or _is_kind(key.kind, kinds)]
     return (chosen or found)[0].summary if found else section_summary(name)
@@ -83,7 +83,7 @@ def _without_comment(line: str) -> str:
 def file_schema() -> dict[str, Any]:
     """Return the JSON schema of a cell's file, draft 7, as editors of TOML read it.
 
-    No key is required: what a file does not say may come from its `base` or its preset.
+    No key is required, because a missing one may come from the file's `base` or its preset.
     """
     schema = CellConfig.model_json_schema()
     schema["properties"] = {
@@ -98,7 +98,7 @@ def file_schema() -> dict[str, Any]:
 
 
 def _draft_7(schema: Any) -> Any:
-    """Return a schema in the words of draft 7: `definitions`, `items` for tuples, one reference with nothing beside it."""
+    """Return a schema in the terms of draft 7: `definitions`, `items` for tuples, one reference with nothing beside it."""
     if isinstance(schema, list):
         return [_draft_7(each) for each in schema]
     if not isinstance(schema, dict):

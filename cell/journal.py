@@ -1,64 +1,26 @@
-"""What happened: one row per run in an SQLite index, one stream of samples per run beside it."""
+"""The journal: runs, their stages, events and configs in an SQLite index, one stream of samples per run beside it."""
 
-import hashlib
-import json
 import os
-import sqlite3
-from dataclasses import dataclass, fields, replace
+from collections.abc import Sequence
 from datetime import UTC, datetime
-from functools import lru_cache
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
+from cell.journal_index import INDEX as INDEX
+from cell.journal_index import Index
+from cell.journal_schema import ConfigRow, EventRow, RunRow, StageRow
+from cell.provenance import versions
+from cell.run_query import RunQuery
 from drivers.errors import JournalError
 
 if TYPE_CHECKING:
-    from cell.config import CellConfig
-    from cell.samples import SampleStream
+    from cell.journal_upkeep import Keep
+    from cell.journal_writer import JournalWriter
+    from cell.sample_blocks import SampleBlock
     from drivers.scene_facts import SceneFacts
 
-INDEX = "runs.sqlite"
-PACKAGES = ("tactile-insertion-cell", "mujoco", "numpy", "numba", "opencv-contrib-python-headless", "pymodbus")
-"""Their versions stand in each record."""
-OWN = ("cell", "drivers", "plc_bridge", "sim", "skills")
-"""Packages of this program."""
-
-
-@dataclass(frozen=True, slots=True)
-class RunRow:
-    """One run, as the index has it."""
-
-    run: int
-    started: str
-    """Wall time, ISO 8601, UTC."""
-    program: str
-    recipe: int
-    serial: str
-    source: str
-    """Who asked: address, node or user."""
-    sequence: int
-    """Of the PLC's command."""
-    outcome: str = "running"
-    """`success`, `failure`, `aborted`, `fault`; `running` also when the program was killed meanwhile."""
-    stage: str = ""
-    """Skill that was reached last."""
-    reason: str = ""
-    fault: int = 0
-    message: str = ""
-    """Of the fault."""
-    stage_times: str = "[]"
-    """JSON, list of [skill, s]."""
-    versions: str = "{}"
-    """JSON, package to version."""
-    config_hash: str = ""
-
-
-_NAMES = tuple(field.name for field in fields(RunRow))
-_TYPES = {int: "INTEGER", str: "TEXT"}
-_CREATE = "CREATE TABLE IF NOT EXISTS runs (run INTEGER PRIMARY KEY AUTOINCREMENT, {})".format(
-    ", ".join(f"{field.name} {_TYPES[field.type]} NOT NULL" for field in fields(RunRow)[1:])  # type: ignore[index]
-)
+MOST = 2**62
+"""Number that exceeds the number of runs in any journal."""
 
 
 def default_folder() -> Path:
@@ -68,33 +30,55 @@ def default_folder() -> Path:
 
 
 class Journal:
-    """The records of a cell; used by one thread."""
+    """The records of a cell.
 
-    def __init__(self, folder: Path) -> None:
-        """Keep the folder; `open` creates it."""
+    A thread of its own writes the records, and callers never wait for it; a reader of the same object waits until they
+    are written.
+    """
+
+    def __init__(self, folder: Path, *, is_read_only: bool = False, keep: "Keep | None" = None) -> None:
+        """Keep the folder; `open` creates it.
+
+        Args:
+            folder: Folder of the index and the samples.
+            is_read_only: Whether nothing is made, migrated or written; a folder without an index then has no runs.
+            keep: Limits of age and size of the records; None keeps everything.
+        """
         self.folder = folder
-        self._index: sqlite3.Connection | None = None
+        self._is_read_only, self._keep = is_read_only, keep
+        self._index: Index | None = None
+        self._writer: JournalWriter | None = None
 
     def open(self) -> None:
-        """Open the index, and make it where there is none.
+        """Open the index; to write, make it where there is none and bring an earlier layout up to the present one.
+
+        To write, runs that a killed program left open are closed, and an index that is torn is put aside and made again
+        from the samples.
 
         Raises:
-            JournalError: The folder or the index cannot be used.
+            JournalError: The folder or the index cannot be used, or a newer version of the program has made it.
         """
-        try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            self._index = sqlite3.connect(self.folder / INDEX, timeout=10.0, isolation_level=None)
-            self._index.execute("PRAGMA journal_mode=WAL")
-            self._index.execute(_CREATE)
-        except (OSError, sqlite3.Error) as error:
-            self.close()
-            raise JournalError(f"{self.folder / INDEX}: cannot be used: {error}") from None
+        if not self._is_read_only:
+            # Arrow and the thread that writes, which whoever only asks for runs does not need.
+            from cell.journal_upkeep import Keep
+            from cell.journal_writer import JournalWriter
+
+            versions()
+            writer = JournalWriter(self.folder, self._keep or Keep())
+            writer.open()
+            self._writer = writer
+        else:
+            self._index = Index(self.folder, is_read_only=True)
 
     def close(self) -> None:
-        """Close the index; harmless when repeated."""
-        if self._index is not None:
-            self._index.close()
-            self._index = None
+        """Write what waits and close; harmless when repeated."""
+        index, self._index = self._index, None
+        if index is not None:
+            index.close()
+        # The one that can write is the last: only it can put away what SQLite keeps beside the index.
+        writer, self._writer = self._writer, None
+        if writer is not None:
+            writer.close()
 
     def __enter__(self) -> Self:
         """Open."""
@@ -105,107 +89,135 @@ class Journal:
         """Close."""
         self.close()
 
-    def begin(self, row: RunRow) -> RunRow:
-        """Put a run on record before it moves anything; return it with its number.
+    # Methods that write.
+
+    def begin(self, row: RunRow, facts: "SceneFacts | None" = None) -> RunRow:
+        """Put a run on record; return it with its number.
+
+        Args:
+            row: The run as it begins.
+            facts: Facts of the scene for pictures of the run.
 
         Raises:
-            JournalError: The index cannot be written.
+            JournalError: The journal is not open.
         """
-        columns = ", ".join(_NAMES[1:])
-        marks = ", ".join("?" * (len(_NAMES) - 1))
-        cursor = self._execute(
-            f"INSERT INTO runs ({columns}) VALUES ({marks})",
-            [getattr(row, name) for name in _NAMES[1:]],
-        )
-        return replace(row, run=int(cursor.lastrowid or 0))
+        return self._writing().begin(row, facts)
 
-    def finish(self, row: RunRow) -> None:
-        """Put on record how a run ended.
+    def write(self, run: int, block: "SampleBlock") -> None:
+        """Put samples of a run on record.
 
         Raises:
-            JournalError: The index cannot be written.
+            JournalError: The journal is not open.
         """
-        places = ", ".join(f"{name} = ?" for name in _NAMES[1:])
-        self._execute(
-            f"UPDATE runs SET {places} WHERE run = ?", [*(getattr(row, name) for name in _NAMES[1:]), row.run]
-        )
+        self._writing().write(run, block)
 
-    def runs(self, last: int) -> list[RunRow]:
-        """Return the newest runs, newest first."""
-        cursor = self._execute(f"SELECT {', '.join(_NAMES)} FROM runs ORDER BY run DESC LIMIT ?", [last])
-        return [RunRow(*values) for values in cursor]
+    def finish(self, row: RunRow, stages: Sequence[StageRow] = (), rest: "SampleBlock | None" = None) -> None:
+        """Put on record how a run and its stages ended, with the rest of its samples.
+
+        Raises:
+            JournalError: The journal is not open.
+        """
+        self._writing().finish(row, stages, rest)
+
+    def note(self, row: EventRow) -> None:
+        """Put an event on record; the index gives it its number.
+
+        Raises:
+            JournalError: The journal is not open.
+        """
+        self._writing().note(row)
+
+    def keep_config(self, row: ConfigRow) -> None:
+        """Keep a config whole, once.
+
+        Raises:
+            JournalError: The journal is not open.
+        """
+        self._writing().keep_config(row)
+
+    @property
+    def trouble(self) -> str:
+        """Text that says what cannot be put on record now, and why; empty where all is well."""
+        return "" if self._writer is None else self._writer.trouble
+
+    @property
+    def is_disk_low(self) -> bool:
+        """Whether the disk has less free space than is asked for."""
+        return self._writer is not None and self._writer.is_disk_low
+
+    def _writing(self) -> "JournalWriter":
+        if self._writer is None:
+            raise JournalError(f"{self.folder / INDEX}: not open to write")
+        return self._writer
+
+    # Methods that read.
+
+    def runs(self, last: int, since: str = "") -> list[RunRow]:
+        """Return the newest runs, newest first, of those that started at the wall time `since`, ISO 8601 UTC, or later."""
+        return self.select(RunQuery(since), last)
 
     def find(self, run: int) -> RunRow:
         """Return one run.
 
         Raises:
-            JournalError: It is not on record.
+            JournalError: The run is not on record.
         """
-        cursor = self._execute(f"SELECT {', '.join(_NAMES)} FROM runs WHERE run = ?", [run])
-        values = cursor.fetchone()
-        if values is None:
+        found = self._reading().rows(RunRow, "WHERE run = ?", [run])
+        if not found:
             last = self.last_run()
             known = f"1 to {last} are on record" if last else "no runs are on record yet"
             raise JournalError(f"run {run}: not in {self.folder / INDEX}; {known}")
-        return RunRow(*values)
+        return found[0]
 
     def last_run(self) -> int:
         """Return the number of the newest run; 0 when none is on record."""
-        return int(self._execute("SELECT coalesce(max(run), 0) FROM runs", []).fetchone()[0])
+        return int(self._reading().execute("SELECT coalesce(max(run), 0) FROM runs", []).fetchone()[0])
+
+    def stages(self, run: int) -> list[StageRow]:
+        """Return the stages of a run in the order in which they were tried."""
+        return self._reading().rows(StageRow, "WHERE run = ? ORDER BY place", [run])
+
+    def select(self, query: RunQuery, last: int = MOST) -> list[RunRow]:
+        """Return the newest runs that a question is about, newest first."""
+        where, values = query.where()
+        return self._reading().rows(RunRow, f"WHERE {where} ORDER BY run DESC LIMIT ?", [*values, last])
+
+    def stages_of(self, query: RunQuery) -> list[StageRow]:
+        """Return the stages of all runs that a question is about, by run and in the order in which they were tried."""
+        where, values = query.where()
+        condition = f"WHERE run IN (SELECT run FROM runs WHERE {where}) ORDER BY run, place"
+        return self._reading().rows(StageRow, condition, values)
+
+    def events(self, since: str = "", run: int | None = None) -> list[EventRow]:
+        """Return the events, oldest first, from the wall time `since`, ISO 8601 UTC, on; of one run where it is named."""
+        if run is not None:
+            return self._reading().rows(EventRow, "WHERE time >= ? AND run = ? ORDER BY event", [since, run])
+        return self._reading().rows(EventRow, "WHERE time >= ? ORDER BY event", [since])
+
+    def config(self, digest: str) -> str | None:
+        """Return the config that runs name by its digest, as JSON; None where it was not kept."""
+        found = self._reading().rows(ConfigRow, "WHERE config_hash = ?", [digest])
+        return found[0].config if found else None
 
     def samples_path(self, run: int) -> Path:
-        """Return where the samples of a run are."""
+        """Return the file of a run's samples."""
         return self.folder / f"run-{run:06d}.arrows"
 
-    def stream(self, run: int, facts: "SceneFacts | None" = None) -> "SampleStream":
-        """Start the stream of samples of a run, with what a picture of it has to know.
-
-        Raises:
-            JournalError: The file cannot be written.
-        """
-        from cell.samples import SampleStream  # Arrow, which who only asks for runs does not need
-
-        return SampleStream(self.samples_path(run), facts)
-
-    def _execute(self, statement: str, values: list[object]) -> sqlite3.Cursor:
+    def _reading(self) -> Index:
+        """Return the index to read, with all in it that was put on record before."""
+        if self._writer is not None:
+            self._writer.flush()
+            if self._index is not None and not self._index.is_in_place():
+                # Somebody deleted it, or it was torn and has been made again.
+                self._index.close()
+                self._index = None
+            if self._index is None:
+                self._index = Index(self.folder, is_read_only=True)
         if self._index is None:
             raise JournalError(f"{self.folder / INDEX}: not open")
-        try:
-            return self._index.execute(statement, values)
-        except sqlite3.Error as error:
-            raise JournalError(f"{self.folder / INDEX}: cannot be used: {error}") from None
+        return self._index
 
 
 def now_text() -> str:
     """Return the wall time as records have it."""
     return datetime.now(UTC).isoformat(timespec="milliseconds")
-
-
-@lru_cache
-def versions() -> dict[str, str]:
-    """Return the versions that a record names, and a fingerprint of this program's own code and arms."""
-    return {**{name: _version(name) for name in PACKAGES}, "code": _code_hash()}
-
-
-def config_hash(config: "CellConfig") -> str:
-    """Return a short fingerprint of a whole config."""
-    text = json.dumps(config.model_dump(mode="json"), sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
-
-
-def _code_hash() -> str:
-    root = Path(__file__).parent.parent
-    digest = hashlib.sha256()
-    for package in OWN:
-        for file in sorted((root / package).rglob("*.py")):
-            digest.update(file.read_bytes())
-    for file in sorted((root / "config" / "arms").glob("*.toml")):
-        digest.update(file.read_bytes())
-    return digest.hexdigest()[:16]
-
-
-def _version(name: str) -> str:
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return "not installed"

@@ -1,4 +1,4 @@
-"""What the cell tells its lines: programs by command code, parameters by number; and the line of a terminal."""
+"""The cell's side of its lines: programs by command code, parameters by number; and the line of a terminal."""
 
 from collections.abc import Callable
 
@@ -20,19 +20,21 @@ PARAMETERS: tuple[Parameter, ...] = (
 )
 """Keys of the config that a command may replace for its own run."""
 
-CONTROLS: dict[str, Control] = {event.value: Control[event.name] for event in ASKED}
-"""What can be asked of a running cell beside programs and skills."""
+TOLD: dict[str, Control] = {control.name.lower(): control for control in (Control.CLEARED, Control.REFILLED)}
+"""What a person tells a cell, running or not, of the peg and the rack."""
+CONTROLS: dict[str, Control] = {**{event.value: Control[event.name] for event in ASKED}, **TOLD}
+"""Controls that can be asked of a running cell beside programs and skills."""
 
 WORDS: dict[str, dict[int, str]] = {
     "report_state": {state.value: state.name for state in State},
     "report_stage": dict(CATALOGUE.stages),
     "report_reason": dict(CATALOGUE.reasons),
 }
-"""What the numbers in these registers mean."""
+"""Meaning of the numbers in these registers."""
 
 
 def _require_fits(catalogue: Catalogue) -> None:
-    """Make sure that the PLC's map and the terminal can tell everything apart that the catalogue names.
+    """Make sure that the PLC's map and the terminal can tell all entries of the catalogue apart.
 
     Raises:
         ConfigError: One line that names the entry, what it claims and what is allowed.
@@ -57,12 +59,14 @@ _require_fits(CATALOGUE)
 
 
 class TerminalLine:
-    """A technician's terminal as the only line of a cell: one command, and whoever watches its reports."""
+    """A technician's terminal as the only line of a cell: it gives one command, and reports are shown to whoever watches."""
 
     def __init__(self, command: Command, watch: Callable[[Report], None]) -> None:
-        """Take the command to give, once, and who is told of every report."""
+        """Take the command, which is given once, and the function that is called with every report."""
         self._command: Command | None = command
         self._watch = watch
+        self.refusal = Refusal.NONE
+        """Why the command was refused."""
 
     def poll(self) -> Command | None:
         """Return the command the first time."""
@@ -70,12 +74,15 @@ class TerminalLine:
         return command
 
     def publish(self, report: Report) -> None:
-        """Tell whoever watches."""
+        """Pass the report to the watcher."""
         self._watch(report)
 
     def accept(self, command: Command) -> None:
-        """Leave it to the reports."""
+        """Tell the watcher of a control; of a program the reports tell."""
+        if command.code < FIRST_PROGRAM:
+            self._watch(Report(sequence=command.sequence, result=Result.SUCCESS))
 
     def refuse(self, command: Command, refusal: Refusal) -> None:
-        """Tell whoever watches."""
+        """Tell the watcher."""
+        self.refusal = refusal
         self._watch(Report(sequence=command.sequence, result=Result.REFUSED))

@@ -1,53 +1,60 @@
-"""How far gains are from where the loop through the skin would go unstable, by theory, at the arm's own inertia.
+"""Margins of gains against instability of the loop through the skin, by theory, at the arm's own inertia.
 
-The theory is that of an error as old as the skin's last frame, used at once: the most that a controller may be asked
-for which knows nothing between two frames. The law of the arm knows more; `cell study stability` shows how much.
+The theory takes the error to be as old as the skin's last frame, and to be used at once. A controller that knows
+nothing between two frames can be asked for no more. The law of the arm knows more; `cell study stability` shows how
+much.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 
-from cell.sampled_loop import largest_factor, one_period, radius
+from cell.sampled_loop import Loop, largest_factor, one_period, radius
+from drivers.arm import dynamics
 from drivers.arm.inertia import tip_inertia
-from drivers.arm.kinematics import joints_at
+from drivers.arm.kinematics import joints_at, largest_push
 from drivers.arm.model import ArmModel
 from drivers.part.contract import Part
 from drivers.quantities import Vector
 from skills.motion import Gains
 
 MARGIN = 1.2
-"""A gain must stay stable when it is so many times as large, its damping as it is."""
+"""Factor by which a gain can be multiplied, with its damping ratio unchanged, and has to stay stable."""
 HELD: dict[str, Vector] = {
     "translation": np.diag([1.0, 1.0, 1.0, 0.0, 0.0, 0.0]),
     "rotation": np.diag([0.0, 0.0, 0.0, 1.0, 1.0, 1.0]),
 }
-"""Whose error is as old as the frame, shape (6, 6); the other's is as it is now."""
+"""Directions whose error is as old as the frame, shape (6, 6); the error of the others is the present one."""
 
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where and how the arm works with a steered peg: the peg's end in the middle of the hole's area."""
+    """The place and the attitude in which the arm works with a steered peg: the peg's end in the middle of the hole's area."""
 
     arm: ArmModel
     tip: tuple[float, float, float]
     """End point of the peg, m, base frame."""
     part: Part
-    """Cross-section of the peg, which decides over what it leans."""
-    lean: float
-    """Azimuth of the closing axis in the search, were the peg upright, rad."""
+    """Cross-section of the peg, which decides on the direction in which it is tilted."""
+    tilt_azimuth: float
+    """Azimuth of the closing axis in the search with an upright peg, rad."""
     tilt: float
     """Tilt of the peg from the vertical in the search, rad; after it the peg is upright."""
     elbow: float
-    """Position that the elbow's joint is drawn to, rad."""
+    """Position towards which the elbow's joint is drawn, rad."""
     length: float
     """Distance from the finger centre to the peg's end, m."""
 
     def is_within_reach(self) -> bool:
-        """Whether the arm reaches it with the peg tilted and upright."""
+        """Whether the arm reaches the place with the peg tilted and upright."""
         return all(_joints(self, tilt) is not None for tilt in (self.tilt, 0.0))
+
+    def largest_push(self) -> float:
+        """Return the largest vertical force that the arm can hold with the peg upright, N; the place has to be within reach."""
+        upright = _joints(self, 0.0)
+        assert upright is not None
+        return largest_push(self.arm, upright, self.length)
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,15 +62,15 @@ class Margin:
     """One gain and its limit."""
 
     kind: str
-    """`translation` or `rotation`."""
+    """Kind of the gain, `translation` or `rotation`."""
     gain: float
-    """N/m or N·m/rad."""
+    """Gain in force, N/m or N·m/rad."""
     limit: float
-    """First unstable gain, its damping as it is, the lower of the poses'."""
+    """First unstable gain with the damping ratio unchanged, the lower one of the two attitudes, in the unit of the gain."""
 
     @property
     def factor(self) -> float:
-        """By how much the gain may be multiplied."""
+        """Factor from the gain to its limit."""
         return self.limit / self.gain
 
 
@@ -73,23 +80,26 @@ def margins(gains: Gains, rate: float, place: Place) -> tuple[Margin, ...]:
 
 
 def too_high(gains: Gains, rate: float, place: Place) -> Margin | None:
-    """Return what has less than the MARGIN, or None; the place must be within reach."""
+    """Return the margin that is below `MARGIN`, or None; the place has to be within reach."""
     for kind in HELD:
-        if not all(radius(one_period(*loop, 1.0 / rate, 0.0)) < 1.0 for loop in _loops(kind, gains, MARGIN, place)):
+        loops = (loop_at(kind, gains, inertia, MARGIN) for inertia in inertias(place))
+        if not all(radius(one_period(*loop, 1.0 / rate, 0.0)) < 1.0 for loop in loops):
             return _margin(kind, gains, rate, place)
     return None
 
 
 def _margin(kind: str, gains: Gains, rate: float, place: Place) -> Margin:
-    factor = min(largest_factor(*loop, 1.0 / rate, 0.0) for loop in _loops(kind, gains, 1.0, place))
+    limits = (largest_factor(partial(loop_at, kind, gains, inertia), 1.0 / rate, 0.0) for inertia in inertias(place))
     gain: float = getattr(gains, kind)
-    return Margin(kind, gain, factor * gain)
+    return Margin(kind, gain, min(limits) * gain)
 
 
-def _loops(kind: str, gains: Gains, factor: float, place: Place) -> Iterator[tuple[Vector, Vector, Vector, Vector]]:
-    stiffness, damping, held = np.diag(gains.stiffness()), np.diag(gains.damping()), HELD[kind]
-    for inertia in inertias(place):
-        yield inertia, factor * held @ stiffness, stiffness - held @ stiffness, damping
+def loop_at(kind: str, gains: Gains, inertia: Vector, factor: float) -> Loop:
+    """Return the loop in which one gain is `factor` times as large, its damping ratio as it is, at an inertia of the tip."""
+    raised = gains.model_copy(update={kind: factor * getattr(gains, kind)})
+    stiffness, held = np.diag(raised.stiffness()), HELD[kind]
+    damping = gains.damping_ratio * dynamics.critical_damping(inertia, raised.stiffness())
+    return inertia, held @ stiffness, stiffness - held @ stiffness, damping
 
 
 @lru_cache(maxsize=64)
@@ -103,5 +113,5 @@ def inertias(place: Place) -> tuple[Vector, Vector]:
 
 @lru_cache(maxsize=64)
 def _joints(place: Place, tilt: float) -> Vector | None:
-    axis, closing = place.part.leaning(place.lean, tilt)
+    axis, closing = place.part.leaning(place.tilt_azimuth, tilt)
     return joints_at(place.arm, np.array(place.tip), axis, closing, place.length, place.elbow)

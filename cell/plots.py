@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cell.journal import RunRow
+from cell.journal_schema import RunRow
 from cell.skin_view import BRIGHT
 from drivers.errors import ConfigError
 from drivers.quantities import FINGER_NAMES, FINGERS, TaxelFrame, Vector
@@ -15,11 +15,11 @@ from drivers.skin.layout import Layout, finger_positions
 from skills.catalogue import ADJUST, INSERT, SEARCH
 
 COLOURS = ("#bbbbbb", "#4477aa", "#66ccee", "#228833", "#ccbb44", "#ee6677", "#aa3377")
-"""Of stage 0 (none) and stages 1 to 6; told apart by colour-blind readers too."""
+"""Colours of stage 0 (none) and stages 1 to 6, which colour-blind readers can tell apart."""
 
 
 ON_SURFACE = 0.005
-"""The plan shows the tip where it is no higher above where it mostly was than this, m."""
+"""Height above the tip's usual height up to which the plan shows the tip, m."""
 
 
 def plot_run(row: RunRow, samples: dict[str, Vector], path: Path) -> None:
@@ -103,7 +103,7 @@ def _draw_plan(axes: Axes, samples: dict[str, Vector], stage: Vector) -> None:
     for skill in (SEARCH, INSERT, ADJUST):
         here = stage == skill.stage
         if here.any():
-            # The way to the surface would dwarf what happens on it.
+            # The approach would dwarf the heights on the surface.
             here &= samples["tip_z"] < np.median(samples["tip_z"][here]) + ON_SURFACE
             axes.plot(
                 1e3 * samples["tip_x"][here],
@@ -143,6 +143,6 @@ def _colour(stage: int) -> str:
 
 
 def _hole_event(stage: Vector) -> int | None:
-    """Return the last scan of a search that another stage followed, other than the clearing up."""
+    """Return the last scan of a search that another stage, other than recovery, followed."""
     found = np.flatnonzero((stage[:-1] == SEARCH.stage) & (stage[1:] == INSERT.stage))
     return int(found[-1]) if found.size else None

@@ -1,17 +1,21 @@
-"""How a run goes on record: times by stage, samples at every scan, and the row that says how it ended."""
+"""The record of a run: times by stage, samples at every scan, and the row on its end."""
 
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
+from functools import partial
 
 from cell.config import CellConfig
-from cell.journal import Journal, RunRow, config_hash, now_text, versions
-from cell.samples import SampleStream
+from cell.journal import Journal, now_text
+from cell.journal_schema import ConfigRow, RunRow
+from cell.provenance import config_text, digest_of, versions
+from cell.run_trace import RunTrace
+from cell.sample_blocks import SampleStream
 from drivers.errors import CellError, FaultCode
 from drivers.quantities import ImpedanceSetpoint
 from drivers.scene_facts import SceneFacts, Sight
-from plc_bridge.messages import Command
+from plc_bridge.messages import Command, PartPlace
 from skills.catalogue import CATALOGUE
 from skills.contract import Observation, Outcome, Reason
 from skills.flow import StageRecord
@@ -22,9 +26,9 @@ class StageClock:
     """Keeps the time of each stage of a run while it lasts."""
 
     times: dict[str, float] = field(default_factory=dict)
-    """Of the stages so far, s; the way to a stage's place counts until the stage itself says better."""
+    """Time of each stage so far, s; the way to a stage's place counts until the stage states its own time."""
     stage: str = ""
-    """The one under way or reached last."""
+    """Stage under way or reached last."""
     _since: float = 0.0
 
     def enter(self, stage: str, now: float) -> bool:
@@ -50,13 +54,13 @@ class StageClock:
 
 @dataclass(frozen=True, slots=True)
 class Ending:
-    """How a run ended."""
+    """End of a run."""
 
     outcome: Outcome
     stage: str
-    """That did not succeed, or the last one."""
+    """Name of the stage that did not succeed, or else of the last one."""
     reason: IntEnum
-    """A `Reason`, or one of the skill's own."""
+    """Reason of the end, a `Reason` or one of the skill's own."""
 
     @property
     def word(self) -> str:
@@ -76,21 +80,33 @@ def ending_of(records: Sequence[StageRecord], fault: CellError | None, stage: st
 
 
 def scene_facts(config: CellConfig) -> SceneFacts:
-    """Return what a picture of a run with this config has to know."""
+    """Return the facts of the scene for pictures of a run with this config."""
     return SceneFacts(arm=config.arm_model(), job=config.job(), layout=config.skin.layout)
 
 
 class RunRecord:
     """The record of the run under way."""
 
-    def __init__(self, journal: Journal, command: Command, program: str, config: CellConfig) -> None:
-        """Put the run on record before it moves anything.
+    def __init__(
+        self, journal: Journal, command: Command, program: str, config: CellConfig, now: float, seed: int
+    ) -> None:
+        """Put the run on record before it moves anything; what is put on record is written elsewhere.
+
+        Args:
+            journal: The opened journal.
+            command: The command that started the run.
+            program: Name of the program.
+            config: Config of the run, its parameters included.
+            now: Time at which the command was taken, on the cell's clock, s.
+            seed: Seed of the simulated world's draws and of the skills' choices in this run.
 
         Raises:
-            JournalError: The journal cannot be written.
+            JournalError: The journal is not open.
         """
         self._journal = journal
         self.clock = StageClock()
+        self._trace, self._scans = RunTrace(now, config.job().hole), 0
+        text = config_text(config)
         self.row = journal.begin(
             RunRow(
                 run=0,
@@ -101,35 +117,40 @@ class RunRecord:
                 source=command.source,
                 sequence=command.sequence,
                 versions=json.dumps(versions()),
-                config_hash=config_hash(config),
-            )
+                config_hash=digest_of(text),
+                parameters=json.dumps(dict(command.parameters)),
+                is_simulated=int(config.sim is not None),
+                seed=seed,
+            ),
+            scene_facts(config),
         )
-        self._stream: SampleStream = journal.stream(self.row.run, scene_facts(config))
+        journal.keep_config(ConfigRow(self.row.config_hash, text))
+        self._stream = SampleStream(partial(journal.write, self.row.run))
 
     def add(self, seen: Observation, setpoint: ImpedanceSetpoint | None, sight: Sight | None = None) -> None:
-        """Record one scan, in a simulated cell with where peg and hole really are.
-
-        Raises:
-            JournalError: The samples cannot be written.
-        """
+        """Record one scan, in a simulated cell with where peg and hole really are."""
+        self._scans += 1
+        self._trace.see(seen, self.clock.stage)
         self._stream.add(seen, setpoint, CATALOGUE.stage_number(self.clock.stage), sight)
 
-    def finish(self, ending: Ending, fault: CellError | None) -> None:
-        """Put on record how the run ended.
-
-        Raises:
-            JournalError: The journal cannot be written.
-        """
-        self.row = replace(
-            self.row,
-            outcome=ending.outcome,
-            stage=ending.stage,
-            reason=ending.word,
-            fault=fault.code if fault is not None else FaultCode.NONE,
-            message=str(fault or ""),
-            stage_times=json.dumps(list(self.clock.times.items())),
+    def finish(
+        self, ending: Ending, fault: CellError | None, records: Sequence[StageRecord], now: float, part: PartPlace
+    ) -> None:
+        """Put on record how the run ended, at the time `now` on the cell's clock, s, and where the peg then was."""
+        self.row = self._trace.figures(
+            replace(
+                self.row,
+                outcome=ending.outcome,
+                stage=ending.stage,
+                reason=ending.word,
+                fault=fault.code if fault is not None else FaultCode.NONE,
+                message=str(fault or ""),
+                stage_times=json.dumps(list(self.clock.times.items())),
+                ended=now_text(),
+                cycle_time=now - self._trace.began,
+                retries=sum(record.retried for record in records),
+                part=part.name.lower(),
+                samples=self._scans,
+            )
         )
-        try:
-            self._stream.close()
-        finally:
-            self._journal.finish(self.row)
+        self._journal.finish(self.row, self._trace.stages(self.row.run, records, fault), self._stream.rest())

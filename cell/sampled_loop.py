@@ -1,4 +1,4 @@
-"""Where an impedance loop whose error is as old as a frame goes unstable: exact discretisation; pure.
+"""The gains at which an impedance loop with errors as old as a frame turns unstable, by exact discretisation; pure.
 
 The tip obeys M x'' = -K x(t_k) - C x - D x', as in [gibbons], Eq. (6), with the error of Eq. (5) measured every
 `period` seconds, late by `delay` periods and held in between; C x is the part that is measured without delay. Between
@@ -7,19 +7,23 @@ that matrix's eigenvalues lie inside the unit circle.
 """
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
 from drivers.quantities import Vector
 
+Loop = tuple[Vector, Vector, Vector, Vector]
+"""Inertia, stiffness on the held error, stiffness on the error as it is now, damping, each shape (n, n)."""
+
 TAYLOR_TERMS = 12
-"""Of the exponential series, for a matrix scaled below 1/16."""
+"""Number of terms of the exponential series, for a matrix scaled below 1/16."""
 GROWTH = 1.25
-"""From one gain to the next in the search for the limit."""
+"""Ratio of neighbouring gains in the search for the limit."""
 MOST = 1e6
 """Factor beyond which a gain is taken for unlimited."""
 FINENESS = 1e-4
-"""Of the limit, relative."""
+"""Relative accuracy of the limit."""
 
 
 def one_period(
@@ -30,13 +34,13 @@ def one_period(
     Args:
         inertia: M, shape (n, n), kg and kg·m².
         held: K, stiffness on the error that is held from frame to frame, shape (n, n), N/m and N·m/rad.
-        continuous: C, stiffness on the error as it is now, shape (n, n).
+        continuous: C, stiffness on the present error, shape (n, n).
         damping: D, shape (n, n), N·s/m and N·m·s/rad.
         period: Time between frames, s.
         delay: Age of a frame when it is first used, in periods, >= 0, fractions included.
 
     Returns:
-        Shape (m, m), over position, velocity and the positions of earlier frames.
+        Matrix of shape (m, m), over position, velocity and the positions of earlier frames.
     """
     n = len(inertia)
     flow = np.zeros((3 * n, 3 * n))
@@ -44,7 +48,7 @@ def one_period(
     flow[n : 2 * n] = np.linalg.solve(inertia, -np.hstack([continuous, damping, held]))
     whole = math.floor(delay)
     early, late = (exponential(flow * part * period) for part in (delay - whole, 1.0 - (delay - whole)))
-    # Position and velocity, then the positions at frame k-1, k-2, ...
+    # The state is position and velocity, then the positions at frame k-1, k-2, ...
     places = [slice(0, n), *(slice((2 + j) * n, (3 + j) * n) for j in range(whole + 1))]
     step = np.zeros(((3 + whole) * n,) * 2)
     moving = slice(0, 2 * n)
@@ -57,33 +61,24 @@ def one_period(
 
 
 def radius(step: Vector) -> float:
-    """Return the largest magnitude of the eigenvalues: below 1 the loop is stable."""
+    """Return the largest magnitude of the eigenvalues; below 1 the loop is stable."""
     return float(np.abs(np.linalg.eigvals(step)).max())
 
 
-def largest_factor(
-    inertia: Vector, held: Vector, continuous: Vector, damping: Vector, period: float, delay: float, power: float = 0.0
-) -> float:
-    """Return by how much the held stiffness may be multiplied before the loop goes unstable.
+def largest_factor(loop: Callable[[float], Loop], period: float, delay: float) -> float:
+    """Return the factor by which a gain can be multiplied before the loop turns unstable.
 
     Args:
-        inertia: As in `one_period`, like the next five.
-        held: Stiffness at factor 1.
-        continuous: Stiffness that is left as it is.
-        damping: At factor 1.
-        period: s.
-        delay: In periods.
-        power: The damping of the held directions goes with this power of the factor: 0 leaves it, 0.5 keeps the
-            damping ratio.
+        loop: Inertia, held and continuous stiffness and damping at a factor, as in `one_period`.
+        period: Time between frames, s.
+        delay: Age of a frame when it is first used, in periods.
 
     Returns:
-        The first such factor above the smallest one looked at, MOST when there is none, 0 when no gain is stable.
+        First unstable factor above the smallest one examined; `MOST` when there is none, 0 when no gain is stable.
     """
-    share = (np.diag(held) > 0.0).astype(float)
 
     def is_stable(factor: float) -> bool:
-        scaled = damping * np.where(share > 0.0, factor**power, 1.0)[:, None]
-        return radius(one_period(inertia, factor * held, continuous, scaled, period, delay)) < 1.0
+        return radius(one_period(*loop(factor), period, delay)) < 1.0
 
     high = 1e-3
     if not is_stable(high):

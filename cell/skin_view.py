@@ -22,15 +22,15 @@ from drivers.skin.layout import Layout, finger_positions
 from drivers.transport.traffic import TrafficEndedError
 
 BRIGHT = 15_000.0
-"""A taxel with so many counts is shown at its brightest."""
+"""Reading at which a taxel is shown brightest, counts."""
 _CELL = 5  # characters
 _MM_PER_CHARACTER = 1.5
-"""Both fingers fit into 80 columns."""
+"""Length that one character stands for, mm; both fingers fit into 80 columns."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Seen:
-    """One frame, and how well the skin is heard where that is known."""
+    """One frame, and the reception of the skin where it is known."""
 
     frame: TaxelFrame
     figures: SkinFigures | None
@@ -43,10 +43,10 @@ def watch(config: CellConfig, seconds: float, show: Show, stop: Event) -> None:
     """Show the live skin, every new frame.
 
     Args:
-        config: Of the cell, whose other devices stay closed.
-        seconds: How long, by the cell's clock, s.
-        show: Given every new frame; once at least.
-        stop: Ends it earlier.
+        config: Config of the cell, whose other devices stay closed.
+        seconds: Time to show, by the cell's clock, s.
+        show: Called with every new frame, at least once.
+        stop: Ends the show earlier.
 
     Raises:
         CellError: A device cannot be opened, or the skin fell silent.
@@ -59,15 +59,15 @@ def play(config: CellConfig, path: Path, seconds: float, show: Show, stop: Event
     """Show a recording, traffic or text.
 
     Args:
-        config: Says which board the traffic is of.
-        path: Of the file.
-        seconds: How long, by the recording's clock, s.
-        show: As for `watch`.
-        stop: Ends it earlier.
-        at_pace: Take as long as the recording took.
+        config: Config with the board that the traffic is of.
+        path: File of the recording.
+        seconds: Time to show, by the recording's clock, s.
+        show: Called with every new frame, at least once.
+        stop: Ends the show earlier.
+        at_pace: Whether to play at the pace of the recording.
 
     Raises:
-        ConfigError: No recording, or of another wire than `skin.kind` says.
+        ConfigError: The file is no recording, or one of another wire than `skin.kind` says.
         CellError: The skin was silent all the time.
     """
     felt = played_skin(config, path, _PlayClock(at_pace))
@@ -77,7 +77,7 @@ def play(config: CellConfig, path: Path, seconds: float, show: Show, stop: Event
 
 
 def as_data(seen: Seen) -> dict[str, Any]:
-    """Return a frame for programs."""
+    """Return a frame as data for programs."""
     frame, figures = seen.frame, seen.figures
     data: dict[str, Any] = {
         "stamp": frame.stamp,
@@ -92,7 +92,7 @@ def as_data(seen: Seen) -> dict[str, Any]:
 
 
 def fingers(seen: Seen, layout: Layout) -> Group:
-    """Return both fingers for a terminal, each taxel where it is, with a line on how well the skin is heard."""
+    """Return both fingers for a terminal, each taxel at its place, with a line on the reception of the skin."""
     frame, figures = seen.frame, seen.figures
     table = Table(show_edge=False, pad_edge=False)
     for name in FINGER_NAMES:
@@ -107,7 +107,7 @@ def fingers(seen: Seen, layout: Layout) -> Group:
 
 
 class _PlayClock:
-    """Time for a recording that has none of its own: it passes as it is waited for."""
+    """Clock of a recording that has none of its own; its time passes while it is waited for."""
 
     def __init__(self, at_pace: bool) -> None:
         self._time, self._at_pace = 0.0, at_pace
@@ -122,7 +122,7 @@ class _PlayClock:
 
 
 class _Paced:
-    """A playback's own clock, made as slow as it was."""
+    """A playback's own clock, slowed down to the pace of the recording."""
 
     def __init__(self, clock: Clock, at_pace: bool) -> None:
         self._clock, self._at_pace = clock, at_pace
@@ -151,7 +151,7 @@ def _watch(felt: SkinLine, period: float, seconds: float, show: Show, stop: Even
 
 
 def _play(felt: SkinLine, period: float, seconds: float, show: Show, stop: Event) -> None:
-    """Show what is not silence."""
+    """Show every frame of a skin, and pass over silence."""
     shown = -1
     reason = "nothing in it"
     try:

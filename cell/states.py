@@ -7,7 +7,7 @@ from enum import Enum, IntEnum
 
 
 class State(IntEnum):
-    """What the cell is doing; the PLC reads the number."""
+    """Cell state, whose number the PLC reads."""
 
     CLEARING = 1
     STOPPED = 2
@@ -29,7 +29,7 @@ class State(IntEnum):
 
 
 class Event(Enum):
-    """What makes the state change."""
+    """An event that changes the state."""
 
     RESET = "reset"
     START = "start"
@@ -39,7 +39,7 @@ class Event(Enum):
     ABORT = "abort"
     CLEAR = "clear"
     FINISHED = "finished"
-    """The acting state has done what it does."""
+    """The acting state has done its work."""
 
 
 ASKED = (Event.RESET, Event.STOP, Event.HOLD, Event.UNHOLD, Event.ABORT, Event.CLEAR)
@@ -83,7 +83,7 @@ TRANSITIONS: dict[tuple[State, Event], State] = {
     **{(state, Event.STOP): State.STOPPING for state in _STOPPABLE},
     **{(state, Event.ABORT): State.ABORTING for state in (*_STOPPABLE, State.STOPPED, State.STOPPING, State.CLEARING)},
 }
-"""Everything that is permitted; nothing suspends this cell yet, so those two ways in are left out."""
+"""All permitted transitions; nothing suspends this cell yet, so those two ways in are left out."""
 
 
 def is_permitted(state: State, event: Event) -> bool:

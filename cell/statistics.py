@@ -1,4 +1,4 @@
-"""How well and how fast: means, quantiles and Wilson intervals; pure."""
+"""Statistics of success and time: means, quantiles and Wilson intervals; pure."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -13,8 +13,8 @@ def wilson(successes: int, attempts: int, z: float = Z95) -> tuple[float, float]
     """Return the Wilson score interval of a success rate, [wilson], by default at 95 %.
 
     Args:
-        successes: How many succeeded.
-        attempts: Of how many; with none, the interval is 0 to 1.
+        successes: Number of successes.
+        attempts: Number of attempts; with none, the interval is 0 to 1.
         z: Quantile of the normal distribution.
     """
     if attempts == 0:
@@ -22,7 +22,7 @@ def wilson(successes: int, attempts: int, z: float = Z95) -> tuple[float, float]
     share, n = successes / attempts, attempts
     middle = (share + z * z / (2 * n)) / (1 + z * z / n)
     half = z / (1 + z * z / n) * math.sqrt(share * (1 - share) / n + z * z / (4 * n * n))
-    # Rounding may leave the rate itself just outside, where all or none succeeded.
+    # Where all or none succeeded, rounding may leave the rate itself just outside the interval.
     return max(min(middle - half, share), 0.0), min(max(middle + half, share), 1.0)
 
 

@@ -1,6 +1,7 @@
 """The scan loop: poll the line, run what it asks for, publish the report. Owns every device, on one thread."""
 
 import logging
+import os
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -13,22 +14,33 @@ import numpy as np
 
 from cell.assembly import Cell, choices, make_estimator, make_tracker
 from cell.config import CellConfig, LoadedConfig, with_parameters
-from cell.journal import Journal, RunRow
+from cell.event_log import EventLog, warnings_of
+from cell.journal import Journal
+from cell.journal_schema import RunRow
+from cell.learning import Learning, hole_found
+from cell.live import Live, Look
+from cell.part_watch import PartWatch
+from cell.progress import Progress, progress_of
 from cell.record import Ending, RunRecord, StageClock, ending_of
 from cell.states import ASKED, Event, State, after, is_permitted, is_reached
-from drivers.errors import CellError, ConfigError, FaultCode, PlcLostError
+from cell.watchdog import LateScans, Watchdog
+from drivers.errors import CellError, ConfigError, FaultCode, PlcLostError, ScanOverrunError
 from drivers.quantities import ArmState, ImpedanceSetpoint
 from plc_bridge.messages import Command, Control, Refusal, Report, Result
-from skills.catalogue import CATALOGUE
+from skills.catalogue import CATALOGUE, RECOVER
 from skills.contract import Observation, Outcome, Request
-from skills.entry import Entry
+from skills.entry import Claim, Entry
 from skills.flow import StageRecord
 from skills.scan_guards import RESUME_TIME
 
 logger = logging.getLogger(__name__)
 
+EXIT_BLOCKED = 3
+"""Exit status of a program whose skill never comes back: that of a fault."""
 REST_SPEED = 0.01
-"""Of every joint of an arm that stands still, rad/s."""
+"""Largest speed of every joint of an arm that stands still, rad/s."""
+BRAKE_TIME = 0.3
+"""Time for which an arm is halted anew at every scan, s: three time constants of a hand that is damped critically."""
 REST_TIME = 1.0
 """Longest time for an arm to come to rest, s: the speed of a real one never reads zero."""
 _EVENT = {Control[event.name]: event for event in ASKED}
@@ -58,19 +70,35 @@ class Supervisor:
     """One cell at work."""
 
     def __init__(
-        self, cell: Cell, loaded: LoadedConfig, line: Line, journal: Journal, stop: ThreadEvent | None = None
+        self,
+        cell: Cell,
+        loaded: LoadedConfig,
+        line: Line,
+        journal: Journal,
+        stop: ThreadEvent | None = None,
+        live: Live | None = None,
     ) -> None:
-        """Take the opened cell, its recipes, the line, the opened journal, and the event that ends `serve`."""
+        """Take the opened cell, its recipes, the line, the opened journal, what ends `serve`, and the slot for onlookers."""
         self._cell, self._loaded, self._line, self._journal = cell, loaded, line, journal
+        self._live = live or Live()
         self._first_seed = cell.config.sim.seed if cell.config.sim is not None else 0
-        self._stocked = 0
+        self._seed, self._stocked = self._first_seed, 0
         self._context = cell.context(self._first_seed)
         self._context.poll, self._context.progress, self._context.record = self._poll, self._progress, self._record
+        self._learning = Learning(journal.folder, loaded.cell.learning)
+        self._part = PartWatch(cell, self._context, journal.folder)
+        self._events = EventLog(journal, cell.clock.now)
         self._quit = stop or ThreadEvent()
+        period, is_simulated = self._context.scan_period, cell.config.sim is not None
+        self._watchdog = Watchdog(
+            period, is_simulated=is_simulated, halt=self._say_blocked, stop=self._quit, give_up=self._end_blocked
+        )
+        self._late, self._is_timed = LateScans(period), False
         self._request = Request.RUN
         self._since = 0.0
         """When the arm began to be halted or led back, s."""
         self._run: RunRecord | None = None
+        self._done = Progress(())
         self.state = State.IDLE
         self.report = Report(state=State.IDLE)
         self.last: RunRow | None = None
@@ -79,23 +107,41 @@ class Supervisor:
     # One scan.
 
     def serve(self) -> None:
-        """Scan until `quit`, then leave the arm halted."""
-        period = self._context.scan_period
-        while not self._quit.is_set():
-            started = time.monotonic()
-            self.scan()
-            # A simulated clock may be faster than the wall; nobody gains by an idle cell that spins.
-            self._quit.wait(max(period - (time.monotonic() - started), 0.0))
-        self._cell.arm.halt()
+        """Scan until `quit`; whatever ends it, the arm comes to rest and the record of a run is closed first.
+
+        Raises:
+            CellError: The scan itself cannot go on, as with simulated physics that have diverged.
+        """
+        period, self._is_timed = self._context.scan_period, is_timed(self._cell.config)
+        if self._is_timed:
+            self._watchdog.start()
+        try:
+            while not self._quit.is_set():
+                started = time.monotonic()
+                self.scan()
+                # A simulated clock may be faster than the wall; nobody gains by an idle cell that spins.
+                self._quit.wait(max(period - (time.monotonic() - started), 0.0))
+        except Exception as error:
+            self._abandon(error)
+            raise
+        finally:
+            self._watchdog.stop()
+            self._stand()
 
     def quit(self) -> None:
         """Ask `serve` to end, from any thread or signal handler; what runs is stopped first."""
         self._quit.set()
 
+    @property
+    def where_the_peg_is(self) -> str:
+        """Where the peg is, what tells so, and what to do, as one line."""
+        return self._part.told
+
     def scan(self) -> None:
         """Do one scan outside a program: read every device, take a command, publish, wait for the next scan."""
         clock = self._cell.clock
         started = clock.now()
+        self._late.rest()
         fault = _fault_of(self._look)
         if fault is not None:
             self._fault(fault)
@@ -105,12 +151,15 @@ class Supervisor:
     def _look(self) -> None:
         """Read every device, and act on the commands that wait."""
         if self.state in (State.IDLE, State.COMPLETE):
-            self._context.observe()
+            seen = self._context.observe()
+            self._part.see(seen)
+            self._show(seen, 0)
         else:
             # What was lost comes back only while somebody listens to it.
             for device in (self._cell.gripper, self._cell.skin, self._cell.switch):
                 with suppress(CellError):
                     device.read()
+            self._part.look()
         self._take_all()
 
     def _take_all(self) -> None:
@@ -121,6 +170,8 @@ class Supervisor:
 
     def _take(self, command: Command) -> None:
         """Act on one command, whatever the state."""
+        if command.code not in (Control.LOST, Control.ACKNOWLEDGE):
+            self._events.command(command)
         if command.code in CATALOGUE.by_code:
             self._start(command, CATALOGUE.by_code[command.code])
         elif command.code == Control.LOST:
@@ -130,6 +181,10 @@ class Supervisor:
                 )
         elif command.code == Control.ACKNOWLEDGE:
             self._leave_complete()
+        elif command.code == Control.FORGET:
+            self._forget(command)
+        elif command.code in (Control.CLEARED, Control.REFILLED):
+            self._note_from_a_person(command)
         elif command.code in _EVENT:
             self._control(command, _EVENT[Control(command.code)])
         else:
@@ -148,6 +203,27 @@ class Supervisor:
         for step in steps:
             self._enter(step)
             self._obey(command, step)
+        self._line.accept(command)
+
+    def _forget(self, command: Command) -> None:
+        """Forget what was learnt of the command's recipe; not while a run learns."""
+        if self._run is not None:
+            self._refuse(command, Refusal.BUSY)
+        elif command.recipe not in self._loaded.recipes:
+            self._refuse(command, Refusal.UNKNOWN_RECIPE)
+        else:
+            self._learning.forget(command.recipe)
+            self._line.accept(command)
+
+    def _note_from_a_person(self, command: Command) -> None:
+        """Take it that a person, or the line, has taken the peg away or filled the rack; not while a skill moves."""
+        if self._run is not None:
+            self._refuse(command, Refusal.BUSY)
+            return
+        if command.code == Control.CLEARED:
+            self._part.clear()
+        else:
+            self._part.refill()
         self._line.accept(command)
 
     def _obey(self, command: Command, event: Event) -> None:
@@ -181,6 +257,7 @@ class Supervisor:
             self._enter(Event.FINISHED)
 
     def _refuse(self, command: Command, refusal: Refusal) -> None:
+        self._events.refusal(command, refusal)
         self._line.refuse(command, refusal)
 
     # A run.
@@ -202,6 +279,10 @@ class Supervisor:
             logger.warning("command %d: %s", command.sequence, error)
             self._refuse(command, Refusal.PARAMETER)
             return
+        refusal = self._part.refusal(entry, config)
+        if refusal is not Refusal.NONE:
+            self._refuse(command, refusal)
+            return
         self._leave_complete()
         self._enter(Event.START)
         self.report = self._fresh(command)
@@ -211,30 +292,41 @@ class Supervisor:
 
     def _execute(self, command: Command, entry: Entry, config: CellConfig) -> None:
         """Run a program to its end, whatever that is; afterwards the cell is in a state that waits."""
-        self._request = Request.RUN
+        self._request, self._done = Request.RUN, progress_of(entry)
         records: list[StageRecord] = []
+        taken, claim = self._cell.clock.now(), entry.claim
 
         def work() -> None:
-            self._run = RunRecord(self._journal, command, entry.name, config)
+            nonlocal claim
+            seed = self._first_seed + self._stocked if entry.starts_empty else self._seed
+            self._run = RunRecord(self._journal, command, entry.name, config, taken, seed)
+            self._events.run = self._run.row.run
             self.report = replace(self.report, run=self._run.row.run)
-            self._prepare(entry, config)
+            self._part.begin(config)
+            self._prepare(config)
             self._enter(Event.FINISHED)
-            records.extend(entry.run(config.skill_set(), self._context))
+            self._watchdog.watch(True)
+            if entry.starts_empty and not self._part.is_resolved:
+                claim = RECOVER.claim
+                records.extend(RECOVER.run(config.skill_set(), self._context))
+            if self._part.is_resolved or not entry.starts_empty:
+                claim = entry.claim
+                self._take_peg(entry, config)
+                self._context.job = self._learning.prepared(self._context.job, command.recipe)
+                records.extend(entry.run(config.skill_set(), self._context))
             for record in records:
                 CATALOGUE.stage_number(record.name)
 
         fault = _fault_of(work)
-        if fault is not None:
-            self._enter(Event.ABORT)
-            self._since = self._cell.clock.now()
-            self.report = replace(self.report, fault=fault.code)
-        if self.state in (State.STOPPING, State.ABORTING):
-            later = _fault_of(self._come_to_rest)
-            fault = fault or later
-        self._halt()
+        self._watchdog.watch(False)
+        fault = self._brought_to_rest(fault)
         run, self._run = self._run, None
-        ending = ending_of(records, fault, run.clock.stage if run is not None else "")
+        ending, fault = self._judged(claim, records, fault, run.clock.stage if run is not None else "")
+        self._part.end()
         if run is not None:
+            self.report = replace(self.report, hole=hole_found(records) or self.report.hole)
+            if ending.outcome is Outcome.SUCCESS:
+                self._learning.take(config.job(), command.recipe, records)
             later = _fault_of(partial(self._put_on_record, run, records, ending, fault))
             fault = fault or later
         if fault is None:
@@ -243,26 +335,90 @@ class Supervisor:
             self._fault(fault)
             # Also under sequence 0, which a counter comes to again.
             self.report = replace(self.report, result=Result.FAULT)
+        self._events.run = 0
+
+    def _brought_to_rest(self, fault: CellError | None) -> CellError | None:
+        """Halt the arm after a run that may have ended in a fault; return the first fault."""
+        if fault is not None:
+            self._enter(Event.ABORT)
+            # Nobody is asked for a sign of life any more: the arm has to come to rest.
+            self._request, self._since = Request.STOP, self._cell.clock.now()
+            self.report = replace(self.report, fault=fault.code)
+        if self.state in (State.STOPPING, State.ABORTING):
+            later = _fault_of(self._come_to_rest)
+            fault = fault or later
+        self._halt()
+        return fault
+
+    def _judged(
+        self, claim: Claim, records: Sequence[StageRecord], fault: CellError | None, stage: str
+    ) -> tuple[Ending, CellError | None]:
+        """Return how a run ended by the evidence, and the first fault."""
+        ending = ending_of(records, fault, stage)
+        if fault is not None:
+            return ending, fault
+        found: list[Ending] = []
+        fault = _fault_of(lambda: found.append(self._part.judge(claim, ending, records)))
+        return (ending_of(records, fault, stage) if fault is not None else found[0]), fault
 
     def _come_to_rest(self) -> None:
-        """Halt the arm at every scan until it stands still."""
+        """Brake the arm and wait until it stands still."""
         clock = self._cell.clock
         while not self._is_at_rest(self._cell.arm.read()):
             self._publish()
-            self._cell.arm.halt()
+            self._brake()
             clock.wait_until(clock.now() + self._context.scan_period)
             self._take_all()
 
-    def _prepare(self, entry: Entry, config: CellConfig) -> None:
+    def _stand(self) -> None:
+        """Brake the arm and wait until it stands still, with nothing else left to do."""
+        clock, arm = self._cell.clock, self._cell.arm
+        with suppress(CellError):
+            self._since = clock.now()
+            while not self._is_at_rest(arm.read()):
+                self._brake()
+                clock.wait_until(clock.now() + self._context.scan_period)
+        self._halt()
+
+    def _abandon(self, error: Exception) -> None:
+        """Close the record of the run under way, and tell the line, where the supervisor itself cannot go on."""
+        self._halt()
+        fault = error if isinstance(error, CellError) else CellError(f"{type(error).__name__}: {error}")
+        run, self._run = self._run, None
+        if run is not None:
+            ending = ending_of([], fault, run.clock.stage)
+            _fault_of(partial(self._put_on_record, run, [], ending, fault))
+        _fault_of(partial(self._fault, fault))
+        _fault_of(self._publish)
+
+    def _say_blocked(self, why: str) -> None:
+        """Halt the arm beside a scan that does not come, and tell who watches; the scan ends the run once it comes."""
+        self._halt()
+        error = ScanOverrunError(f"{self._context.stage or 'skill'}: {why}")
+        logger.error("fault %d: %s", error.code, error)
+        self._live.fault = str(error)
+        self._line.publish(replace(self.report, state=State.ABORTING, fault=error.code))
+
+    def _end_blocked(self, why: str) -> None:
+        """End the program, whose scan never comes again, with the arm halted and the record closed."""
+        self._abandon(ScanOverrunError(f"{self._context.stage or 'skill'}: {why}"))
+        _fault_of(self._journal.close)
+        _fault_of(self._cell.arm.close)
+        os._exit(EXIT_BLOCKED)
+
+    def _take_peg(self, entry: Entry, config: CellConfig) -> None:
+        """Turn to the next slot of the rack, where the program takes a fresh peg."""
+        if not entry.starts_empty:
+            return
         ctx = self._context
-        if entry.starts_empty:
-            seed = self._first_seed + self._stocked
-            ctx.job = config.job(slot=self._stocked % config.rack.slots)
-            ctx.rng = choices(seed)
-            self._cell.restock(ctx.job, seed)
-            self._stocked += 1
-        else:
-            ctx.job = config.job(slot=ctx.job.slot)
+        self._seed = seed = self._first_seed + self._stocked
+        ctx.job, ctx.rng = config.job(slot=self._part.take(config)), choices(seed)
+        self._cell.restock(ctx.job, seed)
+        self._stocked += 1
+
+    def _prepare(self, config: CellConfig) -> None:
+        ctx = self._context
+        ctx.job = config.job(slot=ctx.job.slot)
         ctx.limits, ctx.stage, ctx.held = config.limits, "", None
         # A recipe may bring another peg, and a preset another method.
         ctx.estimator, ctx.tracker = make_estimator(config), make_tracker(config)
@@ -274,7 +430,8 @@ class Supervisor:
         run.clock.leave(self._cell.clock.now())
         run.clock.settle(records)
         try:
-            run.finish(ending, fault)
+            self.report = self._part.filled(self.report)
+            run.finish(ending, fault, records, self._cell.clock.now(), self.report.part)
         finally:
             self.last = run.row
             logger.info("run %d: %s %s %s", run.row.run, run.row.program, ending.outcome, ending.stage)
@@ -302,7 +459,9 @@ class Supervisor:
     def _fault(self, error: CellError) -> None:
         """Stop and report; moving again takes a reset."""
         logger.error("fault %d: %s", error.code, error)
+        self._live.fault = str(error)
         self._halt()
+        self._events.fault(error)
         self._enter(Event.ABORT)
         if self.state is State.ABORTING:
             self._enter(Event.FINISHED)
@@ -317,12 +476,20 @@ class Supervisor:
         self._request, self._since = request, self._cell.clock.now()
 
     def _is_at_rest(self, arm: ArmState) -> bool:
-        """Tell whether an arm that is halted at every scan stands still, or has had long enough.
+        """Tell whether an arm that was braked stands still, or has had long enough."""
+        return bool(np.max(np.abs(arm.dq)) < REST_SPEED) or self._cell.clock.now() - self._since > REST_TIME
 
-        A single halt would hold the place where a fast arm was, so that it swings back; many let it run out. At rest
-        the last one must hold: many would let the arm sink by what its model of gravity lacks.
+    def _is_braking(self) -> bool:
+        """Tell whether the arm is still to be halted anew at every scan.
+
+        A single halt would hold the place where a fast arm was, so that it swings back; many let it run out. Then the
+        last one must hold: many would let the arm sink by what its model of gravity lacks, and it would never rest.
         """
-        return bool(np.max(np.abs(arm.dq)) < REST_SPEED) or arm.stamp - self._since > REST_TIME
+        return self._cell.clock.now() - self._since <= BRAKE_TIME
+
+    def _brake(self) -> None:
+        if self._is_braking():
+            self._cell.arm.halt()
 
     def _halt(self) -> None:
         """Halt the arm, whatever state it is in."""
@@ -337,9 +504,12 @@ class Supervisor:
         run = self._run
         assert run is not None
         self._take_all()
+        self._watchdog.beat(self._context.stage)
+        if self._is_timed:
+            self._late.take(time.monotonic())
         if self._quit.is_set() and self._request is not Request.STOP:
             self._enter(Event.STOP)
-            self._request = Request.STOP
+            self._halt_now(Request.STOP)
         number = CATALOGUE.stage_number(self._context.stage)
         if run.clock.enter(self._context.stage, self._cell.clock.now()):
             self.report = replace(_with_times(self.report, run.clock), stage=number)
@@ -347,14 +517,16 @@ class Supervisor:
         return self._request
 
     def _progress(self, fraction: float) -> None:
-        percent = round(100.0 * min(max(fraction, 0.0), 1.0))
+        percent = self._done.update(self._context.stage, fraction)
         if percent != self.report.progress:
             self.report = replace(self.report, progress=percent)
 
     def _record(self, seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
         run = self._run
         assert run is not None
+        self._part.see(seen)
         run.add(seen, setpoint, self._cell.sight() if self._cell.sight is not None else None)
+        self._show(seen, run.row.run)
         if self.state is State.HOLDING and self._is_at_rest(seen.arm):
             self._enter(Event.FINISHED)
             self._request = Request.STAY
@@ -362,20 +534,38 @@ class Supervisor:
             self._enter(Event.FINISHED)
             self._request = Request.RUN
 
+    def _show(self, seen: Observation, run: int) -> None:
+        surface = self._context.job.hole.centre[2]
+        self._live.show(Look(seen, self._context.stage if run else "", run, surface))
+
     # States.
 
     def _enter(self, event: Event) -> None:
         before, self.state = self.state, after(self.state, event)
-        if self.state is not before and event is not Event.FINISHED:
+        if self.state is before:
+            return
+        self._events.state(before, self.state)
+        if event is not Event.FINISHED:
             self.report = replace(self.report, transition=Control[event.name])
 
     def _fresh(self, command: Command, fault: int = 0) -> Report:
-        return Report(sequence=command.sequence, fault=fault, run=self.report.run, transition=self.report.transition)
+        before = self.report
+        return Report(
+            command.sequence, fault=fault, run=before.run, transition=before.transition, warnings=before.warnings
+        )
 
     def _publish(self) -> None:
-        if self.report.state != self.state:
-            self.report = replace(self.report, state=self.state)
+        self.report = self._part.filled(self.report)
+        before, warnings = self.report, warnings_of(self._journal, self._late.is_warned)
+        if (before.state, before.warnings, before.overruns) != (self.state, warnings, self._late.count):
+            self._events.warned(before.warnings, warnings)
+            self.report = replace(before, state=self.state, warnings=warnings, overruns=self._late.count)
         self._line.publish(self.report)
+
+
+def is_timed(config: CellConfig) -> bool:
+    """Tell whether the scan has to keep time with the wall clock: on hardware, and in a simulation in real time."""
+    return config.sim is None or config.sim.pace == 1.0
 
 
 def _with_times(report: Report, clock: StageClock) -> Report:

@@ -4,6 +4,7 @@ import argparse
 import json
 import sys
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
 GOOD, NOT_GOOD, WRONG_USE, FAULT = 0, 1, 2, 3
 """Exit statuses: done and good, done and not good, wrong use, fault."""
 PIPE_WIDTH = 200
-"""A pipe has no width; a table cut to that of a terminal would lose what it says, characters."""
+"""Width of tables in a pipe, characters; cut to a terminal's width they would lose content."""
 
 
 def show(args: argparse.Namespace, picture: "RenderableType", data: object) -> None:
@@ -22,7 +23,18 @@ def show(args: argparse.Namespace, picture: "RenderableType", data: object) -> N
     if args.json:
         print(json.dumps(data, indent=2))
     else:
-        console(None if sys.stdout.isatty() else PIPE_WIDTH).print(picture)
+        console(None if sys.stdout.isatty() else PIPE_WIDTH).print(_folded(picture))
+
+
+def _folded(picture: "RenderableType") -> "RenderableType":
+    """Return a picture whose tables fold what does not fit a narrow terminal: nothing is cut."""
+    from rich.console import Group
+    from rich.table import Table
+
+    for part in picture.renderables if isinstance(picture, Group) else (picture,):
+        for column in part.columns if isinstance(part, Table) else ():
+            column.overflow = "fold"
+    return picture
 
 
 def say(*words: object) -> None:
@@ -31,12 +43,13 @@ def say(*words: object) -> None:
 
 
 def complain(message: str) -> None:
-    """Print one line of what is wrong on standard error, and say who says it."""
-    print(f"cell: {message}".replace("\n", " "), file=sys.stderr)
+    """Print one line on standard error, where anybody is left to read it, that says what is wrong, after the program's name."""
+    with suppress(OSError):
+        print(f"cell: {message}".replace("\n", " "), file=sys.stderr)
 
 
 def ask(text: str) -> None:
-    """Wait until somebody at the terminal has done something and presses Enter; standard output is for results."""
+    """Ask somebody at the terminal to do something and wait for Enter; standard output is left to results."""
     print(f"\n{text}", end="", file=sys.stderr, flush=True)
     input()
 
@@ -49,7 +62,7 @@ def written(args: argparse.Namespace, files: Iterable[Path]) -> None:
 
 
 def console(width: int | None = None, is_error: bool = False) -> "Console":
-    """Return the terminal, which takes no text for markup: serial numbers and names come from outside."""
+    """Return the terminal's console, which treats no text as markup, because serial numbers and names come from outside."""
     from rich.console import Console
 
     return Console(width=width, stderr=is_error, markup=False, emoji=False)

@@ -1,4 +1,4 @@
-"""Which version of this program is installed, and which versions of its packages it was tested with."""
+"""The installed version of this program, and the versions of its packages that it was tested with."""
 
 import platform
 import re
@@ -10,7 +10,7 @@ import config as shipped
 
 PROGRAM = "tactile-insertion-cell"
 PINS = Path(shipped.__file__).parent / "constraints.txt"
-"""The pinned versions of the repository, which the wheel carries as well."""
+"""File of the pinned versions of the repository, which the wheel carries as well."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,7 +20,7 @@ class PackageLine:
     name: str
     installed: str
     tested: str
-    """The version that the test suite runs with."""
+    """Version that the test suite runs with."""
 
 
 def packages() -> list[PackageLine]:
@@ -43,7 +43,7 @@ def installed(name: str) -> str:
 
 
 def told() -> str:
-    """Return what `cell --version` prints; a package in another version than the tested one is marked."""
+    """Return the output of `cell --version`; a package in another version than the tested one is marked."""
     lines = [PackageLine("package", "installed", "tested with"), *packages()]
     width = max(len(line.name) for line in lines)
     rows = [

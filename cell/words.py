@@ -5,10 +5,11 @@ from dataclasses import asdict
 
 from rich.table import Table
 
-from cell.journal import RunRow
+from cell.journal_schema import RunRow
+from cell.part_state import REMEDIES
 from cell.states import State
 from plc_bridge.images import Diagnostics, ReportImage
-from plc_bridge.messages import LeaseState, Refusal, Result
+from plc_bridge.messages import LeaseState, PartPlace, Refusal, Result
 from skills.catalogue import CATALOGUE
 
 
@@ -28,6 +29,11 @@ def report(image: ReportImage) -> dict[str, object]:
         "holder": image.holder,
         "stage_times": list(image.stage_times),
         "total_time": image.total_time,
+        "part": PartPlace(image.part).name.lower(),
+        "part_depth": image.part_depth,
+        "hole": [image.hole_x, image.hole_y],
+        "peak_force": image.peak_force,
+        "peg": REMEDIES[PartPlace(image.part)],
     }
 
 
@@ -38,7 +44,7 @@ def line(image: ReportImage, counts: Diagnostics) -> str:
 
 
 def run(row: RunRow) -> Table:
-    """Return everything that the index has of one run."""
+    """Return the whole record of one run in words."""
     table = Table(show_header=False)
     for name in RunRow.__slots__:
         value = getattr(row, name)
@@ -46,5 +52,7 @@ def run(row: RunRow) -> Table:
             value = ", ".join(f"{stage} {time:.2f} s" for stage, time in json.loads(value))
         elif name == "versions":
             value = ", ".join(f"{package} {version}" for package, version in json.loads(value).items())
+        elif name == "part" and value:
+            value = f"{value}: {REMEDIES[PartPlace[value.upper()]]}"
         table.add_row(name, str(value))
     return table

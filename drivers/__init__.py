@@ -1,1 +1,1 @@
-"""Quantities, contracts, faults and hardware; imports nothing else of this project."""
+"""Quantities, contracts, faults and hardware drivers; the package imports no other package of this project."""

@@ -1,4 +1,4 @@
-"""The base of every part's config model, and how a file that a config names is found; it knows no part and no device."""
+"""The base of every part's config model, and the resolution of file names in a config; it knows no part and no device."""
 
 import ast
 import inspect
@@ -14,13 +14,13 @@ from pydantic_core import CoreSchema
 
 
 def beside_config(path: Path, info: ValidationInfo) -> Path:
-    """Return a relative path as seen from the folder of the config file that is validated."""
+    """Return a path that is relative to the folder of the config file under validation as a path of its own."""
     folder: Path | None = (info.context or {}).get("folder")
     return path if folder is None else folder / path
 
 
 FilePath = Annotated[Path, AfterValidator(beside_config)]
-"""A file; a relative path begins at the folder of the config file, wherever the program was started."""
+"""Path of a file; a relative path begins at the folder of the config file, wherever the program was started."""
 
 
 class ConfigModel(BaseModel):

@@ -1,11 +1,11 @@
-"""What can break: the fault codes that the PLC reads and the exceptions that carry them."""
+"""Faults: the codes that the PLC reads, what they mean, and the exceptions that carry them."""
 
 from dataclasses import dataclass
 from enum import IntEnum
 
 
 class FaultCode(IntEnum):
-    """1xxx communication, 2xxx motion, 3xxx interaction, 4xxx software; never reused."""
+    """Number of a fault as the PLC reads it: 1xxx communication, 2xxx motion, 3xxx interaction, 4xxx software; never reused."""
 
     NONE = 0
     SKIN_SILENT = 1001
@@ -15,11 +15,14 @@ class FaultCode(IntEnum):
     GRIPPER_SILENT = 1005
     PLC_LOST = 1006
     DEVICE_NOT_OPENED = 1007
+    NOT_FINITE = 1008
     ARM_STOPPED = 2001
     ARM_REFLEX = 2002
     TRACKING = 2003
     NOT_PASSIVE = 2004
+    SETPOINT = 2005
     SWITCH_DISAGREES = 3001
+    SUCCESS_UNPROVEN = 3002
     SIMULATION_UNSTABLE = 4001
     SCAN_OVERRUN = 4002
     SOFTWARE = 4003
@@ -29,7 +32,7 @@ class FaultCode(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class FaultText:
-    """What a technician needs to know of one code."""
+    """Meaning of one fault code, and what a technician does about it."""
 
     meaning: str
     cause: str
@@ -44,8 +47,8 @@ FAULTS: dict[FaultCode, FaultText] = {
         "check the board's supply and cable, then reset",
     ),
     FaultCode.SKIN_UNTRUSTED: FaultText(
-        "too few taxels can be trusted",
-        "dead module, saturated or frozen skin",
+        "too few taxels can be trusted, or the skin shows no print of the peg that the hand holds",
+        "dead, saturated, frozen, stuck or swapped modules",
         "run `cell check`, change the finger it names, then reset",
     ),
     FaultCode.SWITCH_UNKNOWN: FaultText(
@@ -71,6 +74,11 @@ FAULTS: dict[FaultCode, FaultText] = {
         "wrong port, no permission, or used by another program",
         "run `cell check` and follow what it says",
     ),
+    FaultCode.NOT_FINITE: FaultText(
+        "a reading is no number",
+        "a defect in the driver, the firmware or the estimator that the message names",
+        "keep the log and the run's record, report it, then reset",
+    ),
     FaultCode.ARM_STOPPED: FaultText(
         "the arm is in emergency or protective stop",
         "somebody pressed a stop, or the arm's own supervision did",
@@ -91,6 +99,16 @@ FAULTS: dict[FaultCode, FaultText] = {
         "gains too high for the age of what the skin tells",
         "lower the gains or raise their damping, see `cell study stability`, then reset",
     ),
+    FaultCode.SETPOINT: FaultText(
+        "a skill asked for a motion that the arm must not make",
+        "a defect in the skill, or a place in the config that is outside the workspace",
+        "check what the message names against [limits] and the places in the config, then reset",
+    ),
+    FaultCode.SUCCESS_UNPROVEN: FaultText(
+        "the skills report success and the evidence is lacking",
+        "a stuck switch, a hand that did not open, a peg that came along, or a defect in a skill",
+        "look at the part, the hand and the switch, clear the part, then reset",
+    ),
     FaultCode.SWITCH_DISAGREES: FaultText(
         "the switch and the depth of the tip disagree",
         "stuck switch, wrong hole depth in the recipe, or a wrong part",
@@ -102,9 +120,9 @@ FAULTS: dict[FaultCode, FaultText] = {
         "reduce sim.timestep or the gains",
     ),
     FaultCode.SCAN_OVERRUN: FaultText(
-        "the scan missed its period too often",
-        "the computer is too slow or too busy",
-        "stop other programs or lower scan_rate",
+        "the scan missed its period too often, or a skill blocked it",
+        "the computer is too slow or too busy, or the skill that the message names computes or waits too long",
+        "stop other programs or lower scan_rate; mend the skill that is named",
     ),
     FaultCode.SOFTWARE: FaultText(
         "an error inside this program", "a defect", "keep the log and the run's record, report it, then reset"
@@ -115,15 +133,15 @@ FAULTS: dict[FaultCode, FaultText] = {
         "correct what the message names",
     ),
     FaultCode.JOURNAL: FaultText(
-        "the run's record cannot be written",
-        "disk full or no permission",
-        "free space or correct the folder, then reset",
+        "the records cannot be opened; later a record that cannot be written is a warning and no fault",
+        "no permission, a disk that is read-only, or an index of a newer version",
+        "correct the folder or name another, then start again",
     ),
 }
 
 
 class CellError(Exception):
-    """Something is broken; `code` is the word that the PLC reads.
+    """A fault: something is broken, and `code` is the number that the PLC reads.
 
     The message names the thing, the value, the limit and the permitted choices, in one line.
     """
@@ -138,7 +156,7 @@ class SkinSilentError(CellError):
 
 
 class SkinUntrustedError(CellError):
-    """Too few taxels can be trusted to tell where the peg is."""
+    """Too few taxels can be trusted to estimate the pose of the peg."""
 
     code = FaultCode.SKIN_UNTRUSTED
 
@@ -150,7 +168,7 @@ class SwitchUnknownError(CellError):
 
 
 class SwitchDisagreesError(CellError):
-    """The switch says one thing, the depth of the tip another."""
+    """The switch and the depth of the tip contradict each other."""
 
     code = FaultCode.SWITCH_DISAGREES
 
@@ -168,13 +186,13 @@ class GripperSilentError(CellError):
 
 
 class ArmStoppedError(CellError):
-    """Emergency or protective stop."""
+    """An emergency or protective stop holds the arm."""
 
     code = FaultCode.ARM_STOPPED
 
 
 class ArmReflexError(CellError):
-    """The arm stopped itself."""
+    """The arm's controller stopped the arm by a reflex."""
 
     code = FaultCode.ARM_REFLEX
 
@@ -189,6 +207,24 @@ class NotPassiveError(CellError):
     """The held setpoint puts more energy into the arm than a stable loop can."""
 
     code = FaultCode.NOT_PASSIVE
+
+
+class SetpointError(CellError):
+    """A skill asked for a setpoint that is not finite, lies outside the workspace, or is too far away or too fast."""
+
+    code = FaultCode.SETPOINT
+
+
+class NotFiniteError(CellError):
+    """A reading of a device, or a quantity computed from it, is not finite."""
+
+    code = FaultCode.NOT_FINITE
+
+
+class SuccessUnprovenError(CellError):
+    """The skills report success without evidence of it."""
+
+    code = FaultCode.SUCCESS_UNPROVEN
 
 
 class PlcLostError(CellError):

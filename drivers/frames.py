@@ -1,4 +1,4 @@
-"""Compose, invert and re-express frames; pure functions."""
+"""Composition, inversion and conversion of frames and rotations; pure functions."""
 
 import math
 
@@ -11,12 +11,12 @@ _ONE = np.eye(3)
 
 
 def compose(T_a_b: Pose, T_b_c: Pose) -> Pose:
-    """Return T_a_c."""
+    """Return T_a_c, the composition of T_a_b and T_b_c."""
     return Pose(T_a_b.position + T_a_b.rotation @ T_b_c.position, T_a_b.rotation @ T_b_c.rotation)
 
 
 def invert(T_a_b: Pose) -> Pose:
-    """Return T_b_a."""
+    """Return T_b_a, the inverse of T_a_b."""
     return Pose(-T_a_b.rotation.T @ T_a_b.position, T_a_b.rotation.T)
 
 
@@ -38,9 +38,9 @@ def peg_in_finger(theta: float, length: float) -> Pose:
 
 
 def angle_between(a: Vector, b: Vector) -> float:
-    """Return the angle between two vectors, rad, exact also where they are nearly parallel.
+    """Return the angle between two vectors, rad, in [0, pi]; exact also where they are nearly parallel.
 
-    atan2(|a × b|, a · b); arccos loses its precision there.
+    The formula is atan2(|a × b|, a · b); arccos loses its precision there.
     """
     cross = math.hypot(a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
     return math.atan2(cross, float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2]))

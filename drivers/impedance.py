@@ -7,46 +7,52 @@ fixed block of words, `pack`, which a real-time process can read as well.
 Three places differ from the printed equations:
 - the orientation error is (v* x v)·phi / |v* x v|: with the printed order, -K e would turn the peg away from v*;
 - phi is atan2(|v x v*|, v·v*), exact near alignment;
-- damping acts on the tip's twist less the setpoint's, or the tip would lag by D·v/K along a path.
+- damping acts on the tip's twist less the setpoint's, or the tip would lag by D·v/K along a path;
+- D is no figure of the setpoint's: a damping ratio is, and D follows from the arm's inertia at the tip as it is there.
 """
 
 import math
 
 import numpy as np
 
+from drivers.arm import dynamics, learning
 from drivers.arm.model import JOINTS, ArmModel
 from drivers.compiled import njit
 from drivers.quantities import ImpedanceSetpoint, Vector
 
-WORDS = 44
-ID, TIP, AXIS, STIFFNESS, DAMPING, VALID_UNTIL = 0, 1, 4, 7, 13, 19
+WORDS = 45
+ID, TIP, AXIS, STIFFNESS, DAMPING_RATIO, VALID_UNTIL = 0, 1, 4, 7, 13, 19
 HAS_HAND, THETA, LENGTH = 20, 21, 22
 HAS_ROLL, ROLL, TWIST, INTEGRAL_GAIN, INTEGRAL_LIMIT = 23, 24, 27, 33, 34
 HAS_POSTURE, POSTURE = 35, 36
-STAMP = 43
+STAMP, IS_FREE = 43, 44
 
-STATE_WORDS = 16
-INTEGRAL, SEEN_ID, TORQUE, IS_HOLDING = 0, 3, 4, 11
-"""State of the law between steps: the integral's torque, the id it belongs to, the last torque, whether it holds still."""
+INTEGRAL, SEEN_ID, TORQUE, IS_HOLDING, DAMPED_SINCE, DAMPING = 0, 3, 4, 11, 12, 13
+LEARNING = DAMPING + 36
+STATE_WORDS = LEARNING + learning.WORDS
+"""State of the law between steps: the integral's torque, the id it belongs to, the last torque, whether it holds still, when
+the damping was worked out, s, the damping at the tip, shape (6, 6), and the words of `drivers.arm.learning`."""
+DAMPING_PERIOD = 0.01
+"""The damping is worked out anew after this time, s, in which an arm at 1 rad/s changes its inertia by about a hundredth."""
 
 NULL_STIFFNESS = 10.0
-"""Of the null space towards the posture, N·m/rad."""
+"""Stiffness of the null space towards the posture, N·m/rad."""
 NULL_DAMPING = 3.0
-"""Of the null space, N·m·s/rad."""
+"""Damping of the null space, N·m·s/rad."""
 
 HALT_STIFFNESS = (400.0, 400.0, 400.0, 20.0, 20.0, 20.0)
-HALT_DAMPING = (60.0, 60.0, 60.0, 4.0, 4.0, 4.0)
-"""Stiffness, N/m and N·m/rad, and damping, N·s/m and N·m·s/rad, of an arm that holds still, compliant."""
+"""Stiffness, N/m and N·m/rad, of an arm that holds still, compliant; it is critically damped."""
 
-FIGURES = 45
+MASSES = 45
+FIGURES = MASSES + dynamics.WORDS
 DH_A, DH_D, COS_ALPHA, SIN_ALPHA, TORQUE_MAX, TORQUE_RATE = 0, 7, 14, 21, 28, 35
 REACH, TURN_COS, TURN_SIN = 42, 43, 44
 """The arm's figures as the law takes them: kinematics, limits, distance from the last joint's frame to the finger
-centre, m, and the hand's turn about the flange."""
+centre, m, the hand's turn about the flange, and the masses of `drivers.arm.dynamics`."""
 
 
 def figures(arm: ArmModel) -> Vector:
-    """Return an arm's kinematics and limits as the words that the compiled functions read, shape (FIGURES,)."""
+    """Return an arm's kinematics, limits and masses as the words that the compiled functions read, shape (FIGURES,)."""
     words = np.zeros(FIGURES)
     dh, joints = arm.kinematics, arm.joints
     alpha = np.array(dh.alpha)
@@ -61,6 +67,7 @@ def figures(arm: ArmModel) -> Vector:
         words[place : place + JOINTS] = values
     words[REACH] = dh.flange + arm.hand.finger_centre
     words[TURN_COS], words[TURN_SIN] = math.cos(arm.hand.turn), math.sin(arm.hand.turn)
+    words[MASSES:] = dynamics.masses(arm)
     return words
 
 
@@ -76,7 +83,7 @@ def pack(setpoint: ImpedanceSetpoint, stamp: float) -> Vector:
     words[TIP : TIP + 3] = setpoint.tip
     words[AXIS : AXIS + 3] = setpoint.axis
     words[STIFFNESS : STIFFNESS + 6] = setpoint.stiffness
-    words[DAMPING : DAMPING + 6] = setpoint.damping
+    words[DAMPING_RATIO : DAMPING_RATIO + 6] = setpoint.damping_ratio
     words[VALID_UNTIL] = setpoint.valid_until
     if setpoint.in_hand is not None:
         words[HAS_HAND] = 1.0
@@ -94,7 +101,73 @@ def pack(setpoint: ImpedanceSetpoint, stamp: float) -> Vector:
         words[HAS_POSTURE] = 1.0
         words[POSTURE : POSTURE + JOINTS] = setpoint.posture
     words[STAMP] = stamp
+    words[IS_FREE] = float(setpoint.is_free)
     return words
+
+
+def new_state(arm: ArmModel) -> Vector:
+    """Return the state of the law before its first step, shape (STATE_WORDS,), with nothing learnt of the arm's joints."""
+    state = np.zeros(STATE_WORDS)
+    learning.begin(state[LEARNING:], np.zeros((JOINTS, learning.FIGURES)), learning.doubts(arm))
+    return state
+
+
+def restart(state: Vector) -> None:
+    """Begin anew with what was learnt of the joints; torques begin at zero."""
+    state[:LEARNING] = 0.0
+    learning.pause(state[LEARNING:])
+
+
+@njit(cache=True)
+def links(arm: Vector, q: Vector) -> tuple[Vector, Vector]:  # pragma: no cover
+    """Return where the frames of the joints are, base frame.
+
+    Args:
+        arm: Its figures, from `figures`.
+        q: Joint positions, shape (7,), rad.
+
+    Returns:
+        Their axes as columns, z along the joint's axis, shape (7, 3, 3); their origins, shape (7, 3), m.
+    """
+    R = np.eye(3)
+    o = np.zeros(3)
+    rotations = np.empty((7, 3, 3))
+    origins = np.empty((7, 3))
+    for i in range(7):
+        ca, sa, a, d = arm[COS_ALPHA + i], arm[SIN_ALPHA + i], arm[DH_A + i], arm[DH_D + i]
+        for k in range(3):
+            o[k] += R[k, 0] * a - R[k, 1] * sa * d + R[k, 2] * ca * d
+        c, s = math.cos(q[i]), math.sin(q[i])
+        for k in range(3):
+            r0, r1, r2 = R[k, 0], R[k, 1] * ca + R[k, 2] * sa, -R[k, 1] * sa + R[k, 2] * ca
+            rotations[i, k, 0], rotations[i, k, 1], rotations[i, k, 2] = r0 * c + r1 * s, r1 * c - r0 * s, r2
+            origins[i, k] = o[k]
+        R = rotations[i]
+    return rotations, origins
+
+
+@njit(cache=True)
+def finger_of(arm: Vector, rotation: Vector, origin: Vector) -> tuple[Vector, Vector]:  # pragma: no cover
+    """Return the finger frame that goes with the frame of the last joint, base frame.
+
+    Args:
+        arm: The arm's figures, from `figures`.
+        rotation: Axes of the last joint's frame, shape (3, 3).
+        origin: Its origin, shape (3,), m.
+
+    Returns:
+        Position of the finger centre, shape (3,), m; its axes as columns, shape (3, 3), x out of the hand, z along the
+        closing axis.
+    """
+    finger = np.empty((3, 3))
+    position = np.empty(3)
+    reach, turn_cos, turn_sin = arm[REACH], arm[TURN_COS], arm[TURN_SIN]
+    for k in range(3):
+        position[k] = origin[k] + reach * rotation[k, 2]
+        finger[k, 0] = rotation[k, 2]
+        finger[k, 1] = rotation[k, 0] * turn_cos + rotation[k, 1] * turn_sin
+        finger[k, 2] = -rotation[k, 0] * turn_sin + rotation[k, 1] * turn_cos
+    return position, finger
 
 
 @njit(cache=True)
@@ -109,33 +182,9 @@ def forward(arm: Vector, q: Vector) -> tuple[Vector, Vector, Vector, Vector]:  #
         Position of the finger centre, shape (3,), m; its axes as columns, shape (3, 3), x out of the
         hand, z along the closing axis; the joints' axes and origins, each shape (7, 3).
     """
-    R = np.eye(3)
-    o = np.zeros(3)
-    axes = np.empty((7, 3))
-    origins = np.empty((7, 3))
-    S = np.empty((3, 3))
-    for i in range(7):
-        ca, sa, a, d = arm[COS_ALPHA + i], arm[SIN_ALPHA + i], arm[DH_A + i], arm[DH_D + i]
-        for k in range(3):
-            o[k] += R[k, 0] * a - R[k, 1] * sa * d + R[k, 2] * ca * d
-        c, s = math.cos(q[i]), math.sin(q[i])
-        for k in range(3):
-            r0, r1, r2 = R[k, 0], R[k, 1] * ca + R[k, 2] * sa, -R[k, 1] * sa + R[k, 2] * ca
-            S[k, 0], S[k, 1], S[k, 2] = r0 * c + r1 * s, r1 * c - r0 * s, r2
-        for k in range(3):
-            for j in range(3):
-                R[k, j] = S[k, j]
-            axes[i, k] = R[k, 2]
-            origins[i, k] = o[k]
-    finger = np.empty((3, 3))
-    position = np.empty(3)
-    reach, turn_cos, turn_sin = arm[REACH], arm[TURN_COS], arm[TURN_SIN]
-    for k in range(3):
-        position[k] = o[k] + reach * R[k, 2]
-        finger[k, 0] = R[k, 2]
-        finger[k, 1] = R[k, 0] * turn_cos + R[k, 1] * turn_sin
-        finger[k, 2] = -R[k, 0] * turn_sin + R[k, 1] * turn_cos
-    return position, finger, axes, origins
+    rotations, origins = links(arm, q)
+    position, finger = finger_of(arm, rotations[6], origins[6])
+    return position, finger, rotations[:, :, 2].copy(), origins
 
 
 @njit(cache=True)
@@ -181,7 +230,8 @@ def torque(  # noqa: C901, PLR0915  the whole law at 1 kHz, compiled as one: a c
     Returns:
         Torques, shape (7,), N·m.
     """
-    position, finger, axes, origins = forward(arm, q)
+    rotations, origins = links(arm, q)
+    position, finger = finger_of(arm, rotations[6], origins[6])
     x, v = np.empty(3), np.empty(3)
     if words[HAS_HAND] > 0.0:
         c, s, length = math.cos(words[THETA]), math.sin(words[THETA]), words[LENGTH]
@@ -193,13 +243,16 @@ def torque(  # noqa: C901, PLR0915  the whole law at 1 kHz, compiled as one: a c
 
     if now > words[VALID_UNTIL] and state[IS_HOLDING] == 0.0:
         state[IS_HOLDING] = 1.0
+        words[IS_FREE] = 0.0
         for k in range(3):
             words[TIP + k], words[AXIS + k] = x[k], v[k]
             words[TWIST + k] = words[TWIST + 3 + k] = 0.0
             state[INTEGRAL + k] = 0.0
             words[ROLL + k] = finger[k, 2]
+        state[DAMPED_SINCE] = -math.inf
     if words[ID] != state[SEEN_ID]:
         state[SEEN_ID] = words[ID]
+        state[DAMPED_SINCE] = -math.inf
         for k in range(3):
             state[INTEGRAL + k] = 0.0
 
@@ -207,7 +260,7 @@ def torque(  # noqa: C901, PLR0915  the whole law at 1 kHz, compiled as one: a c
     twist = np.zeros(6)
     for i in range(7):
         rx, ry, rz = x[0] - origins[i, 0], x[1] - origins[i, 1], x[2] - origins[i, 2]
-        ax, ay, az = axes[i, 0], axes[i, 1], axes[i, 2]
+        ax, ay, az = rotations[i, 0, 2], rotations[i, 1, 2], rotations[i, 2, 2]
         J[0, i], J[1, i], J[2, i] = ay * rz - az * ry, az * rx - ax * rz, ax * ry - ay * rx
         J[3, i], J[4, i], J[5, i] = ax, ay, az
         for k in range(6):
@@ -238,8 +291,17 @@ def torque(  # noqa: C901, PLR0915  the whole law at 1 kHz, compiled as one: a c
         limit = words[INTEGRAL_LIMIT]
         state[INTEGRAL + k] = min(max(state[INTEGRAL + k] + words[INTEGRAL_GAIN] * turn[k] * period, -limit), limit)
         wrench[3 + k] = words[STIFFNESS + 3 + k] * turn[k] + state[INTEGRAL + k]
+    if not now - state[DAMPED_SINCE] < DAMPING_PERIOD:
+        state[DAMPED_SINCE] = now
+        M = dynamics.joint_inertia(arm[MASSES:], rotations, origins)
+        D = dynamics.critical_damping(dynamics.inertia_at(M, J), words[STIFFNESS : STIFFNESS + 6])
+        for k in range(6):
+            for j in range(6):
+                ratio = math.sqrt(words[DAMPING_RATIO + k] * words[DAMPING_RATIO + j])
+                state[DAMPING + 6 * k + j] = ratio * D[k, j]
     for k in range(6):
-        wrench[k] -= words[DAMPING + k] * (twist[k] - words[TWIST + k])
+        for j in range(6):
+            wrench[k] -= state[DAMPING + 6 * k + j] * (twist[j] - words[TWIST + j])
 
     # Null space: posture and damping, less what of it would move the tip (projection by J's pseudo-inverse).
     null = np.empty(7)
@@ -248,23 +310,36 @@ def torque(  # noqa: C901, PLR0915  the whole law at 1 kHz, compiled as one: a c
         if words[HAS_POSTURE] > 0.0:
             null[i] += NULL_STIFFNESS * (words[POSTURE + i] - q[i])
     A = np.empty((6, 6))
-    b = np.zeros(6)
     for k in range(6):
         for j in range(6):
-            A[k, j] = 0.0
+            A[k, j] = 1e-4 if k == j else 0.0
             for i in range(7):
                 A[k, j] += J[k, i] * J[j, i]
-        A[k, k] += 1e-4
+    A = dynamics.inverse(A)
+    # What the null torques would do at the tip, and the joints' velocities that the setpoint's twist asks for.
+    felt, wanted = np.zeros(6), np.zeros(6)
+    for k in range(6):
         for i in range(7):
-            b[k] += J[k, i] * null[i]
-    solve(A, b)
+            felt[k] += J[k, i] * null[i]
+    for k in range(6):
+        for j in range(6):
+            wrench[k] -= A[k, j] * felt[j]
+            wanted[k] += A[k, j] * words[TWIST + j]
+    known = state[LEARNING:]
     tau = np.empty(7)
     for i in range(7):
-        t = null[i]
+        t, rate = null[i], 0.0
         for k in range(6):
-            t += J[k, i] * (wrench[k] - b[k])
+            t += J[k, i] * wrench[k]
+            rate += J[k, i] * wanted[k]
+        t += learning.feed_forward(known, i, rate)
         last, step, most = state[TORQUE + i], arm[TORQUE_RATE + i] * period, arm[TORQUE_MAX + i]
         t = min(max(t, last - step), last + step)
         tau[i] = min(max(t, -most), most)
         state[TORQUE + i] = tau[i]
+        known[learning.COMMANDED + i] += tau[i] / learning.CYCLES
+    known[learning.COUNT] += 1.0
+    if known[learning.COUNT] >= learning.CYCLES:
+        M = dynamics.joint_inertia(arm[MASSES:], rotations, origins)
+        learning.observe(known, M, dq, learning.CYCLES * period, words[IS_FREE] > 0.0)
     return tau

@@ -1,7 +1,7 @@
-"""The parts and places of a job: peg, hole, rack. Lengths in m; bounds reject a length typed in mm."""
+"""The parts and places of a job: peg, hole and rack. Lengths are in m; bounds reject a length typed in mm."""
 
 import math
-from typing import Annotated, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -14,6 +14,7 @@ Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
 Coordinate = Annotated[float, Field(ge=-2.0, le=2.0)]
 Point = tuple[Coordinate, Coordinate, Coordinate]
 PegSide = Annotated[float, Field(ge=0.002, le=0.03)]
+Deviation = Annotated[float, Field(ge=5e-5, le=0.1)]
 HoleSide = Annotated[float, Field(ge=0.002, le=0.031)]
 
 
@@ -23,15 +24,15 @@ class Peg(ConfigModel):
     shape: Shape = "round"
     """Shape of the peg's cross-section, and of the hole's; a square is a rectangle with equal sides."""
     diameter: Annotated[float, Field(ge=0.002, le=0.03)] | None = None
-    """Diameter of a round peg, m; for other shapes see `sides`."""
+    """Diameter of a round peg, m; for other shapes see `sides`. Source: [gibbons], Sec. VI."""
     sides: tuple[PegSide, PegSide] | None = None
     """Sides of a square or rectangular peg, between the pads of the hand and across them, m."""
     length: Annotated[float, Field(ge=0.02, le=0.15)]
-    """Length from the finger centre to the end point, m; L of [gibbons], Eq. (2)."""
+    """Length from the finger centre to the end point, m; L of [gibbons], Eq. (2). Source: [gibbons], Sec. VI."""
     overhang: Annotated[float, Field(ge=0.005, le=0.05)]
-    """Length that reaches beyond the finger centre into the hand, m."""
+    """Length that reaches beyond the finger centre into the hand, m. Source: assumed."""
     mass: Annotated[float, Field(gt=0.0, le=1.0)]
-    """Mass of the peg, kg."""
+    """Mass of the peg, kg. Source: derived for a steel cylinder of 8 mm diameter and 65 mm length."""
 
     @property
     def part(self) -> Part:
@@ -44,11 +45,26 @@ class Peg(ConfigModel):
         return self
 
 
+class HolePrior(ConfigModel):
+    """Where in its area the hole is likely: a normal distribution, its axes those of the base frame."""
+
+    mean: tuple[Coordinate, Coordinate]
+    """Most likely place of the hole's middle along x and y, m, base frame; within `hole.area` about `hole.centre`."""
+    deviation: tuple[Deviation, Deviation]
+    """Standard deviations of the hole's middle along x and y, m; between two parts as well as of what is known."""
+
+
+Bounds = tuple[tuple[float, float], tuple[float, float]]
+"""Least x and y, and largest x and y, of a rectangle, m, base frame."""
+PLATE_BORDER = 0.04
+"""Width of the solid plate that is taken for granted round the area that contains the hole, m; assumed."""
+
+
 class Hole(ConfigModel):
-    """Where the peg shall go."""
+    """The hole that the peg goes into, and where it may be."""
 
     diameter: Annotated[float, Field(ge=0.002, le=0.031)] | None = None
-    """Diameter of a round hole, m; for other shapes see `sides`."""
+    """Diameter of a round hole, m; for other shapes see `sides`. Source: [gibbons], Sec. VI."""
     sides: tuple[HoleSide, HoleSide] | None = None
     """Sides of the hole of a square or rectangular peg, in the order of `peg.sides`, m."""
     centre: Point
@@ -58,25 +74,43 @@ class Hole(ConfigModel):
     depth: Annotated[float, Field(ge=0.002, le=0.1)]
     """Depth of the tip below the surface at which the peg is seated and the switch closes, m."""
     tilt: Annotated[float, Field(ge=0.0, le=0.2)] = 0.0
-    """Angle between the real plate's normal and the vertical, rad; the skills do not know it."""
+    """Angle between the real plate's normal and the vertical, rad; the simulation alone reads it, and the skills do not know it."""
     yaw: Annotated[float, Field(ge=0.0, le=math.pi / 4)] = math.radians(10.0)
     """Largest angle by which the hole's sides are turned from the base frame's x and y, rad; a round hole has none."""
+    prior: HolePrior | None = None
+    """Where in the area the hole is likely, which is searched first; without it the hole is anywhere in the area alike."""
     present: bool = True
-    """Whether the real plate has the hole; without it every find is a false one, and the skills do not know it."""
+    """Whether the real plate has the hole, as the simulation reads it; without a hole every find is false, and the
+    skills do not know it.
+    """
 
     @property
     def part(self) -> Part:
         """Cross-section of the hole."""
         return section_of(self.diameter, self.sides)
 
+    @property
+    def plate_bounds(self) -> Bounds:
+        """Rectangle of the plate round the area that contains the hole."""
+        half = [extent / 2 + PLATE_BORDER for extent in self.area]
+        x, y = self.centre[:2]
+        return (x - half[0], y - half[1]), (x + half[0], y + half[1])
+
     @model_validator(mode="after")
     def _has_size(self) -> Self:
         section_of(self.diameter, self.sides)
+        if self.prior is not None:
+            for axis, mean, centre, extent in zip("xy", self.prior.mean, self.centre, self.area, strict=False):
+                if abs(mean - centre) > extent / 2 + 1e-9:
+                    raise ValueError(
+                        f"hole.prior.mean = {list(self.prior.mean)}: outside the area along {axis};"
+                        f" {centre - extent / 2:g} to {centre + extent / 2:g} allowed"
+                    )
         return self
 
 
 class Rack(ConfigModel):
-    """Where pegs stand upright, waiting."""
+    """The rack where pegs stand upright until they are taken."""
 
     first: Point
     """Place of the first slot on the rack's surface, m, base frame."""
@@ -86,23 +120,31 @@ class Rack(ConfigModel):
     """Number of slots."""
     depth: Annotated[float, Field(ge=0.002, le=0.1)]
     """Depth of a slot, m."""
+    refill: Literal["feeder", "asked"] = "feeder"
+    """How slots are filled again: by a feeder before the next turn, or by hand, told by the command REFILLED."""
+
+    @property
+    def bounds(self) -> Bounds:
+        """Rectangle of the rack: half a pitch round the middles of its slots."""
+        (x, y), half = self.first[:2], self.pitch / 2
+        return (x - half, y - half), (x + half, y + self.pitch * (self.slots - 1) + half)
 
 
 class Job(ConfigModel):
-    """One part and its place: what a recipe names and a program works on."""
+    """One part and its places: what a recipe describes and a program works on."""
 
     peg: Peg
     hole: Hole
     rack: Rack
     slot: Annotated[int, Field(ge=0)] = 0
-    """Slot to take the peg from."""
+    """Number of the slot to take the peg from."""
 
 
 def require_fit(peg: Peg, hole: Hole) -> None:
     """Make sure that a peg is smaller than its hole in every direction, and that both have one shape.
 
     Raises:
-        ValueError: It is not; one line.
+        ValueError: The peg is larger than the hole somewhere, or their shapes differ; one line.
     """
     if (peg.diameter is None) != (hole.diameter is None):
         raise ValueError(f'hole.{WORDS[peg.shape]}: missing; needed because peg.shape = "{peg.shape}"')

@@ -1,4 +1,4 @@
-"""What a device can do, and nothing of how: the whole contract between skills and hardware."""
+"""The contracts of the devices: what each can do, without a word on how."""
 
 from typing import Protocol
 
@@ -6,13 +6,13 @@ from drivers.quantities import ArmState, GripperState, ImpedanceSetpoint, Switch
 
 
 class Device(Protocol):
-    """Something on a wire."""
+    """A device that is connected and disconnected."""
 
     def open(self) -> None:
-        """Connect; constructing touches nothing.
+        """Connect to the device; constructing one touches nothing.
 
         Raises:
-            DeviceNotOpenedError: The message says which port, what was found and what to do.
+            DeviceNotOpenedError: The device cannot be reached; the message names the port, what was found and what to do.
         """
 
     def close(self) -> None:
@@ -33,26 +33,26 @@ class Arm(Device, Protocol):
     """A torque-controlled arm that realises an impedance at the peg's tip."""
 
     def follow(self, setpoint: ImpedanceSetpoint) -> None:
-        """Hold `setpoint` until the next one or until its validity ends."""
+        """Follow `setpoint` until the next one comes or its validity ends."""
 
     def read(self) -> ArmState:
         """Return the newest state.
 
         Raises:
-            ArmStoppedError: Emergency or protective stop.
+            ArmStoppedError: An emergency or protective stop holds the arm.
             ArmReflexError: The arm stopped itself; `reset` is needed.
             ArmSilentError: The newest state is too old, or the connection is gone.
         """
 
     def halt(self) -> None:
-        """Hold still where the arm is, compliant."""
+        """Hold the arm still where it is, compliant; may be called from any thread, as a watchdog does."""
 
     def reset(self) -> None:
-        """Leave a reflex or a released stop; the only way to move again after one."""
+        """Leave a reflex or a released stop; after one, nothing else lets the arm move again."""
 
 
 class Gripper(Device, Protocol):
-    """A parallel hand."""
+    """A hand with two parallel fingers."""
 
     def grip(self, force: float) -> None:
         """Close until `force`, N, is held or the fingers meet."""
@@ -64,7 +64,7 @@ class Gripper(Device, Protocol):
         """Return the newest state.
 
         Raises:
-            GripperSilentError: It is too old, or the hand refused a command.
+            GripperSilentError: The state is too old, or the hand refused a command.
         """
 
 
@@ -83,4 +83,4 @@ class SuccessSwitch(Device, Protocol):
     """The switch under the hole."""
 
     def read(self) -> SwitchState:
-        """Return what is known of it, debounced."""
+        """Return the debounced state of the switch."""

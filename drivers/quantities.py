@@ -12,17 +12,17 @@ Mask = NDArray[np.bool_]
 FINGERS = 2
 FINGER_NAMES = ("left", "right")
 TAXELS = 20
-"""Taxels on one finger: two modules of ten."""
+"""Number of taxels on one finger: two modules of ten."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pose:
-    """Where a frame is: `T_<in>_<of>`."""
+    """Position and orientation of a frame, written `T_<in>_<of>`."""
 
     position: Vector
-    """Origin, shape (3,), m."""
+    """Origin of the frame, shape (3,), m."""
     rotation: Vector
-    """Axes as columns, shape (3, 3)."""
+    """Axes of the frame as columns, shape (3, 3)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,9 +30,9 @@ class Twist:
     """Velocity of a frame."""
 
     linear: Vector
-    """Shape (3,), m/s, base frame."""
+    """Linear velocity, shape (3,), m/s, base frame."""
     angular: Vector
-    """Shape (3,), rad/s, base frame."""
+    """Angular velocity, shape (3,), rad/s, base frame."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,37 +40,39 @@ class Wrench:
     """Force and torque, both in the base frame, the torque about the origin of the named frame."""
 
     force: Vector
-    """Shape (3,), N."""
+    """Force, shape (3,), N, base frame."""
     torque: Vector
-    """Shape (3,), N·m."""
+    """Torque about the origin of the named frame, shape (3,), N·m, base frame."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TaxelFrame:
-    """All taxels of both fingers at one instant, baseline removed."""
+    """Readings of all taxels of both fingers at one instant, with the baseline removed."""
 
     values: Vector
-    """Signed counts, shape (2, 20), left finger first; positive is pressure."""
+    """Readings, signed counts, shape (2, 20), left finger first; positive is pressure."""
     trusted: Mask
     """False where a taxel is dead, stuck, saturated or marks an error, shape (2, 20)."""
     stamp: float
     """Time of the measurement on the cell's clock, s."""
     sequence: int
-    """Counts the frames since the skin was opened."""
+    """Number of the frame, counted since the skin was opened."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArmState:
-    """What the robot controller reports."""
+    """State of the arm as the robot controller reports it."""
 
     stamp: float
-    """Time on the cell's clock, s."""
+    """Time of the state on the cell's clock, s."""
     q: Vector
     """Joint positions, shape (7,), rad."""
     dq: Vector
     """Joint velocities, shape (7,), rad/s."""
     tcp: Pose
-    """T_base_tcp: the finger frame, whose origin lies between the pads' centres; x points out of the hand, z along the closing axis."""
+    """T_base_tcp, the pose of the finger frame; its origin lies between the pads' centres, x points out of the hand, z
+    along the closing axis.
+    """
     wrench: Wrench
     """Estimated external wrench on the arm at the TCP, base frame."""
     elbow: int
@@ -87,60 +89,62 @@ class ArmState:
 
 @dataclass(frozen=True, slots=True)
 class InHandTip:
-    """Where the peg's end point is in the finger frame, as far as the skin knows."""
+    """Place of the peg's end point in the finger frame, as far as the skin knows it."""
 
     theta: float
     """In-hand angle about the closing axis, rad; 0 points the peg straight out of the hand."""
     length: float
     """Distance from the finger centre to the end point, m."""
     stamp: float
-    """When theta was measured, s."""
+    """Time at which theta was measured, s."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ImpedanceSetpoint:
-    """What the arm shall realise until the next one comes; see `drivers.impedance` for the law."""
+    """The impedance that the arm realises until the next setpoint comes; see `drivers.impedance` for the law."""
 
     id: int
-    """A new id resets the integral."""
+    """Number of the motion; a new one resets the integral."""
     tip: Vector
-    """x_p*: setpoint of the controlled point, shape (3,), m, base frame."""
+    """Setpoint x_p* of the controlled point, shape (3,), m, base frame."""
     axis: Vector
-    """v*: setpoint of the peg's axis, from the tip to the finger, unit, shape (3,), base frame."""
+    """Setpoint v* of the peg's axis, from the tip to the finger, unit, shape (3,), base frame."""
     stiffness: Vector
-    """Three translational, N/m, and three rotational values, N·m/rad, shape (6,), base frame."""
-    damping: Vector
-    """As stiffness, N·s/m and N·m·s/rad, shape (6,)."""
+    """Stiffness: three translational values, N/m, and three rotational ones, N·m/rad, shape (6,), base frame."""
+    damping_ratio: Vector
+    """Damping ratios in the order of the stiffness, shape (6,); 1 is critical at the arm's inertia where it is."""
     valid_until: float
-    """Past this time on the cell's clock the arm holds still, compliant, s."""
+    """Time on the cell's clock after which the arm holds still, compliant, s."""
     in_hand: InHandTip | None = None
-    """None controls the bare TCP, with -x of the finger frame as the axis."""
+    """Place of the peg's end point in the hand; None controls the bare TCP, with -x of the finger frame as the axis."""
     roll: Vector | None = None
-    """Where the closing axis shall point as far as v* allows, shape (3,), base frame; None leaves it free."""
+    """Direction in which the closing axis points as far as v* allows, shape (3,), base frame; None leaves it free."""
     twist: Twist | None = None
-    """Feed-forward twist of the setpoint; None is at rest."""
+    """Feed-forward twist of the setpoint; None means at rest."""
     integral_gain: float = 0.0
-    """K_I on the orientation error alone, N·m/(rad·s)."""
+    """Integral gain K_I on the orientation error alone, N·m/(rad·s)."""
     integral_limit: float = 0.0
     """Saturation of each component of the integral's torque, N·m."""
+    is_free: bool = False
+    """Nothing touches the hand or what it holds: the arm may learn its joints' friction from the motion."""
     posture: Vector | None = None
-    """Joint positions that the null space is drawn to, shape (7,), rad; None damps it only."""
+    """Joint positions towards which the null space is drawn, shape (7,), rad; None only damps it."""
 
 
 @dataclass(frozen=True, slots=True)
 class GripperState:
-    """What the hand reports."""
+    """State of the hand as it reports it."""
 
     width: float
     """Distance between the pads, m."""
     is_gripping: bool
-    """The set force is held against something between the pads."""
+    """Whether the hand holds the set force against something between the pads."""
     is_moving: bool
-    """The fingers have not reached what was commanded."""
+    """Whether the fingers have not yet reached what was commanded."""
 
 
 class SwitchState(StrEnum):
-    """What is known of the switch under the hole."""
+    """Debounced state of the switch under the hole."""
 
     OPEN = "open"
     CLOSED = "closed"

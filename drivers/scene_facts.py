@@ -1,4 +1,4 @@
-"""What a picture of a run has to know beside its samples: the arm, the part and its places, the skin's layout.
+"""Facts that a picture of a run needs beside the run's samples: the arm, the part and its places, the skin's layout.
 
 The facts are written into the head of a run's samples, so that a run can be drawn long after its config has changed.
 """
@@ -13,7 +13,7 @@ from drivers.skin.layout import Layout
 
 
 class SceneFacts(ConfigModel):
-    """What the scene of one run is made of."""
+    """The scene of one run."""
 
     arm: ArmModel
     job: Job
@@ -22,7 +22,7 @@ class SceneFacts(ConfigModel):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sight:
-    """Where peg and hole really are, base frame; only a simulated cell knows."""
+    """The true poses of peg and hole, base frame; only a simulated cell knows them."""
 
     peg: Pose
     """Pose of the peg's middle, z from its end upward."""

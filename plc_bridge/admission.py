@@ -1,8 +1,9 @@
-"""Who has a place at a server, and who leaves when there is none; pure.
+"""Admission of connections to a server: who has a place, and who leaves when there is none; pure.
 
-A place is needed from the moment a connection is accepted, so that TLS handshakes are in the same account. Whoever has
-never sent a request leaves before everybody else, and a host that has all its places makes room among its own. Who
-holds the lease or has a run under way never leaves: where only such are left the newcomer is turned away.
+A place is needed from the moment a connection is accepted, so that TLS handshakes are in the same account. A connection
+that has never sent a request leaves before all others, and a host that has all its places makes room among its own. A
+connection that holds the lease or has a run under way never leaves; where only such are left the newcomer is turned
+away.
 """
 
 from collections import Counter
@@ -11,32 +12,32 @@ from typing import Protocol, TypeVar
 
 
 class Guest(Protocol):
-    """A connection, as far as its place is concerned."""
+    """A connection, as far as admission needs to know it."""
 
     address: str
-    """Of its host."""
+    """Address of its host."""
     arrived: float
-    """When it was accepted, s."""
+    """Time at which the connection was accepted, s."""
     heard: float | None
-    """When its last request came, s; None before the first."""
+    """Time of its last request, s; None before the first."""
 
 
 T = TypeVar("T", bound=Guest)
 
 
 class NoPlaceError(Exception):
-    """Nobody may be asked to leave for a newcomer."""
+    """No connection may be asked to leave for a newcomer."""
 
 
 def who_leaves(guests: Collection[T], kept: Collection[T], address: str, places: int, places_of_host: int) -> T | None:
     """Return who has to leave for a newcomer, or None where there is a place.
 
     Args:
-        guests: Everybody who has a place.
-        kept: Those of them who may not be asked to leave.
-        address: Of the newcomer's host.
-        places: How many there are.
-        places_of_host: How many of them one host may have.
+        guests: All connections that have a place.
+        kept: Connections among them that may not be asked to leave.
+        address: Address of the newcomer's host.
+        places: Number of places.
+        places_of_host: Number of places that one host may have.
 
     Raises:
         NoPlaceError: There is no place, and nobody may be asked to leave.

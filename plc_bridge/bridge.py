@@ -4,23 +4,52 @@ One lock guards the handshake; every method takes it for a few microseconds and 
 """
 
 import logging
+import math
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
 from drivers.errors import CellError
 from drivers.transport.can_bus import CanBus
 from drivers.transport.serial_line import SerialLine
 from plc_bridge.canopen import CanopenServer
 from plc_bridge.config import PlcConfig
-from plc_bridge.handshake import Handshake
+from plc_bridge.handshake import Handshake, PlcSight
 from plc_bridge.images import CommandImage, Diagnostics, ReportImage, diagnostics_words, report_words
+from plc_bridge.intervals import Intervals
 from plc_bridge.messages import Command, Refusal, Report
 from plc_bridge.modbus import ModbusServer
 from plc_bridge.modbus_tls import SecureModbusServer
 from plc_bridge.peer_log import PeerLog
 from plc_bridge.registers import DISCRETE_INPUTS, Parameter, table
 from plc_bridge.rtu import RtuServer
+
+SCANNED_WITHIN = 1.0
+"""Age of the last report up to which the cell counts as scanned, s; ten periods of the slowest scan."""
+
+
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """Counts and times since the start."""
+
+    counts: Diagnostics
+    state: int
+    """PackML state number of the cell."""
+    processed: int
+    """Insertions that have ended."""
+    defective: int
+    """Number of insertions that did not end in success."""
+    state_times: tuple[float, ...]
+    """Time in each state from 1 on, s."""
+    scan_counts: tuple[int, ...]
+    """Numbers of intervals between two scans, in the ranges that end at `intervals.BOUNDS`."""
+    scan_total: float
+    """Sum of those intervals, s."""
+    scan_longest: float
+    """Longest of those intervals, s."""
+    served: float
+    """Time that the Modbus TCP servers spent on requests, s."""
 
 
 class Bridge:
@@ -30,9 +59,9 @@ class Bridge:
     calls each once a scan.
 
     Args:
-        config: Where to listen, and the time-outs.
+        config: Addresses to listen on, and the time-outs.
         programs: Name of each program and skill by its command code, from 100 on.
-        parameters: What the numbered parameters mean, at most eight.
+        parameters: Meaning of the numbered parameters, at most eight.
         now: Monotonic time, s.
     """
 
@@ -53,6 +82,8 @@ class Bridge:
             log=PeerLog(logging.getLogger("plc_bridge.handshake"), now),
         )
         self._life = 0
+        self._published = -math.inf
+        self._intervals = Intervals()
         self._server = ModbusServer(config.modbus, self)
         self._servers: list[ModbusServer | RtuServer | CanopenServer] = [self._server]
         self._secure: SecureModbusServer | None = None
@@ -95,7 +126,7 @@ class Bridge:
         return self._secure.address if self._secure is not None else None
 
     def poll(self) -> Command | None:
-        """Return what the scan thread shall do next, each thing once: stops and a lost PLC come first.
+        """Return the next thing for the scan thread to do, each once; stops and a lost PLC come first.
 
         Whatever it is, the scan thread tells before its next `poll` whether it accepts or refuses it.
         """
@@ -105,9 +136,10 @@ class Bridge:
     def publish(self, report: Report) -> None:
         """Show `report` to everybody; a result in it ends the command whose sequence number it echoes."""
         with self._lock:
-            self._life = (self._life + 1) % 0x10000
+            self._life, self._published = (self._life + 1) % 0x10000, self._now()
             self._handshake.publish(report)
-            self._handshake.tags.publish(report, self._now())
+            self._intervals.note(self._published)
+            self._handshake.tags.publish(report, self._published)
 
     def accept(self, command: Command) -> None:
         """Tell whoever sent `command` that it is done: a program begins, a control is obeyed; for the scan thread."""
@@ -120,8 +152,14 @@ class Bridge:
             self._handshake.refuse(command, refusal)
 
     @property
+    def is_scanned(self) -> bool:
+        """Whether a report was published within the last moment."""
+        with self._lock:
+            return self._now() - self._published < SCANNED_WITHIN
+
+    @property
     def holder(self) -> str:
-        """Who holds the lease; empty when it is free."""
+        """Name of the link that holds the lease; empty when it is free."""
         with self._lock:
             return self._handshake.holder
 
@@ -137,18 +175,38 @@ class Bridge:
         return self._handshake.run
 
     @property
+    def figures(self) -> Figures:
+        """Counts and times since the start, as they stand now."""
+        counts = self.diagnostics
+        served = self._server.worked + (self._secure.worked if self._secure is not None else 0.0)
+        with self._lock:
+            intervals, tags = self._intervals, self._handshake.tags
+            return Figures(
+                counts,
+                tags.state,
+                tags.processed,
+                tags.defective,
+                tags.times,
+                tuple(intervals.counts),
+                intervals.total,
+                intervals.longest,
+                served,
+            )
+
+    @property
     def diagnostics(self) -> Diagnostics:
         """Counts since the start."""
-        counts = self._handshake.counts
-        total = Diagnostics(
-            refusals=counts.refusals,
-            torn=counts.torn,
-            lost=counts.lost,
-            stops_held=self._handshake.stops_held,
-        )
+        with self._lock:
+            counts, stops_held = self._handshake.counts, self._handshake.stops_held
+        total = Diagnostics(refusals=counts.refusals, torn=counts.torn, lost=counts.lost, stops_held=stops_held)
         for server in self._servers:
             total = total + server.counts
         return total
+
+    def sight(self, host: str) -> PlcSight | None:
+        """Return what is seen of the PLC at `host`, an address, node or line; None while it is not there."""
+        with self._lock:
+            return self._handshake.sight(host, self._now())
 
     def take(self, source: str) -> bool:
         """Give the lease to a user of this process, as "terminal"; return whether it was free."""

@@ -22,13 +22,13 @@ from plc_bridge.registers import Register
 logger = logging.getLogger(__name__)
 
 TICK = 0.01
-"""How often the node looks at the report and its timers, s."""
+"""Time between two looks of the node at the report and its timers, s."""
 CATCH_UP = 1.0
-"""Frames that waited while this process did not run are read for so long before the PLC counts as silent, s."""
+"""Time for which frames are read that waited while this process did not run, before the PLC counts as silent, s."""
 FIRST_PAUSE, LONGEST_PAUSE = 0.5, 10.0
 """Pauses before a lost bus is opened again, s."""
 FIRST_QUIET, LONGEST_QUIET = 5.0, 60.0
-"""A bus on which others were heard is opened anew after a silence this long, s: some die without a word."""
+"""Silences after which a bus on which others were heard is opened anew, s; some buses die without an error."""
 
 
 class Bus(Protocol):
@@ -52,10 +52,10 @@ class Bus(Protocol):
 
 @dataclass(slots=True)
 class BusHealth:
-    """What is known of a bus that may die, with a word or without; time is passed in."""
+    """The state of a bus that may die, with an error or without; time is passed in."""
 
     is_lost: bool = False
-    """It was lost, and nothing has been heard since."""
+    """Whether the bus was lost and nothing has been heard since."""
     _heard: float | None = None
     _pause: float = FIRST_PAUSE
     _quiet: float = FIRST_QUIET
@@ -86,7 +86,7 @@ class CanopenServer:
     Args:
         config: Node-IDs and times.
         registers: The whole map.
-        bus: Not yet open.
+        bus: The bus, not yet open.
         mailbox: The bridge.
         now: Monotonic time, s.
         wait: Waits so many seconds, or less; None waits no longer than until `close`.

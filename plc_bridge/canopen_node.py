@@ -46,7 +46,7 @@ from plc_bridge.station import LinkStation, LinkWords, Mailbox
 logger = logging.getLogger(__name__)
 
 ANYBODY = "CAN stop object"
-"""Source of a stop whose sender nobody can tell."""
+"""Source of a stop whose sender is unknown."""
 _EMCY, _SDO_ANSWER, _SDO_REQUEST, _HEARTBEAT = 0x080, 0x580, 0x600, 0x700
 
 
@@ -62,22 +62,22 @@ class NmtState(IntEnum):
 _STATE_BY_COMMAND = {1: NmtState.OPERATIONAL, 2: NmtState.STOPPED, 128: NmtState.PRE_OPERATIONAL}
 _RESETS = (129, 130)
 _STATE_ON_ERROR = {0: NmtState.PRE_OPERATIONAL, 2: NmtState.STOPPED}
-"""By object 0x1029; 1 is to stay, and only operational is left for pre-operational."""
+"""State after an error, by object 0x1029; 1 stays in the state, and only operational is left for pre-operational."""
 
 
 class CanMailbox(Mailbox, Protocol):
-    """What the node needs of the bridge."""
+    """The part of the bridge that the node needs."""
 
     @property
     def run(self) -> int:
         """Number in the journal of the run under way or last, whoever started it."""
 
     def lost(self, source: str) -> None:
-        """Take a link for lost: what it runs stops."""
+        """Take a link for lost: its run stops."""
 
 
 class CanopenNode:
-    """One node.
+    """The cell as one CANopen node.
 
     Args:
         config: Node-IDs and heartbeat times.
@@ -114,7 +114,7 @@ class CanopenNode:
         self._station: LinkStation | None = None
         self._anybody: LinkStation | None = None
 
-    # From outside.
+    # Calls from outside.
 
     def boot(self) -> None:
         """Come up: open the links, say so on the bus, and wait in pre-operational for the NMT master."""

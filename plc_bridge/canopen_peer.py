@@ -21,7 +21,7 @@ from plc_bridge.registers import RPDOS, STAGES, Register, table
 _NEWS = tuple(
     f"report_{name}" for name in ("run", "stage", "result", "total_time", "state", "sequence", "answered", "refusal")
 )
-"""What comes by PDO, and whose change makes the rest be read again."""
+"""Registers that come by PDO and whose change makes the rest be read again."""
 _TIMES = tuple(f"stage_time_{number}" for number in range(1, STAGES + 1))
 _PART = ("part", "part_depth", "hole_x", "hole_y", "peak_force")
 _BY_SDO = ("version", "code", "total_time", *_TIMES, "refusal_detail", "transition", *_PART, "warnings", "overruns")
@@ -29,7 +29,7 @@ _READ_TIMEOUT, _NMT_PERIOD = 0.01, 0.2  # s
 
 
 class SdoRefusedError(CellSilentError):
-    """The cell takes a value neither now nor later: it is beyond its limits."""
+    """The cell will never take the value: it is beyond its limits."""
 
 
 class _Wire(canopen.Network):
@@ -73,7 +73,7 @@ class CanPeer(PlcPeer):
     """A PLC on CAN, which is also the NMT master.
 
     Args:
-        config: Of the cell: the bus, the cell's node-ID and the PLC's, which this is.
+        config: Config of the cell: the bus, the cell's node-ID and the PLC's, which is this node's.
         period: Time between two cycles while waiting, s.
         timeout: Longest wait for one answer, s.
         wait: Waits so many seconds.

@@ -1,7 +1,7 @@
-"""What the coils of one link ask for: execute and reset by their rising edges, stop by its level; pure.
+"""The requests in the coils of one link: execute and reset by their rising edges, stop by its level; pure.
 
-A coil that is 1 in the first write after its link opened or was lost has no edge that anybody saw: the command that it
-may have meant before the loss must not be run again.
+A coil that is 1 in the first write after its link opened or was lost has no edge that was seen: the command that it may
+have meant before the loss must not be run again.
 """
 
 from collections.abc import Mapping
@@ -10,16 +10,16 @@ from enum import Enum, auto
 
 
 class Edge(Enum):
-    """What a write of a coil means."""
+    """Meaning of a write of a coil."""
 
     NONE = auto()
-    """It was not written, or stays 1."""
+    """The coil was not written, or stays 1."""
     ROSE = auto()
-    """From 0 to 1."""
+    """The coil was written from 0 to 1."""
     UNSEEN = auto()
-    """It is 1 in its first write."""
+    """The coil is 1 in its first write."""
     LOW = auto()
-    """It is 0, whatever it was before."""
+    """The coil is 0, whatever it was before."""
 
 
 @dataclass(slots=True)
@@ -51,7 +51,7 @@ class Coils:
 
 
 def _edge(before: bool | None, now: bool | None) -> tuple[Edge, bool | None]:
-    """Return what a write means and how the coil stands after it."""
+    """Return the meaning of a write, and the state of the coil after it."""
     if now is None:
         return Edge.NONE, before
     if not now:

@@ -1,4 +1,4 @@
-"""How the cell meets its PLC."""
+"""Config of the cell's lines to its PLC."""
 
 from ipaddress import IPv4Network, IPv6Network
 from typing import Annotated, Literal, Self, get_args
@@ -10,7 +10,7 @@ from drivers.transport.wires import Interface, Parity
 
 Bitrate = Literal[10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000]
 BITRATES: tuple[int, ...] = get_args(Bitrate)
-"""Those of CiA 301."""
+"""Bit rates of CiA 301, bits/s."""
 Right = Literal["read", "command", "stop"]
 ALL_RIGHTS: frozenset[Right] = frozenset({"read", "command", "stop"})
 Seconds = Annotated[float, Field(ge=0.05, le=3600.0)]
@@ -60,9 +60,9 @@ class RtuConfig(ConfigModel):
     unit: Annotated[int, Field(ge=1, le=247)] = 1
     """Unit identifier of the cell; requests to other units are left unanswered."""
     baud_rate: Annotated[int, Field(ge=1200, le=4_000_000)] = 19200
-    """Bit rate of the line, bits/s."""
+    """Bit rate of the line, bits/s. Source: Modbus over Serial Line V1.02, 3.2."""
     parity: Parity = "even"
-    """Parity of the line."""
+    """Parity of the line. Source: Modbus over Serial Line V1.02, 2.5.1."""
     stop_bits: Literal[1, 2] = 1
     """Number of stop bits; the standard asks for 2 where there is no parity, and many devices use 1."""
     idle_timeout: Seconds = 60.0

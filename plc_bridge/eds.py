@@ -1,4 +1,4 @@
-"""The electronic data sheet of the CANopen node (CiA 306): what a PLC's configuration tool reads."""
+"""The electronic data sheet of the CANopen node (CiA 306), which a PLC's configuration tool reads."""
 
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
@@ -7,16 +7,16 @@ from canopen import ObjectDictionary
 from canopen.objectdictionary import ODArray, ODVariable, datatypes
 
 from plc_bridge.config import BITRATES
-from plc_bridge.objects import DEVICE_NAME, dictionary
-from plc_bridge.registers import RPDOS, TPDOS, VERSION_DATE, VERSION_MAJOR, VERSION_MINOR, Register
+from plc_bridge.objects import dictionary
+from plc_bridge.registers import DEVICE_NAME, RPDOS, TPDOS, VERSION_DATE, VERSION_MAJOR, VERSION_MINOR, Register
 
 _VAR, _ARRAY, _RECORD = 7, 8, 9
 _MANDATORY = (0x1000, 0x1001, 0x1018)
 _MANUFACTURER = range(0x2000, 0x6000)
 _LONGEST_COMMENT = 200
-"""CiA 306 allows lines of 255 characters."""
+"""Number of characters that a comment may have; CiA 306 allows lines of 255."""
 _DUMMIES = 7
-"""Data types that could stand for a gap in a PDO; the mapping is fixed, so none may."""
+"""Data types that could stand for a gap in a PDO; the mapping is fixed, so that none may."""
 
 
 def as_eds(registers: Sequence[Register]) -> str:

@@ -1,4 +1,4 @@
-"""Emergency messages of CANopen (CiA 301, 7.2.7): what the cell shouts when something breaks; pure."""
+"""Emergency messages of CANopen (CiA 301, 7.2.7), which the cell sends when a fault comes or goes; pure."""
 
 import struct
 from dataclasses import dataclass
@@ -8,13 +8,13 @@ GENERIC, COMMUNICATION, MANUFACTURER = 0x01, 0x10, 0x80
 NO_ERROR, HEARTBEAT_LOST, BUS_RECOVERED, PDO_NOT_PROCESSED, PDO_TOO_SHORT = 0x0000, 0x8130, 0x8140, 0x8200, 0x8210
 """Error codes of CiA 301, table 26."""
 DEVICE_SPECIFIC = 0xFF00
-"""The cell's own faults: this and the thousands of the fault code; the code itself stands in bytes 3 and 4."""
+"""Error code of the cell's own faults: this plus the thousands of the fault code; bytes 3 and 4 hold the code itself."""
 _EMCY = struct.Struct("<HBHHB")
 
 
 @dataclass(slots=True)
 class Emergency:
-    """What is broken now; each change makes one message."""
+    """Fault that is present now; each change makes one message."""
 
     fault: int = 0
     """Code of `drivers.errors`; 0 is none."""

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 @dataclass(slots=True)
 class HeartbeatProducer:
-    """When to say that we live."""
+    """Tells when the node's own heartbeat is due."""
 
     period: float
-    """Of object 0x1017, s; 0 is never."""
+    """Period of object 0x1017, s; 0 sends none."""
     _due: float = 0.0
 
     def is_due(self, now: float) -> bool:
@@ -27,12 +27,12 @@ class HeartbeatProducer:
 
 @dataclass(slots=True)
 class HeartbeatConsumer:
-    """Whether one other node lives; the watch begins with its first heartbeat."""
+    """Watches whether one other node lives; the watch begins with its first heartbeat."""
 
     node: int
-    """Of object 0x1016, 1 to 127; 0 is nobody."""
+    """Node-ID of object 0x1016, 1 to 127; 0 watches none."""
     timeout: float
-    """The same, s; 0 is no watch."""
+    """Longest time between heartbeats, of object 0x1016, s; 0 watches none."""
     _heard: float = math.inf
 
     def hear(self, now: float) -> bool:

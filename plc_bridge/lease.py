@@ -30,47 +30,47 @@ class CellLease:
 
     Args:
         timeout: Silence of the holder after which it is free again, s; a local user is never silent.
-        log: Where it is told who takes and loses it.
+        log: Logger of who takes and loses the lease.
     """
 
     timeout: float
     log: PeerLog = field(default_factory=lambda: PeerLog(logger))
     holder: Link | None = None
     runner: Link | None = None
-    """Whose run is under way; what it holds goes to nobody but to the link that resumes that run."""
+    """Link whose run is under way; its lease goes to no link but one that resumes that run."""
 
     def is_open_to(self, link: Link) -> bool:
-        """Tell whether `link` holds it or could take it, be it from a closed link of its host."""
+        """Return whether `link` holds the lease or could take it, also from a closed link of its host."""
         if self.holder is None or self.holder is link:
             return True
         return self.holder is not self.runner and link.follows(self.holder)
 
     def state_for(self, link: Link) -> LeaseState:
-        """Return what `link` shall read."""
+        """Return the state of the lease as `link` reads it."""
         if self.holder is link:
             return LeaseState.YOURS
         return LeaseState.FREE if self.is_open_to(link) else LeaseState.TAKEN
 
     def take(self, link: Link) -> bool:
-        """Give it to `link` if it is open to it; return whether `link` holds it now."""
+        """Give the lease to `link` if it is open to it; return whether `link` holds it now."""
         if self.holder is not link and self.is_open_to(link):
             self.holder = link
             self.log.info(link.host, "%s takes the lease", link.source)
         return self.holder is link
 
     def resume(self, earlier: Link, link: Link) -> None:
-        """Give `link`, which resumes the run of `earlier`, what that one holds."""
+        """Give the lease of `earlier`, if it holds it, to `link`, which resumes its run."""
         if self.holder is earlier:
             self.holder = link
 
     def release(self, link: Link) -> None:
-        """Free it if `link` holds it or could take it over."""
+        """Free the lease if `link` holds it or could take it over."""
         if self.holder is not None and self.is_open_to(link):
             self.holder = None
             self.log.info(link.host, "%s releases the lease", link.source)
 
     def expire(self, now: float) -> None:
-        """Free it when its holder has been silent for too long."""
+        """Free the lease when its holder has been silent for too long."""
         holder = self.holder
         if holder is not None and not holder.is_local and now - holder.watchdog.heard > self.timeout:
             self.log.info(holder.host, "%s loses the lease: silent for %g s", holder.source, self.timeout)

@@ -1,4 +1,4 @@
-"""What is known of one link, which is one conversation with one sequence number; pure.
+"""The state of one link, which is one conversation with one sequence number; pure.
 
 A link keeps two of its orders in view: the one whose answer it reads, which is the newest that was decided, and the
 one whose result it reads, which is its newest order or, as long as that is under way, its run.
@@ -24,26 +24,28 @@ class Link:
     watchdog: Watchdog
     is_local: bool = False
     opened: int = 0
-    """When it was opened, as a number that counts links opened and closed."""
+    """Time of its opening, as a number that counts links opened and closed."""
     closed: int | None = None
-    """The same of its end; None while it is open."""
+    """Time of its end, as a number that counts links opened and closed; None while it is open."""
     has_spoken: bool = False
-    """It wrote something other than a stop; until then it is a spectator."""
+    """Whether it wrote something other than a stop; until then it is a spectator."""
     image: CommandImage | None = None
     numbers: SequenceNumbers = field(default_factory=SequenceNumbers)
     coils: Coils = field(default_factory=Coils)
     shown: Order | None = None
     """The order whose result it reads; None before its first."""
     executed: Order | None = None
-    """What its coil `execute` asked for last; None since it has sent a number."""
+    """Request of its coil `execute` that came last; None since it has sent a number."""
     resetting: Order | None = None
-    """The same of its coil `reset`."""
+    """Request of its coil `reset` that came last; None since it has sent a number."""
+    was_lost: bool = False
+    """Whether it was taken for lost and has adopted no number since."""
     torn_stop: int | None = None
     """Number of a torn block whose stop was obeyed at once."""
     late: Order | None = None
-    """The refusal of an old number, until the block holds the current one again."""
+    """Refusal of an old number, until the block holds the current one again."""
     told: Refusal = Refusal.NONE
-    """Refusal that the log has of it, until one of its orders is not refused."""
+    """Refusal that the log has already named, until one of its orders is not refused."""
     _asked: list[Order] = field(default_factory=list)
 
     @property

@@ -23,6 +23,17 @@ def as_csv(registers: Sequence[Register]) -> str:
     return text.getvalue()
 
 
+def as_bytes(registers: Sequence[Register]) -> str:
+    """Return the two blocks as bytes for a gateway, as CSV: direction, first byte, number of bytes, and content."""
+    lines = ["direction,byte,bytes,type,scale,unit,name"]
+    for table, prefix, direction in (("holding", "command_", "to the cell"), ("input", "report_", "from the cell")):
+        block = [r for r in registers if r.table == table and r.name.startswith(prefix)]
+        for r in block:
+            place = 2 * (r.address - block[0].address)
+            lines.append(f"{direction},{place},{2 * r.words},{r.type},{r.scale:g},{r.unit},{r.name}")
+    return "\n".join(lines) + "\n"
+
+
 def as_markdown(registers: Sequence[Register]) -> str:
     """Return the map as a Markdown table below the rules that hold for all of it."""
     hidden = {"index", "subindex"}

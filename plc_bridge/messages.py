@@ -1,11 +1,11 @@
-"""What crosses the line, as values: one Command in, one Report out."""
+"""The messages on the line, as values: one Command in, one Report out."""
 
 from dataclasses import dataclass, field
 from enum import IntEnum
 
 
 class Result(IntEnum):
-    """How the acknowledged command ended."""
+    """Result of the acknowledged command."""
 
     NONE = 0
     SUCCESS = 1
@@ -16,7 +16,7 @@ class Result(IntEnum):
 
 
 class Refusal(IntEnum):
-    """Why a command was not accepted."""
+    """Reason why a command was not accepted."""
 
     NONE = 0
     UNKNOWN_CODE = 1
@@ -33,6 +33,38 @@ class Refusal(IntEnum):
     """Sequence number just behind the last one: an old write that arrived late."""
     STOP_HELD = 11
     """A stop coil is 1 somewhere: nothing starts, goes on or is reset before it falls."""
+    PART_UNRESOLVED = 12
+    """The last peg is in the hand, in the hole, on the plate, or nobody knows where."""
+    HOLE_OCCUPIED = 13
+    """The switch under the hole is closed."""
+    SWITCH_UNKNOWN = 14
+    """The switch under the hole is silent, or its board gives no valid answer."""
+    RACK_EMPTY = 15
+    """Every slot of the rack has been emptied, and nobody has said that it was filled."""
+
+
+REMEDIES: dict[Refusal, str] = {
+    Refusal.NONE: "",
+    Refusal.UNKNOWN_CODE: "send a code of command_code's list; 2 START is none, a program's own code starts it",
+    Refusal.UNKNOWN_RECIPE: "send the number of a recipe of this cell, 0 for none",
+    Refusal.BUSY: "wait until report_sequence is the run's number and report_result is not 0, then send again",
+    Refusal.NOT_READY: "look at report_state: RESET after STOPPED or COMPLETE, CLEAR and then RESET after ABORTED; "
+    "HOLD needs EXECUTE, UNHOLD needs HELD",
+    Refusal.NOT_HOLDER: "let report_holder release the lease, or wait until it is silent for plc.lease_timeout",
+    Refusal.VERSION: "import the map that this cell prints (`cell map`), and write its version",
+    Refusal.PARAMETER: "correct what report_refusal_detail names; its limits stand in the map",
+    Refusal.TORN: "write the whole block in one request, command_life and command_life_tail equal; send the next number",
+    Refusal.ADOPTED: "the first number of a connection, and the first one after its PLC was lost, is taken over and "
+    "never run: send the same command under the next number",
+    Refusal.LATE: "send a number above the last one; a counter that restarts lets its first number be adopted",
+    Refusal.PART_UNRESOLVED: "look at report_part: run `recover` for a peg that the hand holds; take any other away by hand, "
+    "then send CLEARED",
+    Refusal.HOLE_OCCUPIED: "take the workpiece away; if there is none, mend the switch",
+    Refusal.SWITCH_UNKNOWN: "run `cell check`, mend the switch or its cable, then send again",
+    Refusal.RACK_EMPTY: "fill every slot of the rack, then send REFILLED",
+    Refusal.STOP_HELD: "let every stop coil fall to 0 (diagnostics_stops_held counts them), then send again",
+}
+"""Remedy for each refusal, for whoever reads it."""
 
 
 class Control(IntEnum):
@@ -51,6 +83,12 @@ class Control(IntEnum):
     UNHOLD = 5
     ABORT = 8
     CLEAR = 9
+    CLEARED = 50
+    """Control of this cell alone: a person has taken the peg away, wherever it was."""
+    REFILLED = 51
+    """Every slot of the rack has been filled."""
+    FORGET = 52
+    """Control of this cell alone: it forgets where the hole of the command's recipe was learnt to be."""
     LOST = 0x10000
     """Made by the watchdog: whoever started the run has fallen silent; no 16-bit register can hold it."""
     ACKNOWLEDGE = 0x10001
@@ -58,7 +96,7 @@ class Control(IntEnum):
 
 
 class PartPlace(IntEnum):
-    """Where the peg is."""
+    """Place of the peg."""
 
     UNKNOWN = 0
     RACK = 1
@@ -69,6 +107,8 @@ class PartPlace(IntEnum):
     BIN = 6
 
 
+PACKML = frozenset(control for control in Control if Control.NONE < control <= Control.CLEAR)
+"""Controls that PackML has too, and that change the state."""
 UNNUMBERED = -1
 """Sequence of a stop that came without one: by a coil or by the stop object of CAN."""
 FIRST_PROGRAM = 100
@@ -76,7 +116,7 @@ FIRST_PROGRAM = 100
 
 
 class LeaseState(IntEnum):
-    """Who may start, as one reader sees it."""
+    """State of the lease, as one reader sees it."""
 
     FREE = 0
     YOURS = 1
@@ -93,12 +133,12 @@ class Command:
     serial: str = ""
     parameters: tuple[tuple[str, float], ...] = ()
     source: str = ""
-    """Who asked: address, node or user, as it shall stand in the run's record."""
+    """Source of the command: address, node or user, as it stands in the run's record."""
 
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """What the PLC may read at any time; `sequence` echoes the command that the rest belongs to."""
+    """State of the cell that the PLC may read at any time; `sequence` echoes the command that the rest belongs to."""
 
     sequence: int = 0
     state: int = 0
@@ -108,15 +148,15 @@ class Report:
     stage: int = 0
     """Number of the skill under way or reached last, 0 before the first."""
     transition: Control | None = None
-    """Why the state last changed; None before it did."""
+    """Reason of the last change of state; None before the first."""
     reason: int = 0
     """Reason of the outcome, as in `skills.contract.Reason`, by number."""
     progress: int = 0
-    """Percent."""
+    """Progress of the skill under way, percent."""
     run: int = 0
     """Number of the run in the journal."""
     holder: str = ""
-    """Who holds the lease; the bridge fills it in."""
+    """Name of the link that holds the lease; the bridge fills it in."""
     stage_times: tuple[float, ...] = field(default=())
     """Time spent in each stage of the run so far, s; at most `registers.STAGES`."""
     total_time: float = 0.0
@@ -127,8 +167,8 @@ class Report:
     """Largest force of the run at the tool, N."""
     part: PartPlace = PartPlace.UNKNOWN
     part_depth: float = 0.0
-    """How deep the peg's tip is below the plate, m."""
+    """Depth of the peg's tip below the plate, m."""
     warnings: int = 0
-    """What is not as it should be without stopping the cell, as a sum of `registers.Warnings`."""
+    """Warnings, which do not stop the cell, as a sum of `registers.Warnings`."""
     overruns: int = 0
     """Scans that took longer than their period since the start."""

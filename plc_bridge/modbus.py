@@ -28,7 +28,7 @@ class ModbusServer:
     """Listens, admits clients, drops the idle; `start` and `close` may be called from any thread."""
 
     section = "plc.modbus"
-    """Where its settings are, for messages."""
+    """Section of the config that holds the server's settings, for messages."""
 
     def __init__(self, config: ModbusConfig, mailbox: Mailbox) -> None:
         self._config = config
@@ -36,6 +36,7 @@ class ModbusServer:
         self.counts = Diagnostics()
         self.log = PeerLog(logger)
         self.crowd = 0
+        self.worked = 0.0
         self.loop: asyncio.AbstractEventLoop
         self._stop: asyncio.Event
         self._socket: socket.socket | None = None
@@ -97,7 +98,7 @@ class ModbusServer:
         await server.wait_closed()
 
     def receive(self) -> asyncio.Protocol:
-        """Return what shall talk to a client that has just connected."""
+        """Return the protocol that serves a client which has just connected."""
         return Connection(self)
 
     def abort_all(self) -> int:
@@ -115,7 +116,7 @@ class ModbusServer:
             connection.transport.abort()
 
     def reserve(self, connection: Connection) -> bool:
-        """Give a new connection a place, or turn it away; somebody else may have to leave for it."""
+        """Give a new connection a place, or turn it away; another connection may have to leave for it."""
         if not self.is_allowed(connection.address):
             self.turn_away(connection, f"not in {self.section}.allow")
             return False

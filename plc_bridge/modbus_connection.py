@@ -19,23 +19,25 @@ HEADER = struct.Struct(">HHHB")
 """Transaction, protocol, length of what follows the length field, unit."""
 SHORTEST, LONGEST = 2, 254  # MBAP length: unit + function .. unit + the longest PDU
 FRAMES_PER_TURN = 8
-"""Requests of one connection that are answered before the others get their turn."""
-PAUSE = 0.0005
-"""Pause after a turn for each connection that has more requests, s: about as long as the turns, so that who floods the
-server leaves half of the time to others and to the scan."""
+"""Number of requests of one connection that are answered before the others get their turn."""
+REST = 3.0
+"""Pause after a turn for each connection that has more requests, as a multiple of the time that the turn took: whoever
+floods the server leaves three quarters of the time to others and to the scan, however slow the computer is."""
 SEND_BUFFER = 8192
-"""Most bytes that wait here for a client who does not read; the system holds about twice as many."""
+"""Number of unsent bytes that wait here for a client who does not read; the system holds about twice as many."""
 
 
 class ServerOfConnections(Protocol):
-    """What a connection needs of its server."""
+    """The part of its server that a connection needs."""
 
     mailbox: Mailbox
     counts: Diagnostics
     log: PeerLog
     loop: asyncio.AbstractEventLoop
     crowd: int
-    """Connections that have more requests than one turn answers."""
+    """Number of connections that have more requests than one turn answers."""
+    worked: float
+    """Time spent on requests since the start, s."""
 
     def admit(self, connection: "Connection") -> bool:
         """Give a connection its link, or turn it away."""
@@ -60,12 +62,14 @@ class Connection(asyncio.Protocol):
         self.host = ""
         self.source = ""
         self.station: LinkStation | None = None
-        """None until it is admitted."""
+        """View of the registers; None until the connection is admitted."""
         self.arrived = 0.0
         self.heard: float | None = None
 
     def identify(self, identity: str, rights: frozenset[Right]) -> None:
-        """Say who it is, before it is made; clients of other identity are others even at the same address."""
+        """State the client's identity, before the connection is made; clients of another identity are others even at
+        the same address.
+        """
         self._identity, self.rights = identity, rights
         self._name(self.address, self.source.rpartition(":")[2])
 
@@ -102,7 +106,7 @@ class Connection(asyncio.Protocol):
             self._turn()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Leave."""
+        """Leave the server."""
         self._is_lost = True
         self._server.leave(self)
 
@@ -129,17 +133,27 @@ class Connection(asyncio.Protocol):
 
     def _turn(self) -> None:
         """Answer what has arrived, but leave the others their turn."""
+        began = self._server.loop.time()
+        has_more = self._answer_some()
+        took = self._server.loop.time() - began
+        self._server.worked += took
+        if not has_more:
+            return
+        self._is_waiting = True
+        self._reading().pause_reading()
+        self._server.crowd += 1
+        self._server.loop.call_later(REST * took * self._server.crowd, self._next_turn)
+
+    def _answer_some(self) -> bool:
+        """Answer as many requests as one turn has; return whether there may be more."""
         transport = self._reading()
         for _ in range(FRAMES_PER_TURN):
             if not self._is_writable or transport.is_closing():
-                return
+                return False
             if not self._answer_next():
                 transport.resume_reading()
-                return
-        self._is_waiting = True
-        transport.pause_reading()
-        self._server.crowd += 1
-        self._server.loop.call_later(PAUSE * self._server.crowd, self._next_turn)
+                return False
+        return True
 
     def _next_turn(self) -> None:
         self._is_waiting = False

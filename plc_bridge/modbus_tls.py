@@ -13,7 +13,7 @@ from plc_bridge.tls import BadRoleError, rights_of, role_of, server_context
 HANDSHAKE_TIMEOUT = 10.0
 """Longest TLS handshake, s."""
 HANDSHAKE_PERIOD = 0.01
-"""Between the beginnings of two handshakes, s: each takes milliseconds, which those inside must not wait for."""
+"""Least time between the beginnings of two handshakes, s; each takes milliseconds in which open connections are not served."""
 
 
 class _Door(asyncio.Protocol):
@@ -54,11 +54,11 @@ class SecureModbusServer(ModbusServer):
         super().start()
 
     def receive(self) -> asyncio.Protocol:
-        """Return what shall talk to a client that has just connected."""
+        """Return the protocol that serves a client which has just connected."""
         return _Door(self)
 
     def knock(self, transport: asyncio.Transport) -> None:
-        """Give a client a place, and let its handshake begin when it is its turn."""
+        """Give a client a place, and begin its handshake when it is its turn."""
         connection = Connection(self)
         if not connection.arrive(transport) or not self.reserve(connection):
             return

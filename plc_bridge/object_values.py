@@ -1,4 +1,4 @@
-"""The values behind the object dictionary, and who may write what: lengths, limits, access."""
+"""The values behind the object dictionary, with their access, lengths and limits."""
 
 from collections.abc import Callable, Mapping, Sequence
 
@@ -17,10 +17,10 @@ class Values:
     """The values behind the dictionary: a `sdo.Objects`.
 
     Args:
-        dictionary: Of the node.
+        dictionary: Dictionary of the node.
         registers: The whole map.
-        station: Returns who has the registers now.
-        changed: Told of every new value of an object that is not a register.
+        station: Returns the station that has the registers now.
+        changed: Called with every new value of an object that is not a register.
     """
 
     def __init__(

@@ -8,16 +8,15 @@ from collections.abc import Iterable, Sequence
 from canopen import ObjectDictionary
 from canopen.objectdictionary import ODArray, ODRecord, ODVariable, datatypes
 
-from plc_bridge.registers import RPDOS, TPDOS, VERSION_MAJOR, VERSION_MINOR, Register
+from plc_bridge.registers import DEVICE_NAME, RPDOS, TPDOS, VERSION_MAJOR, VERSION_MINOR, Register
 
-DEVICE_NAME = "tactile insertion cell"
 ERROR_REGISTER, CONSUMER, PRODUCER, ON_ERROR = 0x1001, 0x1016, 0x1017, 0x1029
 TPDO_PARAMETER, INHIBIT, EVENT_TIMER = 0x1800, 3, 5
 """Object of the first TPDO's parameters, and two of its sub-indices: 0.1 ms and 1 ms a count."""
 RPDO_BASES, TPDO_BASES = (0x200, 0x300, 0x400, 0x500), (0x180, 0x280, 0x380, 0x480)
 """COB-IDs of the predefined connection set, without the node-ID."""
 HEARTBEAT = 100
-"""Of the node, ms, unless configured otherwise."""
+"""Period of the node's heartbeat, ms, unless configured otherwise."""
 TIMERS = ((0, 500), (0, 500), (1000, 100), (0, 500))
 """Inhibit and event time of each TPDO, in counts: the third carries the life counter, which always changes."""
 
@@ -43,18 +42,18 @@ _TYPES = {
 
 
 def size_of(register: Register) -> int:
-    """Return how many bytes a register has on CAN."""
+    """Return the number of bytes of a register on CAN."""
     return 1 if register.type == "bool" else 2 * register.words
 
 
 def words_of(register: Register, data: bytes) -> list[int]:
-    """Return the words of a value as a frame has it."""
+    """Return the words of a value in a frame."""
     data = data.ljust(2 * register.words, b"\0") if register.type == "string" else data[::-1]
     return [int.from_bytes(data[place : place + 2]) for place in range(0, len(data), 2)]
 
 
 def bytes_of(register: Register, words: Sequence[int]) -> bytes:
-    """Return a value as a frame has it; a text without its padding."""
+    """Return a value as a frame holds it; a text without its padding."""
     data = b"".join(word.to_bytes(2) for word in words)
     return data.rstrip(b"\0") if register.type == "string" else data[::-1]
 

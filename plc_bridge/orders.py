@@ -1,4 +1,4 @@
-"""Orders: what links ask for, how each one ends, and the one queue in which they reach the scan thread; pure."""
+"""Orders: the requests of links, how each one ends, and the one queue in which they reach the scan thread; pure."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from plc_bridge.links import Link
 
 MOST_WAITING = 8
-"""Orders that may wait for the scan thread, stops aside."""
+"""Number of orders that may wait for the scan thread, stops not counted."""
 
 
 @dataclass(slots=True, eq=False)
@@ -20,34 +20,34 @@ class Order:
 
     command: Command
     link: "Link | None" = None
-    """Who shall read how it ended; None where nobody does."""
+    """Link that reads how the order ended; None where nobody does."""
     is_decided: bool = False
-    """It was refused, obeyed or, if it is a program, begun."""
+    """Whether the order was refused, obeyed or, if it is a program, begun."""
     result: Result = Result.NONE
     refusal: Refusal = Refusal.NONE
     detail: int = 0
-    """What the refusal is about, as `report_refusal_detail`."""
+    """Detail of the refusal, as `report_refusal_detail`."""
     is_acknowledged: bool = False
     is_read: bool = False
-    """Its link was told the result."""
+    """Whether its link was told the result."""
     is_lost: bool = False
-    """Its link fell silent while it ran."""
+    """Whether its link fell silent while the order ran."""
     report: Report = field(default_factory=Report)
-    """What the scan thread said of it last."""
+    """Report that the scan thread made of it last."""
 
     @property
     def sequence(self) -> int:
-        """Number under which its link asked for it."""
+        """Number under which its link sent it."""
         return self.command.sequence
 
     @property
     def is_program(self) -> bool:
-        """Tell a program or skill from a control."""
+        """Whether it is a program or a skill, and not a control."""
         return FIRST_PROGRAM <= self.command.code < Control.LOST
 
     @property
     def is_under_way(self) -> bool:
-        """Tell whether it was asked for and has not ended."""
+        """Whether it was sent and has not ended."""
         return self.command.code != Control.NONE and self.result is Result.NONE
 
     @property
@@ -61,7 +61,7 @@ class Order:
         return self.shown_result
 
     def decide(self, result: Result = Result.NONE, refusal: Refusal = Refusal.NONE) -> None:
-        """Take what became of it."""
+        """Take note of the decision on the order."""
         self.is_decided, self.result, self.refusal = True, result, refusal
 
 
@@ -89,7 +89,7 @@ class Orders:
         return dropped
 
     def next(self) -> Sequence[Order]:
-        """Return the orders that the scan thread shall decide next, all of the same command; none when nobody waits."""
+        """Return the orders that the scan thread decides next, all of the same command; none when none waits."""
         if self._stops:
             return self._stops.pop(max(self._stops))
         return (self._waiting.popleft(),) if self._waiting else ()

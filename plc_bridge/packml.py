@@ -1,4 +1,4 @@
-"""PackTags: what PackML asks a machine to tell of itself, gathered from the reports; pure, time passed in.
+"""PackTags, the data that PackML asks of a machine, gathered from the reports; pure, time passed in.
 
 Source of the tags: PackML Unit/Machine Implementation Guide, part 1 (OMAC), chapter on PackTags.
 """
@@ -6,13 +6,14 @@ Source of the tags: PackML Unit/Machine Implementation Guide, part 1 (OMAC), cha
 from dataclasses import dataclass, field
 
 from plc_bridge.images import PACKML, Value
+from plc_bridge.messages import PACKML as CONTROLS_OF_PACKML
 from plc_bridge.messages import Control, Report, Result
 from plc_bridge.registers import STATES
 
 PRODUCTION = 1
-"""UnitModeCurrent."""
+"""Value of PackML's UnitModeCurrent in this cell."""
 STOPPED, EXECUTE, STOPPING, ABORTING, ABORTED = 2, 6, 7, 8, 9
-"""States of PackML that a reason of the stop belongs to, and the one that ends it."""
+"""States of PackML to which a reason of the stop belongs, and the one that ends it."""
 
 
 @dataclass(slots=True)
@@ -27,12 +28,18 @@ class PackTags:
     _times: list[float] = field(default_factory=lambda: [0.0] * STATES)
     _since: float | None = None
 
+    @property
+    def times(self) -> tuple[float, ...]:
+        """Time in each state from 1 on, s."""
+        return tuple(self._times)
+
     def obey(self, control: int) -> None:
-        """Note a control that the cell has obeyed."""
-        self.cntrl_cmd = control
+        """Note a control that the cell has obeyed, if it is one of PackML's."""
+        if control in CONTROLS_OF_PACKML:
+            self.cntrl_cmd = control
 
     def count(self, result: Result) -> None:
-        """Note how a run ended that makes a product."""
+        """Count a run that has ended and makes a product."""
         self.processed += 1
         self.defective += result is not Result.SUCCESS
 

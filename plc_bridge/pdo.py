@@ -1,4 +1,4 @@
-"""What the node sends by itself, and when: pure."""
+"""The PDOs that the node sends by itself, and their times; pure."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ class _Tpdo:
     stamp: float = 0.0
 
     def data(self, words: Sequence[int]) -> bytes:
-        """Return what it says of a report block."""
+        """Return the PDO's data in a report block."""
         return b"".join(number_in(words, r).to_bytes(size_of(r), "little") for r in self.registers)
 
 
@@ -28,8 +28,8 @@ class Reports:
 
     Args:
         registers: The whole map.
-        node_id: Of the node.
-        values: Its objects, for the timers.
+        node_id: Node-ID of the cell.
+        values: Objects of the node, for the timers.
     """
 
     def __init__(self, registers: Sequence[Register], node_id: int, values: Values) -> None:
@@ -43,7 +43,7 @@ class Reports:
             tpdo.sent = None
 
     def due(self, words: Sequence[int], now: float) -> Iterator[CanFrame]:
-        """Yield what is due; the one that answers a command goes last, when the rest is told.
+        """Yield the PDOs that are due; the one that answers a command goes last, after the rest.
 
         Args:
             words: The report block.
@@ -53,13 +53,13 @@ class Reports:
         for tpdo in reversed(self._tpdos):
             data = tpdo.data(words)
             event = self._values.get(TPDO_PARAMETER + tpdo.number, EVENT_TIMER) / 1000
-            # what belongs to an answer goes with it, although it was sent a moment ago
+            # the parts of an answer go with it, although they were sent a moment ago
             is_due = self._is_free(tpdo, words, now) or (is_answering and data != tpdo.sent)
             if is_due or (event > 0.0 and now - tpdo.stamp >= event):
                 tpdo.sent, tpdo.stamp = data, now
                 yield CanFrame(TPDO_BASES[tpdo.number] + self._node, data)
 
     def _is_free(self, tpdo: _Tpdo, words: Sequence[int], now: float) -> bool:
-        """Tell whether it has something new to say, and its inhibit time is over."""
+        """Return whether it has something new to send, and its inhibit time is over."""
         inhibit = self._values.get(TPDO_PARAMETER + tpdo.number, INHIBIT) / 10_000
         return tpdo.sent is None or (tpdo.data(words) != tpdo.sent and now - tpdo.stamp >= inhibit)

@@ -18,6 +18,7 @@ from pymodbus.pdu.bit_message import (
 )
 from pymodbus.pdu.exceptionresponse import ExceptionResponse
 from pymodbus.pdu.register_message import (
+    MaskWriteRegisterResponse,
     ReadHoldingRegistersResponse,
     ReadInputRegistersResponse,
     ReadWriteMultipleRegistersRequest,
@@ -27,20 +28,24 @@ from pymodbus.pdu.register_message import (
     WriteSingleRegisterResponse,
 )
 
+from plc_bridge.identity import DEVICE_IDENTIFICATION, RETURN_QUERY_DATA, device_identification, server_id
+
 MOST_BITS_READ, MOST_BITS_WRITTEN = 2000, 1968  # Modbus Application Protocol V1.1b3, 6.1, 6.11
 MOST_WORDS_READ, MOST_WORDS_WRITTEN, MOST_WORDS_EXCHANGED = 125, 123, 121  # the same, 6.3, 6.12, 6.17
 COIL_ON, COIL_OFF = 0xFF00, 0x0000
 
-_FIXED_LENGTH = {1: 5, 2: 5, 3: 5, 4: 5, 5: 5, 6: 5}
+DIAGNOSTICS, SERVER_ID, MASK_WRITE, ENCAPSULATED = 8, 17, 22, 43  # the same, 6.8, 6.13, 6.16, 6.21
+
+_FIXED_LENGTH = {1: 5, 2: 5, 3: 5, 4: 5, 5: 5, 6: 5, SERVER_ID: 1, MASK_WRITE: 7, ENCAPSULATED: 4}
 _HEAD_LENGTH = {15: 6, 16: 6, 23: 10}
-"""Bytes before the data; the last of them is the number of data bytes."""
+"""Number of bytes before the data, the last of which is the number of data bytes."""
 
 
 class Station(Protocol):
     """The registers and bits behind the requests, as one client sees them.
 
-    Unmapped addresses raise LookupError, what the client may not do PermissionError, and values that nobody may write
-    ValueError.
+    Unmapped addresses raise LookupError, accesses that the client has no right to PermissionError, and values that
+    nobody may write ValueError.
     """
 
     def read_words(self, function: int, address: int, count: int) -> list[int]:
@@ -55,9 +60,15 @@ class Station(Protocol):
     def write_bits(self, address: int, bits: Sequence[bool]) -> None:
         """Write coils, all or none."""
 
+    def mask_word(self, address: int, kept: int, added: int) -> None:
+        """Write a holding register through two masks: bits in `kept` stay, the others are taken from `added`."""
+
+    def is_running(self) -> bool:
+        """Tell whether the cell is being scanned."""
+
 
 class _IllegalError(Exception):
-    """A request that cannot be served, with the Modbus exception that says why."""
+    """A request that cannot be served, with the Modbus exception that names the reason."""
 
     def __init__(self, code: ExcCodes) -> None:
         super().__init__(code)
@@ -69,6 +80,8 @@ def respond(request: bytes, station: Station) -> bytes:
     function = request[0]
     try:
         _check_length(request)
+        if function in (DIAGNOSTICS, SERVER_ID, ENCAPSULATED):
+            return bytes([function]) + _tell(function, request[1:], station)
         response = _serve(function, request[1:], station)
     except _IllegalError as illegal:
         response = ExceptionResponse(function & 0x7F, illegal.code)
@@ -93,6 +106,8 @@ def _check_length(request: bytes) -> None:
     elif function in _HEAD_LENGTH:
         head = _HEAD_LENGTH[function]
         is_whole = len(request) > head and len(request) == head + request[head - 1]
+    elif function == DIAGNOSTICS:
+        is_whole = len(request) >= 5 and len(request) % 2 == 1
     else:
         raise _IllegalError(ExcCodes.ILLEGAL_FUNCTION)
     if not is_whole:
@@ -102,6 +117,21 @@ def _check_length(request: bytes) -> None:
 def _check_count(count: int, most: int) -> None:
     if not 1 <= count <= most:
         raise _IllegalError(ExcCodes.ILLEGAL_VALUE)
+
+
+def _tell(function: int, body: bytes, station: Station) -> bytes:
+    """Return the body of an answer that tells of the device itself."""
+    is_running = station.is_running()  # a client that may not read is refused here
+    if function == SERVER_ID:
+        return server_id(is_running)
+    if function == DIAGNOSTICS:
+        if int.from_bytes(body[:2], "big") != RETURN_QUERY_DATA:
+            raise _IllegalError(ExcCodes.ILLEGAL_FUNCTION)
+        return body
+    kind, code, number = body
+    if kind != DEVICE_IDENTIFICATION:
+        raise _IllegalError(ExcCodes.ILLEGAL_FUNCTION)
+    return device_identification(code, number)
 
 
 def _serve(function: int, body: bytes, station: Station) -> ModbusPDU:
@@ -129,6 +159,10 @@ def _serve(function: int, body: bytes, station: Station) -> ModbusPDU:
             return _write_coils(body, station)
         case 16:
             return _write_registers(body, station)
+        case 22:  # MASK_WRITE
+            (added,) = struct.unpack(">H", body[4:])
+            station.mask_word(address, value, added)
+            return MaskWriteRegisterResponse(address=address, and_mask=value, or_mask=added)
         case _:
             return _exchange(body, station)
 

@@ -30,7 +30,7 @@ logging.getLogger("pymodbus.logging").setLevel(logging.CRITICAL)  # what it woul
 
 
 FAR = 0x8000
-"""Between the first number of a new client and that of the run which the cell reports."""
+"""Distance of a new client's first number from that of the run which the cell reports."""
 
 
 class CellSilentError(CellError):
@@ -46,7 +46,7 @@ class PlcPeer(ABC):
     the caller keeps the connection alive with `cycle`.
 
     Args:
-        where: Name of the place, for messages.
+        where: Name of the cell's place, for messages.
         period: Time between two cycles while waiting, s.
         wait: Waits so many seconds.
         now: Monotonic time, s.
@@ -215,8 +215,8 @@ class Peer(PlcPeer):
     """A PLC on Modbus TCP.
 
     Args:
-        host: Where the cell listens.
-        port: The same.
+        host: Address on which the cell listens.
+        port: Port on which the cell listens.
         period: Time between two cycles while waiting, s.
         timeout: Longest wait for one answer, s.
         wait: Waits so many seconds.

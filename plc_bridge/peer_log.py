@@ -1,4 +1,4 @@
-"""Log lines about peers, bounded: who misbehaves a thousand times fills no disk, and hides nobody else's lines."""
+"""Log lines about peers, bounded in number, so that a peer that misbehaves fills no disk and hides no other peer's lines."""
 
 import logging
 import time
@@ -6,16 +6,16 @@ from collections import OrderedDict
 from collections.abc import Callable
 
 LINES, PERIOD = 10, 60.0
-"""Most lines about one host in so long, s."""
+"""Largest number of lines about one host, and the time that it refers to, s."""
 HOSTS = 256
-"""Hosts that are told apart."""
+"""Number of hosts that are told apart."""
 
 
 class PeerLog:
     """Writes to a logger what is about peers.
 
     Args:
-        logger: Where the lines go.
+        logger: Logger of the lines.
         now: Monotonic time, s.
     """
 

@@ -1,4 +1,4 @@
-"""What a command block can be refused for without asking the scan thread, and its parameters in their units; pure."""
+"""The refusals of a command block that need no scan thread, and its parameters in their units; pure."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from plc_bridge.registers import SERIAL_NUMBER, VERSION_MAJOR, Parameter
 
 CONTROLS = frozenset(control.value for control in Control if control < FIRST_PROGRAM) - {Control.START.value}
 STOPS = frozenset({Control.STOP.value, Control.ABORT.value})
-"""Controls that anybody may give, in front of everything else."""
+"""Controls that anybody may give, and that go ahead of everything else."""
 
 
 class BadParameterError(Exception):
@@ -22,18 +22,18 @@ class BadParameterError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Rules:
-    """What a cell takes.
+    """Rules of what a cell takes.
 
     Args:
         programs: Name of each program and skill by its command code, from 100 on.
-        parameters: What the numbered parameters mean.
+        parameters: Meaning of the numbered parameters.
     """
 
     programs: Mapping[int, str]
     parameters: Sequence[Parameter] = ()
 
     def refuse_code(self, image: CommandImage) -> Refusal:
-        """Return why nobody may send such a block to this cell, or NONE."""
+        """Return why a command block is refused whoever sends it, or NONE."""
         if image.version and image.version >> 8 != VERSION_MAJOR:
             return Refusal.VERSION
         if image.code not in CONTROLS and image.code not in self.programs:
@@ -44,7 +44,7 @@ class Rules:
         """Return the parameters in their units.
 
         Raises:
-            BadParameterError: One is unknown or beyond its limits, or the serial number cannot be printed.
+            BadParameterError: A parameter is unknown or beyond its limits, or the serial number cannot be printed.
         """
         if not image.serial.isascii() or not image.serial.isprintable():
             raise BadParameterError(SERIAL_NUMBER)

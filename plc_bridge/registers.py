@@ -15,34 +15,36 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from plc_bridge.messages import FIRST_PROGRAM, Control, LeaseState, PartPlace, Refusal, Result
+from plc_bridge.messages import FIRST_PROGRAM, PACKML, Control, LeaseState, PartPlace, Refusal, Result
 
+DEVICE_NAME = "tactile insertion cell"
+"""Name of the cell on every bus."""
 VERSION_MAJOR = 2
 VERSION_MINOR = 0
 VERSION = VERSION_MAJOR * 256 + VERSION_MINOR
 VERSION_DATE = "2026-11-22"
-"""On which this version was made."""
+"""Date of this version of the map."""
 
 MIRROR = 1000
 """Offset of the holding registers that repeat the input registers."""
 STAGES = 12
-"""Stages whose times the report can hold."""
+"""Number of stages whose times the report can hold."""
 PARAMETERS = 8
-"""Parameters that a command can carry."""
+"""Number of parameters that a command can carry."""
 
 RPDOS: tuple[tuple[str, ...], ...] = (
     ("command_life", "command_sequence", "command_code", "command_recipe"),
     ("command_acknowledge", "command_lease"),
     ("stop",),
 )
-"""What the PLC sends by itself over CAN, in order; the last one is for anybody."""
+"""RPDOs, which the PLC sends by itself over CAN, in order; anybody may send the last one."""
 TPDOS: tuple[tuple[str, ...], ...] = (
     ("report_sequence", "report_answered", "report_result", "report_refusal"),
     ("report_state", "report_fault", "report_stage", "report_reason"),
     ("report_life", "report_progress", "report_total_time"),
     ("report_run", "report_lease", "report_answered_result"),
 )
-"""What the cell sends by itself over CAN, in order."""
+"""TPDOs, which the cell sends by itself over CAN, in order."""
 _PDO_OF = {
     name: f"{kind}{number}"
     for kind, pdos in (("RPDO", RPDOS), ("TPDO", TPDOS))
@@ -71,8 +73,10 @@ class Warnings:
     SCAN_OVERRUNS = 4
 
 
+AFTER_A_LOSS = 1
+"""Detail of the refusal ADOPTED where the number is the first one after the PLC was lost."""
 SERIAL_NUMBER = 100
-"""`report_refusal_detail` of PARAMETER where the serial number is what is wrong."""
+"""Detail of the refusal PARAMETER where the serial number is wrong."""
 STATES = 17
 """States of PackML, numbered from 1."""
 
@@ -90,11 +94,11 @@ class Register:
     unit: str
     access: Literal["r", "rw"]
     low: int | None
-    """Least raw integer; None is whatever the type holds."""
+    """Least raw integer; None for the least of the type."""
     high: int | None
-    """Greatest raw integer; the same."""
+    """Greatest raw integer; None for the greatest of the type."""
     index: int
-    """Of the object on CAN; 0 where there is none."""
+    """Index of the object on CAN; 0 where there is none."""
     subindex: int
     pdo: str
     """PDO that carries it on CAN; empty where only SDO does."""
@@ -125,7 +129,7 @@ def _codes(programs: Mapping[int, str]) -> str:
 
 
 def _transitions() -> str:
-    return _listed({control.value: control.name for control in Control if Control.NONE < control < FIRST_PROGRAM})
+    return _listed({control.value: control.name for control in PACKML})
 
 
 def _listed(words: Mapping[int, str]) -> str:
@@ -230,7 +234,8 @@ def _report_block() -> list[Register]:
         "refusal_detail",
         "u16",
         f"of refusal {Refusal.PARAMETER.value}: number of the parameter, 9 a bit of the mask beyond them, "
-        f"{SERIAL_NUMBER} the serial number, 0 the parameters together; else 0",
+        f"{SERIAL_NUMBER} the serial number, 0 the parameters together; of refusal {Refusal.ADOPTED.value}: "
+        f"{AFTER_A_LOSS} the first number after the PLC was lost; else 0",
     )
     block.add("transition", "u16", f"why the state last changed, 0 not yet: {_transitions()}")
     block.add("part", "u16", f"where the peg is: {_numbers(PartPlace)}")
@@ -311,8 +316,8 @@ def table(
 
     Args:
         programs: Name of each program and skill by its command code.
-        parameters: What the numbered parameters mean, at most `PARAMETERS`.
-        words: What the numbers in a register mean, by its name, where that is the cell's affair.
+        parameters: Meaning of the numbered parameters, at most `PARAMETERS`.
+        words: Meaning of the numbers in a register, by its name, where the cell defines it.
     """
     registers = [
         *_command_block(programs or {}, parameters),

@@ -23,11 +23,11 @@ SHORTEST_SILENCE = 0.00175  # s; Modbus over Serial Line V1.02, 2.5.1.1, for mor
 PATIENCE = 0.05
 """Longest pause within a frame, s: USB adapters hand over bytes up to 16 ms late, a busy computer later still."""
 IDLE = 0.1
-"""How often an idle line looks whether it shall close, s."""
+"""Time between two looks of an idle line at whether it should close, s."""
 FIRST_PAUSE, LONGEST_PAUSE = 0.5, 10.0
 """Pauses before a lost line is opened again, s."""
-WRITES = frozenset({5, 6, 15, 16})
-"""Functions that make sense for everybody at once."""
+WRITES = frozenset({5, 6, 15, 16, 22})
+"""Functions that make sense in a request to all units."""
 
 
 class Line(Protocol):

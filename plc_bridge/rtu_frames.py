@@ -12,6 +12,8 @@ SHORTEST, LONGEST = 4, 256  # Modbus over Serial Line V1.02, 2.5.1: unit, functi
 BROADCAST = 0
 _SIMPLE = range(1, 7)
 _READS = range(1, 5)
+_FIXED = {8: 8, 17: 4, 22: 10, 43: 7}
+"""Length of other requests, unit and check sum included; that of an echo with one word of data."""
 
 
 def with_check_sum(frame: bytes) -> bytes:
@@ -35,16 +37,16 @@ class Receiver:
         self._unit = unit
         self._buffer = bytearray()
         self.bad = 0
-        """Pieces of noise and broken frames dropped so far."""
+        """Number of pieces of noise and broken frames dropped so far."""
 
     @property
     def is_waiting(self) -> bool:
-        """Bytes are left that the rest of a frame may yet complete."""
+        """Whether bytes are left that the rest of a frame may complete."""
         return bool(self._buffer)
 
     @property
     def is_full(self) -> bool:
-        """More has arrived than the longest request and response together."""
+        """Whether more has arrived than the longest request and response together."""
         return len(self._buffer) > 2 * LONGEST
 
     def feed(self, data: bytes) -> None:
@@ -86,12 +88,14 @@ class Receiver:
         lengths = []
         if function in _SIMPLE:
             lengths.append(8)
+        elif function in _FIXED:
+            lengths.append(_FIXED[function])
         elif function in (15, 16) and len(frame) > 6:
             lengths.append(9 + frame[6])
         elif function == 23 and len(frame) > 10:
             lengths.append(13 + frame[10])
         if unit not in (self._unit, BROADCAST):
-            if function in _READS or function == 23:
+            if function in _READS or function in (17, 23):
                 lengths.append(5 + frame[2])
             elif function in (15, 16):
                 lengths.append(8)

@@ -43,9 +43,9 @@ class _Transfer:
     stamp: float
     room: int = 0
     size: int | None = None
-    """As announced."""
+    """Size that the client announced, bytes; None where it announced none."""
     data: bytes = b""
-    """Received so far, or not sent yet."""
+    """Data received so far, or not sent yet."""
     toggle: int = 0
 
 

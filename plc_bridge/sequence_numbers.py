@@ -1,4 +1,4 @@
-"""Which sequence number of a link counts as a command; pure.
+"""The sequence numbers of a link that count as commands; pure.
 
 | seen on a link                            | verdict |
 | --------------------------------------------- | ------- |
@@ -12,21 +12,21 @@ from dataclasses import dataclass
 from enum import Enum, auto
 
 LATE_WINDOW = 256
-"""How far behind a sequence number is taken for an old write; further behind the PLC's counter has restarted."""
+"""Distance by which a number may lie behind and still be an old write; further behind the PLC's counter has restarted."""
 _MODULUS = 0x10000
 
 
 class Verdict(Enum):
-    """What a number means on the link that wrote it."""
+    """Meaning of a number on the link that wrote it."""
 
     FIRST = auto()
-    """It is adopted and never run."""
+    """The number is adopted and never run."""
     SAME = auto()
-    """It was seen before and changes nothing."""
+    """The number was seen before and changes nothing."""
     LATE = auto()
-    """It belongs to an old write that arrived late."""
+    """The number belongs to an old write that arrived late."""
     NEW = auto()
-    """It is a command, which counts once."""
+    """The number is a command, which counts once."""
 
 
 @dataclass(slots=True)
@@ -36,10 +36,10 @@ class SequenceNumbers:
     last: int | None = None
     """Number seen last, None before the first."""
     must_adopt: bool = True
-    """No number was seen since the link opened or since it was lost."""
+    """Whether no number was seen since the link opened or since it was lost."""
 
     def see(self, number: int) -> Verdict:
-        """Take the number of a block just written and return what it means."""
+        """Take the number of a block just written and return its meaning."""
         last = self.last
         if last is not None and number != last and (last - number) % _MODULUS <= LATE_WINDOW:
             return Verdict.LATE

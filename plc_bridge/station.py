@@ -1,4 +1,4 @@
-"""The registers and bits of one link, behind the requests of whatever bus: who may touch which."""
+"""The registers and bits of one link, behind the requests of any bus, and the rights to them."""
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
@@ -20,7 +20,7 @@ _SEQUENCE = next(register.address for register in COMMAND.registers if register.
 
 
 class Mailbox(Protocol):
-    """What a server needs of the bridge."""
+    """The part of the bridge that a server needs."""
 
     def opened(self, source: str, host: str) -> None:
         """Begin a link."""
@@ -50,8 +50,12 @@ class Mailbox(Protocol):
         """Return the discrete inputs."""
 
     @property
+    def is_scanned(self) -> bool:
+        """Whether a report was published within the last moment."""
+
+    @property
     def holder(self) -> str:
-        """Who holds the lease."""
+        """Name of the link that holds the lease; empty when it is free."""
 
     @property
     def kept(self) -> frozenset[str]:
@@ -67,7 +71,7 @@ class LinkWords:
     coils: list[bool] = field(default_factory=lambda: [False] * len(COILS))
     users: int = 1
     is_numbered: bool = False
-    """Its sequence register has been written."""
+    """Whether its sequence register has been written."""
 
 
 class LinkStation:
@@ -76,9 +80,9 @@ class LinkStation:
     Args:
         mailbox: The bridge.
         link: The words of the client's link; may be replaced when connections come to share one.
-        counts: Where refusals are counted.
-        rights: What the client's role may do; "command" includes the stop coil.
-        warn: Logs what is wrong with the client.
+        counts: Counts of refusals.
+        rights: Rights of the client's role; "command" includes the stop coil.
+        warn: Logs faults of the client.
         share: Called when the client asks for one link for all connections of its host.
     """
 
@@ -118,7 +122,7 @@ class LinkStation:
         """Write into the command block, all or nothing.
 
         Raises:
-            ValueError: The wish for the lease is none of those that there are.
+            ValueError: The value of `command_lease` is none of those that exist.
         """
         self._demand("command")
         _slice(self.link.words, address, len(words))
@@ -143,6 +147,21 @@ class LinkStation:
         self._mailbox.switched(
             self.link.source, {name: self.link.coils[place] for name, place in COILS.items() if place in written}
         )
+
+    def mask_word(self, address: int, kept: int, added: int) -> None:
+        """Write one register of the command block through two masks.
+
+        Raises:
+            ValueError: The value of `command_lease` is none of those that exist.
+        """
+        self._demand("command")
+        (word,) = _slice(self.link.words, address, 1)
+        self.write_words(address, [word & kept | added & ~kept])
+
+    def is_running(self) -> bool:
+        """Tell whether the cell is being scanned."""
+        self._demand("read")
+        return self._mailbox.is_scanned
 
     def refused(self, function: int, exception: int) -> None:
         """Log an exception, once for each of its codes."""

@@ -5,6 +5,7 @@ role is a UTF8String in one extension of the certificate, one role and no more [
 without it has the NULL role [R-23].
 """
 
+import logging
 import ssl
 
 from cryptography import x509
@@ -13,20 +14,24 @@ from cryptography.hazmat import asn1
 from drivers.errors import DeviceNotOpenedError
 from plc_bridge.config import Right, TlsConfig
 
+logger = logging.getLogger(__name__)
+
 ROLE_EXTENSION = x509.ObjectIdentifier("1.3.6.1.4.1.50316.802.1")
 NULL_ROLE = ""
 LONGEST_ROLE = 64
+OTHERS = 0o077
+"""Permissions of a file that reach beyond its owner."""
 
 
 class BadRoleError(Exception):
-    """The certificate's role cannot be read, or nobody could read it in a log."""
+    """The certificate's role cannot be read, or could not be written in a log."""
 
 
 def role_of(certificate: bytes) -> str:
     """Return the role in a DER-encoded certificate, or `NULL_ROLE` where it names none.
 
     Raises:
-        BadRoleError: There are several, or it is not one printable UTF8String.
+        BadRoleError: There are several roles, or the role is not one printable UTF8String.
     """
     try:
         extensions = x509.load_der_x509_certificate(certificate).extensions
@@ -43,7 +48,7 @@ def role_of(certificate: bytes) -> str:
 
 
 def rights_of(role: str, config: TlsConfig) -> frozenset[Right]:
-    """Return what `role` may do; nothing where the table does not name it."""
+    """Return the rights of `role`; none where the table does not name it."""
     return frozenset(config.without_role if role == NULL_ROLE else config.roles.get(role, ()))
 
 
@@ -62,6 +67,8 @@ def server_context(config: TlsConfig) -> ssl.SSLContext:
             path.open("rb").close()
         except OSError as error:
             raise DeviceNotOpenedError(f"plc.tls.{key} = {path}: {error.strerror}") from error
+    if config.key.stat().st_mode & OTHERS:
+        logger.warning("plc.tls.key = %s: open to others than its owner; chmod 600 closes it", config.key)
     try:
         context.load_cert_chain(config.certificate, config.key, password=_no_password)
     except (ssl.SSLError, ValueError) as error:

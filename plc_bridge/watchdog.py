@@ -19,14 +19,23 @@ class Watchdog:
     uses_life: bool = False
     life_stamp: float = -math.inf
     """Time at which the life counter changed, s."""
+    changes: int = 0
+    """How often the life counter changed."""
+    longest_gap: float = 0.0
+    """Longest time between two changes of the life counter, s."""
     uses_tail: bool = False
     torn_since: float | None = None
+    _changed: float = -math.inf
+    """Time at which the life counter changed, s, for the watch over a run, which begins anew with the run."""
 
     def see(self, life: int, tail: int, now: float) -> bool:
         """Take head and tail life counter of a block just written; return whether the block is whole."""
         self.heard = now
         if life != self.life:
-            self.life, self.uses_life, self.life_stamp = life, True, now
+            if self.uses_life:
+                self.longest_gap = max(self.longest_gap, now - self._changed)
+            self.life, self.uses_life, self.life_stamp, self._changed = life, True, now, now
+            self.changes += 1
         self.uses_tail |= tail != 0
         if self.uses_tail and life != tail:
             if self.torn_since is None:
@@ -48,6 +57,6 @@ class Watchdog:
         self.life_stamp = self.heard = now
 
     def follow(self, earlier: "Watchdog") -> None:
-        """Go on where the watchdog of a closed link of the same host left off."""
+        """Continue the watch of a closed link of the same host."""
         self.uses_life |= earlier.uses_life
         self.life_stamp = max(self.life_stamp, earlier.life_stamp)

@@ -1,1 +1,1 @@
-"""Stand-ins for every device, behind the same protocols, driven by one MuJoCo world."""
+"""Simulated devices that stand in for every real one, behind the same protocols, driven by one MuJoCo world."""

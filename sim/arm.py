@@ -19,7 +19,7 @@ class SimArm:
         self.halt()
 
     def close(self) -> None:
-        """Hold still."""
+        """Hold still where the arm stands."""
         self.halt()
 
     def follow(self, setpoint: ImpedanceSetpoint) -> None:
@@ -32,8 +32,9 @@ class SimArm:
         """Hold still where the arm is, compliant."""
         words = self._world.control.words
         words[impedance.STIFFNESS : impedance.STIFFNESS + 6] = impedance.HALT_STIFFNESS
-        words[impedance.DAMPING : impedance.DAMPING + 6] = impedance.HALT_DAMPING
+        words[impedance.DAMPING_RATIO : impedance.DAMPING_RATIO + 6] = 1.0
         words[impedance.HAS_ROLL] = 1.0
+        words[impedance.IS_FREE] = 0.0
         words[impedance.INTEGRAL_GAIN] = 0.0
         words[impedance.VALID_UNTIL] = -math.inf
         self._world.control.law[impedance.IS_HOLDING] = 0.0
@@ -43,7 +44,7 @@ class SimArm:
         self.halt()
 
     def read(self) -> ArmState:
-        """Return the newest state; of an ideal arm the external wrench is the plates' force on the peg, 5 ms low-pass."""
+        """Return the newest state; an ideal arm's external wrench is the plates' force on the peg, low-passed over 5 ms."""
         world = self._world
         now = world.now()
         words = world.control.words

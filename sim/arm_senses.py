@@ -1,4 +1,4 @@
-"""What is read of the arm, compiled: joints with noise and wrong zeros, and the external wrench as the arm estimates it.
+"""The readings of the arm, compiled: joints with noise and wrong zeros, and the external wrench as the arm estimates it.
 
 The law reads the newest joints once every control period; a scan reads those of some cycles ago, which are kept in a ring
 together with the wrench. What unmodelled joint torques add to the wrench is computed when it is read: the least-squares
@@ -16,24 +16,27 @@ from drivers.quantities import Vector
 from sim.arm_truth import LONGEST_DELAY, ArmTruth
 
 NOISES = 2 * JOINTS + 6
-"""Random numbers that a control cycle takes: positions, velocities, force and torque."""
+"""Number of random numbers that a control cycle takes: positions, velocities, force and torque."""
 ENTRY = 2 * JOINTS + 6
-"""Words of what one cycle read: positions, velocities, force and torque."""
+"""Number of words that one cycle's reading takes: positions, velocities, force and torque."""
 
 IS_IDEAL, DELAY, AT, NOISE, FORCE_NOISE, TORQUE_NOISE, BLEND = 0, 1, 2, 3, 4, 5, 6
-"""Whether all is read as it is; age of what a scan reads, cycles; place of the newest cycle in the ring; standard
-deviations; share of the way to its goal that the wrench's low-pass goes in a cycle."""
+"""Indices of single words: whether all is read as it is; age of what a scan reads, control cycles; place of the newest
+cycle in the ring; standard deviations of noise; share of the way to its goal that the wrench's low-pass covers in a
+cycle.
+"""
 FORCE_DEAD, TORQUE_DEAD, FORCE = 7, 8, 9
-"""Dead zones, N and N·m, and the force that is told where nothing touches, shape (3,), N."""
+"""Indices of three words each: dead zones, N and N·m, and the force that is reported where nothing touches, N."""
 ZERO, RATE_NOISE, UNMODELLED, WRENCH = 12, 19, 26, 33
-"""Seven each: errors of the joints' zeros, rad, noise of the velocities, rad/s, error of the modelled torques, N·m; then the
-wrench behind its low-pass, shape (6,)."""
+"""Indices of seven words each: errors of the joints' zeros, rad; noise of the velocities, rad/s; error of the modelled
+torques, N·m; then six words of the low-passed wrench.
+"""
 RING = 39
 WORDS = RING + ENTRY * (LONGEST_DELAY + 1)
 
 
 def words_of(truth: ArmTruth, period: float) -> Vector:
-    """Return the words of the arm's senses before they have felt anything, shape (WORDS,); the control period is in s."""
+    """Return the words of the arm's senses before the first cycle, shape (WORDS,); the control period is in s."""
     words = np.zeros(WORDS)
     reading, wrench = truth.reading, truth.wrench
     words[DELAY] = reading.delay
@@ -52,7 +55,7 @@ def words_of(truth: ArmTruth, period: float) -> Vector:
 
 
 def fill(words: Vector, q: Vector, dq: Vector) -> None:
-    """Let all cycles so far have read these joints, shape (7,) each, rad and rad/s, and no wrench."""
+    """Fill the ring as if every cycle so far had read these joints, shape (7,) each, rad and rad/s, and no wrench."""
     entry = np.concatenate([q + words[ZERO : ZERO + JOINTS], dq, np.zeros(6)])
     words[RING:] = np.tile(entry, LONGEST_DELAY + 1)
     words[WRENCH : WRENCH + 6] = 0.0
@@ -66,8 +69,8 @@ def measure(
 
     Args:
         words: The senses; updated.
-        q: Joint positions as they are, shape (7,), rad.
-        dq: Joint velocities as they are, shape (7,), rad/s.
+        q: True joint positions, shape (7,), rad.
+        dq: True joint velocities, shape (7,), rad/s.
         wrench: Force, N, and torque, N·m, of the plates on the peg as metered, shape (6,).
         noise: Standard normal numbers, shape (NOISES,).
 

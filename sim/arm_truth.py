@@ -1,4 +1,4 @@
-"""The arm of one trial as it is, apart from what the cell believes of it: data for the physics, never for skills.
+"""The true arm of one trial, as distinct from the arm that the cell believes in: data for the physics, never for skills.
 
 The cell believes an `ArmModel` and that torques act as commanded, at once, on joints with dry friction. `ideal` is the
 truth that agrees with it. Everything else is a departure from it that a trial may draw.
@@ -26,7 +26,7 @@ Three = tuple[float, float, float]
 NONE: Seven = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 NOWHERE: Three = (0.0, 0.0, 0.0)
 LONGEST_DELAY = 50
-"""Control cycles."""
+"""Longest delay of torques and states, control cycles."""
 
 
 def every(value: float) -> Seven:
@@ -44,19 +44,19 @@ class JointFriction:
     """
 
     dry: Seven = NONE
-    """Coulomb level, N·m."""
+    """Coulomb level of each joint's dry friction, N·m."""
     span: Seven = NONE
     """Full span of the smooth curve, N·m."""
     slope: Seven = NONE
-    """Its slope parameter, s/rad."""
+    """Slope parameter of the smooth curve, s/rad."""
     shift: Seven = NONE
-    """Its offset of the velocity, rad/s."""
+    """Offset of the velocity in the smooth curve, rad/s."""
     viscous: Seven = NONE
-    """N·m·s/rad."""
+    """Coefficient of each joint's viscous friction, N·m·s/rad."""
 
     @classmethod
     def published_curve(cls, joints: Joints) -> "JointFriction | None":
-        """Return the smooth friction that an arm's file has, with its viscous part; None where it has no curve."""
+        """Return the smooth friction that an arm's file has, with its viscous part; None where the file has no curve."""
         curve = joints.smooth_friction
         if curve is None:
             return None
@@ -73,7 +73,7 @@ class JointFriction:
         )
 
     def steepest(self) -> Seven:
-        """Return the largest slope of what is smooth, N·m·s/rad: a logistic curve rises by span·slope/4 at its middle."""
+        """Return the largest slope of the smooth friction, N·m·s/rad; a logistic curve rises by span·slope/4 at its middle."""
         a, b, c, d, e, f, g = (
             span * slope / 4 + viscous for span, slope, viscous in zip(self.span, self.slope, self.viscous, strict=True)
         )
@@ -85,19 +85,19 @@ class TorquePath:
     """What happens to a torque between the law's output and the joint."""
 
     delay: int = 0
-    """Control cycles from the state that a torque was computed for until it acts."""
+    """Number of control cycles from the state that a torque was computed for until it acts."""
     cutoff: float = math.inf
     """Corner frequency of a first-order low-pass, Hz."""
     rate: float = math.inf
-    """Largest change, N·m/s."""
+    """Largest rate of change, N·m/s."""
 
 
 @dataclass(frozen=True, slots=True)
 class StateReading:
-    """What the arm's controller and the cell read of the joints."""
+    """The readings of the joints by the arm's controller and by the cell."""
 
     zero: Seven = NONE
-    """Error of each joint's zero: what is read, less what is, rad."""
+    """Error of each joint's zero, the reading less the true position, rad."""
     noise: float = 0.0
     """Standard deviation of a position, white from cycle to cycle, rad."""
     rate_noise: Seven = NONE
@@ -115,19 +115,19 @@ class WrenchReading:
     """
 
     force: Three = NOWHERE
-    """Force that is told where nothing touches, base frame, N."""
+    """Force that is reported where nothing touches, base frame, N."""
     joint_torque: Seven = NONE
-    """Further error of the modelled joint torques, N·m: told as a wrench that moves with posture."""
+    """Further error of the modelled joint torques, N·m; it is reported as a wrench that changes with posture."""
     force_noise: float = 0.0
     """Standard deviation of each component before the low-pass, white from cycle to cycle, N."""
     torque_noise: float = 0.0
-    """Likewise, N·m."""
+    """Standard deviation of each component before the low-pass, white from cycle to cycle, N·m."""
     cutoff: float = math.inf
     """Corner frequency of a first-order low-pass behind the 5 ms of the meters, Hz."""
     force_dead_zone: float = 0.0
-    """What of each component is not told, N."""
+    """Dead zone of each component of the force, N; smaller values are reported as 0."""
     torque_dead_zone: float = 0.0
-    """Likewise, N·m."""
+    """Dead zone of each component of the torque, N·m; smaller values are reported as 0."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,37 +135,38 @@ class Payload:
     """A mass at the hand that the arm's controller does not know."""
 
     mass: float = 0.0
-    """kg."""
+    """Mass of the payload, kg."""
     at: Three = NOWHERE
-    """Its place in the hand's frame, which lies at the flange, m."""
+    """Place of the payload in the hand's frame, which lies at the flange, m."""
 
 
 @dataclass(frozen=True, slots=True)
 class ArmTruth:
-    """One trial's arm."""
+    """The true arm of one trial."""
 
     model: ArmModel
-    """Kinematics, limits and masses as they are."""
+    """True kinematics, limits and masses."""
     friction: JointFriction
     rotor_inertia: Seven = NONE
-    """What the rotors add at each joint, kg·m². An arm that controls torque on the link's side shows less than the rotor's
-    reflected inertia."""
+    """Inertia that the rotors add at each joint, kg·m². An arm that controls torque on the link's side shows less than
+    the rotor's reflected inertia.
+    """
     path: TorquePath = field(default_factory=TorquePath)
     reading: StateReading = field(default_factory=StateReading)
     wrench: WrenchReading = field(default_factory=WrenchReading)
     gravity: Seven = NONE
-    """Torque on the joints that compensation of gravity leaves over, N·m."""
+    """Torque on each joint that compensation of gravity leaves over, N·m."""
     payload: Payload = field(default_factory=Payload)
     tcp_offset: Three = NOWHERE
-    """Where the middle between the pads is, in the hand frame that the cell believes in, from where it believes it, m."""
+    """Offset of the middle between the pads from where the cell believes it, m, in the hand frame that the cell believes in."""
     tcp_turn: Three = NOWHERE
     """Rotation vector of the real fingers about that point, in the same frame, rad."""
 
     def __post_init__(self) -> None:
-        """Refuse what no arm can be.
+        """Refuse figures that no arm can have.
 
         Raises:
-            ConfigError: One line with the figure and what is allowed.
+            ConfigError: A figure is outside its bounds; one line with the figure and what is allowed.
         """
         for name, value in (("path.delay", self.path.delay), ("reading.delay", self.reading.delay)):
             if not 0 <= value <= LONGEST_DELAY:
@@ -202,7 +203,7 @@ class ArmTruth:
         return body if load.mass == 0.0 else body.with_point(load.mass, load.at)
 
     def displaced(self, tcp: Pose) -> Pose:
-        """Return where the middle between the pads really is, T_base_tcp, from where the arm's kinematics has it."""
+        """Return the true pose of the middle between the pads, T_base_tcp, from the pose by the arm's kinematics."""
         if self.tcp_offset == NOWHERE == self.tcp_turn:
             return tcp
         # The hand's axes are y, z and x of the finger frame.
@@ -212,7 +213,7 @@ class ArmTruth:
 
 
 def ideal(arm: ArmModel) -> ArmTruth:
-    """Return the arm that is as the cell believes: dry friction as in its file, everything else exact and at once."""
+    """Return an arm that agrees with the cell's belief: dry friction as in its file, everything else exact and without delay."""
     return ArmTruth(model=arm, friction=JointFriction(dry=arm.joints.friction))
 
 

@@ -1,13 +1,13 @@
-"""A bench without an arm: a rod held between the pads at any angle, and time that passes when somebody waits."""
+"""A calibration bench without an arm: a rod held between the pads at any angle, and time that passes when somebody waits."""
 
 from sim.pads import PadLoad
 
 GRIP_FORCE = 30.0
-"""N."""
+"""Grip force of the bench, N."""
 
 
-class Bench:
-    """Clock and source of pad loads, for calibration."""
+class CalibrationBench:
+    """The calibration bench: clock and source of pad loads."""
 
     def __init__(self, diameter: float, half_length: float) -> None:
         """Lay a rod of this size, m, beside the open fingers."""
@@ -32,5 +32,5 @@ class Bench:
         self._load = None
 
     def pad_load(self) -> PadLoad | None:
-        """Return what the pads hold now."""
+        """Return the present load of the pads."""
         return self._load

@@ -5,20 +5,20 @@ from typing import Protocol
 from drivers.protocols import Clock
 
 
-class Board(Protocol):
-    """Something that computes on its own time."""
+class TimedBoard(Protocol):
+    """A board that computes on its own time."""
 
     def due(self) -> float:
-        """Return when it has to see the world next, s; infinite when that does not matter."""
+        """Return the time by which the board has to see the world next, s; infinite without such a time."""
 
     def advance(self) -> None:
         """Run until the world's present time."""
 
 
 class BoardClock:
-    """Lets the world go on, then every board up to the same instant: all of them keep simulated time."""
+    """Advances the world and then every board to the same instant, so that all of them keep simulated time."""
 
-    def __init__(self, world: Clock, boards: tuple[Board, ...]) -> None:
+    def __init__(self, world: Clock, boards: tuple[TimedBoard, ...]) -> None:
         """Take the world's clock and the boards in the order in which they advance."""
         self._world, self.boards = world, boards
 
@@ -31,7 +31,7 @@ class BoardClock:
         while (due := min((board.due() for board in self.boards), default=stamp)) < stamp:
             self._go(due)
             if min(board.due() for board in self.boards) <= due:
-                break  # the world's step is coarser than that
+                break  # the world's step is coarser than the board's
         self._go(stamp)
 
     def _go(self, stamp: float) -> None:

@@ -1,8 +1,8 @@
-"""The wires of emulated skin boards: they keep simulated time, and break down when asked to.
+"""The wires of emulated skin boards: they keep simulated time and show faults when asked to.
 
-A board is powered and connected by its link, which stands in for a CAN bus or a serial line on the driver's side.
-Everything takes the time that it takes on the wire; what has arrived is decided by the cell's clock, so nothing
-waits and nothing depends on how fast the computer is.
+A link powers and connects its board and stands in for a CAN bus or a serial line on the driver's side. Transport takes
+as long as on the real wire. The cell's clock decides on what has arrived, so that nothing waits and nothing depends on
+how fast the computer is.
 """
 
 import math
@@ -16,23 +16,23 @@ import numpy as np
 from drivers.errors import DeviceNotOpenedError
 from drivers.skin.board_config import BoardSkinConfig, CanSkinConfig, IcubConfig, SerialSkinConfig
 from drivers.transport.wires import ByteLink, CanFrame, CanLink, LineLostError
-from sim.boards import Board, CanBoard, Fingers, Hub, IcubBoard, SerialBoard
+from sim.boards import Board, CanBoard, EmulatedHub, Fingers, IcubBoard, SerialBoard
 from sim.config import SimSkinConfig, SkinBoardConfig, WireFaults
 from sim.skin import PadSource
 
 FAULT_STREAM = 4
-"""Key of the random stream for what goes wrong on the wire."""
+"""Key of the random stream for the wire's faults."""
 T = TypeVar("T")
 
 
 class _Link(Generic[T]):
-    """A board at the end of a wire; what travels is an item, a CAN frame or a byte."""
+    """A wire with a board at its end; the items that travel are CAN frames or bytes."""
 
     def __init__(
         self, board: Board[T], now: Callable[[], float], faults: WireFaults, seed: int, name: str = "emulated"
     ) -> None:
         self.faults = faults
-        """What goes wrong; may be replaced at any time."""
+        """Faults of the wire; they may be replaced at any time."""
         self.port = name
         self.board, self._now = board, now
         self._rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(FAULT_STREAM,)))
@@ -43,21 +43,21 @@ class _Link(Generic[T]):
         self._is_open = self._was_plugged = False
 
     def open(self) -> None:
-        """Connect; what the board sent before is not heard.
+        """Connect; what the board sent before is not received.
 
         Raises:
-            DeviceNotOpenedError: The board is not plugged in, and its wire went with it.
+            DeviceNotOpenedError: The board is unplugged, and its wire with it.
         """
         self.advance()
         self._to_host.clear()
         self._is_open = True
 
     def close(self) -> None:
-        """Disconnect; the board goes on."""
+        """Disconnect; the board goes on sending."""
         self._is_open = False
 
     def due(self) -> float:
-        """Return when the board has to be advanced next, at the latest, s."""
+        """Return the latest time of the board's next advance, s."""
         return self.board.next_scan if self._was_plugged else math.inf
 
     def is_plugged(self, at: float) -> bool:
@@ -65,7 +65,7 @@ class _Link(Generic[T]):
         return not any(start <= at < end for start, end in self.faults.unplugged)
 
     def advance(self) -> None:
-        """Let the board live until now."""
+        """Advance the board to the present time."""
         now = self._now()
         is_plugged = self.is_plugged(now)
         was_reset = any(self._seen < instant <= now for instant in self.faults.resets)
@@ -124,7 +124,7 @@ class EmulatedCan(_Link[CanFrame]):
         return frame and replace(frame, waited=self._now() - arrival)
 
     def write(self, frame: CanFrame) -> None:
-        """Send a frame; it is lost when nobody is there."""
+        """Send a frame; it is lost when no board is connected."""
         self.advance()
         self._send(self._to_board, [frame], self._now())
 
@@ -146,7 +146,7 @@ class EmulatedLine(_Link[int]):
         self.character_time = 10.0 / baud_rate
 
     def open(self) -> None:
-        """Connect; what the board sent before is not heard."""
+        """Connect; what the board sent before is not received."""
         if not self.is_plugged(self._now()):
             raise DeviceNotOpenedError(f"serial port {self.port}: no such port: plug it in, or name another one")
         super().open()
@@ -210,12 +210,12 @@ class SerialCable:
 def emulated_can(
     config: CanSkinConfig, model: SkinBoardConfig, source: PadSource, rng: np.random.Generator, seed: int
 ) -> EmulatedCan:
-    """Return a CAN bus with the board that `config` asks for, between the pads of `source`."""
+    """Return a CAN bus with the board of `config`, between the pads of `source`."""
     fingers = Fingers(_taxels(config, model), source, rng)
     board: Board[CanFrame] = (
         IcubBoard(config.board, fingers.measure)
         if isinstance(config.board, IcubConfig)
-        else CanBoard(Hub(config.board, fingers.measure), config.board)
+        else CanBoard(EmulatedHub(config.board, fingers.measure), config.board)
     )
     return EmulatedCan(board, source.now, config.bitrate, model.faults, seed)
 
@@ -223,9 +223,9 @@ def emulated_can(
 def emulated_line(
     config: SerialSkinConfig, model: SkinBoardConfig, source: PadSource, rng: np.random.Generator, seed: int
 ) -> EmulatedLine:
-    """Return a serial line with the board that `config` asks for, between the pads of `source`."""
+    """Return a serial line with the board of `config`, between the pads of `source`."""
     fingers = Fingers(_taxels(config, model), source, rng)
-    board = SerialBoard(Hub(config.board, fingers.measure), config.board)
+    board = SerialBoard(EmulatedHub(config.board, fingers.measure), config.board)
     return EmulatedLine(board, source.now, config.baud_rate, model.faults, seed)
 
 
@@ -235,9 +235,10 @@ def _taxels(config: BoardSkinConfig, model: SkinBoardConfig) -> SimSkinConfig:
 
 
 def frame_bits(length: int) -> int:
-    """Return how many bits a CAN frame with an 11-bit id and `length` data bytes takes at most, stuffed, with the gap.
+    """Return the largest number of bits of a CAN frame with an 11-bit id and `length` data bytes, with stuffing and the
+    gap.
 
-    47 bits of frame and gap and 8 a byte; of 34 of them and the data every fourth may need a stuffed one.
+    A frame has 47 bits of frame and gap and 8 a byte; of 34 of them and the data every fourth may need a stuffed bit.
     """
     return 47 + 8 * length + (34 + 8 * length - 1) // 4
 

@@ -13,7 +13,7 @@ from drivers.skin.cyskin_wire import (
     LONGEST,
     CanAssembler,
     Channels,
-    Command,
+    HubCommand,
     Message,
     Module,
     WireError,
@@ -34,19 +34,19 @@ from sim.pads import Pads
 from sim.skin import PadSource, Taxels
 
 DEFAULT_PERIOD = 0.05
-"""Of a hub that was told none, s."""
+"""Scan period of a hub that was given none, s."""
 ICUB_PERIOD = 0.04
-"""Of an iCub board, s."""
+"""Scan period of an iCub board, s."""
 TEMPERATURE_COUNTS = 21_000
-"""What a module's temperature channel reads; it tells the module's number in its last digit."""
+"""Reading of a module's temperature channel, counts; its last digit is the module's number."""
 FIRST_SUI = 3500
-"""Own number of the first module of an emulated hub that the config names no modules for."""
+"""Own number (sui) of the first module of an emulated hub whose modules the config does not name."""
 ERROR_NO_COMMAND = 0xE2
 T = TypeVar("T")
 
 
 class SkinSource(PadSource, Clock, Protocol):
-    """What an emulated board lives in: pads that hold something, and time."""
+    """The surroundings of an emulated board: pads that hold something, and time."""
 
 
 class Fingers:
@@ -72,20 +72,20 @@ class Board(Protocol[T]):
 
     @property
     def next_scan(self) -> float:
-        """When it measures next, s; infinite while it does not."""
+        """Time of the next measurement, s; infinite while the board does not measure."""
 
     def power(self, at: float) -> None:
-        """Start anew."""
+        """Restart the board."""
 
     def take(self, item: T, at: float) -> list[T]:
-        """Take what has come; return what it answers."""
+        """Take what has arrived; return the answer."""
 
     def scan(self) -> list[T]:
-        """Measure; return what it sends."""
+        """Measure; return what the board sends."""
 
 
-class Hub:
-    """A CySkin hub: answers the host and sends scans; what carries its messages is the business of others."""
+class EmulatedHub:
+    """A CySkin hub: it answers the host and sends scans; how its messages travel is left to others."""
 
     def __init__(self, config: HubConfig, measure: Callable[[], Counts]) -> None:
         """Build a hub whose modules are those of `config`, and whose taxels read what `measure` returns."""
@@ -93,11 +93,11 @@ class Hub:
         self.replace_modules(config.modules or range(FIRST_SUI, FIRST_SUI + BOARD_MODULES))
 
     def power(self, at: float) -> None:
-        """Start anew: nothing is sent until the host says so."""
+        """Restart the hub, which sends nothing until the host starts it."""
         self.next_scan, self._period, self._sequence = math.inf, DEFAULT_PERIOD, 0
 
     def replace_modules(self, suis: Sequence[int]) -> None:
-        """Put modules with these own numbers on the hub, at most four, and start anew.
+        """Put modules with these own numbers (sui) on the hub, at most four, left finger first, and restart it.
 
         The first ones are the left finger's.
         """
@@ -110,27 +110,27 @@ class Hub:
         self.power(0.0)
 
     def take(self, message: Message, at: float) -> list[Message]:
-        """Take what the host says; return the answers."""
+        """Take a message of the host; return the answers."""
         payload = message.payload
         try:
-            if message.command == Command.DECLARE:
+            if message.command == HubCommand.DECLARE:
                 counts = bytes(module.channels for module in self.modules)
-                return [Message(Command.DECLARE, bytes([len(counts)]) + counts)]
-            if message.command == Command.DETAILS:
+                return [Message(HubCommand.DECLARE, bytes([len(counts)]) + counts)]
+            if message.command == HubCommand.DETAILS:
                 return [
-                    Message(Command.DETAILS, encode_module(module))
+                    Message(HubCommand.DETAILS, encode_module(module))
                     for module in self.modules
                     if not payload or module.number == payload[0]
                 ]
-            if message.command == Command.PERIOD:
+            if message.command == HubCommand.PERIOD:
                 self._period = decode_period(payload, self._config.wire)
                 return [message]
-            if message.command == Command.AUTO_SYNC:
+            if message.command == HubCommand.AUTO_SYNC:
                 self.next_scan = at + self._period if any(payload) else math.inf
                 return [message]
         except WireError:
             pass
-        return [Message(Command.ERROR, bytes([ERROR_NO_COMMAND]))]
+        return [Message(HubCommand.ERROR, bytes([ERROR_NO_COMMAND]))]
 
     def scan(self) -> list[Message]:
         """Measure, and return the messages of the scan."""
@@ -145,18 +145,18 @@ class Hub:
 class CanBoard:
     """A hub on a CAN bus."""
 
-    def __init__(self, hub: Hub, config: HubConfig) -> None:
+    def __init__(self, hub: EmulatedHub, config: HubConfig) -> None:
         """Connect the hub."""
         self.hub, self._wire = hub, config.wire
         self._frames = CanAssembler(config.wire.hub)
 
     @property
     def next_scan(self) -> float:
-        """When the hub measures next, s."""
+        """Time of the hub's next measurement, s."""
         return self.hub.next_scan
 
     def power(self, at: float) -> None:
-        """Start anew."""
+        """Restart the hub."""
         self.hub.power(at)
         self._frames.reset()
 
@@ -181,18 +181,18 @@ class CanBoard:
 class SerialBoard:
     """A hub on a serial line."""
 
-    def __init__(self, hub: Hub, config: HubConfig) -> None:
+    def __init__(self, hub: EmulatedHub, config: HubConfig) -> None:
         """Connect the hub."""
         self.hub, self._wire = hub, config.wire
         self._frames = Deframer(LONGEST)
 
     @property
     def next_scan(self) -> float:
-        """When the hub measures next, s."""
+        """Time of the hub's next measurement, s."""
         return self.hub.next_scan
 
     def power(self, at: float) -> None:
-        """Start anew."""
+        """Restart the hub."""
         self.hub.power(at)
         self._frames.reset()
 
@@ -223,7 +223,7 @@ class IcubBoard:
         self.power(0.0)
 
     def power(self, at: float) -> None:
-        """Start anew: nothing is sent until the host says so."""
+        """Restart the board, which sends nothing until the host starts it."""
         self.next_scan = math.inf
 
     def take(self, item: CanFrame, at: float) -> list[CanFrame]:

@@ -1,4 +1,4 @@
-"""The cell's clock on a busy computer: now and then whoever waits is woken late."""
+"""The cell's clock on a busy computer, on which a wait now and then ends late."""
 
 import numpy as np
 
@@ -19,6 +19,6 @@ class BusyClock:
         return self._clock.now()
 
     def wait_until(self, stamp: float) -> None:
-        """Wait until `stamp`, maybe a little longer; return at once when it has passed."""
+        """Wait until `stamp`, at times a little longer; return at once when it has passed."""
         is_late = self._rng.uniform() < self._probability
         self._clock.wait_until(stamp + (self._rng.exponential(self._delay) if is_late else 0.0))

@@ -16,7 +16,7 @@ from sim.plate import Plate, geoms, words
 STIFFNESS, SIDEWAYS, TURNING = 1000.0, 1500.0, 40.0
 """Stiffness down and sideways, N/m, and of turning, N·m/rad: of the order of the insertion's."""
 DAMPING, TURN_DAMPING = 100.0, 6.0
-"""N·s/m and N·m·s/rad."""
+"""Damping, N·s/m, and damping of turning, N·m·s/rad."""
 RATE = 1.0
 """Turns of the setpoint's circle in one second, Hz."""
 HINGE = 6
@@ -24,7 +24,7 @@ HINGE = 6
 
 
 class Views(NamedTuple):
-    """What the compiled loop reads and writes."""
+    """The arrays that the compiled loop reads and writes."""
 
     state: engine.State
     tip: Vector
@@ -37,28 +37,28 @@ class Views(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pressed:
-    """What happened while the peg was pushed."""
+    """Record of a push."""
 
     path: Vector
     """Place of the tip, m, and tilt, rad, after every step, shape (n, 4)."""
     penetration: float
-    """Deepest in the bore or at its rim that lasted longer than 2 ms, m."""
+    """Deepest penetration in the bore or at its rim that lasted longer than 2 ms, m."""
 
 
 class CartesianRig:
-    """The peg in a hand that has an inertia and no arm."""
+    """A peg on its hinge in a hand that has an inertia and no arm."""
 
     def __init__(self, job: Job, tilt: float, inertia: Vector, breakaway: float, timestep: float) -> None:
         """Hold the peg over a frictionless hole at the origin.
 
         Args:
             job: The part and its hole.
-            tilt: Of the peg towards x, rad.
-            inertia: At the finger centre along and about each axis, shape (6,), kg and kg·m².
+            tilt: Tilt of the peg towards x, rad.
+            inertia: Inertia at the finger centre along and about each axis, shape (6,), kg and kg·m².
             breakaway: Torque at which the hinge slips, N·m.
-            timestep: s.
+            timestep: Time step of the physics, s.
         """
-        self._model = _model(job, rig.lean(tilt, 0.0), inertia, breakaway, timestep)
+        self._model = _model(job, rig.tilted_axis(tilt, 0.0), inertia, breakaway, timestep)
         self._data = mujoco.MjData(self._model)
         self.tip: Vector = self._data.site_xpos[0]
         """Place of the tip, shape (3,), m; a view."""
@@ -68,7 +68,7 @@ class CartesianRig:
 
     @property
     def turn(self) -> float:
-        """How far the peg has turned in the hand, rad."""
+        """Angle by which the peg has turned in the hand, rad."""
         return float(self._data.qpos[HINGE])
 
     def put(self, tip: Vector) -> None:

@@ -14,7 +14,7 @@ from drivers.skin.layout import MODULE_TAXELS, Layout
 
 
 class PadConfig(ConfigModel):
-    """Elastomer over the taxels, and how a taxel turns its pressure into counts.
+    """The elastomer over the taxels, and how its pressure becomes counts.
 
     Sources: [gibbons] for the elastomer; `assumed` values are the builder's choice, to be varied in studies.
     """
@@ -37,7 +37,7 @@ class PadConfig(ConfigModel):
 
 
 class SkinModel(ConfigModel):
-    """How real the taxels of a stand-in are.
+    """The deviations of a simulated skin's taxels from perfect ones.
 
     Sources: [cyskin] (real recordings, see tests/line/test_recordings.py) for counts and noise; `assumed` values
     are the builder's choice, none of them kinder than the recordings.
@@ -46,7 +46,7 @@ class SkinModel(ConfigModel):
     noise: Annotated[float, Field(ge=0.0, le=0.2)] = 0.015
     """Standard deviation of the white noise, fraction of full scale; within the 0.3 to 4 % of [cyskin]."""
     gain_spread: Annotated[float, Field(ge=0.0, le=0.3)] = 0.05
-    """Standard deviation of a taxel's gain about 1, fraction; assumed, what calibration leaves."""
+    """Standard deviation of a taxel's gain about 1, fraction; assumed, the remainder after calibration."""
     drift: Annotated[float, Field(ge=0.0, le=0.01)] = 1.7e-3
     """Random walk of a taxel's offset in one second, fraction of full scale; 0.11 of the noise, as in [cyskin]."""
     creep: Fraction = 0.05
@@ -72,51 +72,51 @@ class SimSkinConfig(SkinModel):
     """The simulated skin; [gibbons] for rate and layout's pitch."""
 
     kind: Literal["sim"]
-    """The simulated skin."""
+    """Kind of the skin: the simulated one."""
     rate: Annotated[float, Field(ge=1.0, le=1000.0)] = 10.0
     """Rate of the frames, Hz; [gibbons], Sec. VI."""
     layout: Layout = "parallelogram"
-    """Arrangement of the two modules of a finger; [gibbons] does not say which."""
+    """Arrangement of the two modules of a finger; [gibbons] does not say which. Source: assumed."""
     silent_frames: Annotated[float, Field(ge=1.5, le=100.0)] = 3.5
     """Time without a frame after which the skin is silent, multiple of the period."""
     health: SkinHealthConfig = SkinHealthConfig()
-    """When a taxel is not to be trusted."""
+    """Conditions under which a taxel is not trusted."""
 
 
 Instant = Annotated[float, Field(ge=0.0, le=1e6)]
 
 
 class WireFaults(ConfigModel):
-    """What a technician may let go wrong on the wire of an emulated board, to rehearse; times are the cell's, s."""
+    """Faults that a technician may rehearse on the wire of an emulated board; times are the cell's, s."""
 
     drop: Fraction = 0.0
-    """Share of the CAN frames, or bytes, that never arrive, fraction."""
+    """Probability that a CAN frame, or a byte, is lost, fraction."""
     corrupt: Fraction = 0.0
-    """Share of the CAN frames, or bytes, that arrive with one bit turned, fraction."""
+    """Probability that a CAN frame, or a byte, arrives with one bit flipped, fraction."""
     delay: Annotated[float, Field(ge=0.0, le=60.0)] = 0.0
-    """Time by which everything comes later, s."""
+    """Delay of everything on the wire, s."""
     resets: tuple[Instant, ...] = ()
-    """Instants at which the board starts anew, s."""
+    """Instants at which the board restarts, s."""
     unplugged: tuple[tuple[Instant, Instant], ...] = ()
-    """Spans from when to when the board is neither powered nor connected, s."""
+    """Spans, from when to when, in which the board is neither powered nor connected, s."""
 
 
 class SkinBoardConfig(SkinModel):
-    """[boards.skin]: the emulated skin board, where the channel or port of [skin] is "emulated"."""
+    """Section [boards.skin]: the emulated skin board, where the channel or port of [skin] is "emulated"."""
 
     faults: WireFaults = WireFaults()
-    """What goes wrong on the wire."""
+    """Faults of the wire."""
 
 
 class SwitchBoardConfig(ConfigModel):
-    """[boards.switch]: the emulated switch board, where the port of [switch] is "emulated"."""
+    """Section [boards.switch]: the emulated switch board, where the port of [switch] is "emulated"."""
 
     faults: WireFaults = WireFaults()
-    """What goes wrong on the wire."""
+    """Faults of the wire."""
 
 
 class BoardsConfig(ConfigModel):
-    """[boards]: emulated boards."""
+    """Section [boards]: emulated boards."""
 
     skin: SkinBoardConfig = SkinBoardConfig()
     """The emulated skin board."""
@@ -126,102 +126,120 @@ class BoardsConfig(ConfigModel):
 
 Coefficient = Annotated[float, Field(ge=0.0, le=2.0)]
 Spread = Coefficient | tuple[Coefficient, Coefficient]
-"""One value, or the interval that each trial draws from."""
+"""One value, or the interval that each trial draws from evenly."""
 
 
 class ContactConfig(ConfigModel):
-    """Peg against plate."""
+    """Friction of peg against plate."""
 
     friction: Spread
-    """Coulomb coefficient of peg against plate, ratio; 0.1 to 0.4 covers dry to greased metal on metal."""
+    """Coulomb coefficient of peg against plate, ratio; 0.1 to 0.4 covers dry to greased metal on metal. Source: assumed."""
 
 
 class GripConfig(ConfigModel):
-    """Peg against pads."""
+    """Friction and place of the peg between the pads."""
 
     friction: Spread
-    """Coulomb coefficient of the rubber cover, ratio; with force and length of contact it gives the pivot's break-away
-    torque."""
+    """Coulomb coefficient of the rubber cover, ratio; with force and length of contact it gives the break-away torque
+    of the pivot. Source: assumed.
+    """
     angle: Annotated[float, Field(ge=0.0, le=0.3)]
     """Largest in-hand angle at which the peg is found in the rack, rad."""
+    shear_stiffness: Annotated[float, Field(ge=5e3, le=5e4)] = 5e4
+    """Stiffness of both pads in their plane under the closed grip, N/m; assumed: rubber of 60 kPa shear modulus, 180 mm² a pad
+    under an 8 mm peg, 0.4 mm of it left."""
     slip: Annotated[float, Field(ge=0.0, le=0.01)] = 0.0
-    """Distance by which the peg slides into the hand unnoticed when it is first pushed, m."""
+    """Distance by which the peg slides unnoticed into the hand when it is first pushed, m. Source: assumed."""
 
 
 HOLES = {"round": {"exact", "unpredicted", "flats", "boxes"}, "rectangular": {"exact", "unpredicted"}}
-"""Models of the hole of each kind of part: facets stand round a hole."""
+"""Models of the hole by kind of part; flats and a ring of boxes need a round hole."""
 
 
 class ModelConfig(ConfigModel):
-    """How much of the physics is modelled; the defaults are what `cell study contact` argues for."""
+    """Choice of physical models; the defaults follow from `cell study contact`."""
 
     hole: Literal["exact", "unpredicted", "flats", "boxes"] = "exact"
-    """Model of the hole: closed form; the same without contacts that are still apart; flats that turn with the peg; a
-    ring of boxes."""
+    """Model of the hole; `exact` is in closed form, `unpredicted` leaves out contacts that are still apart, `flats` turn
+    with the peg, `boxes` stand in a ring. Source: measured by `cell study contact`.
+    """
     facets: Annotated[int, Field(ge=3, le=256)] = 64
-    """Number of facets of a ring."""
+    """Number of facets of the ring of boxes."""
     native_ccd: bool = False
     """Whether facets collide by MuJoCo's newer path, which makes ghost contacts at seams."""
     time_constant: Annotated[float, Field(ge=0.1, le=1e3)] = 2.0
-    """Time constant of the contacts, multiple of the time step."""
+    """Time constant of the contacts, multiple of the time step. Source: measured by `cell study contact`."""
     stiffness: Annotated[float, Field(ge=1e2, le=1e10)] | None = None
     """Stiffness of the contacts instead of their time constant, with critical damping, 1/s²; force by penetration and
     effective mass."""
     long_steps: bool = True
-    """Whether steps are twice as long while nothing can touch the hole."""
+    """Whether steps are twice as long while nothing can touch the hole. Source: decision 0011; measured by `cell study contact`."""
     arm: Literal["full", "inertia"] = "full"
-    """Model of the arm: the whole of it, or without the friction of its joints, an inertia at the tool that the law
-    moves."""
+    """Model of the arm; `full` is the whole arm, `inertia` an inertia at the tool that the law moves, without the
+    friction of joints. Source: measured by `cell study contact`.
+    """
     grip: Literal["hinge", "pads"] = "hinge"
-    """How the hand holds the peg: on a hinge with the pads' friction, or between rigid pads in contact."""
+    """Model of the grip; a hinge with the pads' friction, or rigid pads in contact. Source: measured by `cell study contact`."""
 
     def has_hole_for(self, part: Part) -> bool:
-        """Whether this model of the hole serves such parts."""
+        """Return whether this model of the hole serves such parts."""
         return self.hole in HOLES[part.kind]
 
 
+class FixtureConfig(ConfigModel):
+    """[sim.fixture]: how the plate lies from part to part."""
+
+    mean: tuple[float, float] | None = None
+    """Place of the hole's middle about which it is drawn for each part, m, base frame; none draws it once for the cell,
+    evenly over the area of the hole."""
+    deviation: Annotated[float, Field(ge=0.0, le=0.02)] = 0.0005
+    """Standard deviation of the hole's place between parts, along x and along y, m; no hole lies outside its area."""
+
+
 class SimConfig(ConfigModel):
-    """The simulated world itself."""
+    """The simulated world."""
 
     timestep: Annotated[float, Field(ge=5e-5, le=1e-3)]
-    """Time step of the physics, s; the arm's control period must be a multiple of it."""
+    """Time step of the physics, s; the arm's control period must be a multiple of it. Source: decision 0027; measured by `cell study contact`."""
     pace: Annotated[float, Field(gt=0.0, le=100.0)] | Literal["max"] = 1.0
     """Pace of the cell's clock, multiple of real time; "max" is as fast as it goes."""
     seed: Annotated[int, Field(ge=0)] = 0
     """Seed of the first run; every further run of a session takes the next."""
+    fixture: FixtureConfig | None = None
+    """Fixture that holds the plate about one place; none draws the hole's place anew for every part, evenly over its area."""
     model: ModelConfig = ModelConfig()
     """How much of the physics is modelled."""
 
 
 class RealityConfig(ConfigModel):
-    """[reality]: how large the errors of a simulated cell are."""
+    """Section [reality]: size of the errors of a simulated cell."""
 
     scale: Annotated[float, Field(ge=0.0, le=5.0)] = 1.0
     """Size of the errors that are drawn, ratio; 0 is ideal, 1 honest and 2 careless."""
     alone: str = ""
     """Name of the one error that is drawn, the others being ideal, as `arm.gravity`; empty draws all."""
     file: FilePath | None = None
-    """File that says how the errors are distributed; none is the `reality.toml` that ships with the program."""
+    """File with the distributions of the errors; without one it is the `reality.toml` that ships with the program."""
 
 
 class SimArmConfig(ConfigModel):
-    """The simulated arm."""
+    """Section [arm] for the simulated arm."""
 
     kind: Literal["sim"]
-    """The simulated arm."""
+    """Kind of the arm: the simulated one."""
     model: ArmName = "panda"
     """Arm by its figures: one of those that ship, or a file of figures beside the config."""
 
 
 class SimGripperConfig(ConfigModel):
-    """The simulated hand."""
+    """Section [gripper] for the simulated hand."""
 
     kind: Literal["sim"]
-    """The simulated hand."""
+    """Kind of the gripper: the simulated hand."""
 
 
 class SimSwitchConfig(ConfigModel):
-    """The simulated switch."""
+    """Section [switch] for the simulated switch."""
 
     kind: Literal["sim"]
-    """The simulated switch."""
+    """Kind of the switch: the simulated one."""

@@ -31,6 +31,13 @@ PLATE = np.dtype(
         ("damping", "f8"),
         ("mode", "f8"),
         ("has_flats", "f8"),
+        ("rub", "f8"),
+        ("rub_damping", "f8"),
+        ("lift", "f8"),
+        ("middle_x", "f8"),
+        ("middle_y", "f8"),
+        ("half_x", "f8"),
+        ("half_y", "f8"),
     ]
 )
 """A plate's `geom_user`, see `plate_user`."""
@@ -52,10 +59,17 @@ FEATURE_BAND = 3e-4
 0.25 m/s within a step of 0.5 ms, and a constraint that is not there cannot stop it."""
 SAMPLE_BAND = 2e-5
 """The same for a sample, which only spreads the load of nearly conformal surfaces, m."""
+DEEPEST = 1e-3
+"""A point deeper in the plate came from its side, which is not modelled, or through it, m: it touches nothing, and is judged."""
+ENDLESS = (0.0, 0.0, 0.1, 0.1)
+"""Outline of a plate that ends out of reach: its middle and half its extents along x and y, m, plate frame."""
 ABOVE = 2e-3
 """A peg whose lowest point is higher over the surface meets nothing in a step, m."""
 IMPEDANCE = 0.9999
 """Largest that MuJoCo allows."""
+FRICTION_LAG = 4.0
+"""Friction answers a change of the sliding speed so many times more slowly than the normal force one of the approach; by as
+much less a peg that slides hovers (see `put`), and by as much less it sinks in where its speed changes within a step."""
 SOLID = -1.0
 """Half the extents of a hole that is not there, m: for every point of the peg's end the plane is nearer than such a wall."""
 FRICTION_FLOOR = 1e-5
@@ -88,7 +102,7 @@ class Meeting(NamedTuple):
     turning: tuple[float, float, float]
     """Angular velocity of the peg, rad/s, base frame."""
     velocity: tuple[float, float, float]
-    """Of the peg at `centre`, m/s, base frame."""
+    """Velocity of the peg at `centre`, m/s, base frame."""
     reach: float
     """A gap wider than this by the band cannot close in time whatever point of the peg it belongs to, m."""
 
@@ -101,6 +115,7 @@ def plate_user(
     solref: tuple[float, float] | None = None,
     mode: int = EXACT,
     has_flats: bool = False,
+    outline: tuple[float, float, float, float] = ENDLESS,
 ) -> Vector:
     """Return a plate's `geom_user`, shape (USER,); the plate's frame has its origin at the middle of the hole's mouth, z outward.
 
@@ -112,9 +127,17 @@ def plate_user(
         solref: Stiffness of the contacts in MuJoCo's terms; without it the stiffest that its standard form allows.
         mode: EXACT, UNPREDICTED, PROBE or NONE.
         has_flats: Whether the boxes of `sim.flats` follow the plate's geom.
+        outline: Rectangle of the plate: middle and half the extents along x and y, m, plate frame; beyond it nothing is touched.
     """
     first, second = solref or (2.0 * timestep, 1.0)
-    return np.array([*half, hole_depth, max(friction, FRICTION_FLOOR), timestep, first, second, mode, has_flats])
+    # MuJoCo's k and b: of (tau, zeta) they are 1/(d tau zeta)^2 and 2/(d tau), of (-k, -b) k/d^2 and b/d.
+    if first > 0.0:
+        rub, lift = (FRICTION_LAG * first, second), 2.0 * IMPEDANCE * first * second * second
+    else:
+        rub, lift = (first, second / FRICTION_LAG), IMPEDANCE * second / first
+    ends = (*rub, lift / FRICTION_LAG, *outline)
+    values = (*half, hole_depth, max(friction, FRICTION_FLOOR), timestep, first, second, mode, has_flats, *ends)
+    return np.array(values, dtype=float)
 
 
 @njit(cache=True)
@@ -171,6 +194,8 @@ def meeting(model, data, geom_plate, geom_peg, g, lever):  # type: ignore[no-unt
         g: Middle of the peg's end from the plate's origin, m, base frame.
         lever: Furthest that a point that may touch is from the middle of the peg's end, m.
     """
+    # MuJoCo finds contacts before it computes velocities: without, they would be those of the last step.
+    native.update_velocities(model, data)
     body = carray(native.pointer(native.load(model + native.MODEL_GEOM_BODYID)), (geom_peg + 1,), np.int32)[geom_peg]
     root = carray(native.pointer(native.load(model + native.MODEL_BODY_ROOTID)), (body + 1,), np.int32)[body]
     cvel = native.array(data + native.DATA_CVEL, (body + 1, 6))[body]
@@ -211,7 +236,7 @@ def _prepare(contact, plate, geom_plate, geom_peg):  # type: ignore[no-untyped-d
     friction[0] = friction[1] = plate.friction
     friction[2] = friction[3] = friction[4] = FRICTION_FLOOR
     solref[0], solref[1] = plate.stiffness, plate.damping
-    contact.solreffriction[:] = 0.0
+    contact.solreffriction[0], contact.solreffriction[1] = plate.rub, plate.rub_damping
     solimp[0] = solimp[1] = IMPEDANCE
     solimp[2], solimp[3], solimp[4] = 1e-3, 0.5, 2.0
     contact.H[:] = 0.0
@@ -257,8 +282,12 @@ def put(meeting, gap, p, n, judged, band):  # type: ignore[no-untyped-def]
     """
     plate = plate_at(meeting.plate)
     deepest = carray(native.pointer(meeting.userdata), (native.NUSERDATA,), np.float64)
-    kind = PENETRATION if judged else SURFACE
+    if abs(p[0] - plate.middle_x) > plate.half_x or abs(p[1] - plate.middle_y) > plate.half_y:
+        return
+    kind = PENETRATION if judged or gap < -DEEPEST else SURFACE
     deepest[kind] = max(deepest[kind], -gap)
+    if gap < -DEEPEST and not judged:
+        return
     if gap > band + meeting.reach or plate.mode == PROBE or (plate.mode == UNPREDICTED and gap > 0.0):
         return
     origin, (x, y, z) = meeting.origin, meeting.rows
@@ -270,11 +299,10 @@ def put(meeting, gap, p, n, judged, band):  # type: ignore[no-untyped-def]
     N2 = z[0] * n[0] + z[1] * n[1] + z[2] * n[2]
     base, omega, v = meeting.centre, meeting.turning, meeting.velocity
     r0, r1, r2 = X0 - base[0], X1 - base[1], X2 - base[2]
-    speed = (
-        N0 * (v[0] + omega[1] * r2 - omega[2] * r1)
-        + N1 * (v[1] + omega[2] * r0 - omega[0] * r2)
-        + N2 * (v[2] + omega[0] * r1 - omega[1] * r0)
-    )
+    v0 = v[0] + omega[1] * r2 - omega[2] * r1
+    v1 = v[1] + omega[2] * r0 - omega[0] * r2
+    v2 = v[2] + omega[0] * r1 - omega[1] * r0
+    speed = N0 * v0 + N1 * v1 + N2 * v2
     # With solref (2 dt, 1) the constraint bites where the approach is faster than a quarter of the gap a step.
     if gap > band - 4.0 * plate.timestep * min(speed, 0.0):
         return
@@ -288,7 +316,11 @@ def put(meeting, gap, p, n, judged, band):  # type: ignore[no-untyped-def]
     scale = 1.0 / math.sqrt(t0 * t0 + t1 * t1 + t2 * t2)
     t0, t1, t2 = t0 * scale, t1 * scale, t2 * scale
     contact = _contact_at(meeting.userdata)
-    contact.dist = gap
+    sliding = math.sqrt(max(v0 * v0 + v1 * v1 + v2 * v2 - speed * speed, 0.0))
+    # A sliding contact of MuJoCo's convex friction cone hovers by `lift` times mu times its speed; told that much further
+    # away, it lies on the surface. Not on rim and wall, where a peg that is braked would sink in by some of that.
+    upward = 0.0 if judged else max(n[2], 0.0)
+    contact.dist = gap + plate.lift * plate.friction * sliding * upward * upward
     pos, frame = contact.pos, contact.frame
     pos[0], pos[1], pos[2] = X0 - 0.5 * gap * N0, X1 - 0.5 * gap * N1, X2 - 0.5 * gap * N2
     frame[0], frame[1], frame[2] = N0, N1, N2

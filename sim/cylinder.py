@@ -39,7 +39,7 @@ PEG_TYPE = mujoco.mjtGeom.mjGEOM_CYLINDER
 SCAN = 48
 """Points of the peg's rim, and of the hole's edge, that are scanned for minima."""
 SAMPLE_EVERY = 3
-"""Of these points every third is also a contact where surfaces are nearly conformal."""
+"""Every third of these points is also a contact where surfaces are nearly conformal."""
 UP = (0.0, 0.0, 1.0)
 
 _ANGLE = 2.0 * math.pi / SCAN

@@ -1,6 +1,6 @@
-"""What differs from trial to trial: drawn from the trial's seed, and nothing else is."""
+"""The differences from trial to trial, all drawn from the trial's seed."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -8,12 +8,15 @@ from drivers.arm.model import ArmModel
 from drivers.parts import Job
 from drivers.quantities import Vector
 from sim.arm_truth import ArmTruth
-from sim.config import ContactConfig, GripConfig, Spread
+from sim.config import ContactConfig, FixtureConfig, GripConfig, Spread
 from sim.drawn_arm import drawn_arm
 from sim.reality import AS_BELIEVED, Drawn
 
 SENSES_STREAM = 6
 """Key of the random stream for the noise of what the arm reads; the keys before it are taken."""
+
+FIXTURE_STREAM = 7
+"""Key of the random stream for where a fixture stands, and how it moves from part to part."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -23,9 +26,9 @@ class Draw:
     hole: Vector
     """Middle of the hole's mouth, shape (3,), m, base frame."""
     tilt_direction: float
-    """Azimuth towards which the plate's normal leans, rad."""
+    """Azimuth towards which the plate's normal is tilted, rad."""
     yaw: float
-    """Of a square hole, rad."""
+    """Yaw of a hole that is not round, rad."""
     friction: float
     """Coulomb coefficient between peg and plate."""
     pad_friction: float
@@ -33,19 +36,19 @@ class Draw:
     grasp_angle: float
     """In-hand angle at which the peg is found in the rack, rad."""
     skin: np.random.Generator
-    """For the skin's gains, dead taxels and noise."""
+    """Random generator of the skin's gains, dead taxels and noise."""
     tilt: float
-    """How far the plate's normal leans, rad."""
+    """Tilt of the plate's normal from the vertical, rad."""
     rack: Vector
-    """Where the rack stands against where the job says, shape (3,), m, base frame."""
+    """Offset of the rack from the job's place, shape (3,), m, base frame."""
     depth_in_hand: float
-    """How much further than believed the peg reaches from the finger centre when it is taken from the rack, m."""
+    """Length by which the peg reaches further from the finger centre than believed when it is taken from the rack, m."""
     grip_force: float
-    """Force of the fingers over the commanded one, a ratio."""
+    """Force of the fingers over the commanded one, ratio."""
     arm: ArmTruth
-    """The arm as it is."""
+    """The true arm."""
     senses: np.random.Generator
-    """For the noise of what the arm reads."""
+    """Random generator of the noise in the arm's readings."""
 
 
 def draw(
@@ -76,7 +79,7 @@ def draw(
         tilt_direction=float(where.uniform(-np.pi, np.pi)),
         yaw=float(where.uniform(-job.hole.yaw, job.hole.yaw)),
         friction=_one(contact.friction, how),
-        pad_friction=_one(grip.friction, how),
+        pad_friction=_one(grip.friction, how) * float(part["grip.pad_friction"]),
         grasp_angle=float(how.uniform(-grip.angle, grip.angle)),
         skin=np.random.default_rng(skin),
         tilt=job.hole.tilt + float(cell["place.plate_tilt"]),
@@ -86,6 +89,24 @@ def draw(
         arm=drawn_arm(arm, cell),
         senses=np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(SENSES_STREAM,))),
     )
+
+
+def in_fixture(drawn: Draw, fixture: FixtureConfig, job: Job, first_seed: int, seed: int) -> Draw:
+    """Return the world of a trial whose plate lies in a fixture.
+
+    Args:
+        drawn: The world of the trial without a fixture.
+        fixture: How the plate lies from part to part.
+        job: The part and its believed places.
+        first_seed: Seed of the cell's first run, from which a fixture without a stated place is placed.
+        seed: Seed of the trial.
+    """
+    half, centre = np.array(job.hole.area) / 2, np.array(job.hole.centre[:2])
+    standing = np.random.default_rng(np.random.SeedSequence(first_seed, spawn_key=(FIXTURE_STREAM, 0)))
+    moved = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(FIXTURE_STREAM, 1)))
+    mean = standing.uniform(-half, half) if fixture.mean is None else np.array(fixture.mean) - centre
+    place = np.clip(mean + moved.normal(0.0, fixture.deviation, 2), -half, half)
+    return replace(drawn, hole=np.array([*(centre + place), drawn.hole[2]]))
 
 
 def _one(spread: Spread, rng: np.random.Generator) -> float:

@@ -1,4 +1,4 @@
-"""The arm of a trial from what was drawn of its errors."""
+"""The true arm of a trial, made from the drawn errors."""
 
 import math
 from dataclasses import replace
@@ -10,7 +10,7 @@ from sim.reality import Drawn
 
 
 def drawn_arm(arm: ArmModel, drawn: Drawn) -> ArmTruth:
-    """Return the arm as it is, where the cell believes in `arm`; ideal where nothing was drawn."""
+    """Return the true arm where the cell believes in `arm`; it agrees with the belief where nothing was drawn."""
     lag = float(drawn["arm.torque_lag"])
     return replace(
         ideal(arm),

@@ -1,4 +1,4 @@
-"""The inner loop of the stand-in, compiled: torque law, `mj_step`, and what is metered at every step."""
+"""The inner loop of the simulation, compiled: torque law, `mj_step`, and the meters of every step."""
 
 import math
 from typing import NamedTuple
@@ -10,35 +10,43 @@ from drivers import impedance
 from drivers.arm.model import Hand
 from drivers.compiled import njit
 from drivers.quantities import Vector
-from sim import arm_senses, contact, joint_drive, native
+from sim import arm_senses, contact, joint_drive, native, slip
 
 METER_WORDS = 128
 FORCE, TORQUE, PEAK_FORCE = 0, 3, 6
-"""Net force of the plates on the peg and its torque about the finger centre, base frame, low-passed; largest force, N."""
+"""Indices of meters: net force of the plates on the peg and its torque about the finger centre, base frame, low-passed,
+N and N·m; largest force, N.
+"""
 SUSTAINED, RING_AT, TURN_FROM, TURN_MAX = 7, 8, 9, 10
-"""Deepest penetration of a bore or its rim that lasted, m; where its ring stands; hinge angle that turns are counted from
-and the largest turn, rad."""
+"""Indices of meters: deepest penetration of a bore or its rim that lasted, m; place of its ring; hinge angle from which
+turns are counted and the largest turn, rad.
+"""
 OVER_TIME, SURFACE_SUSTAINED = 11, 12
-"""Time that the force on the held peg exceeded `OVER_FORCE`, s; deepest penetration of a surface or a floor that lasted, m."""
+"""Indices of meters: time that the force on the held peg exceeded `OVER_FORCE`, s; deepest penetration of a surface or
+a floor that lasted, m.
+"""
 RING, SURFACE_RING = 20, 70
-"""Where the penetrations of the newest ticks are kept, of bores and rims and of surfaces and floors."""
+"""Places of the rings that hold the newest ticks' penetrations, of bores and rims and of surfaces and floors."""
 
 FORCE_FILTER = 0.005
-"""Time constant of the low-pass on forces, s, a bandwidth of 32 Hz: single steps of a rigid contact say little."""
+"""Time constant of the low-pass on forces, s, a bandwidth of 32 Hz; single steps of a rigid contact carry no information."""
 OVER_FORCE = 20.0
-"""Force on the peg, N, whose excess is timed."""
+"""Force on the peg, N, above which time is counted."""
 DRIVE_FORCE, DRIVE_WIDTH, DRIVE_SPEED, DRIVE_OPENING = 0, 1, 2, 3
-"""The hand's drive: closing force commanded, N, where 0 opens to the width commanded, m; speed of a finger, m/s, and the
-force that opens it, N, which are figures of the hand."""
+"""Indices of the hand's drive: commanded closing force, N, where 0 opens to the commanded width, m; speed of a finger,
+m/s, and the force that opens it, N, which are figures of the hand.
+"""
 FINGER_GAIN = 2e4
-"""Of a finger's position loop when it opens, N/m."""
+"""Gain of a finger's position loop when it opens, N/m."""
 
 SUSTAINED_TIME = 0.002
-"""A penetration counts when it lasts longer, s."""
+"""Time for which a penetration has to last to count, s."""
 COARSE = 2
-"""Ticks in a step while the held peg is far from the hole: nothing that is judged can be touched there."""
+"""Number of ticks in a step while the held peg is far from the hole, where nothing that is judged can be touched."""
 FAR = 0.003
-"""How far from the hole's edge every point of the peg's end is then, m; in 1 ms it moves less than a tenth of that."""
+"""Distance of every point of the peg's end from the hole's edge beyond which the peg is far, m; in 1 ms it moves less
+than a tenth of that.
+"""
 
 
 def new_drive(hand: Hand) -> Vector:
@@ -47,29 +55,29 @@ def new_drive(hand: Hand) -> Vector:
 
 
 class Models(NamedTuple):
-    """Which models the physics steps with."""
+    """The MuJoCo models that the physics steps with."""
 
     fine: int
-    """Address of the mjModel."""
+    """Address of the mjModel of a single tick."""
     coarse: int
     """Address of its twin with a time step `COARSE` times as long, or 0."""
     hole: Vector
-    """What the twin keeps away from, see `is_far`; with a negative radius nothing is ever near it."""
+    """Mouth of the hole that the twin keeps away from, see `is_far`; nothing is near a hole of negative radius."""
 
 
 class State(NamedTuple):
     """The mjData that is stepped."""
 
     data: int
-    """Its address."""
+    """Address of the mjData."""
     qpos: Vector
-    """View of its positions; the arm's seven come first, as in the velocities and forces."""
+    """View of the positions; the arm's seven come first, as in velocities and forces."""
     qvel: Vector
-    """View of its velocities."""
+    """View of the velocities."""
     qfrc: Vector
-    """View of its applied generalised forces."""
+    """View of the applied generalised forces."""
     userdata: Vector
-    """View of where the contact function leaves the penetration."""
+    """View of the words in which the contact function leaves the penetration."""
 
 
 def state_of(data: mujoco.MjData) -> State:
@@ -78,24 +86,24 @@ def state_of(data: mujoco.MjData) -> State:
 
 
 class PegView(NamedTuple):
-    """The peg where it is now."""
+    """The peg's size and present pose."""
 
     size: Vector
     """Radius and half the length, m."""
     middle: Vector
-    """View of its middle, shape (3,), m, base frame."""
+    """View of the peg's middle, shape (3,), m, base frame."""
     axes: Vector
-    """View of its axes, shape (3, 3), z from its end upward."""
+    """View of the peg's axes, shape (3, 3), z from its end upward."""
 
 
 class Watch(NamedTuple):
-    """What is metered, and what ends the stepping."""
+    """What the meters look at, and what ends the stepping."""
 
     peg: PegView
     pivot: Vector
     """View of the finger centre's position, shape (3,), m, base frame."""
     plates: int
-    """How many of the first geoms are plates."""
+    """Number of plates among the first geoms."""
     hinge: int
     """Index of the peg's hinge among the positions, or -1."""
     lost: float
@@ -105,7 +113,7 @@ class Watch(NamedTuple):
 
 
 class Control(NamedTuple):
-    """What is commanded, and the figures that tell what comes of it."""
+    """The commands, and the figures that the devices' models work with."""
 
     arm: Vector
     """Figures of the arm as the cell believes them, see `drivers.impedance.figures`."""
@@ -116,13 +124,15 @@ class Control(NamedTuple):
     drive: Vector
     """The hand's drive, see the indices of this module."""
     joints: Vector
-    """The joints' drives, see `sim.joint_drive`."""
+    """Drives of the joints, see `sim.joint_drive`."""
     senses: Vector
-    """What is read of the joints, see `sim.arm_senses`."""
+    """Readings of the joints, see `sim.arm_senses`."""
+    grip: Vector
+    """State of what the pads do to a held peg, see `sim.slip`."""
 
 
 class Span(NamedTuple):
-    """A stretch of time."""
+    """A span of time."""
 
     start: float
     """Time before its first tick, s."""
@@ -134,7 +144,7 @@ class Span(NamedTuple):
     phase: int
     """Ticks since the last control period began."""
     noise: Vector
-    """Standard normal numbers for its control periods, a row each, see `sim.arm_senses`; one row where none are needed."""
+    """Standard normal numbers for the span's control periods, a row each, see `sim.arm_senses`; one row where none are needed."""
 
 
 def new_meters() -> Vector:
@@ -144,19 +154,19 @@ def new_meters() -> Vector:
 
 @njit(cache=True)
 def window(timestep: float) -> int:  # pragma: no cover
-    """Return over how many ticks of `timestep`, s, a penetration must last to count."""
+    """Return the number of ticks of `timestep`, s, that a penetration has to last to count."""
     return math.floor(SUSTAINED_TIME / timestep + 0.5) + 1
 
 
 @njit(cache=True)
 def is_far(hole: Vector, size: Vector, middle: Vector, axes: Vector) -> bool:  # pragma: no cover
-    """Whether every point of the peg's end is `FAR` from the hole's edge, sideways or above.
+    """Return whether every point of the peg's end is `FAR` from the hole's edge, sideways or above.
 
     Args:
         hole: Middle of the mouth, m; outward axis; radius, m: shape (7,), base frame.
         size: Radius and half the length of the peg, m.
-        middle: Of the peg, shape (3,), m, base frame.
-        axes: Of the peg, shape (3, 3), z from its end upward.
+        middle: Middle of the peg, shape (3,), m, base frame.
+        axes: Axes of the peg, shape (3, 3), z from its end upward.
     """
     height, square, along = 0.0, 0.0, 0.0
     for k in range(3):
@@ -173,7 +183,7 @@ def is_far(hole: Vector, size: Vector, middle: Vector, axes: Vector) -> bool:  #
 def pad_gap(
     pads: tuple[int, int], sizes: Vector, places: Vector, axes: Vector, peg: PegView
 ) -> float:  # pragma: no cover
-    """Return a distance, m, that no pad is nearer to the peg than; negative where one may touch it.
+    """Return a lower bound of the distance between the pads and the peg, m; negative where they may touch.
 
     Args:
         pads: The two geoms, boxes.
@@ -201,18 +211,18 @@ def pad_gap(
 def advance(
     models: Models, state: State, watch: Watch, control: Control, meters: Vector, span: Span
 ) -> int:  # pragma: no cover
-    """Advance the physics by a stretch of time, with the torque law once every control period.
+    """Advance the physics by a span of time, with the torque law once every control period.
 
     Args:
         models: The model, and its twin for where nothing can touch the hole.
-        state: Of both; updated.
-        watch: What is metered.
-        control: What is commanded.
-        meters: What was metered, see the indices of this module; updated.
-        span: The stretch.
+        state: State of both models; updated.
+        watch: What the meters look at.
+        control: Commands and figures of the devices.
+        meters: Meters, see the indices of this module; updated.
+        span: The span of time.
 
     Returns:
-        How many ticks were taken: fewer when the peg got lost, none when the state is no longer finite.
+        Number of ticks taken: fewer when the peg was lost, none when the state is no longer finite.
     """
     qpos, qvel, qfrc, peg = state.qpos, state.qvel, state.qfrc, watch.peg
     lasting = window(span.timestep)
@@ -232,6 +242,8 @@ def advance(
         may_coarsen = models.coarse != 0 and (span.phase + tick) % COARSE == 0 and tick + COARSE <= span.ticks
         stride = COARSE if may_coarsen and is_far(models.hole, peg.size, peg.middle, peg.axes) else 1
         joint_drive.act(control.joints, qvel, qfrc, stride > 1)
+        if watch.hinge >= 0:
+            slip.act(control.grip, qpos, qvel, qfrc, watch.hinge)
         native.step(models.fine if stride == 1 else models.coarse, state.data)
         tick += stride
         _net_force(state.data, watch.pivot, watch.plates, force, torque)
@@ -263,7 +275,7 @@ def _drive_fingers(state: State, drive: Vector) -> None:  # pragma: no cover
 def _meter(
     meters: Vector, force: Vector, torque: Vector, elapsed: float, hinge: int, qpos: Vector
 ) -> None:  # pragma: no cover
-    """Meter a step's net force, N, and torque, N·m, of `elapsed` s, and how far the held peg has turned."""
+    """Meter the net force, N, and the torque, N·m, of a step of `elapsed`, s, and the held peg's turn."""
     blend = elapsed / (FORCE_FILTER + elapsed)
     size = 0.0
     for i in range(3):
@@ -279,7 +291,7 @@ def _meter(
 
 @njit(cache=True)
 def _net_force(data: int, pivot: Vector, plates: int, force: Vector, torque: Vector) -> None:  # pragma: no cover
-    """Write what the plates do to the peg, N, and its torque about the pivot, N·m, base frame."""
+    """Write the force of the plates on the peg, N, and its torque about the pivot, N·m, base frame."""
     force[:] = 0.0
     torque[:] = 0.0
     for c in native.contacts(data):
@@ -319,12 +331,12 @@ def pad_force(data: int, left: int, right: int) -> float:  # pragma: no cover
 def below_mouth(
     half: float, middle: Vector, axes: Vector, mouth: Vector, plate: Vector
 ) -> tuple[float, float]:  # pragma: no cover
-    """Return how far the middle of a peg's end lies below a hole's mouth and beside its axis, m.
+    """Return the distances of the middle of a peg's end below a hole's mouth and beside the hole's axis, m.
 
     Args:
         half: Half the length of the peg, m.
-        middle: Of the peg, shape (3,), m, base frame.
-        axes: Of the peg, shape (3, 3), z from its end upward.
+        middle: Middle of the peg, shape (3,), m, base frame.
+        axes: Axes of the peg, shape (3, 3), z from its end upward.
         mouth: Middle of the hole's mouth, shape (3,), m, base frame.
         plate: Axes of the plate, shape (3, 3), z outward.
     """
@@ -344,7 +356,7 @@ def _clear(userdata: Vector) -> None:  # pragma: no cover
 
 @njit(cache=True)
 def judge(meters: Vector, userdata: Vector, ticks: int) -> None:  # pragma: no cover
-    """Meter one tick's penetrations: the least of the last `ticks` has lasted."""
+    """Meter one tick's penetrations: the least one of the newest `ticks` has lasted that long."""
     at = int(meters[RING_AT])
     meters[RING + at] = userdata[contact.PENETRATION]
     meters[SURFACE_RING + at] = userdata[contact.SURFACE]
@@ -369,14 +381,14 @@ def replay(
     states: Vector,
     steps: int,
 ) -> None:  # pragma: no cover
-    """Take bare steps from each of some states, with nothing around them: what a measurement of speed is held against.
+    """Take bare steps from each of some states, as a baseline for measurements of speed.
 
     Args:
         model: Address of the mjModel.
         data: Address of the mjData.
-        views: Of positions, velocities, applied forces, the solver's warm start, and joint friction.
+        views: Views of positions, velocities, applied forces, the solver's warm start, and joint friction.
         states: Rows of the five, one after the other.
-        steps: From each state.
+        steps: Number of steps from each state.
     """
     qpos, qvel, qfrc, warm, friction = views
     nq, nv = qpos.shape[0], qvel.shape[0]

@@ -1,7 +1,8 @@
-"""Few tangent flats that turn with the peg: a hole of eight boxes, each where the peg is nearest the wall.
+"""A few tangent flats that turn with the peg: a hole of eight boxes, each where the peg is nearest the wall.
 
-Every half-plane beyond a tangent of the hole is solid plate, so flats moved each step can only leave material out,
-never add any. Sectors that are fixed to the peg's lean keep one flat each, so that no flat jumps to another's place.
+Every half-plane beyond a tangent of the hole is solid plate, so that flats which move each step can only leave material
+out, never add any. Sectors that are fixed to the peg's tilt azimuth keep one flat each, so that no flat jumps to
+another's place.
 """
 
 import math
@@ -12,13 +13,13 @@ from drivers.compiled import njit
 
 FLATS = 8
 FLAT_SIZE = (0.05, 0.11, 0.02)
-"""Half sizes of a box: away from the hole, along the tangent, down, m."""
+"""Half sizes of a box: away from the hole, along the tangent, and down, m."""
 SECTOR = 2.0 * math.pi / FLATS
-"""Angle between two of them where nothing touches, rad."""
+"""Angle between two boxes where nothing touches, rad."""
 SAMPLES = 192
-"""Of the peg's rim; between two of them the nearest point is missed by less than 1 um."""
+"""Number of samples of the peg's rim; between two of them the nearest point is missed by less than 1 um."""
 REACH = 1e-4
-"""Points of the rim this far above the surface already count, m."""
+"""Height above the surface up to which points of the rim count, m."""
 
 _COS = np.cos(2.0 * math.pi / SAMPLES * np.arange(SAMPLES))
 _SIN = np.sin(2.0 * math.pi / SAMPLES * np.arange(SAMPLES))
@@ -26,13 +27,14 @@ _SIN = np.sin(2.0 * math.pi / SAMPLES * np.arange(SAMPLES))
 
 @njit(cache=True)
 def aim(end, hole, origin, R, xpos, xmat):  # type: ignore[no-untyped-def]
-    """Turn the boxes to where the part of the peg below the surface, projected on it, is furthest from the hole's axis.
+    """Turn the boxes to the points where the part of the peg below the surface, projected on it, is furthest from the
+    hole's axis.
 
     Args:
         end: The end of the peg in the plate's frame, see `sim.cylinder.End`.
         hole: Radius of the hole, m.
         origin: Place of the plate in the world, m.
-        R: Its axes as columns.
+        R: Axes of the plate as columns.
         xpos: Places of the boxes, shape (FLATS, 3), m, written.
         xmat: Axes of the boxes, shape (FLATS, 3, 3), written.
     """

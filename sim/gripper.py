@@ -5,9 +5,9 @@ from sim import engine
 from sim.world import World
 
 GRIPPING_SHARE = 0.5
-"""Both pads must carry this share of the set force to count as gripping."""
+"""Share of the set force that both pads carry when the hand counts as gripping, fraction."""
 POSITION_TOLERANCE = 1e-3
-"""The hand has arrived when it is this close to the commanded width, m."""
+"""Distance from the commanded width within which the hand has arrived, m."""
 
 
 class SimGripper:
@@ -18,10 +18,10 @@ class SimGripper:
         self._world = world
 
     def open(self) -> None:
-        """Nothing to connect."""
+        """Do nothing: there is no connection."""
 
     def close(self) -> None:
-        """Keep what is held: an opening hand would drop the peg."""
+        """Keep what is held, because an opening hand would drop the peg."""
 
     def grip(self, force: float) -> None:
         """Close until `force`, N, is held or the fingers meet."""

@@ -1,8 +1,9 @@
 """A rig for measuring models of arm and grip: the peg is pushed into the hole at a tilt by the arm's own law.
 
-The hole is in closed form each time. What carries the peg goes from a rigid mover over the arm's inertia at the tool
-to the whole arm, and the grip from a hinge to pads in contact. The depth is held against the exact one at the tilt
-that the peg has at that instant, and the deepest relative to it counts: less is friction, more is a peg in the wall.
+The hole is in closed form each time. The carrier of the peg ranges from a rigid mover over the arm's inertia at the
+tool to the whole arm, and the grip from a hinge to pads in contact. The depth is compared with the exact one at the
+tilt that the peg has at that instant, and the largest ratio counts: friction makes it smaller, a peg in the wall
+larger.
 """
 
 import math
@@ -19,53 +20,62 @@ from drivers.parts import Job
 from drivers.quantities import ImpedanceSetpoint, InHandTip, Vector
 from sim import engine, native, rig
 from sim.arm import SimArm
-from sim.cartesian_rig import DAMPING, RATE, SIDEWAYS, STIFFNESS, TURN_DAMPING, TURNING, CartesianRig
+from sim.cartesian_rig import RATE, SIDEWAYS, STIFFNESS, TURNING, CartesianRig
 from sim.config import ContactConfig, GripConfig, ModelConfig, SimConfig
 from sim.section import section_depth
+from sim.shapes import exact_depth
 from sim.world import World
 
 KINDS = ("rigid mover", "Cartesian inertia, hinge", "full arm, hinge", "full arm, pads in contact")
 TILTS = (5, 15)
-"""Degrees."""
+"""Tilts of the peg, degrees."""
 TIMESTEP = 5e-4
 PUSH = 10.0
 """Force on the peg, N."""
 SWEEP = 2e-3
-"""The setpoint goes round on a circle of this radius, m: friction must not keep the peg out."""
+"""Radius of the circle of the setpoint, m; its motion keeps friction from holding the peg out."""
 SECONDS, WAY = 3.0, 2.0
-"""Of the push, and of the way to the hole, s."""
+"""Duration of the push, and of the way to the hole, s."""
 GRIP = 30.0
-"""N."""
+"""Grip force, N."""
 ELBOW = 0.05
-"""Position that the elbow is drawn to, rad."""
+"""Position towards which the elbow is drawn, rad."""
 STEP = 5e-3
-"""Sideways, in the air, m: how far from it the tip stays."""
+"""Sideways step of the setpoint in the air, m, after which the tip's remaining distance is measured."""
+
+
+NOT_ROUND = (
+    "not measured: the arm's rigs know the exact depth at any attitude of pegs that look the same however turned"
+)
+"""Why a peg with corners is pushed by the rigid mover alone."""
 
 
 @dataclass(frozen=True, slots=True)
 class HandRow:
-    """What one model of arm and grip did; a row of arm_and_grip.csv."""
+    """Result for one model of arm and grip; a row of arm_and_grip.csv."""
 
     name: str
     real_time: float
-    """Multiples of real time, the torque law included, one core."""
+    """Speed in multiples of real time, the torque law included, one core."""
     error: float
-    """Deepest relative to the exact depth at the tilt of that instant, less 1."""
+    """Largest depth relative to the exact one at the tilt of that instant, less 1, ratio."""
     penetration: float
-    """Deepest that lasted longer than 2 ms, m."""
+    """Deepest penetration that lasted longer than 2 ms, m."""
     left: float
-    """How far from its setpoint the tip stays after a step of 5 mm in the air, m."""
+    """Distance of the tip from its setpoint after a step of 5 mm in the air, m."""
     turned: float
-    """How far the peg turned in the hand, rad."""
+    """Angle by which the peg turned in the hand, rad."""
     fault: str = ""
 
 
 def measure(kind: str, arm: ArmModel, job: Job) -> HandRow:
-    """Measure one model of arm and grip; one that cannot work is told in its row."""
+    """Measure one model of arm and grip; the row of one that cannot work says why."""
     try:
         with native.quiet():
-            if kind == "rigid mover":
+            if kind == KINDS[0]:
                 return _rigid(job)
+            if job.peg.part.symmetry > 0.0:
+                return HandRow(kind, math.nan, math.nan, math.nan, math.nan, math.nan, NOT_ROUND)
             if kind.startswith("Cartesian"):
                 return _cartesian(arm, job)
             return _whole(kind, arm, job, "pads" if "pads" in kind else "hinge")
@@ -74,17 +84,17 @@ def measure(kind: str, arm: ArmModel, job: Job) -> HandRow:
 
 
 def _rigid(job: Job) -> HandRow:
-    peg, hole = job.peg.part.thickness, job.hole.part.thickness
+    peg, hole = job.peg.part, job.hole.part
     worst, penetration, spent = -1.0, 0.0, 0.0
     for degrees in TILTS:
         tilt = math.radians(degrees)
         model = rig.tilted_peg(peg, hole, tilt, 0.0, 0.0, TIMESTEP)
-        # Once before the clock runs: the first call loads or compiles.
-        rig.push(model, peg / 2, tilt, 0.0, PUSH, TIMESTEP)
+        # The first call loads or compiles and must not be timed.
+        rig.push(model, peg, tilt, 0.0, PUSH, TIMESTEP)
         started = time.thread_time()
-        pushed = rig.push(model, peg / 2, tilt, 0.0, PUSH, SECONDS)
+        pushed = rig.push(model, peg, tilt, 0.0, PUSH, SECONDS)
         spent += time.thread_time() - started
-        worst = max(worst, pushed.depth / section_depth(peg, hole, tilt, 4001) - 1.0)
+        worst = max(worst, pushed.depth / exact_depth(peg, hole, rig.attitude(tilt, 0.0)) - 1.0)
         penetration = max(penetration, pushed.penetration)
     return HandRow(KINDS[0], len(TILTS) * SECONDS / spent, worst, penetration, 0.0, 0.0)
 
@@ -100,7 +110,7 @@ def _whole(kind: str, model: ArmModel, job: Job, grip: str) -> HandRow:
         while world.now() - began < SECONDS:
             where = _circle(world.now() - began)
             goal = world.plate.position + np.array([*where, -PUSH / STIFFNESS])
-            arm.follow(_setpoint(world, goal, rig.lean(tilt, 0.0), STIFFNESS))
+            arm.follow(_setpoint(world, goal, rig.tilted_axis(tilt, 0.0), STIFFNESS))
             started = time.thread_time()
             world.wait_until(world.now() + 0.01)
             spent += time.thread_time() - started
@@ -115,7 +125,7 @@ def _whole(kind: str, model: ArmModel, job: Job, grip: str) -> HandRow:
 
 
 def _holding(model: ArmModel, job: Job, grip: str) -> tuple[World, SimArm]:
-    """Return a world whose hand has the peg, pointing down, and whose hole is frictionless."""
+    """Return a world whose hand holds the peg, pointing down, over a frictionless hole."""
     sim = SimConfig(timestep=TIMESTEP, pace="max", model=ModelConfig(grip=grip))
     world = World(model, sim, ContactConfig(friction=0.0), GripConfig(friction=1.0, angle=0.0), "parallelogram", job)
     arm = SimArm(world)
@@ -127,14 +137,14 @@ def _holding(model: ArmModel, job: Job, grip: str) -> tuple[World, SimArm]:
 
 
 def _lead(world: World, arm: SimArm, tilt: float) -> float:
-    """Bring the tip above the hole, leaning; return how far it stays from its setpoint after a step, m."""
+    """Bring the tilted peg's tip above the hole; return its distance from the setpoint after a step, m."""
     tip, axis = _tip(world)
     above = world.plate.position + np.array([0.0, 0.0, 0.02])
     began, offset = world.now(), np.zeros(3)
     while (elapsed := world.now() - began) < WAY + 1.5:
         share = min(elapsed / WAY, 1.0)
         share = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
-        way = axis + share * (rig.lean(tilt, 0.0) - axis)
+        way = axis + share * (rig.tilted_axis(tilt, 0.0) - axis)
         offset = np.array([STEP, 0.0, 0.0]) if elapsed > WAY + 0.5 else np.zeros(3)
         arm.follow(_setpoint(world, tip + share * (above - tip) + offset, way / np.linalg.norm(way), SIDEWAYS))
         world.wait_until(world.now() + 0.01)
@@ -143,14 +153,13 @@ def _lead(world: World, arm: SimArm, tilt: float) -> float:
 
 def _setpoint(world: World, goal: Vector, axis: Vector, down: float) -> ImpedanceSetpoint:
     stiffness = np.array([SIDEWAYS, SIDEWAYS, down, *[TURNING] * 3])
-    damping = np.array([*[DAMPING] * 3, *[TURN_DAMPING] * 3])
     return ImpedanceSetpoint(
         id=1,
         tip=goal,
         axis=axis,
         roll=np.array([0.0, -1.0, 0.0]),
         stiffness=stiffness,
-        damping=damping,
+        damping_ratio=np.ones(6),
         valid_until=world.now() + 0.1,
         in_hand=InHandTip(_angle(world), world.job.peg.length, world.now()),
         posture=world.arm.posture(world.q, ELBOW),
@@ -175,13 +184,13 @@ def _circle(elapsed: float) -> Vector:
 
 @cache
 def _depths(peg: float, hole: float) -> tuple[Vector, Vector]:
-    """Return tilts, rad, and the exact depths there, m, as logarithms: between them the depth goes by a power."""
+    """Return tilts, rad, and the exact depths there, m, as logarithms: between tilts the depth follows a power law."""
     tilts = np.radians(np.geomspace(0.5, 40.0, 48))
     return np.log(tilts), np.log([section_depth(peg, hole, float(t), 1001) for t in tilts])
 
 
 def _excess(job: Job, end: Vector, lean: float) -> float:
-    """Return how much deeper the peg is than it can be at its tilt, relative; -1 where it is not at the hole."""
+    """Return by how much the peg is deeper than its tilt allows, relative; -1 where it is not at the hole."""
     if math.hypot(end[0], end[1]) > job.hole.part.thickness:
         return -1.0
     depth = job.peg.part.thickness / 2 * math.sin(lean) - float(end[2])
@@ -189,14 +198,14 @@ def _excess(job: Job, end: Vector, lean: float) -> float:
 
 
 def _cartesian(arm_model: ArmModel, job: Job) -> HandRow:
-    """Push with the arm's inertia at the tool, taken where the whole arm would push; no joints, and no friction in them."""
+    """Push with the arm's inertia at the tool, taken at the pose of the push, without joints and their friction."""
     worst, penetration, spent, turned, left = -1.0, 0.0, 0.0, 0.0, 0.0
     for degrees in TILTS:
         tilt = math.radians(degrees)
         world, arm = _holding(arm_model, job, "hinge")
         _lead(world, arm, tilt)
-        carried = CartesianRig(job, tilt, np.diag(_inertia(world)), world.stepper.breakaway(), TIMESTEP)
-        # In the air first: nothing keeps the tip from its setpoint.
+        carried = CartesianRig(job, tilt, np.diag(_inertia(world)), world.stepper.grip_limits().torque, TIMESTEP)
+        # In the air nothing keeps the tip from its setpoint.
         carried.put(np.array([-STEP, 0.0, 0.02]))
         carried.press(0.02, 0.0, 2000)
         left = max(left, float(np.linalg.norm(carried.tip - np.array([0.0, 0.0, 0.02]))))

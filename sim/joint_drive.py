@@ -1,5 +1,5 @@
-"""From the torque that the law commands to the one that moves a joint, compiled: delay, rate limit, low-pass, what
-gravity leaves over, and smooth friction. Dry friction and rotor inertia are the physics' own, see `sim.scene`.
+"""The way from the commanded torque to the one that moves a joint, compiled: delay, rate limit, low-pass, the remainder
+of gravity, and smooth friction. Dry friction and rotor inertia are the physics' own, see `sim.scene`.
 
 The smooth friction is applied explicitly, as a torque at the velocity at the beginning of a step. That is stable and free
 of ringing while slope · step is less than the joints' inertia, for which `stiffest` gives the figure: 0.14 on the Panda
@@ -19,18 +19,24 @@ from drivers.quantities import Vector
 from sim.arm_truth import LONGEST_DELAY, ArmTruth
 
 GRAVITY = 9.81
-"""m/s²."""
+"""Acceleration of gravity, m/s²."""
 
 IS_IDEAL, DELAY, AT, RATE_STEP = 0, 1, 2, 3
-"""Whether commands act as they are; delay, cycles; place of the newest command in the ring; largest change a cycle, N·m."""
+"""Indices of single words: whether commands act as they are; delay, cycles; place of the newest command in the ring;
+largest change in a cycle, N·m.
+"""
 BLEND = 4
-"""Share of the way to its goal that the low-pass goes in a tick, and in a long step."""
+"""Index of the shares of the way to its goal that the low-pass covers in a tick and in a long step."""
 LOAD, LOAD_AT = 6, 7
-"""Weight of the unknown payload, N, and its place from the finger centre, finger frame, m."""
+"""Indices of the payload: its weight, N, and its place from the finger centre, finger frame, m."""
 LEFT_OVER, SPAN, SLOPE, SHIFT, AT_REST, VISCOUS = 10, 17, 24, 31, 38, 45
-"""Seven each: torque that gravity leaves over; the smooth friction's curve and its value at rest; viscous friction."""
+"""Indices of seven words each: torque that gravity leaves over; the smooth friction's curve and its value at rest;
+viscous friction.
+"""
 LOADED, ARRIVED, ACTING = 52, 59, 66
-"""Seven each: torque of the payload; command at the end of transport and rate limit; torque behind the low-pass, N·m."""
+"""Indices of seven words each: torque of the payload; command at the end of transport and rate limit; torque behind the
+low-pass, N·m.
+"""
 RING = 73
 WORDS = RING + JOINTS * (LONGEST_DELAY + 1)
 
@@ -72,7 +78,7 @@ def words_of(truth: ArmTruth, period: float, steps: tuple[float, float]) -> Vect
 
 
 def fill(words: Vector, tau: Vector) -> None:
-    """Let all commands so far have been these torques, shape (7,), N·m."""
+    """Fill the ring as if all commands so far had been these torques, shape (7,), N·m."""
     words[ARRIVED : ARRIVED + JOINTS] = words[ACTING : ACTING + JOINTS] = tau
     words[RING:] = np.tile(tau, LONGEST_DELAY + 1)
 
@@ -84,12 +90,12 @@ def unmodelled(words: Vector) -> Vector:
 
 
 def stiffest(truth: ArmTruth, q: Vector, step: float) -> float:
-    """Return by how much smooth friction would change a velocity in one step, at most, relative: at 2 it is unstable.
+    """Return the largest relative change of a velocity by smooth friction in one step; the step is unstable at 2.
 
     Args:
         truth: The arm as it is.
         q: Joint positions, shape (7,), rad.
-        step: s.
+        step: Time step, s.
     """
     M = joint_inertia(truth.model, q) + np.diag(truth.rotor_inertia)
     slopes = np.diag(truth.friction.steepest())
@@ -98,12 +104,12 @@ def stiffest(truth: ArmTruth, q: Vector, step: float) -> float:
 
 @njit(cache=True)
 def command(words: Vector, arm: Vector, q: Vector, tau: Vector, qfrc: Vector) -> None:  # pragma: no cover
-    """Hand the law's torques over, once every control period.
+    """Take the law's torques, once every control period.
 
     Args:
         words: The drive; updated.
         arm: Figures of the arm, see `drivers.impedance.figures`.
-        q: Joint positions as they are, shape (7,), rad.
+        q: True joint positions, shape (7,), rad.
         tau: Commanded torques, shape (7,), N·m.
         qfrc: Applied generalised forces; an ideal drive writes the commands there.
     """
@@ -127,7 +133,7 @@ def command(words: Vector, arm: Vector, q: Vector, tau: Vector, qfrc: Vector) ->
             x += finger[0, k] * words[LOAD_AT + k]
             y += finger[1, k] * words[LOAD_AT + k]
         for i in range(JOINTS):
-            # A weight W at p turns a joint by axis · ((p - origin) × (0, 0, -W)).
+            # A weight W at p has the torque axis · ((p - origin) × (0, 0, -W)) about a joint.
             across = axes[i, 1] * (x - origins[i, 0]) - axes[i, 0] * (y - origins[i, 1])
             words[LOADED + i] = words[LOAD] * across
 

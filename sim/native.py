@@ -39,7 +39,7 @@ CONTACT_FIELDS = {
     "solimp": 184, "adhesion": 224, "mu": 232, "H": 240, "dim": 528, "geom1": 532, "geom2": 536, "geom": 540, "flex": 548,
     "elem": 556, "vert": 564, "exclude": 572, "efc_address": 576,
 }  # fmt: skip
-"""Where the fields of an mjContact are, bytes from its beginning."""
+"""Byte offsets of the fields of an mjContact."""
 _DOUBLES = {"pos": 3, "frame": 9, "friction": 5, "solref": 2, "solreffriction": 2, "solimp": 5, "H": 36}
 _INTEGERS = {
     "dim": 1,
@@ -76,7 +76,9 @@ _PROBE = """<mujoco><size nuser_geom="8" nuserdata="8"/><worldbody><geom type="e
 <tendon><spatial name="string"><site site="here"/><site site="there"/></spatial></tendon>
 <actuator><general joint="hinge" dyntype="filter"/></actuator><sensor><jointpos joint="hinge"/></sensor>
 <equality><connect body1="ball" anchor="0 0 0"/></equality></mujoco>"""
-"""With one of each, so that no array is empty: empty ones share their neighbour's address and would prove nothing."""
+"""Model with one element of every kind, so that no array is empty; an empty array shares its neighbour's address and
+would prove nothing.
+"""
 
 
 def library_path() -> Path:
@@ -95,7 +97,7 @@ def verify_layout() -> None:
     """Prove the offsets of this file against the loaded library.
 
     Raises:
-        ImportError: Another release than the one this file was made for.
+        ImportError: The library is of another release than this file's offsets.
     """
     found = mujoco.mj_versionString()
     if found != MUJOCO_VERSION:
@@ -121,7 +123,7 @@ def verify_layout() -> None:
 
 
 def _verify_contacts(found: str) -> None:
-    """Prove where contacts and their forces are, on a ball that lies on a plane."""
+    """Prove the offsets of contacts and their forces on a ball that lies on a plane."""
     model = mujoco.MjModel.from_xml_string(_BALL)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -150,7 +152,7 @@ def quiet() -> Iterator[None]:
 
 
 def stage_times(data: mujoco.MjData) -> dict[str, float]:
-    """Return what MuJoCo's stages took since last asked, by name, in the clock's own unit; see `clocked`."""
+    """Return the time that MuJoCo's stages took since the last call, by name, in the clock's own unit; see `clocked`."""
     names = list(mujoco.mjtTimer.__members__)[: len(data.timer)]
     durations = data.timer.duration.tolist()
     times = {name.removeprefix("mjTIMER_"): value for name, value in zip(names, durations, strict=True)}
@@ -197,12 +199,12 @@ def contact_force(data, contact):  # type: ignore[no-untyped-def]
 verify_layout()
 _timer = ctypes.c_void_p.in_dll(ctypes.CDLL(str(library_path())), "mjcb_time")
 _clock, _timer.value = _timer.value, None
-"""The Python package hangs in a clock that MuJoCo reads some thirty times a step; only a profile wants that."""
+"""Clock that the Python package hangs into MuJoCo, which reads it some thirty times a step; only profiling needs it."""
 
 
 @contextmanager
 def clocked() -> Iterator[None]:
-    """Let MuJoCo time its own stages (`mjData.timer`) while this lasts."""
+    """Let MuJoCo time its own stages (`mjData.timer`) within this context."""
     _timer.value = _clock
     try:
         yield
@@ -213,5 +215,6 @@ def clocked() -> Iterator[None]:
 llvmlite.binding.load_library_permanently(str(library_path()))
 add_contact = types.ExternalFunction("mj_addContact", types.int32(types.intp, types.intp, types.intp))
 step = types.ExternalFunction("mj_step", types.void(types.intp, types.intp))
+update_velocities = types.ExternalFunction("mj_comVel", types.void(types.intp, types.intp))
 NUSERDATA = 96
 assert np.dtype(np.intp).itemsize == 8

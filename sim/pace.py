@@ -1,18 +1,18 @@
-"""Simulated time, counted in ticks of the physics, and how fast it passes beside the wall clock."""
+"""Simulated time, counted in ticks of the physics, and its pace beside the wall clock."""
 
 import time
 from typing import Literal
 
 
 class Pace:
-    """The time of a simulated world."""
+    """Time of a simulated world."""
 
     def __init__(self, timestep: float, pace: float | Literal["max"]) -> None:
         """Start at 0.
 
         Args:
             timestep: Length of a tick, s.
-            pace: Multiple of real time to keep to, or as fast as it goes.
+            pace: Multiple of real time to keep to, or "max".
         """
         self.timestep = timestep
         self.ticks = 0
@@ -24,7 +24,7 @@ class Pace:
         return self.ticks * self.timestep
 
     def ticks_until(self, stamp: float) -> int:
-        """Return how many ticks lie between now and a time, s."""
+        """Return the number of ticks from now to a time, s."""
         return round((stamp - self.now()) / self.timestep)
 
     def keep(self) -> None:
@@ -38,5 +38,5 @@ class Pace:
         if behind > 0.0:
             time.sleep(behind)
         else:
-            # Too slow for the pace: do not run after the lost time.
+            # A computer too slow for the pace does not make up for lost time.
             self._wall = now - simulated

@@ -1,4 +1,4 @@
-"""How a peg settles between two pads, and what of that each taxel sees: the part of `sim.pads` that is compiled."""
+"""The equilibrium of a peg between two pads, and the pressure that each taxel sees: the compiled part of `sim.pads`."""
 
 import math
 
@@ -9,22 +9,22 @@ from drivers.impedance import solve
 from drivers.quantities import FINGERS, Vector
 
 CELL = 1e-3
-"""Of the grid on the pad, m."""
+"""Side of a cell of the grid on the pad, m."""
 NEWTON_STEPS = 40
 NEWTON_TOLERANCE = 1e-4
 LIGHTEST = 1e-3
-"""Loads below this share of the grip's own are as good as none: Newton's method need not resolve them."""
+"""Share of the grip's own load below which loads need not be resolved by Newton's method, fraction."""
 FURTHEST = 0.9
-"""Share of the way to the solid pad that one step may go."""
+"""Largest share of the distance to the solid pad that one step may cover, fraction."""
 LIFTED_SLOPE = 1e-3
-"""Stands in for the slope of a pad that is not touched, so that Newton's matrix has an inverse."""
+"""Slope of a pad that is not touched, so that Newton's matrix has an inverse."""
 SMALLEST = 1e-6
-"""Of a step's length, in Newton steps."""
+"""Shortest step, in Newton steps."""
 
 
 @njit(cache=True)
 def _energy(depth: Vector, thickness: float) -> float:  # pragma: no cover
-    """Return the energy stored at these depths, the integral of depth / (1 - depth/thickness), in its units."""
+    """Return the energy stored at these depths, the integral of depth / (1 - depth/thickness), in units of the foundation."""
     total = 0.0
     for k in range(depth.size):
         share = max(depth[k], 0.0) / thickness
@@ -36,13 +36,13 @@ def _energy(depth: Vector, thickness: float) -> float:  # pragma: no cover
 def lie(  # noqa: C901  one Newton iteration, compiled, whose loops share its arrays
     motions: Vector, wanted: Vector, start: Vector, rest: float, thickness: float
 ) -> Vector:  # pragma: no cover
-    """Return the motions' amounts at which the pads' answer, in units of the foundation, is what is `wanted`.
+    """Return the amounts of the motions at which the pads' answer, in units of the foundation, equals `wanted`.
 
     Args:
         motions: Depth that a unit of each motion adds at each point of both pads, shape (m, n).
-        wanted: What the answers, each times its motion, shall add up to, shape (m,).
-        start: Where to start, shape (m,).
-        rest: Depth that no motion changes, m.
+        wanted: Required sums of the answers, each times its motion, shape (m,).
+        start: First guess of the amounts, shape (m,).
+        rest: Part of the depth that no motion changes, m.
         thickness: Depth at which a pad is solid, m.
     """
     m, n = motions.shape
@@ -73,7 +73,7 @@ def lie(  # noqa: C901  one Newton iteration, compiled, whose loops share its ar
         if np.abs(missing).max() < enough:
             break
         move = solve(matrix, missing.copy())
-        # Most of the way to the solid pad at the furthest.
+        # A step covers at most most of the way to the solid pad.
         share, gain = 0.0, 0.0
         for k in range(n):
             change[k] = 0.0
@@ -111,13 +111,13 @@ def spread(
     """Add up the pressure that each taxel sees.
 
     Args:
-        ends: Of the peg on the pads, m along it from the finger centre.
+        ends: Ends of the contact line, m along the peg from the finger centre.
         pressing: delta0, u and phi, as in `Pressing`.
         peg: theta, offset, diameter or width of its face, and whether a face lies on the pads.
-        pad: Stiffness of its foundation, N/m², and thickness, m.
-        cells: Of the grid, shape (n, 2), m.
+        pad: Stiffness of the pad's foundation, N/m², and thickness, m.
+        cells: Cells of the grid, shape (n, 2), m.
         weights: Share of each cell's pressure that a taxel sees, shape (2, 20, n).
-        taxels: Shape (2, 20), Pa, at zero; filled in.
+        taxels: Pressures, shape (2, 20), Pa, at zero; filled in.
     """
     low, high = ends
     delta0, u, phi = pressing

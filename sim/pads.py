@@ -9,6 +9,7 @@ bed of springs does, and the elastomer blurs it on its way to the taxels.
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,29 +21,29 @@ from sim.pad_solver import CELL, lie, spread
 
 LINE_POINTS = 33
 LEVER_LIMIT = 0.9
-"""Loads that would lift the peg off a pad, or lever it out over its edge, are clipped to this share of the most."""
+"""Share of the largest bearable load to which loads are clipped that would lift the peg off a pad or lever it out, fraction."""
 GAUSS = ((-math.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (math.sqrt(0.6), 5 / 18))
-"""Places, on -1 to 1, and weights of a mean by Gauss and Legendre."""
+"""Places, on -1 to 1, and weights of a mean by Gauss-Legendre quadrature."""
 
 
 @dataclass(frozen=True, slots=True)
 class PadLoad:
-    """What the pads hold, and against which forces."""
+    """The load of the pads: the grip, and the forces that it resists."""
 
     theta: float
     """In-hand angle about the closing axis, rad: the peg points along (cos t, sin t, 0) of the finger frame."""
     offset: float
-    """Of the peg's axis from the finger centre along (-sin t, cos t, 0), m."""
+    """Distance of the peg's axis from the finger centre along (-sin t, cos t, 0), m."""
     grip_force: float
-    """Of the hand, N: each pad's load while nothing pushes the peg."""
+    """Grip force of the hand, N; each pad's load while nothing pushes the peg."""
     across: float
     """Force on the peg along z of the finger frame, towards the left pad, N."""
     tilting: float
-    """Moment of such forces about the finger centre: each times its lever s along the peg, L at the tip; N·m."""
+    """Moment of such forces about the finger centre, each times its lever s along the peg, L at the tip; N·m."""
     reach_tip: float
-    """How far the peg reaches from the finger centre towards its tip, m."""
+    """Length of the peg from the finger centre towards its tip, m."""
     reach_back: float
-    """How far it reaches the other way, m."""
+    """Length of the peg from the finger centre the other way, m."""
     width: float
     """Diameter of a round peg, or width of the faces that lie in the pads, m."""
     is_flat: bool = False
@@ -52,19 +53,19 @@ class PadLoad:
 TOUCH = PadLoad(
     theta=0.0, offset=0.0, grip_force=1.0, across=0.0, tilting=0.0, reach_tip=0.05, reach_back=0.01, width=0.008
 )
-"""Any load that touches every pad."""
+"""Load that touches every pad, for warming up."""
 
 
 def load_of(peg: Peg, tcp: Pose, pose: Pose, grip_force: float, force: Vector, torque: Vector) -> PadLoad:
-    """Return what the pads hold: the grip, and the reaction of what pushes the peg, whose inertia is too small to count.
+    """Return the load of the pads: the grip, and the reaction to what pushes the peg, whose inertia is neglected.
 
     Args:
         peg: The part.
         tcp: T_base_tcp, at the finger centre.
-        pose: Of the peg's middle, z from its end upward, base frame.
-        grip_force: Of the hand, N.
-        force: Of the plates on the peg, shape (3,), N, base frame.
-        torque: Of that force about the finger centre, shape (3,), N·m, base frame.
+        pose: Pose of the peg's middle, z from its end upward, base frame.
+        grip_force: Grip force of the hand, N.
+        force: Force of the plates on the peg, shape (3,), N, base frame.
+        torque: Torque of that force about the finger centre, shape (3,), N·m, base frame.
     """
     axis = tcp.rotation.T @ pose.rotation[:, 2]
     theta = math.atan2(-axis[1], -axis[0])
@@ -88,7 +89,7 @@ def load_of(peg: Peg, tcp: Pose, pose: Pose, grip_force: float, force: Vector, t
 
 
 def contact_span(load: PadLoad, length: float, width: float) -> tuple[float, float]:
-    """Return where along its axis the peg lies on a pad of this size, two values of s, m; equal where it does not."""
+    """Return the ends of the contact line on a pad of this size, two values of s, m; equal where the peg misses the pad."""
     return _span(load.theta, load.offset, load.reach_tip, load.reach_back, length / 2, width / 2)
 
 
@@ -107,52 +108,74 @@ def _span(
     return low, max(low, high)
 
 
-def breakaway_torque(load: PadLoad, friction: float, length: float, width: float) -> float:
-    """Return the torque about the closing axis at which the peg starts to turn in the pads, N·m.
+class GripLimits(NamedTuple):
+    """The most that friction of the two pads bears in their plane before the peg slips, force and moment each alone."""
 
-    Coulomb friction of a line under uniform pressure that turns about the finger centre: each pad resists
-    with mu·N·(integral of |r| ds)/l, and the two pads' N add up to twice the grip force. For a line of length
-    l with the finger centre in its middle that is mu·N·l/4 a pad. A flat face is many such lines.
+    force: float
+    """Largest force along the pads, in any direction, N."""
+    torque: float
+    """Largest moment about the closing axis through the middle of the contact, N·m."""
+    middle: float
+    """Middle of the contact, m along the peg from the finger centre towards its tip."""
+    length: float
+    """Length of the contact along the peg, m; 0 where the peg is not between the pads."""
+
+
+def breakaway_torque(load: PadLoad, friction: float, length: float, width: float) -> float:
+    """Return the torque about the closing axis at which the peg starts to turn in the pads, N·m, see `grip_limits`.
 
     Args:
-        load: What the pads hold; `across` and `tilting` do not count.
+        load: Load of the pads; `across` and `tilting` do not count.
         friction: Coulomb coefficient of peg on pad.
-        length: Of a pad along the finger, m.
-        width: Of a pad across the finger, m.
+        length: Length of a pad along the finger, m.
+        width: Width of a pad across the finger, m.
     """
-    return breakaway_torque_of(
+    return grip_limits(
         load.theta,
         load.offset,
         load.grip_force,
-        load.reach_tip,
-        load.reach_back,
-        length / 2,
-        width / 2,
+        (load.reach_tip, load.reach_back),
+        (length / 2, width / 2),
         friction,
         load.width if load.is_flat else 0.0,
-    )
+    ).torque
 
 
-def breakaway_torque_of(
+def grip_limits(
     theta: float,
     offset: float,
     grip_force: float,
-    reach_tip: float,
-    reach_back: float,
-    half_length: float,
-    half_width: float,
+    reach: tuple[float, float],
+    half: tuple[float, float],
     friction: float,
     flat: float = 0.0,
-) -> float:
-    """Return `breakaway_torque` from scalars alone; `flat` is the width of a flat face, m, 0 the line of a round peg."""
-    lines = [(offset + flat / 2 * place, weight) for place, weight in GAUSS] if flat > 0.0 else [(offset, 1.0)]
-    lever = length = 0.0
-    for beside, weight in lines:
-        low, high = _span(theta, beside, reach_tip, reach_back, half_length, half_width)
-        if high > low:
-            lever += weight * (_lever(high, beside) - _lever(low, beside))
-            length += weight * (high - low)
-    return 2.0 * friction * grip_force * lever / length if length > 0.0 else 0.0
+) -> GripLimits:
+    """Return what friction in the pads bears, from Coulomb's law for a line, or a face, under uniform pressure.
+
+    The two pads' normal forces add up to twice the grip force N, so that a force slides the peg at 2·mu·N. A moment turns
+    it about the middle of the contact, and each pad resists with mu·N·(integral of |r| ds)/l: for a line of length l that is
+    mu·N·l/4 a pad. A flat face is many such lines.
+
+    Args:
+        theta: In-hand angle, rad.
+        offset: Of the peg's axis from the finger centre along (-sin t, cos t, 0), m.
+        grip_force: Of the hand, N.
+        reach: How far the peg reaches from the finger centre towards its tip and the other way, m.
+        half: Half the length and half the width of a pad, m.
+        friction: Coulomb coefficient of peg on pad.
+        flat: Width of a flat face, m; 0 is the line of a round peg.
+    """
+    lines = [(flat / 2 * place, weight) for place, weight in GAUSS] if flat > 0.0 else [(0.0, 1.0)]
+    spans = [(beside, weight, _span(theta, offset + beside, *reach, *half)) for beside, weight in lines]
+    length = sum(weight * (high - low) for _, weight, (low, high) in spans)
+    if length <= 0.0:
+        return GripLimits(0.0, 0.0, 0.0, 0.0)
+    middle = sum(weight * (high**2 - low**2) / 2 for _, weight, (low, high) in spans) / length
+    lever = sum(
+        weight * (_lever(high - middle, beside) - _lever(low - middle, beside)) for beside, weight, (low, high) in spans
+    )
+    force = 2.0 * friction * grip_force
+    return GripLimits(force, force * lever / length, middle, length)
 
 
 def _lever(s: float, offset: float) -> float:
@@ -164,21 +187,21 @@ def _lever(s: float, offset: float) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pressing:
-    """How the peg lies in the pads."""
+    """The lie of the peg in the pads."""
 
     low: float
-    """Where the contact line starts, m along the peg from the finger centre."""
+    """Start of the contact line, m along the peg from the finger centre."""
     high: float
-    """Where it ends, m."""
+    """End of the contact line, m along the peg from the finger centre."""
     delta0: float
     """Mean depth, m."""
     u: float
-    """How far the peg has moved towards the left pad, at the finger centre, m."""
+    """Displacement of the peg towards the left pad at the finger centre, m."""
     phi: float
-    """How far it has tilted that way, rad."""
+    """Tilt of the peg towards the left pad, rad."""
 
     def depth(self, finger: int, s: Vector) -> Vector:
-        """Return how deep the peg sits in a finger's pad at `s`, m, not below 0; 0 is the left finger."""
+        """Return the depth of the peg in a finger's pad at `s`, m, not below 0; finger 0 is the left one."""
         move = self.u + self.phi * s
         depth: Vector = np.maximum(self.delta0 + (move if finger == 0 else -move), 0.0)
         return depth
@@ -193,7 +216,7 @@ class Pads:
         Args:
             config: Elastomer and taxels.
             layout: How the two modules of a finger sit.
-            misplaced: How far each taxel sits from its place in the layout, shape (2, 20, 2), m; None is nowhere.
+            misplaced: Offset of each taxel from its place in the layout, shape (2, 20, 2), m; None for no offsets.
         """
         self.length, self.width = pad_size(layout)
         self._config = config
@@ -203,7 +226,7 @@ class Pads:
             if misplaced is None
             else weights_at(finger_positions(layout) + misplaced, layout, config.blur, config.taxel_diameter)
         )
-        # The first touch of a process compiles; a cell shall not stand still for that while a PLC watches its run.
+        # The first touch of a process compiles, which must not happen during a run that a PLC watches.
         self.pressure(TOUCH)
 
     def line_load(self, depth: Vector) -> Vector:
@@ -212,9 +235,9 @@ class Pads:
         return load
 
     def press(self, load: PadLoad) -> Pressing:
-        """Return how the peg lies under `load`.
+        """Return the lie of the peg under `load`.
 
-        Newton's method on the potential energy of the pads, which is convex, so there is one answer.
+        Newton's method minimises the potential energy of the pads, which is convex, so that the answer is unique.
         """
         low, high = contact_span(load, self.length, self.width)
         if high - low < CELL or load.grip_force <= 0.0:
@@ -238,7 +261,7 @@ class Pads:
         pressing = self.press(load)
         if pressing.high <= pressing.low:
             return np.zeros(self._weights.shape[:2])
-        # The pad's edges cut a line short, but a face only where it reaches over them, and beyond them are no cells.
+        # The pad's edges shorten a line; a face is cut by the grid, which has no cells beyond the edges.
         ends = (-load.reach_back, load.reach_tip) if load.is_flat else (pressing.low, pressing.high)
         taxels = np.zeros(self._weights.shape[:2])
         spread(
@@ -254,7 +277,7 @@ class Pads:
 
 
 def _bearable(load: PadLoad, low: float, high: float) -> tuple[float, float]:
-    """Return `across` and `tilting` as far as pads that cannot pull can bear them."""
+    """Return `across` and `tilting`, reduced to what pads that cannot pull can bear."""
     most = 2.0 * LEVER_LIMIT * load.grip_force
     across = min(max(load.across, -most), most)
     left, right = load.grip_force + across / 2, load.grip_force - across / 2
@@ -265,18 +288,18 @@ def _bearable(load: PadLoad, low: float, high: float) -> tuple[float, float]:
 
 @lru_cache
 def taxel_weights(layout: Layout, blur: float, diameter: float) -> tuple[Vector, Vector]:
-    """Return what `weights_at` returns for taxels that sit where the layout says."""
+    """Return the result of `weights_at` for taxels that sit where the layout says."""
     return weights_at(finger_positions(layout), layout, blur, diameter)
 
 
 def weights_at(places: Vector, layout: Layout, blur: float, diameter: float) -> tuple[Vector, Vector]:
-    """Return the grid's cells, shape (n, 2), m, and what share of each cell's pressure a taxel sees, shape (2, 20, n).
+    """Return the grid's cells, shape (n, 2), m, and the share of each cell's pressure in a taxel, shape (2, 20, n).
 
     The point spread is a Gaussian averaged over the taxel's disc; on an endless pad the shares of a taxel add up to 1.
 
     Args:
         places: Middles of the taxels in the plane of the pad, shape (2, 20, 2), m.
-        layout: Gives the pad its size.
+        layout: Layout of the taxels, which gives the pad its size.
         blur: Standard deviation of the point spread, m.
         diameter: Diameter of the area that a taxel averages over, m.
     """
@@ -285,7 +308,7 @@ def weights_at(places: Vector, layout: Layout, blur: float, diameter: float) -> 
     cells = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     area = (x[1] - x[0]) * (y[1] - y[0])
     number = np.arange(200) + 0.5
-    # A sunflower covers a disc evenly.
+    # The sunflower pattern covers a disc evenly.
     radius, turn = diameter / 2 * np.sqrt(number / number.size), np.pi * (1 + 5**0.5) * number
     disc = np.column_stack([radius * np.cos(turn), radius * np.sin(turn)])
     away = places[:, :, None, :] - cells

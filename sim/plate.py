@@ -35,7 +35,27 @@ class Plate:
     half: tuple[float, float]
     """Half the extents of the hole along x and y: its radius, twice, or half its sides, m."""
     depth: float
-    """Of the floor, m."""
+    """Depth of the floor, m."""
+
+    outline: tuple[float, float, float, float] = contact.ENDLESS
+    """Middle and half the extents of the plate along x and y of its own frame, m; beyond them nothing is touched."""
+
+
+def outline_of(
+    place: Vector, rotation: Vector, low: tuple[float, float], high: tuple[float, float]
+) -> tuple[float, float, float, float]:
+    """Return the outline of a plate, see `Plate`, that covers a rectangle of the base frame.
+
+    Args:
+        place: Middle of the hole's mouth, shape (3,), m, base frame.
+        rotation: Axes of the plate, shape (3, 3).
+        low: Least x and y of the rectangle, m, base frame.
+        high: Largest x and y, m.
+    """
+    away = np.array([(low[0] + high[0]) / 2 - place[0], (low[1] + high[1]) / 2 - place[1], 0.0])
+    x, y, _ = rotation.T @ away
+    half_x, half_y, _ = np.abs(rotation.T) @ np.array([(high[0] - low[0]) / 2, (high[1] - low[1]) / 2, 0.0])
+    return float(x), float(y), float(half_x), float(half_y)
 
 
 def geoms(
@@ -57,9 +77,12 @@ def geoms(
     mode = contact.UNPREDICTED if model.hole == "unpredicted" else contact.EXACT
     if has_facets:
         mode = contact.PROBE if is_judged else contact.NONE
-    user = contact.plate_user(plate.half, plate.depth, friction, timestep, solref, mode, has_flats)
+    user = contact.plate_user(plate.half, plate.depth, friction, timestep, solref, mode, has_flats, plate.outline)
+    x, y, half_x, half_y = plate.outline
+    # The ellipsoid bounds the volume in which the closed form is asked at all.
+    around = math.hypot(abs(x) + half_x, abs(y) + half_y)
     shapes = [
-        f'<geom name="{name}" type="ellipsoid" size="0.1 0.1 0.1" {_pose(plate, np.zeros(3), 0.0)} '
+        f'<geom name="{name}" type="ellipsoid" size="{words((around, around, around))}" {_pose(plate, np.zeros(3), 0.0)} '
         f'contype="1" conaffinity="0" user="{words(user)}"/>'
     ]
     if not has_facets:

@@ -1,4 +1,4 @@
-"""What differs between the cell that is and the cell that the software believes in: drawn per trial, known to no skill.
+"""The differences between the true cell and the cell that the software believes in, drawn per trial and known to no skill.
 
 `config/reality.toml` says how each error is distributed, in which unit, and from which source; `reality.scale` says
 how large the errors are. Every error has a stream of random numbers of its own, which depends on the trial's seed and
@@ -25,7 +25,7 @@ from sim.config import RealityConfig
 REALITY_STREAM = 4
 """Key of the random streams of errors; the trial's place, feel, skin and search draw from those before it."""
 CUT_OFF = 3.0
-"""Normal draws lie within so many standard deviations."""
+"""Standard deviations from 0 at which normal draws are cut off."""
 SHAPES: dict[str, tuple[int, ...]] = {
     "trial": (),
     "axis": (3,),
@@ -33,18 +33,18 @@ SHAPES: dict[str, tuple[int, ...]] = {
     "taxel": (FINGERS, TAXELS),
     "taxel_axis": (FINGERS, TAXELS, 2),
 }
-"""Shape of a draw by what it is drawn for."""
+"""Shape of a draw by what one value is drawn for."""
 RECORDED = ("trial", "axis", "joint")
-"""What a trial's row tells; values of single taxels follow from the seed."""
+"""Kinds of draws that a trial's row records; values of single taxels follow from the seed."""
 
 
 class Kind(NamedTuple):
-    """What the stand-in does with one error."""
+    """How the simulation draws and uses one error."""
 
     each: str
-    """What one value is drawn for, a key of SHAPES."""
+    """What one value is drawn for, a key of `SHAPES`."""
     ideal: float
-    """The value in a cell that is as believed."""
+    """Value in a cell that agrees with the software's belief."""
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -70,6 +70,7 @@ KINDS: dict[str, Kind] = {
     "place.plate_tilt": Kind("trial", 0.0),
     "peg.depth_in_hand": Kind("trial", 0.0),
     "grip.force": Kind("trial", 1.0),
+    "grip.pad_friction": Kind("trial", 1.0),
     "skin.noise_level": Kind("taxel", 1.0),
     "skin.taxel_place": Kind("taxel_axis", 0.0),
     "skin.dead_taxel": Kind("taxel", 0.0),
@@ -77,7 +78,7 @@ KINDS: dict[str, Kind] = {
     "scan.late": Kind("trial", 0.0),
     "scan.delay": Kind("trial", 0.0),
 }
-"""Every error by its name in the file, which must hold each of them once."""
+"""Kind of every error by its name in the file, which must hold each of them once."""
 
 Figure = float | tuple[float, ...]
 Drawn = Mapping[str, Vector]
@@ -90,20 +91,20 @@ def _fixed(value: Vector) -> Vector:
 
 
 AS_BELIEVED: Drawn = {name: _fixed(np.full(kind.shape, kind.ideal)) for name, kind in KINDS.items()}
-"""The draw of a cell that is as believed."""
+"""Draw of a cell that agrees with the software's belief."""
 
 
 class ErrorModel(ConfigModel):
-    """One error: what it is, how it is drawn at scale 1, and who says so."""
+    """One error: its meaning, its distribution at scale 1, and its source."""
 
     about: Annotated[str, Field(min_length=10)]
-    """What differs, in words."""
+    """Meaning of the error in words."""
     unit: Annotated[str, Field(min_length=1)]
     """Unit of the drawn value."""
     basis: Literal["measured", "published", "assumed"]
-    """Whether the source has the figure, or no more than its order."""
+    """Whether the source gives the figure or only its order of magnitude."""
     source: Annotated[str, Field(min_length=10)]
-    """Who says so."""
+    """Source of the figure."""
 
     def figures(self) -> Mapping[str, Figure]:
         """Return the figures of the distribution by their keys."""
@@ -111,7 +112,7 @@ class ErrorModel(ConfigModel):
 
 
 class Normal(ErrorModel):
-    """Normal about 0, cut off at 3 sigma."""
+    """Normal distribution about 0, cut off at 3 sigma."""
 
     distribution: Literal["normal"]
     sigma: NonNegativeFloat | tuple[NonNegativeFloat, ...]
@@ -123,7 +124,7 @@ class Normal(ErrorModel):
 
 
 class Uniform(ErrorModel):
-    """Even between two bounds, which grow with the scale."""
+    """Even distribution between two bounds, which grow with the scale."""
 
     distribution: Literal["uniform"]
     low: Figure
@@ -143,11 +144,11 @@ class Uniform(ErrorModel):
 
 
 class Factor(ErrorModel):
-    """A factor about 1, even in its logarithm."""
+    """A factor about 1 that is distributed evenly in its logarithm."""
 
     distribution: Literal["factor"]
     spread: Annotated[float, Field(ge=1.0)] | tuple[Annotated[float, Field(ge=1.0)], ...]
-    """The factor lies between its inverse and itself."""
+    """Largest factor; the smallest is its inverse."""
 
     def draw(self, rng: np.random.Generator, scale: float, shape: tuple[int, ...]) -> Vector:
         """Return one draw of a shape at a scale."""
@@ -167,11 +168,11 @@ class Lognormal(ErrorModel):
 
 
 class Chance(ErrorModel):
-    """1 with some probability, else 0."""
+    """Draw of 1 with some probability, else of 0."""
 
     distribution: Literal["chance"]
     probability: Fraction
-    """At scale 1."""
+    """Probability of 1 at scale 1."""
 
     def draw(self, rng: np.random.Generator, scale: float, shape: tuple[int, ...]) -> Vector:
         """Return one draw of a shape at a scale."""
@@ -182,14 +183,14 @@ AnyError = Annotated[Normal | Uniform | Factor | Lognormal | Chance, Field(discr
 
 
 class Reality:
-    """The errors of one file."""
+    """The errors that one file describes."""
 
     def __init__(self, errors: Mapping[str, AnyError]) -> None:
         """Keep the errors by name."""
         self.errors = dict(errors)
 
     def draw(self, seed: int, reality: RealityConfig) -> Drawn:
-        """Return what is drawn for the trial with this seed; the values cannot be changed.
+        """Return the draw of the trial with this seed; the values cannot be changed.
 
         Raises:
             ConfigError: `reality.alone` names no error.
@@ -206,13 +207,13 @@ class Reality:
 
 @dataclass(frozen=True, slots=True)
 class Errors:
-    """The errors of one cell: what may be drawn, and how large."""
+    """The errors of one cell and their scale."""
 
     reality: Reality
     config: RealityConfig
 
     def draw(self, seed: int) -> Drawn:
-        """Return what is drawn with this seed.
+        """Return the draw of this seed.
 
         Raises:
             ConfigError: `reality.alone` names no error.
@@ -221,14 +222,14 @@ class Errors:
 
 
 NO_ERRORS = Errors(Reality({}), RealityConfig(scale=0.0))
-"""Those of a cell that is as believed."""
+"""Errors of a cell that agrees with the software's belief."""
 
 
 def read(path: Path) -> Reality:
     """Return the errors that a file describes.
 
     Raises:
-        ConfigError: Not readable, not TOML, an error that is missing, unknown, without a source or outside its bounds.
+        ConfigError: The file is not readable or not TOML, or an error is missing, unknown, without a source or out of bounds.
     """
     try:
         tree = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -254,7 +255,7 @@ def read_shipped() -> Reality:
 
 
 def recorded(drawn: Drawn) -> dict[str, str]:
-    """Return what a trial's row tells of its draw: by name, values parted by spaces; taxels follow from the seed."""
+    """Return the part of a draw that a trial's row records: by name, values parted by spaces; taxels follow from the seed."""
     return {
         f"reality.{name}": " ".join(f"{value:.5g}" for value in drawn[name].flat)
         for name, kind in KINDS.items()
@@ -269,7 +270,7 @@ def _tables(path: Path, group: str, tables: Any) -> list[tuple[str, Any]]:
 
 
 class _Holder(ConfigModel):
-    """Lets pydantic choose the model of an error by its distribution."""
+    """Model of one error that pydantic chooses by the error's distribution."""
 
     error: AnyError
 
@@ -278,7 +279,7 @@ def _error(path: Path, name: str, table: Any) -> AnyError:
     try:
         model = _Holder.model_validate({"error": table}).error
     except ValidationError as error:
-        # Of a figure that may be one number or several, the deepest complaint is the one that is meant.
+        # For a figure that may be one number or several, the complaint at the deepest place is the one to report.
         first = max(error.errors(), key=lambda said: len(said["loc"]))
         key = first["loc"][2] if len(first["loc"]) > 2 else "distribution"
         said = first["msg"].removeprefix("Value error, ")
@@ -295,7 +296,7 @@ def _one_each(path: Path, name: str, error: AnyError) -> AnyError:
 
 
 def _standard(rng: np.random.Generator, shape: tuple[int, ...]) -> Vector:
-    """Return standard normal draws, those beyond the cut-off drawn again."""
+    """Return standard normal draws; those beyond the cut-off are drawn again."""
     values = np.asarray(rng.standard_normal(shape))
     while np.any(far := np.abs(values) > CUT_OFF):
         values = np.where(far, rng.standard_normal(shape), values)

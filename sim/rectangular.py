@@ -30,16 +30,18 @@ from sim.contact import (
 )
 
 PEG_TYPE = mujoco.mjtGeom.mjGEOM_BOX
-"""Against `PLATE_TYPE` again a pair that nothing else uses; the plate's `hole` and `across` are half the hole's sides."""
+"""Geom type of the peg; against `PLATE_TYPE` no other pair uses it. The plate's `hole` and `across` are half the hole's sides."""
 
 FLUSH = 0.02
 """Sine of the angle by which a normal may lie outside of a cone."""
 ROUNDING = 1e-6
-"""Outside of the cone a pair that is closer than touching, m, is not what touches."""
+"""Distance below which a pair outside of a cone is closer than touching and is left out, m."""
 PARALLEL = 1e-6
 """Sine of the angle below which two edges have no common normal; their ends and the edges across then stand for them."""
-BEYOND = 5e-5
-"""A rim edge counts so far beyond its ends, m: there its plane and wall go on inside the solid, and no peg's edge may be."""
+BEYOND = 1e-3
+"""A rim edge counts so far beyond its ends, m. An edge of the peg that crosses its line there is over solid, so it may not be
+below it anyway; without, one that slides past a corner of the hole would meet the next rim edge only once it is in it, for where
+the two cross moves by more than a tenth of a millimetre in a step."""
 
 
 @njit(cache=True)
@@ -100,7 +102,7 @@ def collide(model, data, geom_plate, geom_peg):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _outward(e1, e2, n):  # type: ignore[no-untyped-def]
-    """Return the outward normal of the side face that ends at corner n; corners go round from (+, +) by way of (-, +)."""
+    """Return the outward normal of the side face that ends at corner n; corners go from (+, +) by way of (-, +)."""
     side = e1 if n % 2 == 0 else e2
     sign = 1.0 if n < 2 else -1.0
     return (sign * side[0], sign * side[1], sign * side[2])
@@ -118,7 +120,7 @@ def _depth(p, inward, half):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _edges(meet, start, along, length, one, other, is_end):  # type: ignore[no-untyped-def]
-    """Add one edge of the peg, from `start` along a unit vector, against the hole's four; one and other its faces' normals."""
+    """Add one edge of the peg, from `start` along a unit vector, against the hole's four; one and other are its faces' normals."""
     end = (start[0] + length * along[0], start[1] + length * along[1], start[2] + length * along[2])
     for k in range(4):
         sign = 1.0 if k < 2 else -1.0

@@ -1,6 +1,6 @@
-"""A rig for measuring models of the hole: a peg at a fixed attitude on three slides, pushed in, dragged, or dropped.
+"""A rig for measuring models of the hole: a peg at a fixed attitude on three slides is pushed in, dragged, or dropped.
 
-The slides are a rigid mover: nothing but the contacts gives way. The same work for every model.
+The slides are rigid, so that only the contacts give way. The work is the same for every model.
 """
 
 import math
@@ -10,23 +10,25 @@ import mujoco
 import numpy as np
 
 from drivers.compiled import njit
+from drivers.frames import rotation_about
+from drivers.part.contract import Part
 from drivers.quantities import Vector
-from sim import contact, cylinder, engine, native
+from sim import contact, engine, native, shapes
 from sim.config import ModelConfig
 from sim.plate import EXACT, Plate, flags, geoms, words
 
 HOLE_DEPTH = 0.03
 MASS = 0.5
-"""Of the peg and what moves it, kg."""
+"""Mass of the peg and its carrier, kg."""
 DAMPING = 5.0
-"""Of the slides while the peg is pushed, N·s/m."""
+"""Damping of the slides while the peg is pushed, N·s/m."""
 SERVO_STIFFNESS, SERVO_DAMPING = 5e4, 300.0
-"""Of the slides while the peg is dragged, N/m and N·s/m."""
+"""Stiffness, N/m, and damping, N·s/m, of the slides while the peg is dragged."""
 
 
 def tilted_peg(
-    diameter: float,
-    hole: float,
+    peg: Part,
+    hole: Part,
     tilt: float,
     azimuth: float,
     friction: float,
@@ -34,67 +36,80 @@ def tilted_peg(
     model: ModelConfig = EXACT,
     is_judged: bool = True,
 ) -> mujoco.MjModel:
-    """Return a peg whose end's middle is at the slides' origin, leaning by `tilt` towards `azimuth`, over a hole there.
+    """Return the model of a peg that is tilted by `tilt` towards `azimuth`, its end's middle at the slides' origin, over a hole.
 
     Args:
-        diameter: Of the peg, m.
-        hole: Diameter of the hole, m.
-        tilt: rad.
-        azimuth: rad.
+        peg: Cross-section of the peg.
+        hole: Cross-section of the hole, turned as an upright peg is.
+        tilt: Tilt of the peg from the hole's axis, rad.
+        azimuth: Tilt azimuth, rad.
         friction: Coulomb coefficient.
-        timestep: s.
-        model: Of the hole.
-        is_judged: Whether the penetration is told also for facets.
+        timestep: Time step of the physics, s.
+        model: Model of the hole.
+        is_judged: Whether the penetration is metered for facets too.
     """
-    cylinder.install()
-    length = 0.05
-    axis = lean(tilt, azimuth)
-    plate = Plate(np.zeros(3), np.eye(3), (hole / 2, hole / 2), HOLE_DEPTH)
+    shapes.install()
+    length, axes = 0.05, attitude(tilt, azimuth)
+    plate = Plate(np.zeros(3), np.eye(3), hole.half, HOLE_DEPTH)
+    turn = np.empty(4)
+    mujoco.mju_mat2Quat(turn, axes.flatten())
     return mujoco.MjModel.from_xml_string(
         f"""<mujoco><option timestep="{timestep}" gravity="0 0 0" cone="elliptic" impratio="10" tolerance="1e-14" iterations="60">
         <flag autoreset="disable" {flags(model)}/></option>
         <size nuser_geom="{contact.USER}" nuserdata="{native.NUSERDATA}"/>
         <worldbody>{"".join(geoms("plate", plate, friction, timestep, model, is_judged))}
         <body><joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 1 0"/><joint type="slide" axis="0 0 1"/>
-        <geom name="peg" type="cylinder" size="{diameter / 2} {length / 2}" pos="{words(axis * length / 2)}"
-        zaxis="{words(axis)}" mass="{MASS}" contype="0" conaffinity="1"/></body></worldbody></mujoco>"""
+        <geom name="peg" {shapes.peg_geom(peg, length / 2)} pos="{words(axes[:, 2] * length / 2)}"
+        quat="{words(turn)}" mass="{MASS}" contype="0" conaffinity="1"/></body></worldbody></mujoco>"""
     )
 
 
-def lean(tilt: float, azimuth: float) -> Vector:
-    """Return the peg's axis, from its end upward."""
+def attitude(tilt: float, azimuth: float) -> Vector:
+    """Return the axes of a peg that is tilted by `tilt` towards `azimuth`, rad, x the closing axis, z upward, shape (3, 3)."""
+    return rotation_about(np.array([-math.sin(azimuth), math.cos(azimuth), 0.0]), tilt)
+
+
+def lowest(peg: Part, tilt: float, azimuth: float) -> Vector:
+    """Return the lowest point of a tilted peg from the middle of its end, shape (3,), m."""
+    axes = attitude(tilt, azimuth)
+    return peg.lowest(np.zeros(3), axes[:, 2], axes[:, 0])
+
+
+def tilted_axis(tilt: float, azimuth: float) -> Vector:
+    """Return the axis, from its end upward, of a peg that is tilted by `tilt` towards `azimuth`, rad; unit, shape (3,)."""
     return np.array([math.sin(tilt) * math.cos(azimuth), math.sin(tilt) * math.sin(azimuth), math.cos(tilt)])
 
 
 @dataclass(frozen=True, slots=True)
 class Pushed:
-    """A peg after it was pushed."""
+    """Result of a push."""
 
     depth: float
-    """Of its lowest point below the surface, m; NaN when the state is no longer finite."""
+    """Depth of the peg's lowest point below the surface, m; NaN when the state is no longer finite."""
     penetration: float
-    """Deepest in the bore or at its rim that lasted longer than 2 ms, m."""
+    """Deepest penetration in the bore or at its rim that lasted longer than 2 ms, m."""
     speed: float
-    """Largest in the last tenth, m/s: what should be at rest."""
+    """Largest speed in the last tenth of the time, m/s; a stable contact is at rest by then."""
 
 
-def push(model: mujoco.MjModel, radius: float, tilt: float, azimuth: float, force: float, seconds: float) -> Pushed:
+def push(model: mujoco.MjModel, peg: Part, tilt: float, azimuth: float, force: float, seconds: float) -> Pushed:
     """Push the peg down, free to move sideways, from above the hole.
 
     Args:
-        model: From `tilted_peg`.
-        radius: Of the peg, m.
-        tilt: Of the peg, rad.
-        azimuth: rad.
-        force: N.
-        seconds: How long, s.
+        model: Model from `tilted_peg`.
+        peg: Cross-section of the peg.
+        tilt: Tilt of the peg, rad.
+        azimuth: Tilt azimuth, rad.
+        force: Downward force, N.
+        seconds: Duration, s.
     """
     data = mujoco.MjData(model)
-    data.qpos[:2] = -0.3 * radius * math.cos(tilt) * np.array([math.cos(azimuth), math.sin(azimuth)])
-    data.qpos[2] = radius * math.sin(tilt) + 1e-4
+    edge = lowest(peg, tilt, azimuth)
+    data.qpos[:2] = -0.3 * edge[:2]
+    data.qpos[2] = 1e-4 - edge[2]
     meters, steps = engine.new_meters(), round(seconds / model.opt.timestep)
     speed = _push(model._address, engine.state_of(data), force, steps, engine.window(model.opt.timestep), meters)
-    depth = radius * math.sin(tilt) - float(data.qpos[2])
+    depth = -float(edge[2] + data.qpos[2])
     if not math.isfinite(depth + speed):
         depth = speed = math.nan
     return Pushed(depth, float(meters[engine.SUSTAINED]), speed)
@@ -119,24 +134,24 @@ def _push(
     return speed
 
 
-def drag(model: mujoco.MjModel, radius: float, tilt: float, direction: float, beside: float) -> float:
-    """Drag a leaning peg past the hole over solid plate, and return the lateral force's swing, peak to peak, N.
+def drag(model: mujoco.MjModel, peg: Part, tilt: float, direction: float, beside: float) -> float:
+    """Drag a tilted peg past the hole over solid plate, and return the peak-to-peak swing of the lateral force, N.
 
-    On a smooth plate without friction nothing holds it back: what is felt are seams.
+    A smooth plate without friction exerts no lateral force, so that any swing comes from seams.
 
     Args:
-        model: From `tilted_peg`, leaning towards azimuth 0.
-        radius: Of the peg, m.
-        tilt: Of the peg, rad.
-        direction: Of the path, rad.
+        model: Model from `tilted_peg`, tilted towards azimuth 0.
+        peg: Cross-section of the peg.
+        tilt: Tilt of the peg, rad.
+        direction: Azimuth of the path, rad.
         beside: Distance of the path of the lowest point from the hole's axis, m.
     """
     data, dt, speed, push_force = mujoco.MjData(model), model.opt.timestep, 0.05, 5.0
     way = np.array([math.cos(direction), math.sin(direction)])
     across = np.array([-way[1], way[0]])
-    # The edge that slides is ahead of the end's middle by r cos t.
-    start = beside * across - 0.015 * way - np.array([radius * math.cos(tilt), 0.0])
-    data.qpos[:] = [*start, radius * math.sin(tilt)]
+    edge = lowest(peg, tilt, 0.0)
+    start = beside * across - 0.015 * way - edge[:2]
+    data.qpos[:] = [*start, -edge[2]]
     low, high = np.full(2, np.inf), np.full(2, -np.inf)
     steps = round(0.030 / speed / dt)
     _drag(model._address, engine.state_of(data), start, way * speed, push_force, steps, dt, low, high)

@@ -1,7 +1,8 @@
-"""The MuJoCo models of the cell: what can be touched, and nothing else.
+"""The MuJoCo models of the cell, which hold only what can be touched.
 
 Two models share the arm. In `held` the peg hangs from the hand by a hinge about the closing axis, the
-model that [gibbons], Sec. II and Fig. 2, states; its friction follows from the pads. In `free` the peg is
+model that [gibbons], Sec. II and Fig. 2, states, and by two slides in the pads' plane; what the pads do to it there
+follows from `sim.slip`. In `free` the peg is
 a body of its own, in the rack, between the fingers' pads or in the hole. Gravity is switched off and the
 peg's weight applied by hand: the arm's controller compensates the arm's own exactly.
 """
@@ -16,46 +17,45 @@ from drivers import frames
 from drivers.arm.model import Inertial
 from drivers.parts import Job
 from drivers.quantities import Vector
-from sim import contact, native, shapes
+from sim import contact, native, shapes, slip
 from sim.arm_truth import ArmTruth
 from sim.config import ModelConfig
 from sim.plate import EXACT, Plate, flags, geoms, words
 
+GRIP = "grip"
+"""Body at the finger centre that turns with the held peg."""
 HINGE_RANGE = math.radians(100.0)
-"""Where the peg meets the palm: beyond it the grasp is lost."""
+"""Range of the hinge's angle, rad, up to where the peg meets the palm; beyond it the grasp is lost."""
 RACK_CLEARANCE = 0.25e-3
-"""Radial, of a slot, m."""
+"""Radial clearance of a slot, m."""
 PAD_MARGIN = 2e-4
 """Distance from which MuJoCo looks at a pad and the peg, m; they press each other only when they touch. Without, 3.17 takes
 a rare shallow contact of a box with a cylinder for a peg that is through the whole box."""
 PAD_THICKNESS = 0.004
-"""Of the block that stands for a finger's rubber, towards the peg, m; how thick it is changes nothing."""
+"""Thickness of the block that stands for a finger's rubber, towards the peg, m; it has no effect on the physics."""
 FINGER_ARMATURE = 1.0
 """Inertia of the hand's drive as felt at a finger, kg; not published, of the order of a geared motor's."""
-STIFFER = 1e-3
-"""MuJoCo regularises joint friction in proportion to its own estimate of inverse inertia, so that a stuck joint
-creeps; a thousandth of the estimate makes the creep a thousandth, and Newton's method bears it."""
-
 TOLERANCE = 1e-12
-"""Of the solver's cost, which the arm's inertia scales: at 1e-9 the light peg is left unsolved and hops, at 1e-12 its
+"""Tolerance of the solver's cost, which the arm's inertia scales: at 1e-9 the light peg is left unsolved and hops, at 1e-12 its
 acceleration errs by less than 1e-3 rad/s². The line search need not be finer than Newton's next step makes it."""
 
 
 def held_model(
     arm: ArmTruth, job: Job, plate: Plate, friction: float, timestep: float, how: ModelConfig = EXACT
 ) -> mujoco.MjModel:
-    """Return the arm with the peg on its hinge, above one plate."""
+    """Return the model of the arm with the peg on its hinge and slides, above one plate."""
     axis, hand = -job.peg.length / 2 + job.peg.overhang / 2, arm.model.hand
     # The peg's frame is that of `drivers.frames.peg_in_finger(0)`: x the closing axis, z from the tip to the finger.
-    peg = f"""<body name="peg" pos="0 0 {hand.finger_centre}" quat="0 {math.sqrt(0.5)} {math.sqrt(0.5)} 0">
-      <joint name="pivot" type="hinge" axis="1 0 0" frictionloss="0.2"
-        solreffriction="{2 * timestep} 1" solimpfriction="0.9999 0.9999 0.001 0.5 2"/>
-      {_peg_geom(job, axis)}</body>"""
+    # The hinge turns about the finger centre, and the slides move the peg in its own frame: along it, then beside it.
+    peg = f"""<body name="{GRIP}" pos="0 0 {hand.finger_centre}" quat="0 {math.sqrt(0.5)} {math.sqrt(0.5)} 0">
+      <inertial mass="1e-6" pos="0 0 0" diaginertia="1e-9 1e-9 1e-9"/>
+      <joint name="pivot" type="hinge" axis="1 0 0" armature="{slip.TURNING_INERTIA}"/>
+      <body name="peg"><joint name="along" type="slide" axis="0 0 1" armature="{slip.MASS}"/>
+        <joint name="beside" type="slide" axis="0 1 0" armature="{slip.MASS}"/>
+        {_peg_geom(job, axis)}</body></body>"""
     hand_mass = hand.body.mass + 2 * hand.finger.mass
     plates = "".join(geoms("plate", plate, friction, timestep, how))
-    model = _compile(plates, _arm(arm, timestep, hand_mass, peg), "", f'island="disable" {flags(how)}', timestep)
-    model.dof_invweight0[model.joint("pivot").dofadr] *= STIFFER
-    return model
+    return _compile(plates, _arm(arm, timestep, hand_mass, peg), "", f'island="disable" {flags(how)}', timestep)
 
 
 def free_model(
@@ -68,7 +68,7 @@ def free_model(
     pad: tuple[float, float],
     timestep: float,
 ) -> mujoco.MjModel:
-    """Return the arm with two moving fingers, pads of length and width `pad`, and the peg as a body of its own."""
+    """Return the model of the arm with two moving fingers, pads of length and width `pad`, m, and the peg as a body of its own."""
     length, width = pad
     hand = arm.model.hand
     fingers = ""
@@ -124,7 +124,7 @@ def _arm(arm: ArmTruth, timestep: float, hand_mass: float, in_hand: str) -> str:
 
 
 def _displaced(arm: ArmTruth, in_hand: str) -> str:
-    """Return what is in the hand where it really is: displaced and turned about the point where the cell believes it."""
+    """Return the true place of what is in the hand, displaced and turned about the point where the cell believes it."""
     offset, turn = np.array(arm.tcp_offset), np.array(arm.tcp_turn)
     if not offset.any() and not turn.any():
         return in_hand

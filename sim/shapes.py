@@ -1,10 +1,16 @@
 """The geometry of each kind of part in MuJoCo, and its contacts with a plate; the one place that chooses them by the part."""
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from drivers.part.contract import Part
+from drivers.quantities import Vector
 from sim import cylinder, rectangular
+from sim.section import polygonal_depth, section_depth
+
+POINTS = 4001
+"""Number of points on a round rim from which the exact depth is computed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,13 +23,20 @@ class Solid:
     """Sizes of the geom across its axis, in MuJoCo's order."""
     install: Callable[[], None]
     """Puts the contacts with a plate into this process's collision table; harmless when repeated."""
+    depth: Callable[[Part, Part, Vector], float]
+    """Returns the exact depth, m, of a peg with these axes, shape (3, 3), in a hole along x and y, by sections."""
+
+
+def _round_depth(peg: Part, hole: Part, axes: Vector) -> float:
+    tilt = math.atan2(math.hypot(axes[0, 2], axes[1, 2]), axes[2, 2])
+    return section_depth(peg.thickness, hole.thickness, tilt, POINTS)
 
 
 SOLIDS: Mapping[str, Solid] = {
-    "round": Solid("cylinder", lambda part: f"{part.reach}", cylinder.install),
-    "rectangular": Solid("box", lambda part: f"{part.half[0]} {part.half[1]}", rectangular.install),
+    "round": Solid("cylinder", lambda part: f"{part.reach}", cylinder.install, _round_depth),
+    "rectangular": Solid("box", lambda part: f"{part.half[0]} {part.half[1]}", rectangular.install, polygonal_depth),
 }
-"""By the part's kind."""
+"""Simulation of each kind of part."""
 
 
 def install() -> None:
@@ -36,3 +49,8 @@ def peg_geom(part: Part, half_length: float) -> str:
     """Return type and size of a peg's geom, as attributes of MuJoCo's XML."""
     solid = SOLIDS[part.kind]
     return f'type="{solid.geom}" size="{solid.size(part)} {half_length}"'
+
+
+def exact_depth(peg: Part, hole: Part, axes: Vector) -> float:
+    """Return the exact depth of the lowest point of a peg with these axes, shape (3, 3), in a hole along x and y, m."""
+    return SOLIDS[peg.kind].depth(peg, hole, axes)

@@ -1,7 +1,7 @@
 """Where the peg is, and when it passes from one situation to the other: pure decisions.
 
 The peg is at every time in one of three situations: a body of its own (`FREE`: in the rack, between the pads, in the
-hole), on the hinge of the hand (`HELD`), or out of play (`GONE`).
+hole, where it fell), held by the hand (`HELD`), or out of play (`GONE`: taken away with its workpiece or by a person).
 """
 
 import math
@@ -20,6 +20,8 @@ CLEAR_OF_RACK = 1e-3
 """Height of the peg's lowest point over the rack from which on it is clear, m."""
 LOST_TURN = scene.HINGE_RANGE - math.radians(2.0)
 """Hinge angle at which the peg meets the palm and drops out, rad."""
+LEAST_CONTACT = 2e-3
+"""A peg of which less lies between the pads drops out, m."""
 SETTLING = 0.02
 """A peg in nobody's hand must have had so much time to settle before it is left at rest, s."""
 AT_REST = (1e-4, 1e-2)
@@ -36,16 +38,14 @@ class Peg(Enum):
     GONE = "gone"
 
 
-def after_hold(turn: float, grip_force: float) -> Peg:
-    """Return the situation that follows HELD.
+def has_fallen_out(turn: float, contact: float) -> bool:
+    """Whether the pads have lost a held peg.
 
     Args:
         turn: Of the hinge, rad.
-        grip_force: Closing force commanded, N.
+        contact: Length of the peg between the pads, m.
     """
-    if abs(turn) > LOST_TURN:
-        return Peg.GONE
-    return Peg.HELD if grip_force > 0.0 else Peg.FREE
+    return abs(turn) > LOST_TURN or contact < LEAST_CONTACT
 
 
 def is_in_grip(pad_force: float, grip_force: float, height: float) -> bool:

@@ -1,4 +1,4 @@
-"""A simulated skin board: what the pads feel, through taxels that drift, creep and hiss, ten times a second."""
+"""A simulated skin board: it reads the pads' pressure through taxels with drift, creep and noise, ten times a second."""
 
 import math
 from collections import deque
@@ -17,7 +17,7 @@ from sim.pads import PadLoad, Pads
 from sim.reality import Drawn
 
 Disturb = Callable[[Counts], Counts | None]
-"""Raw counts in, what arrives of them out; None is a frame lost on the way."""
+"""Function from raw counts to what arrives of them; None is a frame lost on the way."""
 
 _SHAPE = (FINGERS, TAXELS)
 _LARGEST = np.iinfo(np.uint16).max
@@ -25,14 +25,14 @@ _LARGEST = np.iinfo(np.uint16).max
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SkinTruth:
-    """How a skin differs from what its layout and the config's noise say; nobody is told."""
+    """The differences of a skin from its layout and the config's noise; neither skills nor drivers know them."""
 
     noise_level: Vector
-    """Noise of each taxel over that of the config, shape (2, 20), a ratio."""
+    """Noise of each taxel over that of the config, shape (2, 20), ratio."""
     misplaced: Vector
-    """How far each taxel sits from its place in the layout, shape (2, 20, 2), m."""
+    """Offset of each taxel from its place in the layout, shape (2, 20, 2), m."""
     dead: Mask
-    """Taxels that read zero, beside those that the config asks for, shape (2, 20)."""
+    """Mask of taxels that read zero, beside those that the config asks for, shape (2, 20)."""
     age: float
     """Time from the measurement of a frame to its delivery, s."""
 
@@ -42,7 +42,7 @@ class SkinTruth:
 
 
 def skin_truth(drawn: Drawn) -> SkinTruth:
-    """Return how the skin of a cell with these errors is."""
+    """Return the skin of a cell with these errors."""
     return SkinTruth(
         noise_level=drawn["skin.noise_level"],
         misplaced=drawn["skin.taxel_place"],
@@ -52,7 +52,7 @@ def skin_truth(drawn: Drawn) -> SkinTruth:
 
 
 AS_BELIEVED = SkinTruth(np.ones(_SHAPE), np.zeros((*_SHAPE, 2)), np.zeros(_SHAPE, dtype=bool), 0.0)
-"""A skin that is as layout and config say."""
+"""A skin that agrees with layout and config."""
 
 
 class PadSource(Protocol):
@@ -62,14 +62,14 @@ class PadSource(Protocol):
         """Return the time, s."""
 
     def pad_load(self) -> PadLoad | None:
-        """Return what the pads hold now; None when nothing is between them."""
+        """Return the present load of the pads; None when nothing is between them."""
 
 
 class Taxels:
     """Taxels and their converter: pressure in, raw counts out.
 
-    Gain, offset and which taxels are dead are drawn once; the offset then walks at random, and part of the
-    answer to a load comes late (creep of the elastomer, first order).
+    Gain, offset and dead taxels are drawn once; the offset then walks at random, and part of the answer to a load comes
+    late (creep of the elastomer, first order).
     """
 
     def __init__(self, config: SimSkinConfig, rng: np.random.Generator, truth: SkinTruth = AS_BELIEVED) -> None:
@@ -80,7 +80,7 @@ class Taxels:
         self._offset: Vector = config.offset * rng.normal(1.0, config.gain_spread, _SHAPE)
         self._late: Vector = np.zeros(_SHAPE)
         self.dead: Mask = np.isin(MODULE_OF, rng.permutation(FINGERS * TAXELS // MODULE_TAXELS)[: config.dead_modules])
-        """Taxels that read zero, shape (2, 20)."""
+        """Mask of taxels that read zero, shape (2, 20)."""
         living = rng.permutation(np.flatnonzero(~self.dead))
         self.dead.flat[living[: config.dead_taxels]] = True
         self.dead |= truth.dead
@@ -89,7 +89,7 @@ class Taxels:
         """Return raw counts, shape (2, 20).
 
         Args:
-            pressure: On each taxel, shape (2, 20), Pa.
+            pressure: Pressure on each taxel, shape (2, 20), Pa.
             elapsed: Time since the last measurement, s; the load is taken as constant over it.
         """
         config, rng = self._config, self._rng
@@ -98,7 +98,7 @@ class Taxels:
         self._offset += config.drift * config.full_scale * math.sqrt(elapsed) * rng.standard_normal(_SHAPE)
         reading = self._offset + (1.0 - config.creep) * answer + config.creep * self._late
         reading += self._noise * rng.standard_normal(_SHAPE)
-        # The converter stops at its rail: more pressure is "at least", not an error mark.
+        # The converter saturates at its rail; more pressure is not an error mark.
         reading = np.clip(np.rint(reading), 0, config.health.saturation)
         return np.where(self.dead, 0, reading).astype(np.uint16)
 
@@ -123,7 +123,7 @@ class SimSkin:
         self._config, self._source, self._rng, self._disturb = config, source, rng, disturb
         self._truth, self._pads = truth, truth.pads(config)
         self._under_way: deque[TaxelFrame] = deque()
-        """Frames that were measured and are not yet delivered."""
+        """Frames that were measured and are not delivered yet."""
         self._taxels: Taxels | None = None
         self._health: SkinHealth | None = None
         self._frame: TaxelFrame | None = None
@@ -157,7 +157,7 @@ class SimSkin:
         passed = math.floor((now - self._start) * self._config.rate + 1e-6)
         if passed >= self._due:
             self._measure(self._taxels, self._health, now, passed)
-        # A board that is opened has been measuring before: its first frame is there.
+        # A board measures before it is opened, so that its first frame is there at once.
         while self._under_way and (self._frame is None or now >= self._under_way[0].stamp + self._truth.age):
             self._frame = self._under_way.popleft()
         last = self._start if self._frame is None else self._frame.stamp

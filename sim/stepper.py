@@ -1,4 +1,4 @@
-"""Steps a trial's scene: which of its models runs, what it takes over when the peg changes hands, and one call a stretch."""
+"""The stepping of a trial's scene: which of its models runs, what the next model takes over, and one call for a span."""
 
 import math
 
@@ -9,43 +9,50 @@ from drivers import frames, impedance
 from drivers.arm.model import JOINTS, ArmModel
 from drivers.errors import SimulationUnstableError
 from drivers.quantities import Pose, Vector
-from sim import arm_senses, engine, joint_drive, situation
+from sim import arm_senses, engine, joint_drive, situation, slip
 from sim.arm_truth import ArmTruth
 from sim.config import GripConfig, SimConfig
 from sim.pace import Pace
-from sim.pads import breakaway_torque_of
+from sim.pads import GripLimits, grip_limits
 from sim.situation import Peg
 from sim.trial_scene import Mechanism, TrialScene
 
 NOWHERE: Vector = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0, -math.inf])
-"""A hole that nothing is near."""
+"""Mouth of a hole that nothing is near."""
 FINGERS, PEG = slice(7, 9), slice(9, 15)
-"""Degrees of freedom of the free model after the arm's seven; the held model has the hinge at 7."""
-HINGE = 7
+"""Degrees of freedom of the free model after the arm's seven."""
+HINGE, ALONG, BESIDE = 7, 8, 9
+"""Those of the held model: the peg turns about the closing axis, and moves along and beside its own."""
+LEAST_AXIS = 1e-6
+"""Square of the horizontal share below which an axis counts as upright."""
+LYING_GAP = 1e-4
+"""Gap under a peg that has just been laid on the plate, m."""
 NO_NOISE: Vector = np.zeros((1, arm_senses.NOISES))
 
 
 class Stepper:
-    """Moves arm, hand and peg through one trial after the other; the arm stays where it is between them."""
+    """Moves arm, hand and peg through one trial after the other; the arm keeps its place between trials."""
 
     def __init__(self, arm: ArmModel, sim: SimConfig, grip: GripConfig, pad: tuple[float, float], pace: Pace) -> None:
-        """Set the arm down where it waits; `pad` is length and width of a pad, m."""
+        """Place the arm where it waits; `pad` is length and width of a pad, m."""
         self._arm, self._model_of, self._grip, self._pad, self._pace = arm, sim.model, grip, pad, pace
         self.law_every = round(arm.control_period / sim.timestep)
-        """Ticks in a control period."""
+        """Number of ticks in a control period."""
         self.control = engine.Control(
             impedance.figures(arm),
             np.zeros(impedance.WORDS),
-            np.zeros(impedance.STATE_WORDS),
+            impedance.new_state(arm),
             engine.new_drive(arm.hand),
             np.zeros(joint_drive.WORDS),
             np.zeros(arm_senses.WORDS),
+            slip.new_words(),
         )
         self.meters = engine.new_meters()
         self.peg, self.peg_length = Peg.FREE, math.nan
         self._running: Mechanism | None = None
         self._q, self._dq = np.array(arm.home), np.zeros(JOINTS)
         self._in_grip_since = self._loose_since = self._load = 0.0
+        self._carried = 0.0, 0.0
         self._is_resting = False
 
     @property
@@ -55,7 +62,7 @@ class Stepper:
 
     @property
     def running(self) -> Mechanism:
-        """The mechanism that is stepped."""
+        """Mechanism that is stepped."""
         assert self._running is not None
         return self._running
 
@@ -63,9 +70,9 @@ class Stepper:
         """Begin a trial with a fresh peg in the rack.
 
         Args:
-            scene: Its scene.
+            scene: Scene of the trial.
             pad_friction: Coulomb coefficient of the peg's pads.
-            noise: For what the arm reads.
+            noise: Random generator of the noise in the arm's readings.
         """
         self.scene, self._pad_friction, self._noise = scene, pad_friction, noise
         self.meters = engine.new_meters()
@@ -73,7 +80,7 @@ class Stepper:
         self.enter_free(float(self.control.drive[engine.DRIVE_WIDTH]), scene.racked())
 
     def _change_arm(self, truth: ArmTruth) -> None:
-        """Let another arm stand where the last one stood, under the torques that the law commanded last."""
+        """Replace the arm by another one at the same place, under the torques that the law commanded last."""
         timestep, period, law = self._pace.timestep, self._arm.control_period, self.control.law
         joints = joint_drive.words_of(truth, period, (timestep, engine.COARSE * timestep))
         joint_drive.fill(joints, law[impedance.TORQUE : impedance.TORQUE + JOINTS])
@@ -82,7 +89,7 @@ class Stepper:
         self.control = self.control._replace(joints=joints, senses=senses)
         self._real = impedance.figures(truth.model)
 
-    # From one situation to the other; positions and velocities go along.
+    # Changes of situation, which carry positions and velocities along.
 
     def enter_free(self, width: float, peg: Pose) -> None:
         """Let the peg be a body of its own, its middle at a pose, between fingers `width` m apart."""
@@ -96,17 +103,24 @@ class Stepper:
         self._begin(weight=self.scene.size.weight)
 
     def enter_held(self) -> None:
-        """Hang the peg into the hand's hinge, as it lies between the pads."""
-        tcp, peg = self.tcp(), self.peg_pose()
-        axis = tcp.rotation.T @ peg.rotation[:, 2]
+        """Hang the peg into the hand, as it lies between the pads."""
+        tcp, pose = self.tcp(), self.peg_pose()
+        axis = tcp.rotation.T @ pose.rotation[:, 2]
         # The nearest point of the peg's axis to the finger centre is where the pads hold it.
-        reach = float((tcp.position - peg.position) @ peg.rotation[:, 2]) + self.scene.size.half
+        reach = float((tcp.position - pose.position) @ pose.rotation[:, 2]) + self.scene.size.half
         self._run(Peg.HELD, self.scene.held)
         self.peg_length = reach - self._grip.slip
         for model in self._steppers:
             model.geom("peg").pos[2] = model.body("peg").ipos[2] = self.scene.size.half - self.peg_length
         theta = math.atan2(-axis[1], -axis[0])
+        lateral = tcp.rotation @ np.array([-math.sin(theta), math.cos(theta), 0.0])
+        beside = float((pose.position - tcp.position) @ lateral)
         self.running.data.qpos[HINGE] = self.meters[engine.TURN_FROM] = theta
+        self.running.data.qpos[BESIDE] = beside
+        slip.grasp(self.control.grip, theta, 0.0, beside)
+        peg = self.scene.job.peg
+        half = self.scene.size.half
+        self._carried = peg.mass, peg.mass * (half**2 / 3 + (self.peg_length - half) ** 2)
         self._begin(weight=self.scene.size.weight)
 
     def hold(self, theta: float) -> None:
@@ -117,14 +131,34 @@ class Stepper:
         if self._model_of.grip == "hinge":
             self.enter_held()
 
+    def fall(self) -> None:
+        """Lay a peg that the pads have lost flat on the plate, below where it was, or leave it standing in its hole.
+
+        The fall itself is left out: where it ends is what anybody can see. A peg that lies has no weight, since only its
+        end and its edge meet the plate: its back end would sink in.
+        """
+        plate, pose, (depth, is_in_hole) = self.scene.plate, self.peg_pose(), self.depth()
+        up, size = plate.rotation[:, 2], self.scene.size
+        if is_in_hole:
+            lying = Pose(plate.position + up * (size.half - depth), plate.rotation)
+        else:
+            axis = pose.rotation[:, 2] - float(pose.rotation[:, 2] @ up) * up
+            axis = plate.rotation[:, 0] if float(axis @ axis) < LEAST_AXIS else axis / math.sqrt(float(axis @ axis))
+            height = float((pose.position - plate.position) @ up)
+            below = pose.position - (height - size.reach - LYING_GAP) * up
+            lying = Pose(below, np.column_stack([up, np.cross(axis, up), axis]))
+        self.enter_free(self.scene.job.peg.part.thickness, lying)
+        if not is_in_hole:
+            self.running.data.xfrc_applied[self.running.peg_body, 2] = 0.0
+
     def lose(self) -> None:
-        """Take the peg out of play: it fell out of the hand."""
+        """Take the peg out of play."""
         self.enter_free(self.scene.job.peg.part.thickness, Pose(np.array([0.0, 0.0, -1.0]), np.eye(3)))
         self.running.data.xfrc_applied[self.running.peg_body, 2] = 0.0
         self.peg = Peg.GONE
 
     def _run(self, peg: Peg, mechanism: Mechanism) -> None:
-        """Let a mechanism run from the arm's present state."""
+        """Let a mechanism run on from the arm's present state."""
         if self._running is not None:
             self._q, self._dq = self.q, self.dq
         self.peg, self._running = peg, mechanism
@@ -164,23 +198,22 @@ class Stepper:
         addresses = [model._address for model in self._steppers]
         self._models = engine.Models(addresses[0], addresses[1] if len(addresses) > 1 else 0, hole)
 
-    # The physics.
+    # Stepping of the physics.
 
     def command(self, torque: Vector) -> None:
-        """Command joint torques from outside, shape (7,), N·m, in the place of the law; once a control period."""
+        """Command joint torques, shape (7,), N·m, in place of the law's; once a control period."""
         data = self.running.data
         joint_drive.command(self.control.joints, self.control.arm, data.qpos[:7], torque, data.qfrc_applied)
 
     def advance(self, ticks: int) -> int:
-        """Advance the physics by so many ticks, or fewer where the peg changes its situation; return how many it took.
+        """Advance the physics by `ticks`, or by fewer where the peg changes its situation; return the number taken.
 
         Raises:
             SimulationUnstableError: The state is no longer finite.
         """
         if self.peg is Peg.HELD:
-            slips_at = self.breakaway()
-            for model in self._steppers:
-                model.dof_frictionloss[self.scene.pivot_dof] = slips_at
+            shear, carried = self._grip.shear_stiffness, self._carried
+            slip.bear(self.control.grip, self.grip_limits(), self._place(BESIDE), shear, carried)
         else:
             self._let_rest()
         pace = self._pace
@@ -189,7 +222,7 @@ class Stepper:
         )
         taken: int = engine.advance(self._models, self._state, self._watch, self.control, self.meters, span)
         if not taken:
-            # Time goes on all the same: whoever reports the fault waits for the end of the scan.
+            # Time goes on, because the reporter of the fault waits for the end of the scan.
             pace.ticks += ticks
             raise SimulationUnstableError(
                 f"simulation at {pace.now():.3f} s: state not finite (time step {pace.timestep} s); reduce gains or sim.timestep"
@@ -199,13 +232,13 @@ class Stepper:
         return taken
 
     def _noises(self, ticks: int) -> Vector:
-        """Return the random numbers of what the arm reads in so many ticks."""
+        """Return the random numbers for the arm's readings in so many ticks."""
         if self.control.senses[arm_senses.IS_IDEAL] > 0.0:
             return NO_NOISE
         return self._noise.standard_normal((ticks // self.law_every + 1, arm_senses.NOISES))
 
     def _let_rest(self) -> None:
-        """Leave a peg that lies still, out of the pads' reach, out of the physics; take it in again before they reach it."""
+        """Take a peg that lies still, out of the pads' reach, out of the physics; put it back before they reach it."""
         mechanism = self.running
         if mechanism.twin is None:
             return
@@ -228,13 +261,12 @@ class Stepper:
             force[2] = self._load
 
     def _pass_on(self) -> None:
-        """Change the peg's situation when what happened asks for it."""
+        """Change the peg's situation when the last ticks ask for it."""
         grip_force = float(self.control.drive[engine.DRIVE_FORCE])
         if self.peg is Peg.HELD:
-            following = situation.after_hold(self.theta(), grip_force)
-            if following is Peg.GONE:
-                self.lose()
-            elif following is Peg.FREE:
+            if situation.has_fallen_out(self.theta(), self.grip_limits().length):
+                self.fall()
+            elif grip_force <= 0.0:
                 self.enter_free(self.scene.job.peg.part.thickness, self.peg_pose())
         elif self.peg is Peg.FREE:
             height = self.lowest() - self.scene.rack.position[2]
@@ -243,7 +275,7 @@ class Stepper:
             elif self._model_of.grip == "hinge" and self._pace.now() - self._in_grip_since > situation.SETTLED_GRIP:
                 self.enter_held()
 
-    # What is where now.
+    # Present places.
 
     @property
     def q(self) -> Vector:
@@ -256,7 +288,7 @@ class Stepper:
         return np.array(self.running.data.qvel[:7])
 
     def scanned(self) -> tuple[Vector, Vector, Vector]:
-        """Return what a scan reads of the arm: positions, rad, velocities, rad/s, and the wrench at the TCP, N and N·m."""
+        """Return the arm's readings for a scan: positions, rad, velocities, rad/s, and the wrench at the TCP, N and N·m."""
         control = self.control
         if control.senses[arm_senses.IS_IDEAL] > 0.0:
             felt = self.meters[engine.FORCE : engine.TORQUE + 3].copy() if self.feels_plates() else np.zeros(6)
@@ -270,7 +302,7 @@ class Stepper:
         return (self._steppers[-1] if is_far else self._steppers[0]), self.running.data
 
     def tcp(self) -> Pose:
-        """Return T_base_tcp as it is."""
+        """Return the true T_base_tcp."""
         position, rotation, _, _ = impedance.forward(self._real, self.running.data.qpos[:7])
         return self.scene.arm.displaced(Pose(position, rotation))
 
@@ -290,7 +322,7 @@ class Stepper:
         return float(self.end()[2] - self.scene.size.reach * math.hypot(axis[0], axis[1]))
 
     def depth(self) -> tuple[float, bool]:
-        """Return how deep the tip is below the hole's mouth along its axis, m, and whether it is in the hole."""
+        """Return the depth of the tip below the hole's mouth along its axis, m, and whether it is in the hole."""
         plate = self.scene.plate
         depth, beside = engine.below_mouth(
             self.scene.size.half, self.peg_view.middle, self.peg_view.axes, plate.position, plate.rotation
@@ -314,17 +346,20 @@ class Stepper:
         """Whether the peg is in the hand, so that forces on it are felt by the arm."""
         return self.peg is Peg.HELD or (self.peg is Peg.FREE and self._model_of.grip == "pads")
 
-    def breakaway(self) -> float:
-        """Return the torque at which the pivot slips, N·m; the held peg's axis goes through the finger centre."""
+    def grip_limits(self) -> GripLimits:
+        """Return the most that friction of the pads bears of the held peg as it lies now."""
         length, width = self._pad
-        return breakaway_torque_of(
+        reach_tip = self.peg_length - self._place(ALONG)
+        return grip_limits(
             theta=self.theta(),
-            offset=0.0,
+            offset=self._place(BESIDE),
             grip_force=self.pad_force(),
-            reach_tip=self.peg_length,
-            reach_back=2 * self.scene.size.half - self.peg_length,
-            half_length=length / 2,
-            half_width=width / 2,
+            reach=(reach_tip, 2 * self.scene.size.half - reach_tip),
+            half=(length / 2, width / 2),
             friction=self._pad_friction,
             flat=self.scene.job.peg.part.face.flat_width,
         )
+
+    def _place(self, index: int) -> float:
+        """Return where the held peg is in the hand, m, along or beside its axis."""
+        return float(self.running.data.qpos[index])

@@ -23,11 +23,11 @@ class SimSwitch:
         self._world = world
 
     def open(self) -> None:
-        """Nothing to connect."""
+        """Do nothing: there is no connection."""
 
     def close(self) -> None:
-        """Nothing to disconnect."""
+        """Do nothing: there is no connection."""
 
     def read(self) -> SwitchState:
-        """Return whether it is pressed now; the board's 5 ms debounce is below one scan."""
+        """Return whether the lever is pressed now; the board's debounce of 5 ms is shorter than one scan."""
         return SwitchState.CLOSED if self._world.is_switch_pressed() else SwitchState.OPEN

@@ -17,10 +17,10 @@ from sim.switch import SwitchSource
 from sim.terminal import Terminal
 
 FAULT_STREAM = 5
-"""Key of the random stream for what goes wrong on the line."""
+"""Key of the random stream for the line's faults."""
 SOUND = WireFaults()
 FREQUENCY = 16_000_000
-"""Cycles of the emulated chip in one second."""
+"""Clock frequency of the emulated chip, cycles in one second."""
 FIRMWARE = Path(drivers.__file__).parent / "switch" / "firmware" / "switch.hex"
 _SOURCE = Path(__file__).with_suffix(".c")
 _COMPILE = ("cc", "-O2", "-shared", "-fPIC", "-I/usr/include/simavr", str(_SOURCE), "-lsimavr", "-lelf", "-o")
@@ -51,7 +51,7 @@ class Chip:
         """Power the chip up.
 
         Raises:
-            DeviceNotOpenedError: No compiler, no libsimavr, or no such firmware.
+            DeviceNotOpenedError: There is no compiler, no libsimavr, or no such firmware.
         """
         self._library = _library()
         self._chip = ctypes.c_void_p(self._library.chip_new(bytes(firmware)))
@@ -60,14 +60,14 @@ class Chip:
         self.run(0, True, False)
 
     def stop(self) -> None:
-        """Take the power away, once."""
+        """Remove the chip's power; only the first call counts."""
         self._library.chip_free(self._chip)
 
     def run(self, cycle: int, normally_open: bool, normally_closed: bool) -> list[tuple[int, int]]:
         """Run until `cycle` with these levels, True is high, at the two pins.
 
         Returns:
-            Bytes that left the UART meanwhile, each after the cycle at which its last bit ends.
+            Bytes that left the UART meanwhile, each with the cycle at which its last bit ends.
         """
         count = self._library.chip_run(self._chip, ctypes.c_uint64(cycle), normally_open, normally_closed)
         if count < 0:
@@ -98,22 +98,24 @@ class EmulatedSwitchBoard:
         self, source: SwitchSource, firmware: Path = FIRMWARE, faults: WireFaults = SOUND, seed: int = 0
     ) -> None:
         """Describe the board; nothing runs yet."""
-        self._source, self._firmware, self._faults = source, firmware, faults
+        self._source, self._firmware = source, firmware
+        self.faults = faults
+        """Faults of the wire; they may be replaced at any time."""
         self._rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(FAULT_STREAM,)))
         self._late: deque[tuple[float, bytes]] = deque()
         self._seen = -math.inf
         self._is_away = False
         self.terminal = Terminal("switch-board")
-        """The far end of its serial port."""
+        """Far end of the board's serial port."""
         self.port = self.terminal.port
-        """Name of its serial port."""
+        """Name of the board's serial port."""
         self._chip: Chip | None = None
         self._start = 0.0
         self.is_pressed = False
-        """The chip sees the lever pressed in the step to come."""
+        """Whether the chip sees the lever pressed in the step to come."""
 
     def open(self) -> None:
-        """Plug the board in, which powers it up; does nothing when it is."""
+        """Plug the board in, which powers it up; a board that is plugged in is left as it is."""
         if self._chip is None:
             self._chip = Chip(self._firmware)
             self._start = self._source.now()
@@ -129,29 +131,29 @@ class EmulatedSwitchBoard:
 
     @property
     def chip(self) -> Chip:
-        """The chip, while the board is plugged in."""
+        """Chip of the board that is plugged in."""
         assert self._chip is not None
         return self._chip
 
     def due(self) -> float:
-        """Return when the chip has to see the lever next, s: whenever the cell's clock steps."""
+        """Return the time by which the chip has to see the lever next, s: every step of the cell's clock."""
         return math.inf
 
     def advance(self) -> None:
-        """Run the chip until now and send what it says."""
+        """Run the chip to the present time and send its bytes."""
         self._suffer()
         if self._chip is None:
             return
         cycle = round((self._source.now() - self._start) * FREQUENCY)
         sent = self._chip.run(cycle, not self.is_pressed, self.is_pressed)
         self.is_pressed = self._source.is_switch_pressed()
-        self._late.append((self._source.now() + self._faults.delay, bytes(byte for _, byte in sent)))
+        self._late.append((self._source.now() + self.faults.delay, bytes(byte for _, byte in sent)))
         while self._late and self._late[0][0] <= self._source.now():
             self.terminal.send(self._worn(self._late.popleft()[1]))
 
     def _suffer(self) -> None:
         """Unplug, plug in or reset the board where its faults say so."""
-        now, faults = self._source.now(), self._faults
+        now, faults = self._source.now(), self.faults
         is_away = any(start <= now < end for start, end in faults.unplugged)
         if is_away != self._is_away:
             self._is_away = is_away
@@ -162,8 +164,8 @@ class EmulatedSwitchBoard:
         self._seen = now
 
     def _worn(self, data: bytes) -> bytes:
-        """Return what a bad cable leaves of some bytes."""
-        faults = self._faults
+        """Return the bytes that a bad cable passes."""
+        faults = self.faults
         if not faults.drop and not faults.corrupt:
             return data
         kept = [byte for byte in data if self._rng.random() >= faults.drop]

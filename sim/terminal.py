@@ -10,7 +10,7 @@ import tty
 from pathlib import Path
 
 BUFFER = 3000
-"""The line keeps so many bytes that nobody reads; a pseudo-terminal holds 4095."""
+"""Number of unread bytes that the line keeps; a pseudo-terminal holds 4095."""
 ARRIVAL_TIME = 5.0
 """Longest time until the kernel has passed bytes on, s of wall time."""
 
@@ -21,13 +21,13 @@ class Terminal:
     def __init__(self, name: str) -> None:
         """Choose the port's name; it does not exist yet."""
         self.port = str(Path(tempfile.gettempdir()) / f"{name}-{os.getpid()}-{id(self)}")
-        """Name of the serial port, which stays when the board is plugged in again."""
+        """Name of the serial port, which stays the same when the board is plugged in again."""
         self.is_read_meanwhile = False
-        """The reader is another thread or process, so that what has been sent need not be seen to arrive."""
+        """Whether the reader is another thread or process, so that bytes need not be seen to arrive before `send` returns."""
         self._ends: tuple[int, int] | None = None
 
     def plug_in(self) -> None:
-        """Make the port; does nothing when it is there."""
+        """Make the port; one that exists is left as it is."""
         if self._ends is None:
             self._ends = os.openpty()
             tty.setraw(self._ends[1])

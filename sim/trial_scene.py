@@ -1,4 +1,4 @@
-"""What one trial is made of: plate, rack and peg as drawn, and the compiled models that move them."""
+"""The contents of one trial: plate, rack and peg as drawn, and the compiled models that move them."""
 
 import math
 from dataclasses import dataclass, replace
@@ -14,11 +14,11 @@ from sim import contact, engine, joint_drive, scene
 from sim.arm_truth import ArmTruth, JointFriction
 from sim.config import SimConfig
 from sim.disturb import Draw
-from sim.plate import Plate
+from sim.plate import Plate, outline_of
 
 GRAVITY = 9.81
 FLOOR_MARGIN = 0.5e-3
-"""The hole's floor lies so far below the depth at which the switch closes, m."""
+"""Distance of the hole's floor below the depth at which the switch closes, m."""
 
 
 class Mechanism:
@@ -29,9 +29,9 @@ class Mechanism:
 
         Args:
             model: The model.
-            twin: The same with a time step `engine.COARSE` times as long, for the same state, if there is one.
+            twin: The same model with a time step `engine.COARSE` times as long, for the same state, or None.
             pivot: Body at the finger centre.
-            plates: How many of the first geoms are plates that the net force counts.
+            plates: Number of plates among the first geoms, which the net force counts.
         """
         self.model, self.twin, self.plates = model, twin, plates
         self.data = mujoco.MjData(model)
@@ -41,26 +41,26 @@ class Mechanism:
 
 @dataclass(frozen=True, slots=True)
 class PegSize:
-    """The peg's size as contacts and meters need it."""
+    """Sizes of the peg that contacts and meters need."""
 
     reach: float
-    """Furthest that a point of the end is from the axis, m."""
+    """Largest distance of a point of the end from the axis, m."""
     half: float
     """Half the length, overhang included, m."""
     weight: float
-    """N."""
+    """Weight of the peg, N."""
 
 
 class TrialScene:
-    """One trial's plate, rack and models."""
+    """Plate, rack and models of one trial."""
 
     def __init__(self, sim: SimConfig, job: Job, drawn: Draw, pad: tuple[float, float], has_twins: bool) -> None:
-        """Compile what was drawn.
+        """Compile the models of what was drawn.
 
         Args:
             sim: Config of the simulated world.
             job: The part, its rack and its hole.
-            drawn: What the trial's seed gave.
+            drawn: Draw of the trial's seed.
             pad: Length and width of a pad, m.
             has_twins: Whether longer steps are taken where nothing can touch the hole, if the joints' friction bears them.
 
@@ -69,7 +69,7 @@ class TrialScene:
         """
         self.job = job
         self.arm = drawn.arm if sim.model.arm == "full" else replace(drawn.arm, friction=JointFriction())
-        """The arm as it is."""
+        """The true arm."""
         has_twins = has_twins and _can_step(self.arm, sim.timestep)
         self.plate, self.rack = _plate(job, drawn), _rack(job, drawn)
         dt, how = sim.timestep, sim.model
@@ -81,13 +81,11 @@ class TrialScene:
                 scene.held_model(self.arm, job, self.plate, drawn.friction, engine.COARSE * dt, how),
                 scene.without_peg(free, engine.COARSE),
             )
-        self.held = Mechanism(held, twins[0], "peg", int(held.geom("peg").id))
+        self.held = Mechanism(held, twins[0], scene.GRIP, int(held.geom("peg").id))
         self.free = Mechanism(free, twins[1], "left", 2)
-        """The twin of the free model knows no peg."""
+        """Free model with its twin, which leaves the peg out."""
         self.pads = (int(free.geom("left").id), int(free.geom("right").id))
-        """The pads' geoms in the free model."""
-        self.pivot_dof = int(held.joint("pivot").dofadr[0])
-        """The hinge's degree of freedom in the held model."""
+        """Geoms of the pads in the free model."""
         self.size = PegSize(
             reach=job.peg.part.reach,
             half=(job.peg.length + job.peg.overhang) / 2,
@@ -104,10 +102,10 @@ class TrialScene:
 
 
 def _can_step(arm: ArmTruth, timestep: float) -> bool:
-    """Whether long steps are short enough for the smooth friction of the joints.
+    """Return whether long steps are short enough for the smooth friction of the joints.
 
     Raises:
-        ConfigError: Even a single tick is too long.
+        ConfigError: A single tick is too long already.
     """
     if not any(arm.friction.steepest()):
         return True
@@ -127,18 +125,22 @@ def _plate(job: Job, drawn: Draw) -> Plate:
     if hole.part.symmetry > 0.0:
         lean = lean @ frames.rotation_about(frames.UP, drawn.yaw)
     half = hole.part.half if hole.present else (contact.SOLID, contact.SOLID)
-    return Plate(drawn.hole, lean, half, hole.depth + FLOOR_MARGIN)
+    return Plate(
+        drawn.hole, lean, half, hole.depth + FLOOR_MARGIN, outline_of(drawn.hole, lean, *job.hole.plate_bounds)
+    )
 
 
 def _rack(job: Job, drawn: Draw) -> Plate:
     rack = job.rack
     slot = np.array(rack.first) + np.array([0.0, rack.pitch * (job.slot % rack.slots), 0.0]) + drawn.rack
-    # The hand comes with its closing axis along y, so the slot leans about y and its first side lies along y.
+    # The hand comes with its closing axis along y, so the slot is tilted about y and its first side lies along y.
     lean = frames.rotation_about(np.array([0.0, 1.0, 0.0]), -drawn.grasp_angle)
+    turned = lean @ frames.rotation_about(frames.UP, job.peg.part.least_turn(math.pi / 2))
     return Plate(
         slot,
-        lean @ frames.rotation_about(frames.UP, job.peg.part.least_turn(math.pi / 2)),
+        turned,
         job.peg.part.grown(scene.RACK_CLEARANCE).half,
-        # The deeper the slot, the closer to its back end the peg is taken.
+        # A deeper slot makes the hand take the peg closer to its back end.
         rack.depth + drawn.depth_in_hand,
+        outline_of(slot - drawn.rack, turned, *rack.bounds),
     )

@@ -1,4 +1,4 @@
-"""What no sensor tells: for records and tests, never for skills."""
+"""The true state of a simulated cell, which no sensor tells: for records and tests, never for skills."""
 
 from dataclasses import dataclass
 
@@ -6,12 +6,12 @@ from sim.situation import Peg
 
 VOID_PENETRATION = 10e-6
 VOID_SHARE = 0.2
-"""A trial is void when the peg penetrates by more than 10 um, or this share of the radial clearance, for longer than 2 ms."""
+"""Penetration, as a share of the radial clearance, that makes a trial void when it lasts longer than 2 ms; so do 10 um."""
 
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """The world as it is."""
+    """The true state of the world."""
 
     stamp: float
     peg: Peg
@@ -22,28 +22,30 @@ class Truth:
     hole: tuple[float, float, float]
     """Middle of the hole's mouth, m, base frame."""
     depth: float
-    """Of the tip below the hole's mouth along its axis, m; negative above."""
+    """Depth of the tip below the hole's mouth along its axis, m; negative above."""
     is_in_hole: bool
-    """The tip is below the surface and within the hole's radius of its axis."""
+    """Whether the tip is below the surface and within the hole's radius of its axis."""
     switch_closed: bool
     peak_contact_force: float
     """Largest net force of the plates on the held peg, N, after a first-order low-pass of 5 ms (32 Hz)."""
     max_penetration: float
-    """Deepest that lasted longer than 2 ms, in a bore or at its rim, m."""
+    """Deepest penetration of a bore or its rim that lasted longer than 2 ms, m."""
     is_void: bool
     max_in_hand_rotation: float
-    """Since the grasp, rad."""
+    """Largest turn of the peg in the hand since the grasp, rad."""
+    grip_slip: float
+    """Largest distance that the peg slipped along and across the fingers since it was last grasped, m."""
     time_over_20N: float  # noqa: N815 - a column of trials.csv
-    """Time that the force of which `peak_contact_force` is the largest exceeded 20 N, s."""
+    """Time that the force, low-passed as for `peak_contact_force`, exceeded 20 N, s."""
     plate_penetration: float
-    """Deepest that lasted longer than 2 ms, of a surface or a hole's floor, m; recorded, not judged."""
+    """Deepest penetration of a surface or a hole's floor that lasted longer than 2 ms, m; recorded, not judged."""
 
 
 def is_void(penetration: float, clearance: float) -> bool:
-    """Whether a trial's physics cheated.
+    """Return whether a trial is void because its bodies penetrated each other.
 
     Args:
-        penetration: Deepest that lasted longer than 2 ms, in a bore or at its rim, m.
-        clearance: Radial, of peg and hole, m.
+        penetration: Deepest penetration of a bore or its rim that lasted longer than 2 ms, m.
+        clearance: Radial clearance of peg and hole, m.
     """
     return penetration > min(VOID_PENETRATION, VOID_SHARE * clearance)

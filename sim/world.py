@@ -1,4 +1,4 @@
-"""One cell's physics as its devices use it: the clock, what is commanded, what is felt, and the truth."""
+"""The physics of one cell as its devices use it: the clock, the commands, the readings, and the truth."""
 
 import math
 
@@ -9,9 +9,9 @@ from drivers.arm.model import ArmModel
 from drivers.parts import Job
 from drivers.quantities import Pose, Vector
 from drivers.skin.layout import Layout, pad_size
-from sim import engine, shapes
+from sim import engine, shapes, slip
 from sim.config import ContactConfig, GripConfig, SimConfig
-from sim.disturb import Draw, draw
+from sim.disturb import Draw, draw, in_fixture
 from sim.pace import Pace
 from sim.pads import PadLoad, load_of
 from sim.plate import Plate
@@ -22,11 +22,11 @@ from sim.trial_scene import TrialScene
 from sim.truth import Truth, is_void
 
 MOST_PERIODS = 10
-"""Control periods between two looks at what becomes of the peg."""
+"""Largest number of control periods between two checks of the peg's situation."""
 
 
 class World:
-    """One cell's physics, and its clock."""
+    """Physics and clock of one cell."""
 
     def __init__(
         self,
@@ -44,7 +44,7 @@ class World:
             ConfigError: `reality.alone` names no error.
         """
         self._errors, self.drawn = errors, errors.draw(sim.seed)
-        """What the cell differs in for as long as it stands: arm, places, skin and computer."""
+        """Errors of the cell and their draw, constant for as long as the cell stands: arm, places, skin and computer."""
         self.arm, self._sim, self._contact, self._grip = arm, sim, friction, grip
         self.pad = pad_size(layout)
         """Length and width of a pad, m."""
@@ -56,13 +56,20 @@ class World:
     def restock(self, job: Job, seed: int) -> None:
         """Stand a fresh peg in the rack and draw the trial's world from `seed`; the arm stays where it is."""
         part = self._errors.draw(seed)
-        self.begin(job, draw(self.arm, job, self._contact, self._grip, seed, self.drawn, part))
+        drawn = draw(self.arm, job, self._contact, self._grip, seed, self.drawn, part)
+        if self._sim.fixture is not None:
+            drawn = in_fixture(drawn, self._sim.fixture, job, self._sim.seed, seed)
+        self.begin(job, drawn)
 
     def begin(self, job: Job, drawn: Draw) -> None:
         """Stand a fresh peg in the rack of a world that is drawn already; the arm stays where it is."""
         self.job, self.draw = job, drawn
         scene = TrialScene(self._sim, job, drawn, self.pad, self.stepper.has_twins)
         self.stepper.restock(scene, drawn.pad_friction, drawn.senses)
+
+    def take_away(self) -> None:
+        """Take the peg out of play, wherever it is."""
+        self.stepper.lose()
 
     def now(self) -> float:
         """Return the simulated time, s."""
@@ -81,17 +88,17 @@ class World:
 
     @property
     def control(self) -> engine.Control:
-        """What is commanded: devices write into it."""
+        """Commands, which the devices write."""
         return self.stepper.control
 
     @property
     def meters(self) -> Vector:
-        """What is metered, see `sim.engine`."""
+        """Meters of the physics, see `sim.engine`."""
         return self.stepper.meters
 
     @property
     def peg(self) -> Peg:
-        """Where the peg is."""
+        """Situation of the peg."""
         return self.stepper.peg
 
     @property
@@ -101,7 +108,7 @@ class World:
 
     @property
     def plate(self) -> Plate:
-        """The plate as it really is."""
+        """The true plate."""
         return self.stepper.scene.plate
 
     @property
@@ -115,11 +122,11 @@ class World:
         return self.stepper.dq
 
     def tcp(self) -> Pose:
-        """Return T_base_tcp as it is."""
+        """Return the true T_base_tcp."""
         return self.stepper.tcp()
 
     def scanned(self) -> tuple[Vector, Vector, Vector]:
-        """Return what a scan reads of the arm: positions, rad, velocities, rad/s, and the wrench at the TCP, N and N·m."""
+        """Return the arm's readings for a scan: positions, rad, velocities, rad/s, and the wrench at the TCP, N and N·m."""
         return self.stepper.scanned()
 
     def physics(self) -> tuple[mujoco.MjModel, mujoco.MjData]:
@@ -135,7 +142,7 @@ class World:
         return self.stepper.pad_force()
 
     def pad_load(self) -> PadLoad | None:
-        """Return what the pads hold now; None when nothing is between them."""
+        """Return the present load of the pads; None when nothing is between them."""
         if self.peg is Peg.GONE or (self.peg is Peg.FREE and self.pad_force() <= 0.0):
             return None
         return load_of(
@@ -147,14 +154,14 @@ class World:
         return self._felt(engine.FORCE)
 
     def contact_torque(self) -> Vector:
-        """Return its torque about the finger centre, shape (3,), N·m, base frame."""
+        """Return the torque of that force about the finger centre, shape (3,), N·m, base frame."""
         return self._felt(engine.TORQUE)
 
     def _felt(self, first: int) -> Vector:
         return self.meters[first : first + 3].copy() if self.stepper.feels_plates() else np.zeros(3)
 
     def peg_pose(self) -> Pose:
-        """Return the pose of the peg's middle, z from its end upward."""
+        """Return the true pose of the peg's middle, z from its end upward."""
         return self.stepper.peg_pose()
 
     def is_switch_pressed(self) -> bool:
@@ -163,7 +170,7 @@ class World:
         return in_hole and depth >= self.job.hole.depth
 
     def truth(self) -> Truth:
-        """Return what no sensor tells."""
+        """Return the true state of the world."""
         depth, in_hole = self.stepper.depth()
         lasting = float(self.meters[engine.SUSTAINED])
         return Truth(
@@ -179,6 +186,7 @@ class World:
             max_penetration=lasting,
             is_void=is_void(lasting, self.job.peg.part.clearance(self.job.hole.part)),
             max_in_hand_rotation=float(self.meters[engine.TURN_MAX]),
+            grip_slip=float(self.control.grip[slip.SLIP]),
             time_over_20N=float(self.meters[engine.OVER_TIME]),
             plate_penetration=float(self.meters[engine.SURFACE_SUSTAINED]),
         )

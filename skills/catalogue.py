@@ -14,26 +14,31 @@ from skills import (
     tactile_insert,
 )
 from skills.contract import Outcome, Reason, SkillContext, SkillResult
-from skills.entry import Catalogue, Program, Skill, SkillSet
+from skills.entry import Catalogue, Claim, Program, Skill, SkillSet
 from skills.flow import StageRecord, in_order, run_stage
-from skills.ground import Plane
 from skills.handling import Handling, Sections, handling
+from skills.search.belief import Belief
+from skills.search.course import ANYWHERE
 from skills.search.params import SpraySearchParams
+from skills.surface import Plane, nominal
 
 RETRIED = (Reason.NOT_ALIGNED, Reason.NOT_SEATED)
-"""What a new search can mend."""
+"""Reasons for a failure that a new search can mend."""
 
 
 def insert_peg(skills: SkillSet, ctx: SkillContext) -> list[StageRecord]:
-    """Take a peg, find the hole, align, seat, let go; search again where it was not the hole; else free hand and arm.
+    """Take a peg, find the hole, align, seat and let go; search again where the peg was not in the hole, and recover
+    after a failure.
 
     The run's outcome is that of its first stage that neither succeeded nor was tried again, or success.
     """
-    records = GRASP.run(skills, ctx)
+    records, belief = GRASP.run(skills, ctx), ANYWHERE
     for left in reversed(range(skills.retries + 1)):
         if records[-1].result.outcome is not Outcome.SUCCESS and not records[-1].retried:
             break
-        records += find_and_seat(skills, ctx, skills.retries - left)
+        tried = find_and_seat(skills, ctx, skills.retries - left, belief)
+        belief = _learnt(belief, tried[0].result, ctx)
+        records += tried
         last = records[-1].result
         if last.outcome is Outcome.SUCCESS:
             records += RELEASE.run(skills, ctx)
@@ -46,26 +51,49 @@ def insert_peg(skills: SkillSet, ctx: SkillContext) -> list[StageRecord]:
     return records
 
 
-def find_and_seat(skills: SkillSet, ctx: SkillContext, attempt: int = 0) -> list[StageRecord]:
-    """Find the hole, align and seat the peg, on the surface that the search has felt, until a stage does not succeed."""
-    found = run_stage(SEARCH.name, lambda c: _search(skills, c), ctx)
+def find_and_seat(
+    skills: SkillSet, ctx: SkillContext, attempt: int = 0, belief: Belief = ANYWHERE
+) -> list[StageRecord]:
+    """Find the hole, align the peg and seat it, on the surface that the search has estimated; end at the first stage
+    that does not succeed.
+    """
+    found = run_stage(SEARCH.name, lambda c: _search(skills, c, belief), ctx)
     plane = found.result.plane if isinstance(found.result, spray_search.SpraySearchResult) else None
     if found.result.outcome is not Outcome.SUCCESS:
         return [found]
-    return [
-        found,
-        *in_order(
-            [
-                (INSERT.name, lambda c: _insert(skills, c, plane, attempt)),
-                (ADJUST.name, lambda c: _adjust(skills, c, plane)),
-            ],
-            ctx,
-        ),
-    ]
+    tried = in_order(
+        [
+            (INSERT.name, lambda c: _insert(skills, c, plane, attempt)),
+            (ADJUST.name, lambda c: _adjust(skills, c, plane)),
+        ],
+        ctx,
+    )
+    if tried[-1].result.outcome is Outcome.SUCCESS and isinstance(found.result, spray_search.SpraySearchResult):
+        found = replace(found, result=replace(found.result, seated=_place_of_hole(ctx, plane)))
+    return [found, *tried]
 
 
-def _search(skills: SkillSet, ctx: SkillContext) -> SkillResult:
-    return spray_search.run(_handling(skills, ctx).search, ctx)
+def _place_of_hole(ctx: SkillContext, plane: Plane | None) -> tuple[float, float]:
+    """Return where a seated peg stands in the plate's surface, m, base frame.
+
+    A seated peg stands along the normal; theta, which errs by more, is not needed. How far its axis lies beside the
+    finger centre the skin tells, for a peg that was pressed sideways has moved between the pads.
+    """
+    seen, plane = ctx.observe(), plane or nominal(ctx.job.hole)
+    centre = seen.arm.tcp.position + seen.peg.offset * seen.arm.tcp.rotation[:, 1]
+    x, y, _ = centre + plane.depth(centre) * plane.normal
+    return float(x), float(y)
+
+
+def _search(skills: SkillSet, ctx: SkillContext, belief: Belief = ANYWHERE) -> SkillResult:
+    return spray_search.run(_handling(skills, ctx).search, ctx, belief=belief)
+
+
+def _learnt(belief: Belief, found: SkillResult, ctx: SkillContext) -> Belief:
+    """Return what a further attempt begins with, after a search that may have found a place."""
+    if not isinstance(found, spray_search.SpraySearchResult) or found.edge is None:
+        return belief
+    return belief.after(found.edge, ctx.job.hole.part.inscribed, found.left)
 
 
 def _insert(skills: SkillSet, ctx: SkillContext, plane: Plane | None = None, attempt: int = 0) -> SkillResult:
@@ -89,6 +117,7 @@ GRASP = Skill(
     params=grasp_from_rack.GraspFromRackParams,
     perform=grasp_from_rack.run,
     starts_empty=True,
+    claim=Claim.HELD,
 )
 SEARCH = Skill(
     name="spray_search",
@@ -122,6 +151,7 @@ ADJUST = Skill(
     by_part=_adjust,
     steered=("gains",),
     counts=True,
+    claim=Claim.SEATED,
 )
 RELEASE = Skill(
     name="release_and_retract",
@@ -130,11 +160,27 @@ RELEASE = Skill(
     section="release",
     params=release_and_retract.ReleaseAndRetractParams,
     perform=release_and_retract.run,
+    claim=Claim.LEFT,
 )
-RECOVER = Skill(name="recover", code=106, stage=6, section="recover", params=recover.RecoverParams, perform=recover.run)
+RECOVER = Skill(
+    name="recover",
+    code=106,
+    stage=6,
+    section="recover",
+    params=recover.RecoverParams,
+    perform=recover.run,
+    claim=Claim.FREED,
+)
 
 CATALOGUE = Catalogue(
-    Program(name="insert_peg", code=100, run=insert_peg, starts_empty=True),
+    Program(
+        name="insert_peg",
+        code=100,
+        run=insert_peg,
+        stages=tuple(skill.name for skill in (GRASP, SEARCH, INSERT, ADJUST, RELEASE)),
+        starts_empty=True,
+        claim=Claim.INSERTED,
+    ),
     GRASP,
     SEARCH,
     INSERT,

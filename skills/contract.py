@@ -8,13 +8,14 @@ from typing import NoReturn
 import numpy as np
 
 from drivers.config_model import ConfigModel
-from drivers.errors import NotPassiveError, SkinUntrustedError
+from drivers.errors import ArmSilentError, NotPassiveError, SkinUntrustedError
 from drivers.frames import end_point
 from drivers.parts import Job
 from drivers.protocols import Arm, Clock, Gripper, Skin, SuccessSwitch
 from drivers.quantities import ArmState, GripperState, ImpedanceSetpoint, InHandTip, SwitchState, TaxelFrame, Vector
-from skills.passivity import SOFTENED, STOP, PassivityGuard, Verdict
-from skills.scan_guards import Overruns, require_tracking, way_back
+from skills.passivity import SOFTENED, STOP, PassivityGuard, PassivityVerdict
+from skills.scan_guards import Overruns, require_finite_skin, require_finite_theta, require_tracking, way_back
+from skills.setpoint_gate import Limits
 from skills.tactile.blend import Blend, Smoothing
 from skills.tactile.pose import NO_PEG, Estimator, PegPose, Tracker
 
@@ -47,6 +48,10 @@ class Reason(IntEnum):
     WORKSPACE = 7
     STOPPED = 8
     STILL_HELD = 9
+    JAMMED = 10
+    """A peg did not come out of the hole; the hand has let it go."""
+    PART_LEFT = 11
+    """A peg is where a person must take it away."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,20 +110,11 @@ class Interrupted(Exception):  # noqa: N818  a way to end, not an error
 
 
 LONGEST_BLIND = 1.0
-"""A skill that holds a peg whose angle was known goes on without a new healthy frame for so long, s."""
+"""A skill that holds a peg goes on without a new healthy frame for so long, s."""
+LATEST_STATE = 0.1
+"""Largest age of the arm's state, s: a device that tells an old one again is as good as silent."""
 LEAST_TRUSTED = 20
 """Taxels of both fingers without which no skill goes on: half of them, one module of each finger."""
-
-
-class Limits(ConfigModel):
-    """What ends a skill at once; no defaults."""
-
-    force: float
-    """Largest estimated external force at the TCP, N."""
-    low: tuple[float, float, float]
-    """Lower corner of the workspace that the TCP must stay in, m, base frame."""
-    high: tuple[float, float, float]
-    """Upper corner of the workspace that the TCP must stay in, m, base frame."""
 
 
 Recorder = Callable[[Observation, ImpedanceSetpoint | None], None]
@@ -138,7 +134,7 @@ class SkillContext:
     limits: Limits
     scan_period: float
     rng: np.random.Generator
-    """For choices that a skill makes at random, as the start of a search."""
+    """Random generator of a skill's choices, such as the start of a search."""
     tracker: Tracker = field(default_factory=lambda: Blend(Smoothing()))
     poll: Callable[[], Request] = lambda: Request.RUN
     """Asked once a scan."""
@@ -150,6 +146,8 @@ class SkillContext:
     """Name of the skill under way."""
     held: ImpedanceSetpoint | None = field(default=None, init=False)
     _peg: PegPose = field(default=NO_PEG, init=False)
+    _unseen_since: float | None = field(default=None, init=False)
+    """Time since which a peg has to be held that the skin has never seen, s; None where none has to be."""
     _sequence: int = field(default=-1, init=False)
     _next_id: int = field(default=0, init=False)
     _soft: tuple[int, Vector] | None = field(default=None, init=False)
@@ -178,17 +176,22 @@ class SkillContext:
             CellError: A device is silent, stopped or not to be believed.
         """
         arm = self.arm.read()
+        age = self.clock.now() - arm.stamp
+        if age > LATEST_STATE:
+            raise ArmSilentError(f"arm: newest state {age:.2f} s old > {LATEST_STATE} s limit")
         frame = self.skin.read()
         is_new_frame = frame.sequence != self._sequence
         pose: PegPose | None = None
         if is_new_frame:
             self._sequence = frame.sequence
+            require_finite_skin(frame)
             trusted = int(np.count_nonzero(frame.trusted))
             if trusted < LEAST_TRUSTED:
                 raise SkinUntrustedError(
                     f"skin: {trusted} of {frame.trusted.size} taxels trusted; {LEAST_TRUSTED} needed"
                 )
             estimate = self.estimator.estimate(frame)
+            require_finite_theta(estimate)
             pose = estimate if estimate.healthy else None
         known = self.tracker.follow(arm.stamp, arm.tcp, self.job.peg.length, pose)
         if known.healthy:
@@ -240,6 +243,8 @@ class SkillContext:
             self.record(seen, self.held)
             if holding:
                 self._require_peg(seen)
+            else:
+                self._unseen_since = None
             if request is Request.RUN:
                 yield seen
                 elapsed += self.scan_period
@@ -258,8 +263,12 @@ class SkillContext:
         """Make sure that the hand still holds the peg, and that the skin still sees it."""
         if not seen.gripper.is_gripping:
             self._interrupt(Reason.LOST_GRASP)
-        blind = seen.stamp - seen.peg.stamp
-        if seen.peg.healthy and blind > LONGEST_BLIND:
+        if seen.peg.healthy:
+            blind = seen.stamp - seen.peg.stamp
+        else:
+            self._unseen_since = seen.stamp if self._unseen_since is None else self._unseen_since
+            blind = seen.stamp - self._unseen_since
+        if blind > LONGEST_BLIND:
             raise SkinUntrustedError(f"skin: no angle of the peg for {blind:.2f} s > {LONGEST_BLIND} s limit")
 
     def _check(self, seen: Observation) -> None:
@@ -274,9 +283,9 @@ class SkillContext:
     def _keep_passive(self, guard: PassivityGuard, seen: Observation, request: Request) -> None:
         held = self.held if request is Request.RUN else None
         verdict = guard.update(held, seen.arm.tcp, seen.stamp)
-        if held is None or verdict is Verdict.PASSIVE:
+        if held is None or verdict is PassivityVerdict.PASSIVE:
             return
-        if verdict is Verdict.STOP:
+        if verdict is PassivityVerdict.STOP:
             self.arm.halt()
             raise NotPassiveError(
                 f"{self.stage or 'skill'}: {guard.share:.1f} times the energy that presses with {self.limits.force:g} N,"

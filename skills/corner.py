@@ -1,4 +1,4 @@
-"""What is done otherwise with a peg that has corners: it searches with a corner, and is turned until it drops in."""
+"""Parameters for a peg with corners: it searches with a corner, and is turned until it drops into the hole."""
 
 from typing import Annotated
 
@@ -11,32 +11,41 @@ from skills.search.params import SpraySearchParams
 
 
 class CornerParams(ConfigModel):
-    """How a peg with corners is handled; where nothing is said, as a round one."""
+    """How a peg with corners is handled; keys that are not given here are those of the round peg's skills."""
 
     tilt: Annotated[float, Field(gt=0.0, lt=1.4)]
-    """Tilt of the peg in the search, rad; the closing axis is beside the plane of the tilt, so that theta's error is
-    felt as height."""
+    """Tilt of the peg in the search, rad; the closing axis lies beside the plane of the tilt, so that an error of theta
+    shows as height.
+    """
     speed: Annotated[float, Field(gt=0.0, le=0.5)]
-    """Peak speed of the tip along the path, m/s; a corner that has fallen in meets the wall with all of it."""
+    """Peak speed of the tip along the path, m/s; a corner that has fallen in meets the hole's wall at this speed."""
     pitch: Annotated[float, Field(gt=0.0, le=2.0)]
     """Largest distance between neighbouring passes, multiple of the hole's shorter side."""
     dip_threshold: PositiveFloat
-    """Dip of the corner below the surface that is evidence of an edge, m."""
+    """Dip threshold of the corner below the surface estimate that is evidence of an edge, m; larger than a round peg's
+    because an error of theta shows as height. Source: decision 0026.
+    """
     fall: PositiveFloat
-    """Depth below the surface at which the resting corner is in the hole, m."""
+    """Depth below the surface at which the resting corner is in the hole, m; an error of theta shows as height. Source:
+    decision 0026.
+    """
     blend: Annotated[float, Field(gt=0.0, le=1.0)]
-    """Weight of a new frame in the running estimate of theta, fraction; it stands for `smoothing.blend`, because
-    theta's error is felt as height."""
+    """Weight of a new frame in the running estimate of theta, fraction; it replaces `smoothing.blend` because an error
+    of theta shows as height.
+    """
     retries: Annotated[int, Field(ge=0, le=20)]
-    """Number of times that `insert_peg` searches anew with a peg that has corners; each attempt turns about another
-    middle."""
+    """Number of times that `insert_peg` searches anew with a peg that has corners; each attempt sweeps the yaw about
+    another middle.
+    """
     insert: CornerInsertParams
-    """How the peg is raised and turned."""
+    """How the peg is raised and turned in the hole. Source: decision 0026."""
     adjust: CornerAdjustParams
-    """How the peg is worked in."""
+    """How the peg is seated. Source: decision 0026."""
 
     def searching(self, search: SpraySearchParams) -> SpraySearchParams:
-        """Return the parameters of the search with a corner."""
+        """Return the parameters of a search with a corner: those of the round peg's search, with `corner` laid over
+        them.
+        """
         return search.model_copy(
             update={
                 "tilt": self.tilt,

@@ -1,44 +1,46 @@
-"""Raise a peg with corners, one of which is in a hole that is turned by an unknown angle, and turn it until it drops in.
+"""Raise a peg with corners, one of which is in a hole that is turned by an unknown angle, and turn it until it drops
+in.
 
-The peg is raised over its leading corner to a small tilt. There it stands only as deep as its corner reaches unless it is
-turned as the hole is, to within the clearance; then it can sink to where its faces meet the walls. The hand turns
-it to and fro about the plate's normal, the corner pushed towards the hole's own, until the tip sinks.
+The peg is raised over its leading corner to a small tilt. There it stands only as deep as its corner reaches, unless it
+is turned as the hole is, to within the clearance; then it can sink until its faces meet the walls. The hand sweeps its
+yaw to and fro about the plate's normal, with the corner pushed towards the hole's own, until the tip sinks.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
 from drivers.frames import angle_between, rotation_about
-from drivers.quantities import ImpedanceSetpoint, Vector
-from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillResult
-from skills.ground import Plane, nominal
-from skills.motion import VALIDITY, Gains
+from drivers.quantities import ImpedanceSetpoint, Twist, Vector
+from skills.contract import Observation, Outcome, Reason, SkillContext, SkillParams, SkillResult
+from skills.motion import VALIDITY, Gains, spin_between
 from skills.paths import dither
 from skills.seating import is_seated
+from skills.surface import Plane, nominal
 
 
 class CornerInsertParams(SkillParams):
     """How to raise and turn the peg."""
 
     gains: Gains
-    """Stiffness and damping along x and y and in rotation."""
+    """Stiffness and damping ratio along x and y and in rotation. Source: chosen within the margin that `cell check` prints."""
     push_stiffness: PositiveFloat
     """Stiffness along z, which makes the push, N/m."""
     push_back: Annotated[float, Field(gt=0.0, le=1.0)]
-    """Share of the push that is kept while the peg is raised, fraction; raised in the hole it turns in the hand."""
-    push_damping: PositiveFloat
-    """Damping along z, N·s/m."""
+    """Share of the push that is kept while the peg is raised, fraction; under the full push a peg that is raised in the
+    hole turns in the hand. Source: decision 0026.
+    """
     push_offset: NonNegativeFloat
     """Depth of the tip's setpoint below the tip, m."""
     lead: tuple[NonNegativeFloat, NonNegativeFloat]
-    """Distance of the tip's setpoint ahead of the tip, along the closing axis and across it, m; the corner shall stay
-    in the hole's own. A push across turns the peg in the hand."""
+    """Distance of the tip's setpoint ahead of the tip, along the closing axis and across it, m; it keeps the corner in
+    the hole's own. A push across the closing axis turns the peg in the hand.
+    """
     tilt: Annotated[float, Field(gt=0.0, lt=0.4)]
-    """Tilt to which the peg is raised, rad."""
+    """Tilt to which the peg is raised, rad. Source: decision 0026."""
     integral_gain: NonNegativeFloat
     """Integral gain on orientation, N·m/(rad·s); K_I of [gibbons], Eq. (6)."""
     integral_limit: NonNegativeFloat
@@ -48,34 +50,41 @@ class CornerInsertParams(SkillParams):
     raise_rate: PositiveFloat
     """Rate at which the setpoint of the axis is raised, rad/s."""
     turn_rate: PositiveFloat
-    """Rate of the yaw sweep's setpoint about the normal, rad/s; while it is turned as the hole is, the peg must have
-    time to sink."""
+    """Rate of the yaw sweep's setpoint about the normal, rad/s; slow enough for the peg to sink while it is turned as
+    the hole is.
+    """
     centres: Annotated[tuple[Annotated[float, Field(ge=-1.0, le=1.0)], ...], Field(min_length=1)]
     """Middle of the yaw sweep in the first attempt, in the next, and so on, fraction of the most that the hole can be
-    turned; far from how the hole is turned the corner would climb out."""
+    turned; the corner climbs out of the hole where the sweep goes far beyond the hole's own yaw.
+    """
     yaw_sweep: Annotated[float, Field(ge=0.0, le=1.0)]
-    """Reach of the yaw sweep to either side, fraction of the most that the hole can be turned; no less than `felt`, or
-    walls would never be felt."""
+    """Reach of the yaw sweep to either side, fraction of the most that the hole can be turned; it has to reach `felt`,
+    or the hand never lags far enough to tell a wall.
+    """
     margin: NonNegativeFloat
     """Addition to the reach of the yaw sweep, rad."""
     dither_radius: NonNegativeFloat
-    """First radius of the circles that the finger centre draws all the while, m; they fade, and shake friction loose.
+    """First radius of the dither of the finger centre, m; it fades within each period and frees the peg of static
+    friction.
     """
     dither_rate: PositiveFloat
-    """Turning rate of the circles, rad/s."""
+    """Turning rate of the dither, rad/s."""
     dither_period: PositiveFloat
-    """Time in which the circles fade, s."""
+    """Period of the dither, s; within it the radius fades to nothing."""
     growth: PositiveFloat
-    """Angle by which every turn to one side reaches further than the last, rad; the hole is rather turned little."""
+    """Angle by which every turn to one side reaches further than the last, rad; small yaws of the hole are the
+    likeliest and are tried first.
+    """
     felt: PositiveFloat
-    """Angle by which the hand lags behind its setpoint about the normal when walls hold the peg, rad; many times what
-    the joints' friction explains."""
+    """Angle by which the hand lags behind its setpoint about the normal when walls hold the peg, rad; many times the
+    lag that the joints' friction causes. Source: decision 0026.
+    """
     sunk: PositiveFloat
-    """Distance that the tip sinks when the peg drops in all the same, m."""
+    """Distance by which the tip sinks when the peg drops in without a wall having been felt, m."""
     strayed: PositiveFloat
-    """Distance of the tip from where it was raised at which it is out of the hole, m."""
+    """Distance of the tip from where it was raised at which it has left the hole, m."""
     lost_height: PositiveFloat
-    """Height of the corner above the surface at which it is out of the hole, m."""
+    """Height of the corner above the surface at which it has left the hole, m."""
     timeout: PositiveFloat
     """Longest insertion, s."""
 
@@ -85,81 +94,151 @@ class CornerInsertResult(SkillResult):
     """How the peg was turned when it sank."""
 
     yaw: float
-    """About the plate's normal since the beginning, rad."""
+    """Yaw of the peg about the plate's normal since the beginning, rad."""
     phi: float
-    """Angle to the normal, rad, by the skin."""
+    """Angle between the peg and the normal by the skin, rad."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Raised:
+    """The attitude to which the peg is raised before its yaw is swept."""
+
+    normal: Vector
+    """Normal of the plate, unit, shape (3,), base frame."""
+    about: Vector
+    """Axis about which the peg is raised, unit, shape (3,), base frame."""
+    axis: Vector
+    """Axis of the raised peg, unit, shape (3,), base frame."""
+    roll: Vector
+    """Closing axis of the hand at the raised peg, unit, shape (3,), base frame."""
+    lead: Vector
+    """Lead of the tip's setpoint before any yaw, shape (3,), m, base frame."""
+    swing: float
+    """Angle by which the peg is raised, rad."""
+    settled: float
+    """Time of running at which the peg is raised and has settled, s; the yaw sweep then begins."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class YawSweep:
+    """The yaw sweep of one attempt, and what it has met."""
+
+    centre: float
+    """Middle of the sweep, rad."""
+    reach: float
+    """Largest angle to either side of the middle, rad."""
+    most: float = math.inf
+    """Largest yaw that is asked for, rad: no hole is turned further."""
+    anchor: Vector | None = None
+    """Place of the tip when the sweep began, shape (3,), m, base frame; None before."""
+    highest: float = -math.inf
+    """Largest height of the tip above the surface in the sweep, m."""
+
+    def after(self, tip: Vector, depth: float) -> "YawSweep":
+        """Return the sweep after a scan with the tip at `depth`, m, below the surface."""
+        anchor = tip if self.anchor is None else self.anchor
+        return replace(self, anchor=anchor, highest=max(self.highest, -depth))
+
+    def distance(self, tip: Vector) -> float:
+        """Return the distance of the tip from where the sweep began, m; 0 before."""
+        return 0.0 if self.anchor is None else float(np.linalg.norm(tip - self.anchor))
+
+    def yaw(self, elapsed: float, settled: float, params: CornerInsertParams) -> float:
+        """Return the yaw's setpoint, rad; until the peg has settled it goes to the middle of the sweep."""
+        if elapsed < settled:
+            return self.centre * min(elapsed / settled, 1.0)
+        yaw = self.centre + to_and_fro(elapsed - settled, params.turn_rate, params.growth, self.reach)
+        return min(max(yaw, -self.most), self.most)
 
 
 def run(
     params: CornerInsertParams, ctx: SkillContext, plane: Plane | None = None, attempt: int = 0
 ) -> CornerInsertResult:
-    """Bring the peg to where it is turned as the hole is; `plane` as for `tactile_insert`, attempts counted from 0."""
+    """Sweep the yaw until the peg is turned as the hole is and drops in; `plane` is the surface that the search
+    estimated, None the job's own.
+    """
     plane = plane or nominal(ctx.job.hole)
-    normal, side = plane.normal, ctx.job.peg.part.widest
-    first = ctx.observe()
-    closing = first.arm.tcp.rotation[:, 2]
-    about = np.cross(normal, first.axis)
-    about /= max(float(np.linalg.norm(about)), 1e-9)
-    ahead = np.cross(about, normal)
-    raised = rotation_about(about, params.tilt - angle_between(normal, first.axis))
-    axis, roll = raised @ first.axis, raised @ closing
+    raised = raise_from(ctx.observe(), plane.normal, params)
+    sweep = sweep_of(params, ctx.job.hole.yaw, attempt)
     identity = ctx.new_id()
-    stiffness, damping = params.gains.stiffness(), params.gains.damping()
-    stiffness[2], damping[2] = params.push_stiffness, params.push_damping
-    leads = lead_to(ahead, roll, normal, params.lead)
-    swing = angle_between(first.axis, axis)
-    anchor: Vector | None = None
-    since = swing / params.raise_rate + params.settle
-    reach = max(params.yaw_sweep * ctx.job.hole.yaw, params.felt) + params.margin
-    highest, yaw, phi = -math.inf, 0.0, params.tilt
-    centre = params.centres[attempt % len(params.centres)] * ctx.job.hole.yaw
+    yaw, phi = 0.0, params.tilt
     for seen in ctx.scan(params.timeout, holding=True):
-        phi, elapsed = angle_between(seen.axis, normal), seen.elapsed
+        phi, elapsed = angle_between(seen.axis, plane.normal), seen.elapsed
         if is_seated(seen.switch, seen.tip, ctx.job.hole):
             return CornerInsertResult(Outcome.SUCCESS, Reason.NONE, elapsed, yaw, phi)
         depth = plane.depth(seen.tip)
-        if depth < -params.lost_height - side * math.sin(phi):
+        if depth < -params.lost_height - ctx.job.peg.part.widest * math.sin(phi):
             return CornerInsertResult(Outcome.FAILURE, Reason.NOT_ALIGNED, elapsed, yaw, phi)
-        left = max(swing - params.raise_rate * elapsed, 0.0)
-        yaw = centre * min(elapsed / since, 1.0)
-        stiffness[2] = params.push_stiffness * (params.push_back if elapsed < since else 1.0)
-        if elapsed >= since:
-            anchor = seen.tip if anchor is None else anchor
-            yaw = centre + to_and_fro(elapsed - since, params.turn_rate, params.growth, reach)
-            highest = max(highest, -depth)
-            if float(np.linalg.norm(seen.tip - anchor)) > params.strayed:
+        yaw = sweep.yaw(elapsed, raised.settled, params)
+        if elapsed >= raised.settled:
+            sweep = sweep.after(seen.tip, depth)
+            if sweep.distance(seen.tip) > params.strayed:
                 return CornerInsertResult(Outcome.FAILURE, Reason.NOT_ALIGNED, elapsed, yaw, phi)
-            turn = turned_by(seen.arm.tcp.rotation[:, 2], roll, normal)
-            if abs(yaw - turn) > params.felt or highest + depth > params.sunk:
+            turn = turned_by(seen.arm.tcp.rotation[:, 2], raised.roll, plane.normal)
+            if abs(yaw - turn) > params.felt or sweep.highest + depth > params.sunk:
                 return CornerInsertResult(Outcome.SUCCESS, Reason.NONE, elapsed, yaw, phi)
-        turned = rotation_about(normal, yaw)
-        leaning = turned @ rotation_about(about, left)
-        if elapsed >= since:
-            shaken = (
-                dither(elapsed - since, params.dither_radius, params.dither_rate, params.dither_period)
-                / ctx.job.peg.length
-            )
-            leaning = tipped(shaken) @ leaning
         ctx.progress(elapsed / params.timeout)
-        ctx.follow(
-            ImpedanceSetpoint(
-                id=identity,
-                tip=seen.tip + turned @ leads - params.push_offset * normal,
-                axis=leaning @ axis,
-                roll=leaning @ roll,
-                stiffness=stiffness.copy(),
-                damping=damping,
-                valid_until=seen.stamp + VALIDITY,
-                in_hand=ctx.in_hand(),
-                integral_gain=params.integral_gain,
-                integral_limit=params.integral_limit,
-            )
-        )
+        ctx.follow(_setpoint(params, ctx, seen, raised, sweep, identity))
     return CornerInsertResult(Outcome.FAILURE, Reason.NOT_ALIGNED, params.timeout, yaw, phi)
 
 
+def raise_from(seen: Observation, normal: Vector, params: CornerInsertParams) -> Raised:
+    """Return the attitude to which the peg is raised from where it is seen, over the corner that leads."""
+    about = np.cross(normal, seen.axis)
+    about /= max(float(np.linalg.norm(about)), 1e-9)
+    turn = rotation_about(about, params.tilt - angle_between(normal, seen.axis))
+    axis, roll = turn @ seen.axis, turn @ seen.arm.tcp.rotation[:, 2]
+    swing = angle_between(seen.axis, axis)
+    lead = lead_to(np.cross(about, normal), roll, normal, params.lead)
+    return Raised(normal, about, axis, roll, lead, swing, swing / params.raise_rate + params.settle)
+
+
+def sweep_of(params: CornerInsertParams, most: float, attempt: int) -> YawSweep:
+    """Return the yaw sweep of an attempt, counted from 0, for a hole that is turned by at most `most`, rad."""
+    centre = params.centres[attempt % len(params.centres)] * most
+    reach, bound = (max(angle, params.felt) + params.margin for angle in (params.yaw_sweep * most, most))
+    return YawSweep(centre, reach, bound)
+
+
+def attitude(params: CornerInsertParams, raised: Raised, sweep: YawSweep, elapsed: float, length: float) -> Vector:
+    """Return the rotation, shape (3, 3), from the raised peg to its setpoint after `elapsed` seconds: raised as far as
+    it is time for, yawed, dithered once the peg has settled.
+    """
+    yawed = rotation_about(raised.normal, sweep.yaw(elapsed, raised.settled, params))
+    turned: Vector = yawed @ rotation_about(raised.about, max(raised.swing - params.raise_rate * elapsed, 0.0))
+    if elapsed < raised.settled:
+        return turned
+    offset = dither(elapsed - raised.settled, params.dither_radius, params.dither_rate, params.dither_period)
+    return tipped(offset / length) @ turned
+
+
+def _setpoint(
+    params: CornerInsertParams, ctx: SkillContext, seen: Observation, raised: Raised, sweep: YawSweep, identity: int
+) -> ImpedanceSetpoint:
+    """Return the setpoint of one scan."""
+    stiffness, length = params.gains.stiffness(), ctx.job.peg.length
+    stiffness[2] = params.push_stiffness * (1.0 if seen.elapsed >= raised.settled else params.push_back)
+    now, soon = (attitude(params, raised, sweep, seen.elapsed + later, length) for later in (0.0, ctx.scan_period))
+    yawed = rotation_about(raised.normal, sweep.yaw(seen.elapsed, raised.settled, params))
+    return ImpedanceSetpoint(
+        id=identity,
+        tip=seen.tip + yawed @ raised.lead - params.push_offset * raised.normal,
+        axis=now @ raised.axis,
+        roll=now @ raised.roll,
+        stiffness=stiffness,
+        damping_ratio=params.gains.damping_ratios(),
+        valid_until=seen.stamp + VALIDITY,
+        in_hand=ctx.in_hand(),
+        integral_gain=params.integral_gain,
+        integral_limit=params.integral_limit,
+        twist=Twist(np.zeros(3), spin_between(now, soon, ctx.scan_period)),
+    )
+
+
 def lead_to(ahead: Vector, roll: Vector, normal: Vector, leads: tuple[float, float]) -> Vector:
-    """Return how far to lead along the closing axis `roll` and across it, to the side of `ahead`, in the plane, shape (3,), m."""
+    """Return the lead of the tip's setpoint, along the closing axis `roll` and across it to the side of `ahead`, in the
+    plane, shape (3,), m.
+    """
     along = roll - float(roll @ normal) * normal
     along /= float(np.linalg.norm(along))
     across = np.cross(normal, along)
@@ -168,21 +247,22 @@ def lead_to(ahead: Vector, roll: Vector, normal: Vector, leads: tuple[float, flo
 
 
 def tipped(offset: Vector) -> Vector:
-    """Return the rotation that tips what is upright by `offset`, shape (2,), rad, towards x and y; shape (3, 3)."""
+    """Return the rotation, shape (3, 3), that tilts an upright body by `offset`, shape (2,), rad, towards x and y."""
     size = math.hypot(offset[0], offset[1])
     return rotation_about(np.array([-offset[1], offset[0], 0.0]) / size, size) if size > 1e-9 else np.eye(3)
 
 
 def turned_by(now: Vector, before: Vector, normal: Vector) -> float:
-    """Return the angle about `normal` from `before` to `now`, rad; all unit, shape (3,)."""
+    """Return the angle about `normal` from `before` to `now`, rad; all three are unit vectors of shape (3,)."""
     along = float(normal @ now) * float(normal @ before)
     return math.atan2(float(normal @ np.cross(before, now)), float(before @ now) - along)
 
 
 def to_and_fro(time: float, rate: float, growth: float, reach: float) -> float:
-    """Return the angle after `time` of turning at constant `rate` from 0 to one side, the other, and so on, rad.
+    """Return the angle after `time` of turning at constant `rate` from 0 to one side, then to the other, and so on,
+    rad.
 
-    Every turn reaches by `growth` further than the last, at the most as far as `reach`.
+    Every turn reaches further than the last by `growth`, up to `reach`.
     """
     way, end, side = rate * time, 0.0, 1.0
     while True:

@@ -1,8 +1,8 @@
-"""What the catalogue says of a skill or a program, and the checks that keep two of them apart."""
+"""Entries of the catalogue of skills and programs, and the checks that no two of them claim the same thing."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from enum import IntEnum
+from enum import Enum, IntEnum
 from typing import Any, Generic, TypeVar
 
 from drivers.errors import ConfigError
@@ -14,34 +14,54 @@ from skills.motion import Gains
 P = TypeVar("P", bound=SkillParams)
 
 
+class Claim(Enum):
+    """What a success says, which the cell holds against the evidence before it believes it."""
+
+    NOTHING = "nothing"
+    HELD = "held"
+    """The hand holds a peg."""
+    SEATED = "seated"
+    """The peg in the hand is seated."""
+    LEFT = "left"
+    """A seated peg was let go and stayed."""
+    INSERTED = "inserted"
+    """A peg was seated in this run, let go, and stayed."""
+    FREED = "freed"
+    """The hand is open, and no peg is where it would be in the way."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Skill(Generic[P]):
     """One skill: everything that config, line, margins and records derive from it."""
 
     name: str
-    """Under which a technician asks for it and runs go on record."""
+    """Name under which a technician asks for the skill and its runs go on record."""
     code: int
-    """Command code on the line; skills and programs start at 100. A code that was once given stays."""
+    """Command code on the PLC line; skills and programs start at 100, and a code is never given to another."""
     stage: int
-    """Number of its stage on the line, from 1; a number that was once given stays."""
+    """Number of its stage on the PLC line, from 1; a number is never given to another."""
     section: str
     """Section of the config, and of recipes, that holds its parameters."""
     params: type[P]
     perform: Callable[[P, SkillContext], SkillResult]
-    """`run` of the skill's module."""
+    """The function `run` of the skill's module."""
     by_part: "Callable[[SkillSet, SkillContext], SkillResult] | None" = None
-    """Used instead of `perform` where the part decides how the skill is done."""
+    """Function that replaces `perform` where the part decides how the skill is done."""
     steered: tuple[str, ...] = ()
-    """Parameters of type `Gains` that act on what the skin tells; their stability is checked when a config is loaded."""
+    """Names of the parameters of type `Gains` that act on what the skin tells; their stability is checked when a config
+    is loaded.
+    """
     counts: bool = False
-    """Its time is part of a run's total."""
+    """Whether the skill's time is part of a run's total."""
     starts_empty: bool = False
-    """It begins with an empty hand and takes a fresh peg."""
+    """Whether the skill begins with an empty hand and takes a fresh peg."""
+    claim: Claim = Claim.NOTHING
+    """What the success of the skill says."""
     reasons: type[IntEnum] | None = None
-    """Its own words for why it ended so, beside those of `Reason`; numbers from 100 on."""
+    """The skill's own words for why it ended, beside those of `Reason`; their numbers start at 100."""
 
     def run(self, skills: "SkillSet", ctx: SkillContext) -> list[StageRecord]:
-        """Run the skill alone, with its own parameters out of `skills`."""
+        """Run the skill alone, with its own parameters from `skills`."""
 
         def step(ctx: SkillContext) -> SkillResult:
             return self.perform(skills[self], ctx) if self.by_part is None else self.by_part(skills, ctx)
@@ -54,13 +74,17 @@ class Program:
     """Several skills, run under one command."""
 
     name: str
-    """Under which a technician asks for it and runs go on record."""
+    """Name under which a technician asks for the program and its runs go on record."""
     code: int
-    """Command code on the line; skills and programs start at 100. A code that was once given stays."""
+    """Command code on the PLC line; skills and programs start at 100, and a code is never given to another."""
     run: "Callable[[SkillSet, SkillContext], list[StageRecord]]"
-    """Runs the skills and returns the stages in the order in which they ended."""
+    """Function that runs the skills and returns the stages in the order in which they ended."""
+    stages: tuple[str, ...] = ()
+    """Names of the stages of a run in which everything succeeds, in order; progress is measured by them."""
     starts_empty: bool = False
-    """It begins with an empty hand and takes a fresh peg."""
+    """Whether the program begins with an empty hand and takes a fresh peg."""
+    claim: Claim = Claim.NOTHING
+    """What the success of the program says."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,11 +92,13 @@ class SkillSet:
     """The parameters that a run is made with: `skills[SEARCH]` are those of the search, typed as the search has them."""
 
     sections: Mapping[str, SkillParams]
-    """By name of the section."""
+    """Parameters of each skill, by the name of its section."""
     corner: CornerParams | None
-    """For a peg with corners, whose skills stand in for those of a round one under their names."""
+    """Parameters for a peg with corners, whose skills replace those of a round peg under the same names; None without
+    them.
+    """
     retries: int
-    """How often the search begins anew when the peg turns out not to be in the hole; 0 in [gibbons]."""
+    """Number of further searches when the peg turns out not to be in the hole; 0 in [gibbons]."""
 
     def __getitem__(self, skill: Skill[P]) -> P:
         params = self.sections[skill.section]
@@ -82,14 +108,14 @@ class SkillSet:
 
 Entry = Program | Skill[Any]
 FIRST_OWN_REASON = 100
-"""Reasons of a single skill begin here; those below are shared by all."""
+"""First number of a single skill's own reasons; smaller numbers are shared by all skills."""
 
 
 class Catalogue(Mapping[str, Entry]):
     """Skills and programs by name, and the tables that the rest of the cell derives from them."""
 
     def __init__(self, *entries: Entry) -> None:
-        """Take the entries and make sure that none is in another's way.
+        """Take the entries and make sure that no two claim the same name, code, stage or section.
 
         Raises:
             ConfigError: One line that names the entry, what it claims and who has it.
@@ -107,13 +133,13 @@ class Catalogue(Mapping[str, Entry]):
         self._entries = {entry.name: entry for entry in entries}
         self.by_code = {entry.code: entry for entry in entries}
         self.skills: tuple[Skill[Any], ...] = tuple(skills)
-        """By number of their stages."""
+        """Each skill by the number of its stage."""
         self.stages = {skill.stage: skill.name for skill in skills}
         """Name of each stage by its number."""
         self.counted = tuple(skill.name for skill in skills if skill.counts)
-        """Stages whose times make up the total of a run."""
+        """Names of the stages whose times make up the total of a run."""
         self.reasons = {reason.value: reason.name for reason in (*Reason, *(reason for reason, _ in own))}
-        """What each number in a run's reason means."""
+        """Meaning of each number that a run's reason may have."""
 
     def __getitem__(self, name: str) -> Entry:
         return self._entries[name]
@@ -125,11 +151,13 @@ class Catalogue(Mapping[str, Entry]):
         return len(self._entries)
 
     def in_places(self, times: Mapping[str, float]) -> tuple[float, ...]:
-        """Return the times of stages, given by name, each at the place of its number; 0 where there is none."""
+        """Return the times of stages, given by name, s, each at the place of its stage's number; 0 where a stage has no
+        time.
+        """
         return tuple(times.get(self.stages.get(number, ""), 0.0) for number in range(1, max(self.stages) + 1))
 
     def stage_number(self, name: str) -> int:
-        """Return the number of a stage on the line; 0 for the empty name, before the first.
+        """Return the number of a stage on the PLC line; 0 for the empty name, before the first stage.
 
         Raises:
             ConfigError: No skill has that name.
@@ -151,7 +179,7 @@ def _require_distinct(what: str, claims: Iterable[tuple[Any, str]]) -> None:
 
 
 def _require_sound(skill: Skill[Any]) -> None:
-    """Make sure that what an entry says of itself can be true."""
+    """Make sure that an entry's own fields agree with each other."""
     if skill.stage < 1:
         raise ConfigError(f"skill catalogue: {skill.name}: stage {skill.stage}: numbers from 1 on allowed")
     for name in skill.steered:

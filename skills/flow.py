@@ -15,11 +15,11 @@ class StageRecord:
     name: str
     result: SkillResult
     started: float
-    """s, on the cell's clock."""
+    """Start of the skill, s, on the cell's clock."""
     ended: float
-    """s, on the cell's clock."""
+    """End of the skill, s, on the cell's clock."""
     retried: bool = False
-    """It did not succeed, and the program tried again."""
+    """Whether the skill failed and the program tried again."""
 
 
 def run_stage(name: str, step: Step, ctx: SkillContext) -> StageRecord:
@@ -40,7 +40,7 @@ def run_stage(name: str, step: Step, ctx: SkillContext) -> StageRecord:
 
 
 def in_order(steps: Sequence[tuple[str, Step]], ctx: SkillContext) -> list[StageRecord]:
-    """Run named steps one after the other until one does not succeed; return what was run."""
+    """Run named steps one after the other until one does not succeed; return the steps that were run."""
     records: list[StageRecord] = []
     for name, step in steps:
         records.append(run_stage(name, step, ctx))

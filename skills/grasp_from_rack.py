@@ -1,4 +1,6 @@
-"""Take the peg from a rack slot: come from above, close with a set force, draw it out, and make sure that it came along."""
+"""Take the peg from a rack slot: come from above, close with a set force, draw the peg out, and make sure that it came
+along.
+"""
 
 import math
 from dataclasses import dataclass, replace
@@ -7,32 +9,41 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
+from drivers.errors import SkinUntrustedError
 from drivers.frames import UP, angle_between
 from drivers.quantities import Twist, Vector
-from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillResult
-from skills.motion import VALIDITY, Goal, Transfer, Trim, move, stay
+from skills.contract import Observation, Outcome, Reason, SkillContext, SkillParams, SkillResult
+from skills.motion import VALIDITY, Goal, Transfer, Trim, move
 
 ACROSS_RACK: Vector = np.array([0.0, -1.0, 0.0])
-"""Where the closing axis points at the rack: always the same way, or the wrist would wind up from run to run."""
+"""Direction of the closing axis at the rack, base frame; always the same, so that the wrist does not wind up from run
+to run.
+"""
 
 CENTRED = (2e-4, math.radians(0.2))
-"""The hand is closed at once where it is so close to the slot along every axis, m, and to its directions, rad."""
+"""Error of the hand's place, m, and of its directions, rad, below which it closes. Source: decision 0031."""
+RESTING = 2e-3
+"""Speed of the hand below which it counts as at rest, m/s; a hand that breaks loose from friction passes the slot."""
 CENTRING_TIME = 2.0
-"""Longest time for that, s."""
+"""Longest time to centre the hand on the slot, s."""
 NEAR = (1e-3, math.radians(1.0))
-"""It is not closed at all where it is further off after that: the slot leaves no more."""
+"""Error of the hand's place, m, and of its directions, rad, beyond which it does not close: the slot leaves no more.
+Source: decision 0031.
+"""
 TRIM = Trim(rate=6.0, limit=0.01)
-"""Of the hand's place there, along each axis."""
+"""Integral that trims the hand's place over the slot, along each axis."""
 INTEGRAL_GAIN, INTEGRAL_LIMIT = 300.0, 6.0
-"""Of the arm's integral of its direction there, N·m/(rad·s), and its saturation, N·m."""
+"""Integral gain of the arm's orientation over the slot, N·m/(rad·s), and its saturation, N·m."""
 DRAWING_SPEED = 0.05
-"""At which the peg leaves the slot, m/s: faster, it would be drawn through the pads where it rubs."""
+"""Speed at which the peg leaves the slot, m/s; a peg that rubs in the slot is drawn through the pads at higher speeds.
+Source: decision 0031.
+"""
 DRAWING_TIME = 2.0
-"""Longest time for that, over what the speed takes."""
+"""Time added to what the drawing speed takes before the draw is given up, s."""
 
 
 class GraspFromRackParams(SkillParams):
-    """How to take a peg."""
+    """How to take a peg from the rack."""
 
     transfer: Transfer
     """How the hand goes to the slot and away from it."""
@@ -41,7 +52,7 @@ class GraspFromRackParams(SkillParams):
     opening: Annotated[float, Field(gt=0.0, le=0.08)]
     """Distance between the pads on the way down, m."""
     clearance: Annotated[float, Field(gt=0.0, le=0.3)]
-    """Height of the fingers' way above the slot, m; also how far the peg is lifted."""
+    """Height of the fingers' way above the slot, m; the peg is lifted by as much."""
     closing_time: Annotated[float, Field(gt=0.0, le=10.0)]
     """Longest time for the fingers to close, s."""
     width_tolerance: Annotated[float, Field(gt=0.0, le=0.005)]
@@ -59,11 +70,11 @@ class GraspFromRackResult(SkillResult):
 
 
 def run(params: GraspFromRackParams, ctx: SkillContext) -> GraspFromRackResult:
-    """Take the peg of the job's slot."""
+    """Take the peg from the job's slot and make sure that it is held."""
     started = ctx.clock.now()
     job = ctx.job
     slot = np.array(job.rack.first) + np.array([0.0, job.rack.pitch * (job.slot % job.rack.slots), 0.0])
-    # The peg stands on the slot's floor, so the finger centre goes `length` above that floor.
+    # The peg stands on the slot's floor, so that the finger centre goes to `length` above that floor.
     grip_at = slot + UP * (job.peg.length - job.rack.depth)
 
     ctx.gripper.release(params.opening)
@@ -72,51 +83,92 @@ def run(params: GraspFromRackParams, ctx: SkillContext) -> GraspFromRackResult:
         pass
     for _ in move(Goal(grip_at, UP, ACROSS_RACK), params.transfer, ctx, None, settle=0.0):
         pass
-    if not _centre(grip_at, ctx):
-        return _missed(params, ctx, started, Reason.MISSED_GRASP)
-    ctx.gripper.grip(params.force)
-    for seen in ctx.scan(params.closing_time):
-        if seen.gripper.is_gripping or not seen.gripper.is_moving:
+    centring = Centring(grip_at, ctx)
+    for seen in ctx.scan(CENTRING_TIME):
+        if centring.follow(seen, CENTRED):
             break
-        stay(ctx, seen.stamp)
-    if not _holds_peg(params, ctx):
+    if not (centring.is_within(NEAR) and _close(params, centring, ctx)):
         return _missed(params, ctx, started, Reason.MISSED_GRASP)
+    closed = ctx.clock.now()
     _draw_out(grip_at[2] + job.rack.depth, ctx)
     for _ in move(above, params.transfer, ctx, None):
         pass
     if not _holds_peg(params, ctx):
         return _missed(params, ctx, started, Reason.LOST_GRASP)
     seen = ctx.observe()
+    _require_print(seen, closed)
     return GraspFromRackResult(
         Outcome.SUCCESS, Reason.NONE, ctx.clock.now() - started, seen.gripper.width, seen.peg.theta
     )
 
 
-def _centre(grip_at: Vector, ctx: SkillContext) -> bool:
-    """Bring the open hand to the slot, from which friction in the joints holds it off; return whether it is near enough.
+class Centring:
+    """Brings the open hand to the slot, from which friction in the joints holds it off, and keeps it there
+    while it closes.
 
-    Closed aslant, it would jam the peg there. The setpoint that is left behind balances the friction.
+    A peg that is gripped aslant jams in the slot. The setpoint that is left behind balances the joints' friction.
     """
-    trims = [TRIM] * 3
-    assert ctx.held is not None
-    held = replace(ctx.held, id=ctx.new_id(), twist=None, integral_gain=INTEGRAL_GAIN, integral_limit=INTEGRAL_LIMIT)
-    off, aslant = np.full(3, math.inf), math.inf
-    for seen in ctx.scan(CENTRING_TIME):
-        hand = seen.arm.tcp
-        off = grip_at - hand.position
-        aslant = max(angle_between(-hand.rotation[:, 0], UP), angle_between(hand.rotation[:, 2], ACROSS_RACK))
-        if float(np.abs(off).max()) < CENTRED[0] and aslant < CENTRED[1]:
+
+    def __init__(self, grip_at: Vector, ctx: SkillContext) -> None:
+        """Begin from the setpoint that is held, towards `grip_at`, shape (3,), m, base frame."""
+        assert ctx.held is not None
+        self._ctx, self._grip_at, self._trims = ctx, grip_at, [TRIM] * 3
+        self._held = replace(
+            ctx.held, id=ctx.new_id(), twist=None, integral_gain=INTEGRAL_GAIN, integral_limit=INTEGRAL_LIMIT
+        )
+        self._off, self._aslant, self._speed = np.full(3, math.inf), math.inf, math.inf
+
+    def follow(self, seen: Observation, near: tuple[float, float]) -> bool:
+        """Take one scan; return whether the hand rests as near as `near`, m and rad."""
+        hand, before = seen.arm.tcp, self._off
+        self._off = self._grip_at - hand.position
+        self._speed = float(np.abs(self._off - before).max()) / self._ctx.scan_period
+        self._aslant = max(angle_between(-hand.rotation[:, 0], UP), angle_between(hand.rotation[:, 2], ACROSS_RACK))
+        self._trims = [
+            trim.after(float(error), self._ctx.scan_period) for trim, error in zip(self._trims, self._off, strict=True)
+        ]
+        tip = self._grip_at + np.array([trim.value for trim in self._trims])
+        self._held = replace(self._held, tip=tip, valid_until=seen.stamp + VALIDITY)
+        self._ctx.follow(self._held)
+        return self.is_within(near) and self._speed < RESTING
+
+    def is_within(self, near: tuple[float, float]) -> bool:
+        """Return whether the hand was as near as `near`, m and rad, at the last scan."""
+        return float(np.abs(self._off).max()) < near[0] and self._aslant < near[1]
+
+    def freeze(self) -> None:
+        """Leave the setpoint as it is."""
+        self._ctx.follow(replace(self._held, integral_gain=0.0))
+
+
+def _close(params: GraspFromRackParams, centring: Centring, ctx: SkillContext) -> bool:
+    """Close the hand, which is centred all the while; return whether it holds a peg."""
+    ctx.gripper.grip(params.force)
+    for seen in ctx.scan(params.closing_time):
+        if seen.gripper.is_gripping or not seen.gripper.is_moving:
             break
-        trims = [trim.after(float(error), ctx.scan_period) for trim, error in zip(trims, off, strict=True)]
-        tip = grip_at + np.array([trim.value for trim in trims])
-        held = replace(held, tip=tip, valid_until=seen.stamp + VALIDITY)
-        ctx.follow(held)
-    ctx.follow(replace(held, integral_gain=0.0))
-    return float(np.abs(off).max()) < NEAR[0] and aslant < NEAR[1]
+        centring.follow(seen, CENTRED)
+    centring.freeze()
+    return _holds_peg(params, ctx)
+
+
+def _require_print(seen: Observation, closed: float) -> None:
+    """Make sure that the skin has seen the peg since the hand `closed`, s: a live skin shows the grasp's own print.
+
+    Raises:
+        SkinUntrustedError: It has not. Modules that are dead, stuck below the rail, swapped or tell anything at random
+            are found here, before the peg goes anywhere near the plate.
+    """
+    if not seen.peg.healthy or seen.peg.stamp < closed:
+        raise SkinUntrustedError(
+            "skin: no print of the peg since the hand closed on it; a line across both pads needed: run `cell skin`"
+        )
 
 
 def _draw_out(height: float, ctx: SkillContext) -> None:
-    """Rise from the setpoint that is held until the finger centre is at `height`, m, base frame, where the slot ends."""
+    """Rise from the held setpoint until the finger centre is at `height`, m, base frame, where the peg's end has left
+    the slot.
+    """
     held = ctx.held
     assert held is not None
     twist = Twist(UP * DRAWING_SPEED, np.zeros(3))

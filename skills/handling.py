@@ -1,4 +1,4 @@
-"""How each kind of part is searched with, aligned and seated; the one place that chooses skills by the part."""
+"""Tables of how each kind of part is searched with, aligned and seated; the one place that chooses skills by the part."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -7,21 +7,21 @@ from drivers.part.contract import Part
 from skills import corner_adjust, corner_insert, spiral_adjust, tactile_insert
 from skills.contract import SkillContext, SkillResult
 from skills.corner import CornerParams
-from skills.ground import Plane
 from skills.motion import Gains
 from skills.search.params import SpraySearchParams
+from skills.surface import Plane
 
 
 @dataclass(frozen=True, slots=True)
 class Sections:
-    """The parameters that a handling is made of, as the sections of a config file."""
+    """The sections of a config file that a handling is made of."""
 
     search: SpraySearchParams
     insert: tactile_insert.TactileInsertParams
     adjust: spiral_adjust.SpiralAdjustParams
     corner: CornerParams | None
     retries: int
-    """Key `retries` of the config."""
+    """Number of further searches, key `retries` of the config."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,23 +31,25 @@ class Handling:
     search: SpraySearchParams
     """Parameters of the search."""
     insert: Callable[[SkillContext, Plane | None, int], SkillResult]
-    """Aligns the peg: on the surface that the search has felt, if any, in the attempt with this number, from 0."""
+    """Function that aligns the peg on the surface that the search estimated, if any, in the attempt with this number,
+    from 0.
+    """
     adjust: Callable[[SkillContext, Plane | None], SkillResult]
-    """Seats the aligned peg on that surface."""
+    """Function that seats the aligned peg on that surface."""
     retries: int
     """Number of further searches when the peg turns out not to be in the hole; 0 in [gibbons]."""
     steered: Mapping[str, Gains] = field(default_factory=dict)
-    """Gains that act on what the skin tells beside those that the catalogue of skills lists, by key of the config."""
+    """Gains that act on what the skin tells, by key of the config, beside those that the catalogue of skills lists."""
     blend: float | None = None
-    """Share of a new frame in the in-hand angle, instead of `smoothing.blend`."""
+    """Weight of a new frame in the in-hand angle, which replaces `smoothing.blend`, fraction; None keeps that."""
 
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """How to make a handling."""
+    """Recipe for the handling of one kind of part."""
 
     section: str
-    """Section of the config that it needs."""
+    """Section of the config that the handling needs; empty where it needs none of its own."""
     make: Callable[[Sections], Handling]
 
 
@@ -74,9 +76,9 @@ def _over_a_corner(sections: Sections) -> Handling:
 
 
 WAYS: Mapping[str, Way] = {"round": Way("insert", _over_the_edge), "rectangular": Way("corner", _over_a_corner)}
-"""By the part's kind."""
+"""Recipe of each kind of part."""
 
 
 def handling(part: Part, sections: Sections) -> Handling:
-    """Return how this part is handled; the section that its way needs must be there."""
+    """Return how this part is handled."""
     return WAYS[part.kind].make(sections)

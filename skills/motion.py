@@ -16,6 +16,9 @@ from skills.contract import Observation, SkillContext
 VALIDITY = 0.1
 """A setpoint outlives this many seconds without a new one, then the arm holds still."""
 
+STRAY = 4e-3
+"""Distance from where the hole was found that a setpoint may follow the tip to, m: a hole keeps its place."""
+
 
 class Gains(ConfigModel):
     """How stiffly the arm follows."""
@@ -24,25 +27,23 @@ class Gains(ConfigModel):
     """Translational stiffness, N/m."""
     rotation: PositiveFloat
     """Rotational stiffness, N·m/rad."""
-    translation_damping: PositiveFloat
-    """Translational damping, N·s/m."""
-    rotation_damping: PositiveFloat
-    """Rotational damping, N·m·s/rad."""
+    damping_ratio: PositiveFloat = 1.0
+    """Damping of every mode, multiple of what is critical at the arm's own inertia."""
 
     def stiffness(self) -> Vector:
         """Return the stiffness, shape (6,)."""
         return np.array([self.translation] * 3 + [self.rotation] * 3)
 
-    def damping(self) -> Vector:
-        """Return the damping, shape (6,)."""
-        return np.array([self.translation_damping] * 3 + [self.rotation_damping] * 3)
+    def damping_ratios(self) -> Vector:
+        """Return the damping ratio of each direction, shape (6,)."""
+        return np.full(6, self.damping_ratio)
 
 
 class Transfer(ConfigModel):
     """How the arm moves through free space."""
 
     gains: Gains
-    """Stiffness and damping on the way."""
+    """Stiffness and damping ratio on the way."""
     speed: PositiveFloat
     """Largest speed of the tip, m/s."""
     turn_speed: PositiveFloat
@@ -102,7 +103,7 @@ def move(
         peak * float(np.linalg.norm(way)) / transfer.speed, peak * (swing + abs(twist)) / transfer.turn_speed, 0.2
     )
     identity = ctx.new_id()
-    stiffness, damping = transfer.gains.stiffness(), transfer.gains.damping()
+    stiffness, damping_ratio = transfer.gains.stiffness(), transfer.gains.damping_ratios()
     for seen in ctx.scan(duration + settle, limited=limited):
         share, rate = minimum_jerk(seen.elapsed / duration)
         turned = rotation_about(swing_axis, swing * share)
@@ -116,10 +117,11 @@ def move(
                 axis=axis_now,
                 roll=roll_now,
                 stiffness=stiffness,
-                damping=damping,
+                damping_ratio=damping_ratio,
                 valid_until=seen.stamp + VALIDITY,
                 in_hand=in_hand,
                 posture=seen.arm.posture(transfer.elbow),
+                is_free=True,
                 twist=Twist(way * (rate / duration), omega),
             )
         )
@@ -153,16 +155,32 @@ def between(goal: Vector, start: Vector, share: float) -> Vector:
     return mixed / math.sqrt(float(mixed @ mixed))
 
 
+def spin_between(before: Vector, after: Vector, period: float) -> Vector:
+    """Return the angular velocity, shape (3,), rad/s, that takes one rotation, shape (3, 3), to the next in `period` seconds."""
+    turn = after @ before.T
+    return np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]) / (2.0 * period)
+
+
+def anchored(tip: Vector, found: Vector) -> Vector:
+    """Return the tip, shape (3,), m, drawn back along x and y to within `STRAY` of where the hole was found."""
+    way = (tip - found)[:2]
+    size = math.hypot(way[0], way[1])
+    held = tip.copy()
+    if size > STRAY:
+        held[:2] = found[:2] + STRAY / size * way
+    return held
+
+
 @dataclass(frozen=True, slots=True)
 class Trim:
     """An integral on the setpoint's side, where the arm's law has none: [gibbons] integrates the orientation alone."""
 
     rate: float
-    """1/s."""
+    """Rate at which the trim grows with the error, 1/s."""
     limit: float
-    """m."""
+    """Largest trim, m."""
     value: float = 0.0
-    """To be added to the setpoint, m."""
+    """Trim that is added to the setpoint, m."""
 
     def after(self, error: float, period: float) -> "Trim":
         """Return the trim after `period` seconds with this error of the tip, m."""

@@ -1,11 +1,11 @@
-"""A guard over the held setpoint: energy of the arm that it alone can have put in; pure.
+"""A guard over the held setpoint, by the energy that only that setpoint can have put into the arm; pure.
 
-Plates and pads only take energy. What the arm has beyond its planned motion came out of the springs of the held
-setpoint, and a passive loop gives out no more than the little that errors and slips put in. A loop that is not
-passive, because theta or the error is too old for the gains, pumps: the arm's energy grows from swing to swing. It is
-measured against the one that presses with the force limit when the same spring stops it, m v²/2 = F²/(2 K), so that
-the guard acts before the limit does. The classical observer sums force times velocity; at the rate of a scan that sum
-is wrong for a fast oscillation, while kinetic energy shows in any two samples.
+Plates and pads only take energy. Energy of the arm beyond its planned motion came out of the springs of the held
+setpoint, and a passive loop gives out little more than errors and slips put in. A loop that is not passive, because
+theta or the error is too old for the gains, pumps: the arm's energy grows from swing to swing. The energy is compared
+with that of a motion which presses with the force limit when the same spring stops it, m v²/2 = F²/(2 K), so that the
+guard acts before the limit does. The classical passivity observer sums force times velocity. At the rate of a scan that
+sum is wrong for a fast oscillation, while any two samples show the kinetic energy.
 """
 
 import math
@@ -15,20 +15,22 @@ from enum import IntEnum
 from drivers.quantities import ImpedanceSetpoint, Pose
 
 WRIST = 0.15
-"""So far behind the finger centre the arm's inertia falls into a mass and a moment that hardly know of each other, m."""
+"""Distance behind the finger centre at which the arm's translational and rotational inertia decouple, m."""
 MASS = 5.0
-"""Of the arm there, kg; 4 to 9 in the simulated one over poses and directions, the hand free to turn or not."""
+"""Mass of the arm at that point, kg; 4 to 9 kg in the simulated arm over poses and directions, with the hand free to
+turn or not.
+"""
 INERTIA = 0.03
-"""About that point, kg·m²; 0.007 to 0.08 likewise."""
+"""Inertia of the arm about that point, kg·m²; 0.007 to 0.08 kg·m² in the simulated arm likewise."""
 LEVER = 0.1
-"""The force limit times this is the most torque that a spring in rotation may come to, m."""
+"""Lever by which the force limit gives the largest torque of the rotational spring, m."""
 SOFTEN, STOP = 0.75, 1.0
-"""Shares of the energy at the force limit."""
+"""Shares of the energy at the force limit at which the guard softens the motion and stops it, fraction."""
 SOFTENED = 0.5
-"""Of the stiffness, for the rest of the motion."""
+"""Share of the stiffness that is kept for the rest of a softened motion, fraction."""
 
 
-class Verdict(IntEnum):
+class PassivityVerdict(IntEnum):
     """What the guard asks for."""
 
     PASSIVE = 0
@@ -37,16 +39,17 @@ class Verdict(IntEnum):
 
 
 def share_of_limit(setpoint: ImpedanceSetpoint, before: Pose, after: Pose, period: float, force_limit: float) -> float:
-    """Return the energy of the arm's motion beyond the planned one, as a share of the energy at the force limit.
+    """Return the kinetic energy of the arm's motion beyond the planned one, as a fraction of the energy at the force
+    limit.
 
     Args:
-        setpoint: Held in between.
-        before: T_base_tcp.
-        after: T_base_tcp, `period` later.
-        period: s.
-        force_limit: N.
+        setpoint: Setpoint that was held between the two samples.
+        before: T_base_tcp at the first sample.
+        after: T_base_tcp at the second sample.
+        period: Time between the samples, s.
+        force_limit: Largest external force at the TCP, N.
     """
-    # Plain numbers: at every scan, arrays of three would cost ten times as much.
+    # Plain numbers, because arrays of three would cost ten times as much at every scan.
     p, q = before.position.tolist(), after.position.tolist()
     (ax, ay, az), (bx, by, bz), (cx, cy, cz) = before.rotation.tolist()
     (dx, dy, dz), (ex, ey, ez), (fx, fy, fz) = after.rotation.tolist()
@@ -54,7 +57,7 @@ def share_of_limit(setpoint: ImpedanceSetpoint, before: Pose, after: Pose, perio
     vx = (wrist[0] - p[0] + WRIST * ax) / period
     vy = (wrist[1] - p[1] + WRIST * bx) / period
     vz = (wrist[2] - p[2] + WRIST * cx) / period
-    # Of after·before' the part that is no symmetric one.
+    # The antisymmetric part of after·beforeᵀ is the rotation between the samples.
     wx = (fx * bx + fy * by + fz * bz - ex * cx - ey * cy - ez * cz) / (2.0 * period)
     wy = (dx * cx + dy * cy + dz * cz - fx * ax - fy * ay - fz * az) / (2.0 * period)
     wz = (ex * ax + ey * ay + ez * az - dx * bx - dy * by - dz * bz) / (2.0 * period)
@@ -73,29 +76,35 @@ def share_of_limit(setpoint: ImpedanceSetpoint, before: Pose, after: Pose, perio
 
 @dataclass(slots=True)
 class PassivityGuard:
-    """Watches one scan after the other; a single one is a knock, two in a row are a swing."""
+    """Judges the energy of one scan after the other; a single high scan is a knock, two in a row are a swing."""
 
     force_limit: float
-    """N."""
+    """Largest external force at the TCP, N."""
     share: float = 0.0
-    """Of the energy at the force limit, in the last scan."""
+    """Kinetic energy in the last scan, fraction of the energy at the force limit."""
     _before: tuple[float, Pose] | None = None
 
-    def update(self, setpoint: ImpedanceSetpoint | None, tcp: Pose, stamp: float) -> Verdict:
-        """Take one scan.
+    def update(self, setpoint: ImpedanceSetpoint | None, tcp: Pose, stamp: float) -> PassivityVerdict:
+        """Judge one scan.
 
         Args:
-            setpoint: Held since the scan before; None when none was.
+            setpoint: Setpoint held since the scan before; None when there was none.
             tcp: T_base_tcp now.
             stamp: Time, s.
         """
         before, self._before = self._before, (stamp, tcp)
         if setpoint is None or before is None or stamp <= before[0]:
             self.share = 0.0
-            return Verdict.PASSIVE
+            return PassivityVerdict.PASSIVE
         last, self.share = (
             self.share,
             share_of_limit(setpoint, before[1], tcp, stamp - before[0], self.force_limit),
         )
         lasting = min(last, self.share)
-        return Verdict.STOP if lasting > STOP else Verdict.SOFTEN if lasting > SOFTEN else Verdict.PASSIVE
+        return (
+            PassivityVerdict.STOP
+            if lasting > STOP
+            else PassivityVerdict.SOFTEN
+            if lasting > SOFTEN
+            else PassivityVerdict.PASSIVE
+        )

@@ -8,7 +8,7 @@ import numpy as np
 from drivers.quantities import Vector
 
 TURN_TIME = 0.1
-"""Of the turn from one lane into the next, s: 2.5 m/s² at 0.125 m/s, which the arm follows."""
+"""Time of the turn from one lane into the next, s; it takes 2.5 m/s² at 0.125 m/s, which the arm follows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,8 @@ class SprayPaint:
 def spray_paint(
     half: tuple[float, float], pitch: float, speed: float, fast: int, start: tuple[float, float]
 ) -> SprayPaint:
-    """Return the path over a rectangle that begins at `start`, slowly towards the nearer edge, then over all the rest.
+    """Return a path that begins at `start`, goes slowly towards the nearer edge, and then covers the rest of the
+    rectangle.
 
     Args:
         half: Half the extents, m, > 0.
@@ -65,7 +66,8 @@ def spray_paint(
 
 @dataclass(frozen=True, slots=True)
 class Lanes:
-    """Straight lanes there and back at one speed, a pitch apart, that cover a rectangle; then back between them.
+    """Straight lanes there and back at one speed, a pitch apart, that cover a rectangle; the next cover lies between
+    them.
 
     The first lane begins at a corner, or before it. A turn takes `TURN_TIME`: the speed along the lane reverses at
     constant acceleration while the point moves to the next lane along a cosine.
@@ -76,13 +78,18 @@ class Lanes:
     fast: int
     """Axis of the lanes, 0 or 1."""
     speed: float
-    """Along a lane, m/s."""
+    """Speed along a lane, m/s."""
     lanes: int
-    """Lanes that cover the rectangle once."""
+    """Number of lanes that cover the rectangle once."""
     signs: tuple[float, float]
-    """Of the coordinates of the first corner."""
+    """Signs of the coordinates of the first corner."""
     run_in: float
-    """The first lane begins so far outside the rectangle, m."""
+    """Distance outside the rectangle at which the first lane begins, m."""
+
+    @property
+    def cover(self) -> float:
+        """Time in which the rectangle is covered once, s."""
+        return self.run_in / self.speed + self.lanes * (2.0 * self.half[self.fast] / self.speed + TURN_TIME)
 
     def at(self, time: float) -> tuple[Vector, Vector]:
         """Return the point, m, and its velocity, m/s, at `time`, each shape (2,), from the middle of the rectangle."""
@@ -112,7 +119,7 @@ class Lanes:
         return point, velocity
 
     def _place(self, lane: int) -> float:
-        """Return where a lane lies, in pitches from the middle; every other cover lies half a pitch off."""
+        """Return where a lane lies, in pitches from the middle; every second cover is shifted by half a pitch."""
         cover, number = divmod(lane, self.lanes)
         first = (self.lanes - 1) / 2.0
         return first - number if cover % 2 == 0 else number - first + 0.5
@@ -121,7 +128,9 @@ class Lanes:
 def lanes(
     half: tuple[float, float], pitch: float, speed: float, fast: int, near: tuple[float, float], run_in: float
 ) -> Lanes:
-    """Return lanes over a rectangle, at most `pitch` apart, from the corner next to `near`; in m and m/s, as in `Lanes`."""
+    """Return lanes over a rectangle, at most `pitch` apart, m, from the corner next to `near`; units are those of
+    `Lanes`.
+    """
     signs = (math.copysign(1.0, near[0]), math.copysign(1.0, near[1]))
     return Lanes(half, fast, speed, max(math.ceil(2.0 * half[1 - fast] / pitch), 1), signs, run_in)
 
@@ -147,7 +156,7 @@ def spiral(time: float, growth: float, turn_rate: float) -> Vector:
 def spiral_at_speed(time: float, speed: float, pitch: float) -> Vector:
     """Return the point at `time` on an Archimedean spiral that is run through at about constant speed.
 
-    With r = pitch·angle/2π the way after many turns is pitch·angle²/4π, so angle = sqrt(4π·speed·time/pitch).
+    With r = pitch·angle/2π the way after many turns is pitch·angle²/4π, so that angle = sqrt(4π·speed·time/pitch).
 
     Args:
         time: Time since the start, s, >= 0.
@@ -163,11 +172,11 @@ def spiral_at_speed(time: float, speed: float, pitch: float) -> Vector:
 
 
 def dither(time: float, radius: float, turn_rate: float, period: float) -> Vector:
-    """Return the point at `time` on circles that swell from nothing and fade to nothing within each period.
+    """Return the point at `time` of a dither: circles that grow from nothing and fade to nothing within each period.
 
-    A decaying oscillation leaves a system with dry friction free of stored torque, as a decaying field leaves
-    iron free of magnetisation; a peg jams less the smaller the torque it carries. It swells for a fifth of the
-    period, for a sudden start would be a blow.
+    A decaying oscillation leaves a system with dry friction free of stored torque, as a decaying field leaves iron free
+    of magnetisation; a peg jams less the smaller the torque it carries. The radius grows during a fifth of the period,
+    because a sudden start would strike the peg.
 
     Args:
         time: Time since the start, s, >= 0.

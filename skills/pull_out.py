@@ -1,4 +1,4 @@
-"""Take a peg out of the hole, in which it may jam, before another try: straight up, and shaken."""
+"""Take a peg, which may be jammed, out of the hole before another try: straight up, with a dither."""
 
 from drivers.quantities import ImpedanceSetpoint, Vector
 from skills.contract import SkillContext
@@ -6,17 +6,23 @@ from skills.motion import VALIDITY, Gains, tilted_by
 from skills.paths import dither
 
 SPEED = 0.05
-"""At which the setpoint rises, m/s."""
+"""Speed at which the setpoint rises, m/s."""
 SHARE = 0.625
-"""Of the force limit, that the setpoint's lead over the tip pulls with at the most."""
+"""Largest pull by the setpoint's lead over the tip, fraction of the force limit."""
 SHAKEN = (0.003, 25.0, 0.5)
-"""Radius of the circles that the finger centre draws meanwhile, m, their rate, rad/s, and the period in which they fade, s."""
+"""Radius of the dither of the finger centre, m, its turning rate, rad/s, and its period, s."""
 LONGEST = 10.0
-"""Longest pull, s."""
+"""Longest time to pull, s."""
 
 
-def pull_out(height: float, gains: Gains, ctx: SkillContext) -> Vector | None:
-    """Pull the peg straight up until its tip stands at `height`, m, base frame, and not aside before.
+def pull_out(height: float, gains: Gains, ctx: SkillContext, limited: bool = True) -> Vector | None:
+    """Pull the peg straight up until its tip stands at `height`, m, base frame, without moving it aside before.
+
+    Args:
+        height: Where the tip shall stand, m, base frame.
+        gains: How stiffly the arm pulls; the setpoint's lead over the tip bounds the force.
+        ctx: The skill's context.
+        limited: Keep to the limits of force and workspace; only a way out of a violation may not.
 
     Returns:
         None where it came out; else the tip where it is stuck, shape (3,), m, base frame.
@@ -25,7 +31,7 @@ def pull_out(height: float, gains: Gains, ctx: SkillContext) -> Vector | None:
     identity, in_hand = ctx.new_id(), ctx.in_hand()
     most = SHARE * ctx.limits.force / gains.translation
     tip, target = here.tip, here.tip.copy()
-    for seen in ctx.scan(LONGEST, holding=True):
+    for seen in ctx.scan(LONGEST, holding=True, limited=limited):
         tip = seen.tip
         if tip[2] >= height:
             return None
@@ -38,7 +44,7 @@ def pull_out(height: float, gains: Gains, ctx: SkillContext) -> Vector | None:
                 axis=tilted_by(offset + in_hand.length * here.axis[:2], in_hand.length),
                 roll=here.arm.tcp.rotation[:, 2],
                 stiffness=gains.stiffness(),
-                damping=gains.damping(),
+                damping_ratio=gains.damping_ratios(),
                 valid_until=seen.stamp + VALIDITY,
                 in_hand=in_hand,
             )

@@ -1,4 +1,16 @@
-"""Free hand and arm after a failure: draw up, drop what is held into the reject bin, come back above the rack."""
+"""Free hand and arm after a failure; what the hand holds goes to the reject bin, but a seated peg is left where it is.
+
+    | where the peg is            | what is done                                                                      |
+    | --------------------------- | --------------------------------------------------------------------------------- |
+    | in the hand, clear of all   | draw up, drop it into the bin                                                       |
+    | in the hand, at the plate   | pull it straight up with the force bounded, as it may be in the hole; then the bin    |
+    | in the hand, in the hole,   | let go of it, draw back without it, and say that it is jammed: a person must         |
+    | and it does not come out    | take it out                                                                         |
+    | in the hand, seated         | let go of it and draw back                                                          |
+    | nowhere in the hand         | draw up, open the hand; whether a person is needed the supervisor says               |
+
+A hand that does not open is never drawn away from a peg that the hole holds.
+"""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -8,12 +20,17 @@ from pydantic import Field
 
 from drivers.frames import UP
 from drivers.parts import Point
-from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillResult
+from drivers.quantities import SwitchState, Vector
+from skills.contract import Observation, Outcome, Reason, SkillContext, SkillParams, SkillResult
 from skills.grasp_from_rack import ACROSS_RACK
-from skills.motion import Goal, Transfer, move, stay
+from skills.motion import Goal, Transfer, move
+from skills.pull_out import pull_out
+from skills.release_and_retract import let_go
 
 MARGIN = 0.01
-"""From the edge of the workspace, m."""
+"""Distance that is kept from the edge of the workspace, m."""
+CLEAR = 0.005
+"""Height of a held peg's end over the surface from which on nothing can hold it, m."""
 
 
 class RecoverParams(SkillParams):
@@ -29,35 +46,63 @@ class RecoverParams(SkillParams):
     """Distance between the pads that lets the peg go, m."""
     opening_time: Annotated[float, Field(gt=0.0, le=10.0)]
     """Longest time for the fingers to open, s."""
+    first: bool = False
+    """Whether a start that finds a peg in the hand clears it away first, instead of being refused."""
 
 
 @dataclass(frozen=True, slots=True)
 class RecoverResult(SkillResult):
-    """Whether a peg was dropped."""
+    """Whether a peg was dropped into the bin."""
 
     dropped: bool
 
 
 def run(params: RecoverParams, ctx: SkillContext) -> RecoverResult:
-    """Draw up, turn the hand down above the bin, open it."""
+    """Free the peg where it can be freed, turn the hand down above the bin, open it."""
     first = ctx.observe()
     held = first.gripper.is_gripping
-    tcp = first.arm.tcp
+    is_jammed = False
+    if held and first.tip[2] < ctx.job.hole.centre[2] + CLEAR:
+        is_seated = first.switch is SwitchState.CLOSED
+        is_jammed = not is_seated and _pull(params, ctx) is not None
+        if is_seated or is_jammed:
+            held = False
+            _relax(ctx)
+            if not let_go(params.opening, params.opening_time, ctx):
+                return _result(Outcome.FAILURE, Reason.STILL_HELD, ctx, first, dropped=False)
+    _draw_up(params, ctx)
+    for _ in move(Goal(np.array(params.bin), UP, ACROSS_RACK), params.transfer, ctx, None):
+        pass
+    if not let_go(params.opening, params.opening_time, ctx):
+        return _result(Outcome.FAILURE, Reason.STILL_HELD, ctx, first, dropped=False)
+    if is_jammed:
+        return _result(Outcome.FAILURE, Reason.JAMMED, ctx, first, dropped=False)
+    return _result(Outcome.SUCCESS, Reason.NONE, ctx, first, dropped=held)
+
+
+def _pull(params: RecoverParams, ctx: SkillContext) -> Vector | None:
+    """Pull the peg up until its end is clear of the plate; return where it is stuck, or None.
+
+    The limits do not count: what the failure left pressed must first be free to give way, and the pull is bounded.
+    """
+    return pull_out(ctx.job.hole.centre[2] + CLEAR, params.transfer.gains, ctx, limited=False)
+
+
+def _relax(ctx: SkillContext) -> None:
+    """Let the arm hold still where it is: the hand of an arm that pulls would leap when it lets go."""
+    ctx.arm.halt()
+    ctx.held = None
+
+
+def _draw_up(params: RecoverParams, ctx: SkillContext) -> None:
+    tcp = ctx.observe().arm.tcp
     low, high = np.array(ctx.limits.low), np.array(ctx.limits.high)
     inside = np.clip(tcp.position + UP * params.height, low + MARGIN, high - MARGIN)
     out = Goal(inside, -tcp.rotation[:, 0], tcp.rotation[:, 2])
     # What the failure left pressed or outside must first be free to move away.
     for _ in move(out, params.transfer, ctx, None, limited=False):
         pass
-    for _ in move(Goal(np.array(params.bin), UP, ACROSS_RACK), params.transfer, ctx, None):
-        pass
-    ctx.gripper.release(params.opening)
-    for seen in ctx.scan(params.opening_time):
-        if not seen.gripper.is_moving:
-            break
-        stay(ctx, seen.stamp)
-    last = ctx.observe()
-    elapsed = last.stamp - first.stamp
-    if last.gripper.is_gripping or last.gripper.is_moving:
-        return RecoverResult(Outcome.FAILURE, Reason.STILL_HELD, elapsed, False)
-    return RecoverResult(Outcome.SUCCESS, Reason.NONE, elapsed, held)
+
+
+def _result(outcome: Outcome, reason: Reason, ctx: SkillContext, first: Observation, dropped: bool) -> RecoverResult:
+    return RecoverResult(outcome, reason, ctx.clock.now() - first.stamp, dropped)

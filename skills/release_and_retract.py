@@ -7,7 +7,7 @@ from pydantic import Field
 
 from drivers.frames import UP
 from drivers.quantities import SwitchState
-from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillResult
+from skills.contract import Observation, Outcome, Reason, SkillContext, SkillParams, SkillResult
 from skills.motion import Goal, Transfer, move, stay
 
 
@@ -33,22 +33,36 @@ class ReleaseAndRetractResult(SkillResult):
 
 
 def run(params: ReleaseAndRetractParams, ctx: SkillContext) -> ReleaseAndRetractResult:
-    """Open the hand and draw it back along the fingers, then upwards."""
+    """Open the hand and draw it back along the fingers, then upwards; a hand that does not open stays where it is."""
     first = ctx.observe()
-    ctx.gripper.release(params.opening)
-    for seen in ctx.scan(params.opening_time):
-        if not seen.gripper.is_moving:
-            break
-        stay(ctx, seen.stamp)
+    if not let_go(params.opening, params.opening_time, ctx):
+        return _result(Outcome.FAILURE, Reason.STILL_HELD, ctx, first)
     start = ctx.observe().arm.tcp
     back = Goal(start.position + UP * params.height, -start.rotation[:, 0], start.rotation[:, 2])
     for _ in move(back, params.transfer, ctx, None):
         pass
-    seen = ctx.observe()
-    elapsed = seen.stamp - first.stamp
-    stayed = seen.switch is SwitchState.CLOSED
-    if seen.gripper.is_gripping or seen.gripper.is_moving:
-        return ReleaseAndRetractResult(Outcome.FAILURE, Reason.STILL_HELD, elapsed, stayed)
-    if first.switch is SwitchState.CLOSED and not stayed:
-        return ReleaseAndRetractResult(Outcome.FAILURE, Reason.NOT_SEATED, elapsed, stayed)
-    return ReleaseAndRetractResult(Outcome.SUCCESS, Reason.NONE, elapsed, stayed)
+    if ctx.observe().switch is not SwitchState.CLOSED:
+        return _result(Outcome.FAILURE, Reason.NOT_SEATED, ctx, first)
+    return _result(Outcome.SUCCESS, Reason.NONE, ctx, first)
+
+
+def let_go(opening: float, longest: float, ctx: SkillContext) -> bool:
+    """Open the hand where it is; return whether it is open.
+
+    Args:
+        opening: Distance between the pads that lets the peg go, m.
+        longest: Longest time for the fingers to open, s.
+        ctx: The skill's context.
+    """
+    ctx.gripper.release(opening)
+    for seen in ctx.scan(longest, limited=False):
+        if not seen.gripper.is_moving:
+            break
+        stay(ctx, seen.stamp)
+    hand = ctx.observe().gripper
+    return not (hand.is_gripping or hand.is_moving)
+
+
+def _result(outcome: Outcome, reason: Reason, ctx: SkillContext, first: Observation) -> ReleaseAndRetractResult:
+    last = ctx.observe()
+    return ReleaseAndRetractResult(outcome, reason, last.stamp - first.stamp, last.switch is SwitchState.CLOSED)

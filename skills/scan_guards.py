@@ -1,4 +1,4 @@
-"""What a scan makes sure of, and the way back from a hold; pure."""
+"""Checks that every scan makes, and the way back from a hold; pure."""
 
 import math
 from collections import deque
@@ -6,22 +6,27 @@ from dataclasses import replace
 
 import numpy as np
 
-from drivers.errors import ScanOverrunError, TrackingError
+from drivers.errors import NotFiniteError, ScanOverrunError, TrackingError
 from drivers.frames import end_point
-from drivers.quantities import ArmState, ImpedanceSetpoint
+from drivers.quantities import FINGER_NAMES, ArmState, ImpedanceSetpoint, TaxelFrame
+from skills.tactile.pose import PegPose
 
 OVERRUN_WINDOW = 100
-"""Scans that overruns are counted over."""
+"""Number of scans over which overruns are counted."""
 MOST_OVERRUNS = 5
-"""So many scans of the window may take longer than two periods; a scan that slips once is made up for."""
+"""Number of scans of the window that may take longer than two periods; the clock makes up for a single late scan."""
 TRACKING_LIMIT = 0.1
-"""Between the controlled point and its setpoint, m: what skills push with stays below half of it."""
+"""Largest distance between the controlled point and its setpoint, m; the lead that skills push with stays below half of
+it.
+"""
 RESUME_TIME = 1.0
-"""From a hold back to the setpoint, s: a peg that left the plate while the arm braked comes down on it slowly."""
+"""Time of the way from a hold back to the setpoint, s; a peg that left the plate while the arm braked comes down on it
+slowly.
+"""
 
 
 class Overruns:
-    """Counts the scans that came late; a clock that is late now and then does no harm, one that mostly is does."""
+    """Counts scans that came late; an occasional one does no harm, many in one window are a fault."""
 
     def __init__(self, scan_period: float) -> None:
         """Begin with no scan counted."""
@@ -45,7 +50,9 @@ class Overruns:
 
 
 def way_back(paused: ArmState, held: ImpedanceSetpoint, stamp: float, scan_period: float) -> ImpedanceSetpoint:
-    """Return the setpoint at `stamp` on the straight way from where the arm was `paused` to what it held before."""
+    """Return the setpoint at `stamp` on the straight way from where the arm was `paused` to the setpoint that it held
+    before.
+    """
     theta, length = (0.0, 0.0) if held.in_hand is None else (held.in_hand.theta, held.in_hand.length)
     tip, axis = end_point(paused.tcp, theta, length)
     share = min((stamp - paused.stamp) / RESUME_TIME, 1.0)
@@ -60,7 +67,7 @@ def way_back(paused: ArmState, held: ImpedanceSetpoint, stamp: float, scan_perio
 
 
 def require_tracking(arm: ArmState, held: ImpedanceSetpoint) -> None:
-    """Make sure that the arm is about where it shall be.
+    """Make sure that the arm is close to its setpoint.
 
     Raises:
         TrackingError: It is blocked, or was told to be somewhere else altogether.
@@ -74,3 +81,27 @@ def require_tracking(arm: ArmState, held: ImpedanceSetpoint) -> None:
             f"arm: controlled point {lag * 1e3:.0f} mm from its setpoint > {TRACKING_LIMIT * 1e3:.0f} mm limit; "
             "it is blocked, or the setpoint cannot be reached"
         )
+
+
+def require_finite_skin(frame: TaxelFrame) -> None:
+    """Make sure that every taxel that is trusted tells a number.
+
+    Raises:
+        NotFiniteError: One line that names the finger and the taxel.
+    """
+    wrong = frame.trusted & ~np.isfinite(frame.values)
+    if wrong.any():
+        finger, taxel = np.argwhere(wrong)[0]
+        raise NotFiniteError(
+            f"skin: {FINGER_NAMES[finger]} taxel {taxel}: {frame.values[finger, taxel]}; a number needed"
+        )
+
+
+def require_finite_theta(pose: PegPose) -> None:
+    """Make sure that an estimate that calls itself healthy is a number.
+
+    Raises:
+        NotFiniteError: It is none.
+    """
+    if pose.healthy and not math.isfinite(pose.theta):
+        raise NotFiniteError(f"theta: {pose.theta}; a number needed from the estimator of insert.estimator")

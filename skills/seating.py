@@ -1,13 +1,15 @@
-"""Is the peg in? The switch decides, and the depth of the tip must agree with it."""
+"""Judge whether the peg is seated: the switch decides, and the depth of the tip has to agree with it."""
 
 from drivers.errors import SwitchDisagreesError, SwitchUnknownError
 from drivers.parts import Hole
 from drivers.quantities import SwitchState, Vector
 
 CLOSED_TOLERANCE = 0.004
-"""Between the tip's depth by the arm and the hole's depth when the switch closes, m: theta is known no better."""
+"""Largest difference between the tip's depth by the arm and the hole's depth when the switch closes, m; theta is known
+no better.
+"""
 OPEN_TOLERANCE = 0.0015
-"""A tip that stands this close to the hole's depth and can be pushed no further should have closed the switch, m."""
+"""Distance from the hole's depth within which a tip that can be pushed no further should have closed the switch, m."""
 
 
 def depth_of(tip: Vector, hole: Hole) -> float:
@@ -16,15 +18,15 @@ def depth_of(tip: Vector, hole: Hole) -> float:
 
 
 def is_seated(switch: SwitchState, tip: Vector, hole: Hole) -> bool:
-    """Return whether the switch is closed, the tip being where it should then be.
+    """Return whether the switch is closed, after a check that the tip is then at the hole's depth.
 
     Args:
-        switch: What is known of it.
+        switch: State of the switch.
         tip: End point of the peg by the arm, shape (3,), m, base frame.
-        hole: Where it should be.
+        hole: The hole as the job states it.
 
     Raises:
-        SwitchDisagreesError: Closed with the tip elsewhere.
+        SwitchDisagreesError: The switch is closed, and the tip is elsewhere.
         SwitchUnknownError: The switch gives no valid answer.
     """
     if switch is SwitchState.UNKNOWN:
@@ -41,7 +43,7 @@ def is_seated(switch: SwitchState, tip: Vector, hole: Hole) -> bool:
 
 
 def require_short_of_bottom(tip: Vector, hole: Hole) -> None:
-    """Make sure that an open switch may be open, after all time to seat the peg is spent.
+    """Make sure that an open switch is plausible, after all the time to seat the peg is spent.
 
     Raises:
         SwitchDisagreesError: The tip is at the bottom.

@@ -8,53 +8,60 @@ import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
 from drivers.frames import end_point
-from drivers.quantities import ImpedanceSetpoint, InHandTip, Pose, Vector
+from drivers.quantities import ImpedanceSetpoint, InHandTip, Pose, Twist, Vector
 from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillResult
-from skills.ground import Plane, nominal
-from skills.motion import VALIDITY, Gains, tilted_by
+from skills.motion import VALIDITY, Gains, anchored, tilted_by
 from skills.paths import dither, spiral
 from skills.seating import OPEN_TOLERANCE, depth_of, is_seated, require_short_of_bottom
+from skills.surface import Plane, nominal
 
 ARRIVING = 3.0
-"""Damping along z close to the bottom, over that before."""
+"""Factor on the damping along z close to the bottom."""
 
 
 class SpiralAdjustParams(SkillParams):
-    """How to tilt the peg about its tip; the spiral is drawn by the finger centre. Tactile measurements are not used."""
+    """How to tilt the peg about its tip along a spiral of the finger centre. The skill uses no tactile measurements."""
 
     growth: PositiveFloat
-    """Growth of the spiral's radius at the finger centre, m/s."""
+    """Growth of the spiral's radius at the finger centre, m/s. Source: derived from [gibbons], Sec. VI, 25 mm in 20 s."""
     turn_rate: PositiveFloat
     """Turning rate of the spiral, rad/s."""
     radius: PositiveFloat
-    """Largest radius of the spiral, m; `stall_timeout` may end the spiral before."""
+    """Largest radius of the spiral, m; `stall_timeout` may end the spiral before. Source: [gibbons], Sec. VI."""
     stall_timeout: Annotated[float, Field(gt=0.0, le=120.0)]
-    """Stall timeout, s; a peg that has not gone deeper by `jammed` for so long is not in the hole, or will not go in
-    so. Close to the bottom the timeout alone counts."""
+    """Stall timeout: time in which a peg that goes no deeper by `jammed` is given up, s; such a peg is not in the hole
+    or will not go in so. Close to the bottom the timeout alone counts. Source: decision 0030.
+    """
     timeout: PositiveFloat
     """Longest adjustment, s; where the radius is largest sooner, the spiral starts again."""
     gains: Gains
-    """Stiffness and damping along x and y and in rotation."""
+    """Stiffness and damping ratio along x and y and in rotation. Source: chosen within the margin that `cell check` prints."""
     push_stiffness: PositiveFloat
     """Stiffness along z, which makes the push, N/m."""
-    push_damping: PositiveFloat
-    """Damping along z, N·s/m; the push over this is the speed at which the peg arrives at the bottom."""
+    push_damping_ratio: PositiveFloat
+    """Damping along z, multiple of the critical one; the larger, the slower the peg arrives at the bottom."""
     push_offset: NonNegativeFloat
     """Depth of the tip's setpoint below the tip, m."""
     guided_depth: PositiveFloat
-    """Depth of the tip from which a growing spiral would only load its walls, m."""
+    """Depth of the tip from which the hole guides the peg, m; beyond it a growing spiral would only load the hole's
+    walls. Source: decision 0021.
+    """
     dither_radius: NonNegativeFloat
-    """First radius of the circles that the finger centre draws from there on, m; they fade, because torque that
-    friction holds jams."""
+    """First radius of the dither of the finger centre in the guided peg, m; it fades within each period, because torque
+    that friction holds jams the peg. Source: decision 0030.
+    """
     dither_rate: PositiveFloat
-    """Turning rate of the circles, rad/s."""
+    """Turning rate of the dither, rad/s."""
     dither_period: PositiveFloat
-    """Time in which the circles fade, s."""
+    """Period of the dither, s; within it the radius fades to nothing."""
     jammed: NonNegativeFloat
-    """Least progress of the tip in one period of the circles, m; below it the skin is asked again how the peg is held,
-    and every other time the peg is aimed where it rests, so that no torque is left but that of the circles."""
+    """Least progress of the tip in one period of the dither, m; below it theta is read anew from the skin, and every
+    other time the peg is aimed along where it rests, so that only the dither's torque is left. Source: decision 0028.
+    """
     arrival: NonNegativeFloat
-    """Distance from the bottom within which the peg is damped more, m, so that it arrives without a blow."""
+    """Distance from the bottom within which the peg is damped more, m; it lets the peg arrive without a blow. Source:
+    decision 0028.
+    """
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,48 +71,53 @@ class SpiralAdjustResult(SkillResult):
     radius: float
     """Last commanded radius at the finger centre, m."""
     depth: float
-    """Of the tip below the surface by the arm, m."""
+    """Depth of the tip below the surface by the arm, m."""
 
 
 @dataclass(frozen=True, slots=True)
 class Stall:
-    """For how long the peg has not gone deeper; pure."""
+    """The deepest place of the peg and the time since then; pure."""
 
     deepest: float = -math.inf
     """Depth that counts as reached, m."""
     since: float = 0.0
-    """When it was reached, as time of running, s."""
+    """Time at which that depth was reached, as time of running, s."""
 
     def after(self, depth: float, elapsed: float, least: float) -> "Stall":
-        """Return the stall after a scan at `depth`, m; only `least` more than before, m, counts as deeper."""
+        """Return the stall after a scan at `depth`, m; only a depth that exceeds the deepest by `least`, m, counts as progress."""
         return Stall(depth, elapsed) if depth > self.deepest + least else self
 
     def measured_anew(self, depth: float, before: float) -> "Stall":
-        """Return the stall where another theta makes the depth of the same tip `depth` instead of what it was `before`, m."""
+        """Return the stall where a new theta makes the depth of the same tip `depth` instead of `before`, m."""
         return replace(self, deepest=self.deepest + depth - before)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Aim:
-    """How the peg is taken to lie in the hand, and along what it is pushed.
+    """How the peg is taken to lie in the hand, and along which direction it is pushed.
 
-    The angle is frozen but where the peg jams: fed back at every frame it would chase its own bias.
+    Theta is frozen but where the peg jams: fed back at every frame it would follow its own bias.
     """
 
     in_hand: InHandTip
     direction: Vector
     """Axis of the peg about which the finger centre moves, unit, shape (3,), base frame."""
     is_by_plate: bool = True
-    """The direction is the plate's normal, and not how the peg rests in the hole."""
+    """Whether the direction is the plate's normal, and not the axis along which the peg rests in the hole."""
 
     def tip(self, tcp: Pose) -> Vector:
         """Return the end point of the peg, shape (3,), m, base frame."""
         return end_point(tcp, self.in_hand.theta, self.in_hand.length)[0]
 
-    def freed(self, in_hand: InHandTip, tcp: Pose, normal: Vector) -> "Aim":
-        """Return the aim after a jam: as the skin now says that the peg is held, and every other time along where it rests.
+    def axis(self, offset: Vector) -> Vector:
+        """Return the axis of the peg, unit, shape (3,), whose finger centre stands off that line by `offset`, shape (2,), m."""
+        return tilted_by(offset + self.in_hand.length * self.direction[:2], self.in_hand.length)
 
-        Where little of the plate was felt, the hole tells better than the plate how it stands.
+    def freed(self, in_hand: InHandTip, tcp: Pose, normal: Vector) -> "Aim":
+        """Return the aim after a jam: theta as the skin now reads it, and every other time the direction along which
+        the peg rests.
+
+        Where little of the plate was felt, the hole tells its own axis better than the surface estimate does.
         """
         _, resting = end_point(tcp, in_hand.theta, in_hand.length)
         return Aim(in_hand, resting, False) if self.is_by_plate else Aim(in_hand, normal, True)
@@ -113,16 +125,16 @@ class Aim:
 
 @dataclass(frozen=True, slots=True)
 class Guide:
-    """Whether the hole guides the peg, and what it gained in each period of the dither since; pure."""
+    """Whether the hole guides the peg, and how much deeper each period of the dither brought it; pure."""
 
     began: float = math.inf
-    """When the peg was first deep enough, as time of running, s."""
+    """Time at which the peg was first deep enough to be guided, as time of running, s; None before."""
     periods: int = 0
-    """Periods that are over."""
+    """Number of periods of the dither that are over."""
     reached: float = 0.0
-    """Depth at the end of the last one, m."""
+    """Depth at the end of the last period, m."""
     is_jammed: bool = False
-    """A period ended in this scan that gained too little."""
+    """Whether a period ended in this scan that gained less than `jammed`."""
 
     @property
     def is_on(self) -> bool:
@@ -139,14 +151,16 @@ class Guide:
         return Guide(began, self.periods + 1, depth, is_jammed=depth - self.reached < params.jammed)
 
     def offset(self, elapsed: float, params: SpiralAdjustParams) -> Vector:
-        """Return how far the finger centre stands off the line that the peg is aimed along, shape (2,), m."""
+        """Return the offset of the finger centre from the line that the peg is aimed along, shape (2,), m."""
         if not self.is_on:
             return spiral(elapsed % (params.radius / params.growth), params.growth, params.turn_rate)
         return dither(elapsed - self.began, params.dither_radius, params.dither_rate, params.dither_period)
 
 
 def run(params: SpiralAdjustParams, ctx: SkillContext, plane: Plane | None = None) -> SpiralAdjustResult:
-    """Tilt the peg along a growing spiral about its tip until it is seated; `plane` as for the insertion."""
+    """Tilt the peg along a growing spiral about its tip until it is seated; `plane` is the surface that the search
+    estimated, None the job's own.
+    """
     hole, plane = ctx.job.hole, plane or nominal(ctx.job.hole)
     first = ctx.observe()
     aim, stall, guide = Aim(ctx.in_hand(), plane.normal), Stall(), Guide()
@@ -165,19 +179,20 @@ def run(params: SpiralAdjustParams, ctx: SkillContext, plane: Plane | None = Non
             tip = aim.tip(seen.arm.tcp)
             guide = replace(guide, reached=plane.depth(tip))
             stall = stall.measured_anew(guide.reached, depth)
-        offset = guide.offset(elapsed, params)
+        offset, next_offset = guide.offset(elapsed, params), guide.offset(elapsed + ctx.scan_period, params)
         ctx.progress(elapsed / params.timeout)
-        stiffness, damping = _compliance(params, depth_of(tip, hole) > hole.depth - params.arrival)
-        target = (tip if guide.is_on else first.tip).copy()
+        stiffness, damping_ratio = _compliance(params, depth_of(tip, hole) > hole.depth - params.arrival)
+        target = anchored(tip, first.tip) if guide.is_on else first.tip.copy()
         target[2] = tip[2] - params.push_offset
         ctx.follow(
             ImpedanceSetpoint(
                 id=identity,
                 tip=target,
-                axis=tilted_by(offset + aim.in_hand.length * aim.direction[:2], aim.in_hand.length),
+                axis=aim.axis(offset),
+                twist=Twist(np.zeros(3), np.cross(aim.axis(offset), aim.axis(next_offset)) / ctx.scan_period),
                 roll=first.arm.tcp.rotation[:, 2],
                 stiffness=stiffness,
-                damping=damping,
+                damping_ratio=damping_ratio,
                 valid_until=seen.stamp + VALIDITY,
                 in_hand=aim.in_hand,
             )
@@ -187,11 +202,11 @@ def run(params: SpiralAdjustParams, ctx: SkillContext, plane: Plane | None = Non
 
 
 def _compliance(params: SpiralAdjustParams, is_arriving: bool) -> tuple[Vector, Vector]:
-    """Return stiffness and damping, each shape (6,); close to the bottom the peg is damped more."""
-    stiffness, damping = params.gains.stiffness(), params.gains.damping()
+    """Return stiffness and damping ratios, each shape (6,); close to the bottom the peg is damped more."""
+    stiffness, damping_ratio = params.gains.stiffness(), params.gains.damping_ratios()
     stiffness[2] = params.push_stiffness
-    damping[2] = ARRIVING * params.push_damping if is_arriving else params.push_damping
-    return stiffness, damping
+    damping_ratio[2] = params.push_damping_ratio * (ARRIVING if is_arriving else 1.0)
+    return stiffness, damping_ratio
 
 
 def _result(outcome: Outcome, reason: Reason, elapsed: float, offset: Vector, depth: float) -> SpiralAdjustResult:

@@ -1,60 +1,99 @@
 """Cover the area that contains the hole the way a spray gun does until the peg's edge falls in: [gibbons], Sec. IV."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from drivers.quantities import Vector
 from skills.contract import Outcome, Reason, SkillContext, SkillResult
-from skills.ground import Ground, Plane
 from skills.motion import Goal, move
 from skills.pull_out import LONGEST, pull_out
-from skills.search.course import Course, make_course
+from skills.search.belief import Belief
+from skills.search.course import ANYWHERE, Course, make_course
 from skills.search.feel import Evidence
 from skills.search.params import SpraySearchParams
 from skills.search.sweep import Sweep
+from skills.search.tour import Left, Likely
+from skills.surface import Plane, SurfaceEstimate
 from skills.tactile.hole_event import HoleEvent
 
 
 @dataclass(frozen=True, slots=True)
 class SpraySearchResult(SkillResult):
-    """Where the hole is."""
+    """Where the hole was found."""
 
     tip: tuple[float, float, float]
-    """End point of the peg when the event was seen, m, base frame: x_h of [gibbons]."""
+    """End point of the peg when it fell in, m, base frame; x_h of [gibbons]."""
     start: tuple[float, float]
     """First point of the path, m, base frame."""
     events: int
-    """Events of the skin, false ones included."""
+    """Number of events of the skin, false ones included."""
     rests: int
-    """How often the path was stopped by evidence."""
+    """Number of times that contact evidence stopped the path."""
     plane: Plane | None
-    """The plate's surface as the tip felt it on the way; None where no hole was found."""
+    """The plate's surface as the search estimated it; None where no hole was found."""
+    edge: tuple[float, float] | None = None
+    """Lowest point of the peg in the hole, m, base frame; None where no hole was found."""
+    seated: tuple[float, float] | None = None
+    """Middle of the hole in the plate's surface, as the peg that was seated after this search tells it, m, base frame."""
+    left: Left | None = None
+    """Rest of the course that was not searched yet; None where no hole was found."""
 
 
 def run(
-    params: SpraySearchParams, ctx: SkillContext, ground: Ground | None = None, event: HoleEvent | None = None
+    params: SpraySearchParams,
+    ctx: SkillContext,
+    surface: SurfaceEstimate | None = None,
+    event: HoleEvent | None = None,
+    belief: Belief = ANYWHERE,
 ) -> SpraySearchResult:
-    """Search from a random corner or point of the area, with fresh watchers of plate and skin where none are given.
+    """Search the area from a random corner or point of it until the peg's edge falls into the hole.
 
-    A ground that turns out to have been learnt in the wrong place is left for a fresh one.
+    A surface estimate that turns out to have been learnt in the wrong place is replaced by a fresh one.
+
+    Args:
+        params: How to search.
+        ctx: The skill's context.
+        surface: Estimate of the plate's surface to start from; None starts from one that knows nothing.
+        event: Detector of hole events on the skin; None makes one as `params.event` says.
+        belief: Where the hole is likely, which is searched first, and what earlier attempts have not searched yet.
+
+    Returns:
+        Where the tip fell in, or why the search ended without a fall.
     """
-    course = make_course(params, ctx.job, ctx.rng)
+    course = make_course(params, ctx.job, ctx.rng, _with_prior(belief, ctx))
     start = (course.first[0], course.first[1])
     if (stuck := _approach(params, ctx, course)) is not None:
         return SpraySearchResult(Outcome.FAILURE, Reason.NOT_SEATED, LONGEST, _point(stuck), start, 0, 0, None)
-    evidence = Evidence(params, ground or Ground(), event or HoleEvent(params.event, params.timeout))
+    evidence = Evidence(params, surface or SurfaceEstimate(), event or HoleEvent(params.event, params.timeout))
     sweep, tip = Sweep(params, ctx, course, evidence), course.first
     for seen in ctx.scan(params.timeout, holding=True):
         tip = seen.tip
         if sweep.finds(seen):
             plane, elapsed = evidence.plane(tip), seen.elapsed
             return SpraySearchResult(
-                Outcome.SUCCESS, Reason.NONE, elapsed, _point(tip), start, evidence.events, sweep.rests, plane
+                outcome=Outcome.SUCCESS,
+                reason=Reason.NONE,
+                elapsed=elapsed,
+                tip=_point(tip),
+                start=start,
+                events=evidence.events,
+                rests=sweep.rests,
+                plane=plane,
+                edge=sweep.edge,
+                left=sweep.left,
             )
         ctx.progress(seen.elapsed / params.timeout)
         ctx.follow(sweep.setpoint(seen))
     return SpraySearchResult(
         Outcome.FAILURE, Reason.NO_HOLE, params.timeout, _point(tip), start, evidence.events, sweep.rests, None
     )
+
+
+def _with_prior(belief: Belief, ctx: SkillContext) -> Belief:
+    """Return the belief of a first attempt as the job's prior has it; later attempts know better."""
+    prior = ctx.job.hole.prior
+    if prior is None or belief.failed:
+        return belief
+    return replace(belief, likely=Likely(prior.mean, prior.deviation))
 
 
 def _approach(params: SpraySearchParams, ctx: SkillContext, course: Course) -> Vector | None:

@@ -8,38 +8,35 @@ import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
 from drivers.frames import angle_between, rotation_about
-from drivers.quantities import ImpedanceSetpoint, Vector
+from drivers.quantities import ImpedanceSetpoint, Twist, Vector
 from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillResult
-from skills.ground import Plane, nominal
-from skills.motion import VALIDITY, Gains
+from skills.motion import VALIDITY, Gains, anchored
 from skills.seating import is_seated
+from skills.surface import Plane, nominal
 from skills.tactile.estimators import EstimatorName
-
-UPRIGHT = 0.3
-"""Angle below which the push ahead fades, rad: an upright peg has no side to lean to."""
 
 
 class TactileInsertParams(SkillParams):
     """How to align the peg with the plate's normal."""
 
     gains: Gains
-    """Stiffness and damping along x and y and in rotation."""
+    """Stiffness and damping ratio along x and y and in rotation."""
     integral_gain: NonNegativeFloat
     """Integral gain on orientation, N·m/(rad·s); K_I of [gibbons], Eq. (6)."""
     integral_limit: NonNegativeFloat
     """Saturation of the integral, N·m."""
     push_offset: NonNegativeFloat
-    """Depth of the tip's setpoint below the surface, m; 0.01 in [gibbons]."""
+    """Depth of the tip's setpoint below the surface, m; 0.01 in [gibbons]. Source: [gibbons], Sec. V."""
     push_stiffness: tuple[PositiveFloat, PositiveFloat]
     """Least and largest stiffness along z, N/m; K_min and K_max of [gibbons], Eq. (7)."""
     turn_rate: PositiveFloat
     """Rate at which the setpoint of the axis goes from where the peg is to upright, rad/s."""
     turn_run_up: NonNegativeFloat
-    """Time in which the setpoint of the axis gets to its rate, s; the hole's wall bears what sets the arm in motion."""
+    """Time in which the setpoint of the axis gets to its rate, s; the hole's wall bears what sets the arm in motion. Source: decision 0028."""
     aligned: Annotated[float, Field(gt=0.0, lt=0.8)]
-    """Tilt phi below which the adjustment takes over, rad; 15 degrees in [gibbons]."""
+    """Tilt phi below which the adjustment takes over, rad; 15 degrees in [gibbons]. Source: decision 0032."""
     compliance_rate: NonNegativeFloat
-    """Rate at which the tip's setpoint along x and y gives way to where the hole keeps the tip, 1/s; 0 in [gibbons]."""
+    """Rate at which the tip's setpoint along x and y gives way to where the hole keeps the tip, 1/s; 0 in [gibbons]. Source: decision 0021."""
     forward: NonNegativeFloat
     """Distance of the tip's setpoint ahead of the tip, towards the side that the peg leans to, m; raising then cannot
     lift the peg out."""
@@ -47,21 +44,21 @@ class TactileInsertParams(SkillParams):
     """Longest insertion, s."""
     least_share: Annotated[float, Field(ge=0.0, lt=1.0)]
     """Least depth of an aligned peg that is in the hole, fraction of the depth that the tilt allows; 0 leaves that to
-    the adjustment."""
+    the adjustment. Source: decision 0032."""
     lost_height: PositiveFloat
     """Height of the tip above the surface at which it is out of the hole, m."""
     estimator: EstimatorName = "image"
-    """Estimator that turns taxels into the pose of the peg, in every skill."""
+    """Estimator that turns taxels into the pose of the peg, in every skill. Source: measured by `cell study tactile`."""
 
 
 @dataclass(frozen=True, slots=True)
 class TactileInsertResult(SkillResult):
-    """How upright the peg is."""
+    """Tilt of the peg at the beginning and at the end of the insertion."""
 
     first_phi: float
-    """phi_0: angle between the peg and the normal upon contact, rad."""
+    """Angle phi_0 between the peg and the normal upon contact, rad."""
     phi: float
-    """At the end, rad, by the skin."""
+    """Angle between the peg and the normal at the end, rad, by the skin."""
 
 
 def run(params: TactileInsertParams, ctx: SkillContext, plane: Plane | None = None) -> TactileInsertResult:
@@ -74,7 +71,7 @@ def run(params: TactileInsertParams, ctx: SkillContext, plane: Plane | None = No
     hole[2] = ctx.job.hole.centre[2] - params.push_offset
     identity = ctx.new_id()
     roll = first.arm.tcp.rotation[:, 2]
-    stiffness, damping = params.gains.stiffness(), params.gains.damping()
+    stiffness, damping_ratio = params.gains.stiffness(), params.gains.damping_ratios()
     phi = first_phi
     peg, bore = ctx.job.peg.part, ctx.job.hole
     least = params.least_share * min(allowed_depth(params.aligned, peg.thickness, bore.part.thickness), bore.depth)
@@ -90,21 +87,23 @@ def run(params: TactileInsertParams, ctx: SkillContext, plane: Plane | None = No
         if plane.depth(seen.tip) < -params.lost_height - peg.reach * math.sin(phi):
             return TactileInsertResult(Outcome.FAILURE, Reason.NOT_ALIGNED, elapsed, first_phi, phi)
         ctx.progress(1.0 - min(phi / max(first_phi, 1e-6), 1.0))
-        hole[:2] += min(params.compliance_rate * ctx.scan_period, 1.0) * (seen.tip - hole)[:2]
-        tip = hole + params.forward * min(phi / UPRIGHT, 1.0) * _ahead(seen.axis)
+        hole[:2] += min(params.compliance_rate * ctx.scan_period, 1.0) * (anchored(seen.tip, first.tip) - hole)[:2]
+        tip = hole + params.forward * _ahead(seen.axis)
         stiffness[2] = push_stiffness(phi, first_phi, *params.push_stiffness)
+        axis, spin = _on_the_way(first.axis, normal, *turned(elapsed, params.turn_rate, params.turn_run_up))
         ctx.follow(
             ImpedanceSetpoint(
                 id=identity,
                 tip=tip,
-                axis=_on_the_way(first.axis, normal, turned(elapsed, params.turn_rate, params.turn_run_up)),
+                axis=axis,
                 roll=roll,
                 stiffness=stiffness.copy(),
-                damping=damping,
+                damping_ratio=damping_ratio,
                 valid_until=seen.stamp + VALIDITY,
                 in_hand=ctx.in_hand(),
                 integral_gain=params.integral_gain,
                 integral_limit=params.integral_limit,
+                twist=Twist(np.zeros(3), spin),
             )
         )
     return TactileInsertResult(Outcome.FAILURE, Reason.NOT_ALIGNED, params.timeout, first_phi, phi)
@@ -119,11 +118,11 @@ def allowed_depth(phi: float, peg: float, hole: float) -> float:
     return (hole - peg * math.cos(phi)) / math.tan(phi)
 
 
-def turned(elapsed: float, rate: float, run_up: float) -> float:
-    """Return the angle after `elapsed` seconds, rad, where the rate grows to `rate`, rad/s, evenly within `run_up`, s."""
+def turned(elapsed: float, rate: float, run_up: float) -> tuple[float, float]:
+    """Return angle, rad, and rate, rad/s, after `elapsed` seconds, where the rate grows to `rate` evenly within `run_up`, s."""
     if elapsed < run_up:
-        return rate * elapsed**2 / (2.0 * run_up)
-    return rate * (elapsed - run_up / 2.0)
+        return rate * elapsed**2 / (2.0 * run_up), rate * elapsed / run_up
+    return rate * (elapsed - run_up / 2.0), rate
 
 
 def push_stiffness(phi: float, first_phi: float, low: float, high: float) -> float:
@@ -144,9 +143,10 @@ def _ahead(axis: Vector) -> Vector:
     return np.array([axis[0], axis[1], 0.0]) / size if size > 1e-6 else np.zeros(3)
 
 
-def _on_the_way(start: Vector, goal: Vector, turned: float) -> Vector:
-    """Return the setpoint of the axis after turning by `turned` from `start` towards `goal`."""
+def _on_the_way(start: Vector, goal: Vector, turned: float, rate: float) -> tuple[Vector, Vector]:
+    """Return the setpoint of the axis after turning by `turned` from `start` towards `goal`, and its spin, rad/s."""
     if turned >= angle_between(start, goal):
-        return goal
+        return goal, np.zeros(3)
     about = np.cross(start, goal)
-    return rotation_about(about / np.linalg.norm(about), turned) @ start
+    about /= np.linalg.norm(about)
+    return rotation_about(about, turned) @ start, rate * about

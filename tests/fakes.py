@@ -27,6 +27,8 @@ from drivers.quantities import (
 )
 from plc_bridge.bridge import Bridge
 from plc_bridge.images import CommandImage, ReportImage
+from skills.catalogue import RECOVER
+from tests.pegs import LOAD, readings
 
 HAND_DOWN = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
 """The finger frame of a hand that points down, closing along y."""
@@ -129,10 +131,11 @@ class FakeGripper:
 
 
 class FakeSkin:
-    """Ten frames a second, without a peg in them."""
+    """Ten frames a second, with the print of a straight peg while the hand, if it knows one, holds a peg."""
 
-    def __init__(self, clock: FakeClock) -> None:
-        self.clock = clock
+    def __init__(self, clock: FakeClock, hand: "FakeGripper | None" = None) -> None:
+        self.clock, self.hand = clock, hand
+        self.shows_print = True
         self.fault: Exception | None = None
         self.trusted = np.ones((FINGERS, TAXELS), dtype=bool)
         self.reads = 0
@@ -146,7 +149,9 @@ class FakeSkin:
         if self.fault is not None:
             raise self.fault
         number = int(self.clock.now() * 10.0 + 1e-6)
-        return TaxelFrame(np.zeros((FINGERS, TAXELS)), self.trusted.copy(), number / 10.0, number)
+        is_held = self.hand is not None and self.shows_print and self.hand.force > 0.0 and self.hand.has_peg
+        values = readings("parallelogram", LOAD) if is_held else np.zeros((FINGERS, TAXELS))
+        return TaxelFrame(values, self.trusted.copy(), number / 10.0, number)
 
 
 class FakeSwitch:
@@ -214,8 +219,8 @@ class Rig:
 
     def __post_init__(self) -> None:
         config = self.loaded.cell
-        self.arm, self.skin, self.switch = FakeArm(self.clock), FakeSkin(self.clock), FakeSwitch()
-        self.gripper = FakeGripper(config.peg.part.thickness)
+        self.arm, self.gripper = FakeArm(self.clock), FakeGripper(config.peg.part.thickness)
+        self.skin, self.switch = FakeSkin(self.clock, self.gripper), FakeSwitch()
         self.cell = Cell(
             config, self.clock, self.arm, self.gripper, self.skin, self.switch, lambda *job: self.restocked.append(job)
         )
@@ -239,3 +244,7 @@ class Rig:
         """Send a command, let the cell obey to the end, and return what the PLC reads then."""
         self.plc.trigger(code, recipe, parameters)
         return self.scan()
+
+    def put_away(self) -> ReportImage:
+        """Let the cell take what its hand holds to the bin."""
+        return self.command(RECOVER.code)

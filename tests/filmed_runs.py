@@ -2,13 +2,16 @@
 
 import math
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
 from cell.film.recorded import RecordedRun
-from cell.journal import Journal, RunRow
+from cell.journal import Journal
+from cell.journal_schema import RunRow
 from cell.record import scene_facts
+from cell.sample_blocks import SampleStream
 from drivers.arm.kinematics import finger_frame
 from drivers.errors import ConfigError
 from drivers.frames import UP, compose, peg_in_finger
@@ -57,8 +60,8 @@ def held_peg(rig, theta: float) -> Pose:
 
 def record(rig, journal: Journal, *, knows_truth: bool, scans: int = 60) -> int:
     """Put a run on record in which the hand closes on a peg in the middle and the switch at the end; return its number."""
-    run = journal.begin(ROW).run
-    stream = journal.stream(run, scene_facts(rig.loaded.cell))
+    row = journal.begin(ROW, scene_facts(rig.loaded.cell))
+    stream = SampleStream(partial(journal.write, row.run))
     peg = rig.loaded.cell.peg
     upright = Pose(HOLE.position + ((peg.length + peg.overhang) / 2 - 0.012) * UP, np.eye(3))
     for number in range(scans):
@@ -67,5 +70,5 @@ def record(rig, journal: Journal, *, knows_truth: bool, scans: int = 60) -> int:
             rig, number, peg.diameter if is_held else 0.04, 0.2 if is_held else math.nan, is_closed=number == scans - 1
         )
         stream.add(seen, None, 2, Sight(upright, HOLE) if knows_truth else None)
-    stream.close()
-    return run
+    journal.finish(row, (), stream.rest())
+    return row.run

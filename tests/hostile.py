@@ -61,7 +61,7 @@ COUNTS = (
     2001,
     65535,
 )
-SERVED = (1, 2, 3, 4, 5, 6, 15, 16, 23)
+SERVED = (1, 2, 3, 4, 5, 6, 8, 15, 16, 17, 22, 23, 43)
 UNIT = 1
 LEASE = 5
 BYSTANDER = [1, 2, 0, 7, 0, 1]
@@ -89,7 +89,16 @@ def request(rng: random.Random) -> bytes:
         written = rng.choice([0, 1, 2, 41, 119, 120])
         said = 2 * written if kind < 6 else rng.randrange(256)
         return struct.pack(">BHHHHB", 23, start, count, rng.choice(EDGES), written, said) + rng.randbytes(2 * written)
-    pdu = struct.pack(">BHH", function, start, count)
+    if function == 43:
+        pdu = bytes([43, rng.choice([14, 14, 14, 13]), rng.randrange(6), rng.choice([0, 1, 2, 3, 4, 5, 6, 128])])
+    elif function == 17:
+        pdu = b"\x11"
+    elif function == 8:
+        pdu = struct.pack(">BH", 8, rng.choice([0, 0, 1, 10])) + rng.randbytes(2 * rng.randrange(4))
+    elif function == 22:
+        pdu = struct.pack(">BHHH", 22, start, rng.randrange(65536), rng.randrange(65536))
+    else:
+        pdu = struct.pack(">BHH", function, start, count)
     return pdu + rng.randbytes(rng.randrange(1, 5)) if kind == 7 else pdu
 
 

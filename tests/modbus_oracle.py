@@ -5,12 +5,18 @@ Modbus Application Protocol V1.1b3, 6 and 7: a wrong function code is exception 
 """
 
 import struct
+from importlib.metadata import version
 
 COMMAND_WORDS, REPORT_WORDS, DIAGNOSTICS_WORDS, DIAGNOSTICS_AT, MIRROR = 41, 73, 26, 100, 1000
 PACKML_AT, PACKML_WORDS = 200, 42
 COILS, INPUTS = 3, 5
 LEASE, GREATEST_WISH = 5, 3
 """Address of the wish for the lease, and the greatest that there is."""
+SERVER_ID = b"\x11\x17tactile-insertion-cell\x00"
+"""Of a cell that nobody scans, as under attack."""
+IDENTITY_SIZES = {0: 22, 1: 4, 2: len(version("tactile-insertion-cell")), 4: 22, 5: 16}
+"""Length of each object of the identification."""
+IDENTITY = list(IDENTITY_SIZES)
 MOST = {1: 2000, 2: 2000, 3: 125, 4: 125, 15: 1968, 16: 123}
 
 
@@ -24,9 +30,13 @@ class Oracle:
     def answer(self, pdu: bytes) -> tuple[bytes, int]:
         """Return how the answer begins and how long it is as a whole; what the report holds is not foreseen."""
         function = pdu[0]
-        if function not in (1, 2, 3, 4, 5, 6, 15, 16, 23):
+        if function in (8, 17, 43):
+            told = self._tell(function, pdu)
+            return self._exception(function, told) if isinstance(told, int) else told
+        if function not in (1, 2, 3, 4, 5, 6, 15, 16, 22, 23):
             return self._exception(function, 1)
-        served = self._exchange(pdu) if function == 23 else self._simple(function, pdu)
+        other = {22: self._mask, 23: self._exchange}
+        served = other[function](pdu) if function in other else self._simple(function, pdu)
         return self._exception(function, served) if isinstance(served, int) else served
 
     @staticmethod
@@ -64,6 +74,35 @@ class Oracle:
                 if pdu[5] != 2 * value:
                     return 3
                 return self._put(self.words, start, list(struct.unpack(f">{value}H", pdu[6:])), pdu[:5])
+
+    def _mask(self, pdu: bytes) -> tuple[bytes, int] | int:
+        if len(pdu) != 7:
+            return 3
+        start, kept, added = struct.unpack(">HHH", pdu[1:])
+        if start >= COMMAND_WORDS:
+            return 2
+        return self._put(self.words, start, [self.words[start] & kept | added & ~kept & 0xFFFF], pdu)
+
+    @staticmethod
+    def _tell(function: int, pdu: bytes) -> tuple[bytes, int] | int:
+        """Return what the device says of itself: 6.8 echo, 6.13 server ID, 6.21 identification."""
+        if function == 17:
+            return (SERVER_ID, len(SERVER_ID)) if len(pdu) == 1 else 3
+        if function == 8:
+            if len(pdu) < 5 or len(pdu) % 2 == 0:
+                return 3
+            return (pdu, len(pdu)) if pdu[1:3] == b"\0\0" else 1
+        if len(pdu) != 4:
+            return 3
+        if pdu[1] != 14:
+            return 1
+        numbers = {1: IDENTITY[:3], 2: IDENTITY, 3: IDENTITY, 4: [pdu[3]]}.get(pdu[2])
+        if numbers is None or not set(numbers) <= set(IDENTITY):
+            return 3 if numbers is None else 2
+        start = pdu[3] if pdu[3] in numbers else 0
+        numbers = [number for number in numbers if number >= start]
+        head = bytes([43, 14, pdu[2], 0x82, 0, 0, len(numbers), numbers[0]])
+        return head, len(head) - 1 + sum(2 + IDENTITY_SIZES[number] for number in numbers)
 
     def _exchange(self, pdu: bytes) -> tuple[bytes, int] | int:
         if len(pdu) <= 10 or len(pdu) != 10 + pdu[9]:

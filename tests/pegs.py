@@ -18,7 +18,7 @@ ALL = np.ones((2, 20), dtype=bool)
 
 @lru_cache
 def shipped():
-    return load().cell
+    return load(sets=["reality.scale=0.0"]).cell
 
 
 @lru_cache

@@ -1,15 +1,17 @@
 """A served cell without physics: the real bridge and supervisor over instant fakes, and one program that obeys the test."""
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from cell.assembly import Cell
 from cell.config import LoadedConfig
-from cell.journal import Journal, RunRow
+from cell.journal import Journal
+from cell.journal_schema import RunRow
 from cell.line import PARAMETERS, PROGRAMS
-from cell.supervisor import Supervisor
+from cell.live import Live
+from cell.supervisor import Line, Supervisor
 from drivers.errors import CellError
 from plc_bridge.bridge import Bridge
 from plc_bridge.config import PlcConfig
@@ -57,26 +59,34 @@ class QuickProgram:
 class QuickCell:
     """What a test holds of the cell that it talks to."""
 
-    def __init__(self, bridge: Bridge, program: QuickProgram, folder: Path) -> None:
-        self.bridge, self.program, self._folder = bridge, program, folder
+    def __init__(self, bridge: Bridge, program: QuickProgram, live: Live, journal: Journal) -> None:
+        self.bridge, self.program, self.live, self._journal = bridge, program, live, journal
+        self.folder = journal.folder
 
     def record(self, run: int) -> RunRow:
         """Return the row of one run."""
-        with Journal(self._folder) as journal:
-            return journal.find(run)
+        return self._journal.find(run)
 
 
 @contextmanager
-def quick_cell(loaded: LoadedConfig, plc: PlcConfig, folder: Path) -> Iterator[QuickCell]:
-    """Yield a cell that is served until the end."""
+def quick_cell(
+    loaded: LoadedConfig,
+    plc: PlcConfig,
+    folder: Path,
+    code: int = CODE,
+    watched: Callable[[Bridge], Line] | None = None,
+) -> Iterator[QuickCell]:
+    """Yield a cell that is served until the end; the quick program has `code`, and `watched` may stand before its line."""
     config = loaded.cell
     clock = BriefClock()
-    devices = FakeArm(clock), FakeGripper(config.peg.part.thickness), FakeSkin(clock), FakeSwitch()
+    hand = FakeGripper(config.peg.part.thickness)
+    devices = FakeArm(clock), hand, FakeSkin(clock, hand), FakeSwitch()
     made = Cell(config, clock, *devices, lambda *job: None)
     bridge, program, stop = Bridge(plc, PROGRAMS, PARAMETERS), QuickProgram(), threading.Event()
 
-    journal = Journal(folder)
-    supervisor = Supervisor(made, loaded, bridge, journal, stop)
+    journal, live = Journal(folder), Live()
+    line = watched(bridge) if watched is not None else bridge
+    supervisor = Supervisor(made, loaded, line, journal, stop, live)
 
     def serve() -> None:
         with journal:
@@ -85,13 +95,14 @@ def quick_cell(loaded: LoadedConfig, plc: PlcConfig, folder: Path) -> Iterator[Q
     supervisor.scan()
     bridge.start()
     table = CATALOGUE.by_code
-    before, table[CODE] = table[CODE], Program(name="insert_peg", code=CODE, run=program, starts_empty=True)
+    before = table[code]
+    table[code] = Program(name=before.name, code=code, run=program, stages=(STAGE,), starts_empty=code == CODE)
     thread = threading.Thread(target=serve)
     thread.start()
     try:
-        yield QuickCell(bridge, program, folder)
+        yield QuickCell(bridge, program, live, journal)
     finally:
         stop.set()
         thread.join()
         bridge.close()
-        table[CODE] = before
+        table[code] = before

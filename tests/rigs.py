@@ -1,18 +1,23 @@
 """Rigs for the contact gates: a peg at a fixed attitude on three slides above one hole, or moved by springs."""
 
 import math
+from typing import Any
 
 import mujoco
 import numpy as np
 
 from drivers.frames import UP, rotation_about
 from drivers.part.rectangular import Rectangular
-from sim import contact, engine, native, rectangular
+from drivers.part.round import Round
+from sim import contact, engine, native, rectangular, rig
 from sim.plate import Plate, geoms, words
 from sim.rig import HOLE_DEPTH as HOLE_DEPTH
-from sim.rig import lean as lean
-from sim.rig import tilted_peg as tilted_peg
 from sim.section import section_depth as section_depth
+
+
+def tilted_peg(diameter: float, hole: float, *how: Any, **more: Any) -> mujoco.MjModel:
+    """Return a round peg over a round hole; see `sim.rig.tilted_peg` for what follows their diameters, m."""
+    return rig.tilted_peg(Round(diameter), Round(hole), *how, **more)
 
 
 def pushed_depth(

@@ -19,7 +19,7 @@ from drivers.skin.boards import CanSkin
 from drivers.switch.board import SerialSuccessSwitch
 from drivers.switch.board_config import SerialSwitchConfig
 from drivers.transport.can_bus import CanBus
-from plc_bridge.messages import Command, Control, Refusal, Report, Result
+from plc_bridge.messages import Command, Control, PartPlace, Refusal, Report, Result
 from sim.board_clock import BoardClock
 from sim.board_links import CanCable, emulated_can
 from sim.config import WireFaults
@@ -70,6 +70,7 @@ class Rehearsal:
         self._supervisor = Supervisor(cell, loaded, self, self._journal)
         self._clock = cell.clock
         self._waiting: list[Command] = []
+        self._refused: Refusal | None = None
         self._number, self._report = 0, Report(state=self._supervisor.state)
         self._due, self._stage, self._delay = math.inf, 0, 0.0
         self._action: Callable[[], None] = lambda: None
@@ -84,11 +85,21 @@ class Rehearsal:
         self._journal.close()
 
     def insert(self, stage: str = "", delay: float = 0.0, action: Callable[[], None] = lambda: None) -> Report:
-        """Run `insert_peg` and return how it ended; so long, s, after `stage` begins, something happens."""
+        """Run `insert_peg` and return how it ended; so long, s, after `stage` begins, something happens.
+
+        A person takes a peg away first that the run before left somewhere.
+        """
+        if self._report.part not in (PartPlace.UNKNOWN, PartPlace.RACK, PartPlace.SEATED):
+            self._take_away()
         self._stage, self._delay, self._action, self._due = CATALOGUE.stage_number(stage), delay, action, math.inf
         report = self.give(INSERT)
         assert not stage or self._due == -math.inf, f"{stage} was never reached: {report}"
         return report
+
+    def _take_away(self) -> None:
+        self._number += 1
+        self._waiting.append(Command(self._number, Control.CLEARED))
+        self.wait(0.1)
 
     def reset(self) -> Report:
         return self.give(Control.RESET)
@@ -104,6 +115,12 @@ class Rehearsal:
         self._waiting.append(Command(self._number, code))
         while self._report.sequence != self._number or self._report.result is Result.NONE:
             self._supervisor.scan()
+            if self._refused is Refusal.PART_UNRESOLVED:
+                self._refused = None
+                self._take_away()
+                self._number += 1
+                self._waiting.append(Command(self._number, code))
+            assert self._refused is None, f"{code}: {self._refused}, part {self._report.part}"
         return self._report
 
     # The line, as the supervisor sees it.
@@ -124,4 +141,4 @@ class Rehearsal:
         """The reports tell."""
 
     def refuse(self, command: Command, refusal: Refusal) -> None:
-        raise AssertionError(f"{command}: {refusal.name}")
+        self._refused = refusal

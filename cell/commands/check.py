@@ -1,34 +1,56 @@
-"""`cell check`: every device of a config, opened and read once."""
+"""`cell check`: every device of a config, opened and read once; with --plc, cell and PLC together."""
 
 import argparse
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
 
-from cell.arguments import add_config, load_config
-from cell.terminal import FAULT, GOOD, show
+from cell.arguments import add_config, add_journal, load_config, open_journal
+from cell.terminal import FAULT, GOOD, NOT_GOOD, complain, say, show
+from drivers.errors import ConfigError
 
-SUMMARY = "open every device of a config, read each once, say what is wrong"
-STOPS_ITSELF = False
+if TYPE_CHECKING:
+    from cell.config import LoadedConfig
+
+SUMMARY = "open every device of a config, read each once, say what is wrong; with --plc, commission cell and PLC"
+STOPS_ITSELF = True
+PATIENCE = 300.0
+"""Longest time for one step of the commissioning, s."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add --config and --set."""
+    """Add --config and --set, and what commissioning asks."""
     add_config(parser)
+    add_journal(parser)
+    parser.add_argument(
+        "--plc", metavar="HOST", help='address of the PLC that will connect, "node 1" on CAN, "rtu:ttyUSB0" on a line'
+    )
+    parser.add_argument("--name", default="", metavar="NAME", help="who commissions, for the record of --plc")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="where the record of --plc goes, JSON")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Open each device and the bridge's sockets; return GOOD when all of them answer."""
+    """Open each device and the bridge's sockets, or walk through commissioning; return GOOD when all is well."""
+    if args.plc is None and (args.name or args.out is not None):
+        raise ConfigError("--name, --out: only with --plc HOST")
+    loaded = load_config(args)
+    return _check(args, loaded) if args.plc is None else _commission(args, loaded)
+
+
+def _check(args: argparse.Namespace, loaded: "LoadedConfig") -> int:
     from rich.table import Table
 
     from cell.assembly import assemble, check
+    from cell.checks import OK
     from cell.line import PARAMETERS, PROGRAMS
     from drivers.errors import CellError
     from plc_bridge.bridge import Bridge
 
-    loaded = load_config(args)
     found = check(assemble(loaded.cell))
     bridge = Bridge(loaded.cell.plc, PROGRAMS, PARAMETERS)
     try:
         bridge.start()
-        found.append(("plc", "ok"))
+        found.append(("plc", OK))
     except CellError as error:
         found.append(("plc", f"fault {error.code.value}: {error}"))
     finally:
@@ -37,4 +59,45 @@ def run(args: argparse.Namespace) -> int:
     for name, text in found:
         table.add_row(name, text)
     show(args, table, [{"device": name, "found": text} for name, text in found])
-    return GOOD if all(text == "ok" for _, text in found) else FAULT
+    return GOOD if all(text.startswith(OK) for _, text in found) else FAULT
+
+
+def _commission(args: argparse.Namespace, loaded: "LoadedConfig") -> int:
+    """Serve the cell to the PLC and watch what it does, until every step has passed or one has not."""
+    import json
+
+    from cell.assembly import assemble, opened
+    from cell.commissioning import Walk, WatchedLine, record
+    from cell.line import PARAMETERS, PROGRAMS
+    from cell.supervisor import Supervisor
+    from cell.versions import PROGRAM, installed
+    from plc_bridge.bridge import Bridge
+
+    bridge = Bridge(loaded.cell.plc, PROGRAMS, PARAMETERS)
+    walk = Walk(args.plc, loaded.cell.plc.life_timeout, PATIENCE, complain if args.json else say)
+    line = WatchedLine(bridge, walk, args.stop)
+    with open_journal(args, loaded.cell.journal) as journal, opened(assemble(loaded.cell)) as cell:
+        supervisor = Supervisor(cell, loaded, line, journal, args.stop)
+        supervisor.scan()
+        bridge.start()
+        try:
+            line.begin()
+            supervisor.serve()
+        finally:
+            bridge.close()
+    found = record(walk, args.name, datetime.now().astimezone().isoformat(timespec="seconds"), installed(PROGRAM))
+    text = json.dumps(found, indent=2)
+    if args.out is not None:
+        args.out.write_text(text + "\n", encoding="utf-8")
+    show(args, _sheet(found), found)
+    return GOOD if found["passed"] else NOT_GOOD
+
+
+def _sheet(found: dict[str, object]) -> str:
+    """Return the record for people, with a line to sign on."""
+    steps = found["steps"]
+    assert isinstance(steps, list)
+    head = [f"{key}: {found[key]}" for key in ("what", "date", "technician", "plc", "version", "map")]
+    rows = [f"  {'passed' if each['passed'] else 'FAILED'}  {each['step']}: {each['measured']}" for each in steps]
+    verdict = "PASSED" if found["passed"] else "NOT PASSED"
+    return "\n".join([*head, *rows, verdict, "signed: ______________________"])

@@ -1,4 +1,4 @@
-"""`cell config`: what a key means, what is in force and where it came from, and how two configs differ."""
+"""`cell config`: the meaning of a key, the values in force with their origins, and the differences of two configs."""
 
 import argparse
 import json
@@ -22,7 +22,7 @@ STOPS_ITSELF = False
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what is asked of the config."""
+    """Add the questions that can be asked of the config."""
     asked = parser.add_subparsers(dest="asked", required=True, metavar="WHAT", parser_class=Parser)
 
     def add(name: str, text: str) -> argparse.ArgumentParser:
@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Answer."""
+    """Answer the question."""
     return {"explain": _explain, "show": _show, "diff": _diff, "schema": _schema, "comment": _comment}[args.asked](args)
 
 
@@ -70,7 +70,7 @@ def _explain(args: argparse.Namespace) -> int:
 
 
 def _meant(word: str) -> str:
-    """Return a hint at the keys that may have been meant: those that end so, or one that is written alike."""
+    """Return a hint at the keys that may have been meant: keys with that ending, or with a similar name."""
     from cell.config_keys import keys
 
     names = list(dict.fromkeys(key.name for key in keys()))
@@ -107,7 +107,7 @@ def _card(told: dict[str, Any]) -> "RenderableType":
         ("allowed", told["allowed"]),
         ("default", "none: it has to be given" if told["default"] is None else told["default"]),
         ("in force", f"{told['in_force']}, from {_short(told['from'])}" if is_used else "not in this cell"),
-        ("source", ", ".join(told["source"]) or "none stated: a setting of the cell"),
+        ("source", "; ".join(told["source"]) or "chosen"),
         ("read by", told["read_by"]),
         ("set by", ", ".join(told["set_by"])),
     ):
@@ -154,7 +154,7 @@ def _show(args: argparse.Namespace) -> int:
 
 
 def _short(origin: str) -> str:
-    """Return a file as it is seen from the folder that the command runs in, where it lies below."""
+    """Return a file relative to the folder that the command runs in, where it lies below that folder."""
     path = Path(origin)
     return str(path.relative_to(Path.cwd())) if path.is_relative_to(Path.cwd()) else origin
 
@@ -186,7 +186,7 @@ def _named(args: argparse.Namespace, word: str) -> "LoadedConfig":
     """Return the config of a cell's file, or the one of --config with a preset.
 
     Raises:
-        ConfigError: Neither is there.
+        ConfigError: There is no such file and no such preset.
     """
     from cell.config import load, presets
 

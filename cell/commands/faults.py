@@ -30,10 +30,10 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _found(text: str) -> FaultCode:
-    """Return the fault of a number or a name.
+    """Return the fault with a number or a name.
 
     Raises:
-        ConfigError: There is none.
+        ConfigError: There is no such fault.
     """
     known = {str(code.value): code for code in FAULTS} | {code.name: code for code in FAULTS}
     if text.upper() not in known:

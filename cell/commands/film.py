@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from cell.arguments import add_journal, open_journal, out_folder, positive
+from cell.arguments import add_journal, out_folder, positive, read_journal
 from cell.terminal import GOOD, progress, show, written
 
 SUMMARY = "a run on record as a film, or one picture of it"
@@ -23,7 +23,7 @@ def run(args: argparse.Namespace) -> int:
     from cell.film.files import write_film
     from cell.film.recorded import recorded
 
-    with open_journal(args) as journal:
+    with read_journal(args) as journal:
         found = recorded(journal, args.number)
     out_folder(args.out.parent)
     with progress() as bars:

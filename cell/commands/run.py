@@ -1,22 +1,30 @@
 """`cell run`: one skill, program or control by hand, here or on a cell that is served elsewhere."""
 
 import argparse
+from contextlib import ExitStack
 from dataclasses import asdict
+from threading import Event, Thread
+from typing import TYPE_CHECKING
 
 from cell.arguments import add_config, add_journal, address, load_config, natural, open_journal, require_known
 from cell.terminal import FAULT, GOOD, NOT_GOOD, complain, progress, show
 from drivers.errors import ConfigError
 
+if TYPE_CHECKING:
+    from rich.progress import Progress, TaskID
+
+SHOWN_EVERY = 0.1
+"""Time between two looks at the progress, s."""
 SUMMARY = "one skill or program, by hand"
 STOPS_ITSELF = True
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what is run, on which part, and where."""
-    from cell.line import CONTROLS
+    """Add what is to be run, on which part, and where."""
+    from cell.line import CONTROLS, TOLD
     from skills.catalogue import CATALOGUE
 
-    names = f"{', '.join(CATALOGUE)}; with --connect also {', '.join(CONTROLS)}"
+    names = f"{', '.join((*CATALOGUE, *TOLD))}; with --connect also {', '.join(c for c in CONTROLS if c not in TOLD)}"
     add_config(parser)
     add_journal(parser)
     parser.add_argument("name", metavar="NAME", help=names)
@@ -26,17 +34,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run it to its end; GOOD for a success."""
-    from cell.line import CONTROLS
+    """Run the skill, program or control to its end; GOOD for a success."""
+    from cell.line import CONTROLS, TOLD
     from skills.catalogue import CATALOGUE
 
-    require_known("run", args.name, [*CATALOGUE, *(CONTROLS if args.connect else ())])
+    require_known("run", args.name, [*CATALOGUE, *(CONTROLS if args.connect else TOLD)])
     return _run_there(args) if args.connect else _run_here(args)
 
 
 def _run_there(args: argparse.Namespace) -> int:
     from cell import client, words
-    from plc_bridge.messages import Refusal, Result
+    from plc_bridge.messages import REMEDIES, Refusal, Result
 
     if args.config is not None:
         raise ConfigError("--config: not together with --connect, the cell there has its own; one of the two allowed")
@@ -55,6 +63,8 @@ def _run_there(args: argparse.Namespace) -> int:
     data = words.report(report)
     refused = report.refusal != Refusal.NONE
     show(args, " ".join(f"{k}={v}" for k, v in data.items() if v not in ("", "none")), data)
+    if refused:
+        complain(f"refused: {Refusal(report.refusal).name}: {REMEDIES[Refusal(report.refusal)]}")
     if args.name in ("stop", "abort") and not refused:
         return GOOD
     statuses = {Result.SUCCESS: GOOD, Result.FAULT: FAULT}
@@ -62,39 +72,73 @@ def _run_there(args: argparse.Namespace) -> int:
 
 
 def _run_here(args: argparse.Namespace) -> int:
+    from rich.console import Group
+
     from cell import words
     from cell.assembly import assemble, opened
-    from cell.line import TerminalLine
+    from cell.line import TOLD, TerminalLine
     from cell.supervisor import Supervisor
-    from plc_bridge.messages import Command, Report, Result
+    from plc_bridge.messages import REMEDIES, Command, Refusal, Report, Result
     from skills.catalogue import CATALOGUE
+    from skills.contract import Outcome
 
     loaded = load_config(args)
     if args.recipe not in loaded.recipes:
         raise ConfigError(f"--recipe {args.recipe}: no such recipe; {', '.join(map(str, loaded.recipes))} allowed")
-    command = Command(1, CATALOGUE[args.name].code, args.recipe, args.serial, source="terminal")
+    code = CATALOGUE[args.name].code if args.name in CATALOGUE else TOLD[args.name]
+    command = Command(1, code, args.recipe, args.serial, source="terminal")
     with (
-        open_journal(args, loaded.cell.journal.folder) as journal,
+        open_journal(args, loaded.cell.journal) as journal,
         progress() as bars,
+        ExitStack() as stack,
         opened(assemble(loaded.cell)) as cell,
     ):
-        bar = bars.add_task(args.name, total=100)
+        shown = _Shown(bars, bars.add_task(args.name, total=100))
+        stack.callback(shown.end)
 
         def watch(report: Report) -> None:
-            bars.update(bar, completed=report.progress)
+            shown.progress = report.progress
             if report.sequence == command.sequence and report.result is not Result.NONE:
                 args.stop.set()
 
-        supervisor = Supervisor(cell, loaded, TerminalLine(command, watch), journal, args.stop)
+        line = TerminalLine(command, watch)
+        supervisor = Supervisor(cell, loaded, line, journal, args.stop)
         supervisor.serve()
     row = supervisor.last
+    if line.refusal is not Refusal.NONE:
+        complain(f"refused: {line.refusal.name}: {REMEDIES[line.refusal]}; {supervisor.where_the_peg_is}")
+        return NOT_GOOD
+    if row is None and args.name in TOLD:
+        show(args, supervisor.where_the_peg_is, {"peg": supervisor.where_the_peg_is})
+        return GOOD
     if row is None:
         fault = supervisor.report.fault
         return _complain(f"fault {fault}: nothing was run") if fault else NOT_GOOD
-    show(args, words.run(row), asdict(row))
-    if row.outcome == "fault":
+    where = supervisor.where_the_peg_is
+    show(args, Group(words.run(row), where), {**asdict(row), "peg": where})
+    if row.outcome == Outcome.FAULT:
         return _complain(f"fault {row.fault}: {row.message}")
-    return GOOD if row.outcome == "success" else NOT_GOOD
+    return GOOD if row.outcome == Outcome.SUCCESS else NOT_GOOD
+
+
+class _Shown:
+    """Shows progress on a thread of its own: a terminal that is held up shall not hold up the scan."""
+
+    def __init__(self, bars: "Progress", bar: "TaskID") -> None:
+        self._bars, self._bar = bars, bar
+        self.progress = 0
+        self._end = Event()
+        self._thread = Thread(target=self._show, name="progress", daemon=True)
+        self._thread.start()
+
+    def end(self) -> None:
+        """Show nothing more."""
+        self._end.set()
+        self._thread.join(1.0)
+
+    def _show(self) -> None:
+        while not self._end.wait(SHOWN_EVERY):
+            self._bars.update(self._bar, completed=self.progress)
 
 
 def _complain(message: str) -> int:

@@ -1,51 +1,121 @@
-"""`cell runs`: the newest runs on record."""
+"""`cell runs`: runs on record that a question is about, shown or written for other tools."""
 
 import argparse
-from collections.abc import Iterable
+import csv
+import json
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cell.arguments import add_journal, open_journal, positive
-from cell.terminal import GOOD, show
+from cell.arguments import add_journal, add_query, out_folder, positive, query_of, read_journal
+from cell.terminal import GOOD, show, written
+from drivers.errors import ConfigError, JournalError
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from cell.journal import RunRow
+    from cell.journal import Journal
+    from cell.journal_schema import RunRow
 
-SUMMARY = "the newest runs on record"
+SUMMARY = "runs on record, by time, outcome, fault or part"
 STOPS_ITSELF = False
+LAST = 20
+FORMATS = ("parquet", "csv", "mcap")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add where the records are, and how many runs are shown."""
+    """Add where the records are, which runs, and where they are written."""
     add_journal(parser)
-    parser.add_argument("--last", type=positive, default=20, metavar="N")
+    add_query(parser)
+    parser.add_argument("--last", type=positive, metavar="N", help=f"so many, the newest; {LAST}, or all with --export")
+    parser.add_argument("--export", choices=FORMATS, metavar="FORMAT", help=f"{', '.join(FORMATS)}: runs and samples")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the exported files")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Show one line a run, newest first."""
-    with open_journal(args) as journal:
-        rows = journal.runs(args.last)
-    show(args, _table(rows), [asdict(row) for row in rows])
+    """Show one line a run, newest first, or write the runs and their samples."""
+    if (args.export is None) != (args.out is None):
+        raise ConfigError("--export, --out: only together; --export parquet --out DIR allowed")
+    query = query_of(args)
+    with read_journal(args) as journal:
+        rows = journal.select(query, *([args.last or LAST] if args.last or not args.export else []))
+        files = _exported(args, journal, rows) if args.export else []
+    data = [asdict(row) for row in rows]
+    show(args, _table(rows), {"runs": data, "files": [str(path) for path in files]} if args.export else data)
+    written(args, files[:3])
     return GOOD
 
 
+def _exported(args: argparse.Namespace, journal: "Journal", rows: "Sequence[RunRow]") -> list[Path]:
+    """Write the runs as one table, and the samples of each that has any as one file."""
+    from cell import sample_export as to
+    from cell.samples import export_csv, read_samples
+
+    folder = out_folder(args.out)
+    files = []
+    if args.export == "csv":
+        files.append(folder / "runs.csv")
+        _write_csv(rows, files[0])
+    elif args.export == "parquet":
+        files.append(folder / "runs.parquet")
+        to.write_runs_parquet(rows, files[0])
+    for row in rows:
+        try:
+            samples = read_samples(journal.samples_path(row.run))
+        except JournalError:
+            continue  # a run may have moved nothing, or its samples may have been cleared away
+        path = folder / f"run-{row.run:06d}.{args.export}"
+        if args.export == "csv":
+            export_csv(samples, path)
+        elif args.export == "parquet":
+            to.write_samples_parquet(row, samples, path)
+        else:
+            to.write_mcap(row, samples, path)
+        files.append(path)
+    return files
+
+
+def _write_csv(rows: "Sequence[RunRow]", path: Path) -> None:
+    from cell.journal_schema import RunRow
+
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, list(RunRow.__slots__))
+        writer.writeheader()
+        writer.writerows(asdict(row) for row in rows)
+
+
 def _table(rows: "Iterable[RunRow]") -> "Table":
+    """Return a table that fits 80 columns."""
+    from rich import box
     from rich.table import Table
 
-    table = Table("run", "started (UTC)", "program", "recipe", "serial", "source", "seq", "outcome", "stage", "reason")
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for name in ("run", "started (UTC)", "part, by", "program, outcome, why", "insert (s)", "cycle (s)"):
+        is_whole = name in ("run", "started (UTC)")
+        table.add_column(name, justify="right" if name.endswith("(s)") else "left", no_wrap=is_whole)
+    table.caption = "insert: search + insert + adjust; cycle: from command to answer"
     for row in rows:
         table.add_row(
             str(row.run),
-            row.started[:19],
-            row.program,
-            str(row.recipe),
-            row.serial,
-            row.source,
-            str(row.sequence),
-            row.outcome,
-            row.stage,
-            row.reason or row.message,
+            row.started[:19].replace("T", " "),
+            ", ".join(filter(None, (row.serial, row.source))),
+            ", ".join(filter(None, (row.program, row.outcome, _why(row)))),
+            _insertion(row),
+            "" if row.cycle_time is None else f"{row.cycle_time:.2f}",
         )
     return table
+
+
+def _why(row: "RunRow") -> str:
+    if row.fault:
+        return f"fault {row.fault}: {row.message}"
+    return f"{row.reason} in {row.stage}" if row.reason else row.message
+
+
+def _insertion(row: "RunRow") -> str:
+    from skills.catalogue import CATALOGUE
+
+    times = dict(json.loads(row.stage_times))
+    found = [times[name] for name in CATALOGUE.counted if name in times]
+    return f"{sum(found):.2f}" if found else ""

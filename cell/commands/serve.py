@@ -1,36 +1,90 @@
 """`cell serve`: the cell as a PLC has it, until it is told to stop."""
 
 import argparse
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
 
-from cell.arguments import add_config, add_journal, load_config, open_journal
+from cell.arguments import add_config, add_journal, listening, load_config, open_journal
 from cell.terminal import GOOD, say
+
+if TYPE_CHECKING:
+    from cell.config import LoadedConfig
+    from cell.live import Live
+    from plc_bridge.bridge import Bridge
 
 SUMMARY = "obey the PLC until SIGINT or SIGTERM"
 STOPS_ITSELF = True
+PAGE = "127.0.0.1:8080"
+"""Where the page is, unless told otherwise: only this computer sees it there."""
+METRICS = "127.0.0.1:9464"
+"""The same of the figures; the port that exporters of Prometheus use by default."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what the cell is and where its records go."""
     add_config(parser)
     add_journal(parser)
+    parser.add_argument(
+        "--page", nargs="?", const=PAGE, type=listening, metavar="HOST:PORT", help=f"and a page for browsers at {PAGE}"
+    )
+    parser.add_argument(
+        "--metrics",
+        nargs="?",
+        const=METRICS,
+        type=listening,
+        metavar="HOST:PORT",
+        help=f"and counters and timings as Prometheus text at {METRICS}",
+    )
 
 
 def run(args: argparse.Namespace) -> int:
     """Serve until a signal; stop the arm and return GOOD."""
     from cell.assembly import assemble, opened
     from cell.line import PARAMETERS, PROGRAMS
+    from cell.live import Live
     from cell.supervisor import Supervisor
     from plc_bridge.bridge import Bridge
 
     loaded = load_config(args)
-    bridge = Bridge(loaded.cell.plc, PROGRAMS, PARAMETERS)
-    with open_journal(args, loaded.cell.journal.folder) as journal, opened(assemble(loaded.cell)) as cell:
-        supervisor = Supervisor(cell, loaded, bridge, journal, args.stop)
+    bridge, live = Bridge(loaded.cell.plc, PROGRAMS, PARAMETERS), Live()
+    with (
+        open_journal(args, loaded.cell.journal) as journal,
+        opened(assemble(loaded.cell)) as cell,
+        ExitStack() as servers,
+    ):
+        supervisor = Supervisor(cell, loaded, bridge, journal, args.stop, live)
         supervisor.scan()  # the first one compiles; nobody shall meet a cell that cannot answer yet
-        try:
-            bridge.start()
-            say(f"serving on {bridge.address[0]}:{bridge.address[1]}")
-            supervisor.serve()
-        finally:
-            bridge.close()
+        servers.callback(bridge.close)
+        bridge.start()
+        say(f"serving on {bridge.address[0]}:{bridge.address[1]}")
+        if args.page is not None:
+            servers.enter_context(_page(args.page, bridge, live, loaded, journal.folder))
+        if args.metrics is not None:
+            from cell.metrics import served_metrics
+
+            host, port = servers.enter_context(served_metrics(bridge, *args.metrics))
+            say(f"metrics on http://{host}:{port}/metrics")
+        supervisor.serve()
     return GOOD
+
+
+@contextmanager
+def _page(
+    address: tuple[str, int], bridge: "Bridge", live: "Live", loaded: "LoadedConfig", folder: Path
+) -> Iterator[None]:
+    """Serve the page meanwhile; a terminal is shown the token, a log only where it is kept."""
+    from cell.page.server import PageServer
+    from cell.page.token import FILE
+
+    page = PageServer(address, bridge, live, loaded, folder)
+    page.start()
+    try:
+        host, port = page.address
+        where = f"http://{f'[{host}]' if ':' in host else host}:{port}/"
+        say(f"page on {where}" + (f"#token={page.token}" if sys.stdout.isatty() else f" token in {folder / FILE}"))
+        yield
+    finally:
+        page.close()

@@ -4,7 +4,7 @@ import argparse
 from dataclasses import asdict
 from pathlib import Path
 
-from cell.arguments import add_journal, open_journal, out_folder, positive
+from cell.arguments import add_journal, out_folder, positive, read_journal
 from cell.terminal import GOOD, show, written
 
 SUMMARY = "one run on record, with its plots"
@@ -19,12 +19,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Draw the run, export its samples where that is wished, and show what is on record."""
+    """Draw the run, export its samples if asked to, and show what is on record."""
     from cell import words
     from cell.plots import plot_run
     from cell.samples import export_csv, read_samples
 
-    with open_journal(args) as journal:
+    with read_journal(args) as journal:
         row = journal.find(args.number)
     samples = read_samples(journal.samples_path(row.run))
     folder = out_folder(args.export) if args.export else journal.folder

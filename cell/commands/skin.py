@@ -1,4 +1,4 @@
-"""`cell skin`: both fingers, live or as they were recorded."""
+"""`cell skin`: the readings of both fingers, live or from a recording."""
 
 import argparse
 import math
@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Show every frame in place on a terminal, in a pipe the last one."""
+    """Show every frame, on a terminal in place; in a pipe show the last one."""
     from rich.live import Live
 
     from cell import skin_view

@@ -2,7 +2,7 @@
 
 import argparse
 
-from cell.arguments import add_journal, open_journal, positive
+from cell.arguments import add_journal, positive, read_journal
 from cell.terminal import GOOD
 from drivers.errors import JournalError
 
@@ -17,10 +17,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Play the run in real time until its window is closed; one in progress goes on as it is recorded."""
+    """Play the run in real time until its window is closed; a run in progress is shown as it is recorded."""
     from cell.film.playback import play
 
-    with open_journal(args) as journal:
+    with read_journal(args) as journal:
         number = args.number or journal.last_run()
         if not number:
             raise JournalError(f"{journal.folder}: no runs are on record yet")

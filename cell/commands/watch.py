@@ -37,7 +37,10 @@ def run(args: argparse.Namespace) -> int:
             if sys.stdout.isatty() and not args.json and not args.once:
                 status.update(Text(line))
             else:
-                told = {**data, "diagnostics": asdict(replace(counts, requests=0))}  # looking is a request too
+                told = {
+                    **data,
+                    "diagnostics": asdict(replace(counts, requests=0)),
+                }  # each look is a request and would count itself
                 if told != last:
                     say(json.dumps(data) if args.json else line)
                 last.update(told)

@@ -5,7 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Image = NDArray[np.uint8]
-"""Shape (height, width, 3), red first."""
+"""An image, shape (height, width, 3), red first."""
 Colour = tuple[int, int, int]
 
 PAPER: Colour = (255, 255, 255)

@@ -13,30 +13,30 @@ from cell.film.recorded import RecordedRun
 from drivers.errors import ConfigError
 
 MP4_RATE = 25.0
-"""Pictures a second."""
+"""Picture rate of MP4 files, Hz."""
 GIF_RATE = 10.0
-"""Pictures a second: a GIF is a page's, and counts time in hundredths."""
+"""Picture rate of GIF files, Hz; a GIF is for pages, and counts time in hundredths of a second."""
 GIF_SIZE = (800, 450)
 CODEC = "vp09"
-"""What browsers play and the wheel of OpenCV can write; H.264 it cannot."""
+"""Video codec that browsers play and OpenCV's wheel can write; it cannot write H.264."""
 
 Draw = Callable[[float], Image]
-"""Returns the picture at a time since the first scan, s."""
+"""Function that returns the picture at a time since the first scan, s."""
 Done = Callable[[int, int], None]
-"""Is told after each picture how many are done, and of how many."""
+"""Function that is called after each picture with the number of pictures done and of all."""
 
 
 def write_film(run: RecordedRun, path: Path, at: float | None, done: Done) -> int:
-    """Write a run as its file's ending says, and return how many pictures were drawn.
+    """Write a run in the form of the file's ending, and return the number of pictures drawn.
 
     Args:
         run: The run.
         path: `*.mp4` or `*.gif` for a film in real time, `*.png` for one picture.
         at: Time of the one picture since the first scan, s; None takes the last scan's.
-        done: Told after each picture.
+        done: Called after each picture.
 
     Raises:
-        ConfigError: Another ending, a time outside the run, a file that cannot be written, or no OpenGL here.
+        ConfigError: The ending is unknown, the time is outside the run, the file cannot be written, or OpenGL is missing.
     """
     duration = float(run.times[-1])
     write, rate = _require_kind(path)
@@ -73,7 +73,7 @@ def _write_mp4(path: Path, pictures: Iterator[Image]) -> bool:
 
 
 def _write_gif(path: Path, pictures: Iterator[Image]) -> bool:
-    """Write what goes round for ever, each picture in its own colours."""
+    """Write a GIF that repeats for ever, each picture with its own palette."""
     small = [_shrunk(picture).quantize(256, dither=Pillow.Dither.NONE) for picture in pictures]
     try:
         small[0].save(path, save_all=True, append_images=small[1:], duration=round(1e3 / GIF_RATE), loop=0)
@@ -87,7 +87,7 @@ _KINDS: dict[str, tuple[Callable[[Path, Iterator[Image]], bool], float | None]] 
     ".gif": (_write_gif, GIF_RATE),
     ".png": (_write_png, None),
 }
-"""What writes each kind of file, and how many pictures a second it has; one picture alone has no rate."""
+"""Writer and picture rate of each kind of file; a single picture has no rate."""
 
 
 def _require_kind(path: Path) -> tuple[Callable[[Path, Iterator[Image]], bool], float | None]:
@@ -97,7 +97,7 @@ def _require_kind(path: Path) -> tuple[Callable[[Path, Iterator[Image]], bool], 
 
 
 def instants(duration: float, rate: float) -> list[float]:
-    """Return the times of a film's pictures, s, the last scan's among them."""
+    """Return the times of a film's pictures, s; the last scan's is among them."""
     times = np.arange(0.0, duration, 1.0 / rate).tolist()
     return [*times, duration]
 

@@ -24,7 +24,7 @@ class Filmed:
     """Draws any moment of one run."""
 
     def __init__(self, run: RecordedRun, camera: Camera, stage: Stage) -> None:
-        """Prepare what does not change."""
+        """Prepare the parts of the picture that do not change."""
         self._run, self._camera, self._stage = run, camera, stage
         self._touch = TouchPanel(run.facts.layout, float(run.samples["taxels"].max()), RIGHT, TOUCH)
         self._force = ForcePanel(run, RIGHT, FORCE)
@@ -56,7 +56,7 @@ class Filmed:
 
 @contextmanager
 def filmed(run: RecordedRun) -> Iterator[Filmed]:
-    """Yield what draws the run's moments.
+    """Yield what draws the pictures of the run.
 
     Raises:
         ConfigError: This computer cannot render.

@@ -14,24 +14,24 @@ from drivers.quantities import FINGER_NAMES, FINGERS, Vector
 from drivers.skin.layout import Layout, finger_positions, triangles
 
 LEAST_TOUCH = 4e3
-"""The run's highest reading is drawn brightest, but none below this, counts."""
+"""Least reading that is drawn brightest, counts; otherwise that is the run's highest."""
 EDGE = 3e-3
-"""Drawn beyond the outermost taxels, m."""
+"""Width that is drawn beyond the outermost taxels, m."""
 FORCE_SCALE = 25.0
-"""The force's axis reaches at least so far, N."""
+"""Least end of the force's axis, N."""
 LIGHT = 430
-"""A colour whose three parts sum up to more carries dark letters."""
+"""Sum of a colour's three parts above which letters on it are dark."""
 _FORCE = colour("#c2374d")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Pad:
-    """Where one finger's pixels get their values from."""
+    """The taxels that each pixel of one finger gets its value from."""
 
     corners: Vector
-    """Of the triangle about each pixel, indices of taxels, shape (height, width, 3)."""
+    """Taxels at the corners of the triangle about each pixel, indices, shape (height, width, 3)."""
     weights: Vector
-    """Of these taxels, shape (height, width, 3); 0 outside all triangles."""
+    """Weights of these taxels, shape (height, width, 3); 0 outside all triangles."""
     taxels: Vector
     """Middles of the taxels, column and row, pixels, shape (20, 2)."""
 
@@ -55,7 +55,7 @@ class TouchPanel:
         self._pads = [self._pad(places[finger], layout) for finger in range(FINGERS)]
 
     def draw(self, taxels: Vector, theta: float, age: float) -> Image:
-        """Return the panel for counts, shape (2, 20), the angle, rad, and how old it is, s; NaN where there is none."""
+        """Return the panel for counts, shape (2, 20), the angle, rad, and its age, s; NaN where there is none."""
         image = blank(self._width, self._height)
         for finger, pad in enumerate(self._pads):
             left = 14 + finger * (self._size[0] + 22)

@@ -5,31 +5,30 @@ from threading import Event
 
 from cell.film.recorded import recorded
 from cell.journal import Journal
+from cell.journal_schema import RUNNING
 from sim.visual.viewer import Window
 
-RUNNING = "running"
-"""Outcome of a run that has not ended."""
 REREAD = 0.5
-"""Samples reach the disk once a second; they are looked for twice as often, s."""
+"""Time between two reads of the samples of a running run, s; the samples reach the disk once a second."""
 REDRAWN = 1.0 / 30.0
 """Time between two pictures, s."""
 
 
-class Playback:
-    """A run as it is played in real time; while it is still being recorded, what is new is read as it comes."""
+class RunPlayback:
+    """A run that is played in real time; of a run in progress new samples are read as they come."""
 
     def __init__(self, journal: Journal, number: int) -> None:
         """Read what is on record.
 
         Raises:
-            JournalError: As `recorded`.
+            JournalError: The run cannot be read, see `recorded`.
         """
         self._journal, self._number = journal, number
         self.run = recorded(journal, number)
         self._asked = 0.0
 
     def scan_at(self, elapsed: float) -> int:
-        """Return the scan to show `elapsed` seconds after the start; the last one once there are no more."""
+        """Return the number of the scan to show `elapsed`, s, after the start; the last one once there are no more."""
         is_growing = self.run.row.outcome == RUNNING
         if is_growing and elapsed > float(self.run.times[-1]) and elapsed - self._asked > REREAD:
             self._asked = elapsed
@@ -41,10 +40,10 @@ def play(journal: Journal, number: int, stop: Event) -> None:
     """Play a run in real time until its window is closed or `stop` is set.
 
     Raises:
-        JournalError: As `recorded`.
+        JournalError: The run cannot be read, see `recorded`.
         ConfigError: There is no display.
     """
-    playback = Playback(journal, number)
+    playback = RunPlayback(journal, number)
     with Window(playback.run.facts, playback.run.hole()) as window:
         began = time.monotonic()
         while window.is_open() and not stop.is_set():

@@ -1,11 +1,12 @@
-"""A run on record, as a picture needs it: what was where at any of its scans."""
+"""A run on record in the form that pictures need: the poses of everything at any of its scans."""
 
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from cell.journal import Journal, RunRow
+from cell.journal import Journal
+from cell.journal_schema import RunRow
 from cell.samples import read_facts, read_samples
 from drivers import frames
 from drivers.arm.kinematics import finger_frame
@@ -16,11 +17,13 @@ from sim.visual.scene import Moment
 from skills.catalogue import CATALOGUE
 
 HELD = 1.3
-"""A hand that is open by less than this many times the peg's thickness holds it."""
+"""Multiple of the peg's thickness below which the opening of a hand means that it holds the peg."""
 TRAIL_STEP, TRAIL_HEIGHT = 5, 0.006
-"""The tip's line on the plate takes every fifth scan, and what is no higher above the hole than this, m."""
+"""Number of scans between the points of the tip's line on the plate, and the height above the hole up to which points
+are kept, m.
+"""
 HIGHER = 0.0006
-"""The line is drawn so far above the plate, m, and is therefore not hidden by it."""
+"""Height above the plate at which the line is drawn, m, so that the plate does not hide it."""
 
 
 @dataclass(frozen=True)
@@ -39,23 +42,23 @@ class RecordedRun:
 
     @cached_property
     def stages(self) -> list[str]:
-        """Name of the stage of each scan, empty between stages."""
+        """Name of each scan's stage, empty between stages."""
         return [CATALOGUE.stages.get(int(number), "") for number in self.samples["stage"]]
 
     @cached_property
     def force(self) -> Vector:
-        """Magnitude of the external force of each scan, N."""
+        """Magnitude of each scan's external force, N."""
         force = np.column_stack([self.samples[f"force_{axis}"] for axis in "xyz"])
         size: Vector = np.linalg.norm(force, axis=1)
         return size
 
     @property
     def is_simulated(self) -> bool:
-        """Whether the samples tell where peg and hole really were."""
+        """Whether the samples hold the true poses of peg and hole."""
         return bool(np.isfinite(self.samples["true_peg_x"]).any())
 
     def hole(self) -> Pose | None:
-        """Return where the hole is: as simulated, or else where the peg's tip was when the switch closed; None if never."""
+        """Return the pose of the hole: the simulated one, or the peg's tip when the switch closed; None if it never closed."""
         if self.is_simulated:
             return self._true("hole", 0)
         closed = np.flatnonzero(self.samples["switch"] == 1.0)
@@ -69,7 +72,7 @@ class RecordedRun:
         return max(int(np.searchsorted(self.times, time, side="right")) - 1, 0)
 
     def moment(self, scan: int) -> Moment:
-        """Return what was seen of the cell at one scan."""
+        """Return the visible state of the cell at one scan."""
         samples = self.samples
         return Moment(
             joints=samples["joints"][scan],
@@ -111,7 +114,7 @@ def recorded(journal: Journal, number: int) -> RecordedRun:
     """Return a run on record.
 
     Raises:
-        JournalError: It is not on record, has no samples, or was recorded without what a picture needs.
+        JournalError: The run is not on record, has no samples, or was recorded without what a picture needs.
     """
     row = journal.find(number)
     path = journal.samples_path(number)

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def add_study(parser: argparse.ArgumentParser) -> None:
-    """Add what every study of a simulated cell has: the config, where its files go, and whether it is cut short."""
+    """Add the options of every study of a simulated cell: its config, where its files go, and whether it is cut short."""
     add_config(parser)
     add_out(parser)
     parser.add_argument("--quick", action="store_true", help="less of everything")
@@ -29,7 +29,7 @@ def add_seed(parser: argparse.ArgumentParser) -> None:
 
 
 def add_trials(parser: argparse.ArgumentParser, of_what: str) -> None:
-    """Add --trials; `of_what` says what they are, and how many without the option."""
+    """Add --trials; `of_what` says what they are, and their number without the option."""
     parser.add_argument("--trials", type=positive, metavar="N", help=of_what)
 
 
@@ -44,12 +44,12 @@ def load_simulated(args: argparse.Namespace, what: str, pace: str | None = "max"
     """Return the config that --config and --set name.
 
     Args:
-        args: As parsed.
-        what: Command that needs it.
-        pace: Of the simulated cell where --set says none; None leaves it to the file.
+        args: Parsed options.
+        what: Command that needs the config.
+        pace: Pace of the simulated cell where --set states none; None leaves it to the file.
 
     Raises:
-        ConfigError: Something in it is wrong, or it is no simulated cell.
+        ConfigError: The config is wrong, or the cell is not a simulated one.
     """
     loaded = load_config(args, default_pace=pace)
     loaded.cell.require_simulated(what)

@@ -8,42 +8,44 @@ from pathlib import Path
 
 from cell.assembly import assemble, opened
 from cell.config import LoadedConfig
-from cell.journal import Journal, RunRow
+from cell.journal import Journal
+from cell.journal_schema import RunRow
 from cell.lab.charts import CHART, Point, plot_speed_accuracy
 from cell.lab.published import PUBLISHED, Tried, stage_table
 from cell.line import PARAMETERS, PROGRAMS
+from cell.part_state import UNRESOLVED
 from cell.plots import plot_run
 from cell.samples import read_samples
 from cell.supervisor import Supervisor
 from drivers.errors import CellError
 from plc_bridge.bridge import Bridge
 from plc_bridge.images import ReportImage
-from plc_bridge.messages import Control, Result
+from plc_bridge.messages import Control, PartPlace, Result
 from plc_bridge.peer import Peer
 from skills.catalogue import CATALOGUE
 from skills.contract import Outcome
 
 LONGEST = 3600.0
-"""A run that takes longer in wall time is given up by the peer, s."""
+"""Wall time after which the peer gives up a run, s."""
 RUN_PICTURE = "trial.png"
 
 
 @dataclass(frozen=True, slots=True)
 class DemoResult:
-    """What the peer saw and the journal has."""
+    """Result of the demo, as the peer and the journal have it."""
 
     reports: list[ReportImage]
-    """What the PLC read at the end of each insertion."""
+    """Report that the PLC read at the end of each insertion."""
     rows: list[RunRow]
-    """The same runs on record."""
+    """Row of each insertion in the journal."""
 
     def tried(self) -> list[Tried]:
-        """Return the runs as the stage table needs them."""
+        """Return the runs in the form that the stage table takes."""
         return [as_tried(row) for row in self.rows]
 
 
 def as_tried(row: RunRow) -> Tried:
-    """Return a run on record as the stage table needs it."""
+    """Return a run on record in the form that the stage table takes."""
     names = {stage.name for stage in PUBLISHED}
     times = {name: time for name, time in json.loads(row.stage_times) if name in names}
     return Tried(row.outcome == Outcome.SUCCESS, row.stage, times)
@@ -56,13 +58,13 @@ def run_demo(
     watch: Callable[[int, ReportImage], None],
     stop: threading.Event,
 ) -> DemoResult:
-    """Run `trials` insertions and return how they went; the calling thread is the scan thread.
+    """Run `trials` insertions and return their results; the calling thread is the scan thread.
 
     Args:
         loaded: A simulated cell.
-        journal: Opened.
-        trials: How many insertions the peer asks for.
-        watch: Told by the peer's thread how many insertions have ended, and what it reads meanwhile.
+        journal: The opened journal.
+        trials: Number of insertions that the peer asks for.
+        watch: Called by the peer's thread with the number of ended insertions and the report that it reads.
         stop: Ends the demo when it is set; the arm is stopped first.
 
     Raises:
@@ -73,7 +75,7 @@ def run_demo(
     errors: list[CellError] = []
     with opened(assemble(loaded.cell)) as cell:
         supervisor = Supervisor(cell, loaded, bridge, journal, stop)
-        supervisor.scan()  # the first one compiles; a PLC in the same process is not heard meanwhile
+        supervisor.scan()  # the first scan compiles, and a PLC in the same process would not be served meanwhile
         bridge.start()
         has_ended = threading.Event()
 
@@ -104,12 +106,14 @@ def run_demo(
 def _be_plc(
     host: str, port: int, trials: int, reports: list[ReportImage], watch: Callable[[int, ReportImage], None]
 ) -> None:
-    """Ask for one insertion after the other, as a PLC does; after a fault or a stop reset the cell."""
+    """Ask for one insertion after the other, as a PLC does, and reset the cell after a fault or a stop."""
     peer = Peer(host, port)
     peer.connect()
     try:
         peer.take()
         for number in range(trials):
+            if PartPlace(peer.read_report().part) in UNRESOLVED:
+                peer.run(Control.CLEARED, timeout=LONGEST)  # a person takes the last peg away
             report = peer.run(
                 CATALOGUE["insert_peg"].code,
                 serial=f"demo-{number + 1}",
@@ -126,7 +130,7 @@ def _be_plc(
 
 
 def draw_demo(result: DemoResult, journal: Journal, folder: Path) -> list[Path]:
-    """Draw one trial, a success where there is one, and the chart; return the files."""
+    """Draw one trial, a successful one if there is one, and the chart; return the files."""
     pictures = []
     shown = next(
         (row for row in result.rows if row.outcome == Outcome.SUCCESS), result.rows[0] if result.rows else None

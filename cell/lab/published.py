@@ -15,7 +15,7 @@ class PublishedStage:
     successes: int
     attempts: int
     time: float
-    """Mean, s."""
+    """Mean time, s."""
 
 
 PUBLISHED: tuple[PublishedStage, ...] = (
@@ -28,18 +28,18 @@ PUBLISHED_SUCCESSES, PUBLISHED_ATTEMPTS, PUBLISHED_TOTAL = 38, 40, 54.1
 
 @dataclass(frozen=True, slots=True)
 class StageLine:
-    """One row of the table: this cell's figures for one stage."""
+    """This cell's figures for one stage, a row of the table."""
 
     name: str
     successes: int
     attempts: int
     time: float | None
-    """Mean over its successes, s; None where there are none."""
+    """Mean time of the stage's successes, s; None where there are none."""
 
 
 @dataclass(frozen=True, slots=True)
 class Tried:
-    """One trial, as far as the table needs it."""
+    """The part of a trial that the stage table needs."""
 
     succeeded: bool
     stage: str

@@ -1,4 +1,4 @@
-"""What a study leaves: tables for people, the same as data for programs, and files."""
+"""The outcome of a study: tables for people, the same as data for programs, and files."""
 
 import math
 from collections.abc import Sequence
@@ -16,13 +16,13 @@ class StudyReport:
 
     tables: "Sequence[RenderableType]"
     result: object
-    """The same for JSON."""
+    """Result as data for JSON."""
     written: list[Path] = field(default_factory=list)
     """Tables, figures and charts."""
 
 
 def finite(value: Any) -> Any:
-    """Return the same with null for what JSON cannot say: a model that failed has no figure."""
+    """Return data with null in place of NaN and infinities, which JSON does not have."""
     if isinstance(value, dict):
         return {key: finite(item) for key, item in value.items()}
     if isinstance(value, list):

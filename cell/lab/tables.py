@@ -8,12 +8,13 @@ from rich.table import Table
 
 from cell.lab.published import PUBLISHED, PUBLISHED_ATTEMPTS, PUBLISHED_SUCCESSES, PUBLISHED_TOTAL, StageLine
 from cell.lab.trials import TrialRow
-from cell.statistics import wilson
+from cell.statistics import mean, wilson
 
 
-def stages(lines: Sequence[StageLine]) -> Table:
-    """Return this cell's stage table beside [gibbons], Table I."""
-    table = Table(title="Stages, beside [gibbons], Table I", caption="times are means of the successes")
+def stages(lines: Sequence[StageLine], cycles: Sequence[float]) -> Table:
+    """Return this cell's stage table beside [gibbons], Table I, and below it the mean of the successful runs' cycle times, s."""
+    table = Table(title="Stages, beside [gibbons], Table I")
+    table.caption = "means of the successes; stages as [gibbons] counts them, cycle from command to answer"
     for name in ("stage", "success", "Wilson 95 %", "time (s)", "published", "time (s)"):
         table.add_column(name, justify="left" if name == "stage" else "right")
     published = [(p.label, p.successes, p.attempts, p.time) for p in PUBLISHED]
@@ -28,11 +29,13 @@ def stages(lines: Sequence[StageLine]) -> Table:
             f"{successes}/{attempts}",
             f"{time:.1f}",
         )
+    cycle = mean(cycles)
+    table.add_row("cycle", "", "", "-" if cycle is None else f"{cycle:.1f}", "", "-")
     return table
 
 
 def outcomes(rows: Sequence[TrialRow]) -> Table:
-    """Return how many trials ended how."""
+    """Return the number of trials with each ending."""
     table = Table("outcome", "stage", "reason", "trials")
     kinds = sorted({(row.outcome, row.stage, row.reason) for row in rows})
     for kind in kinds:
@@ -42,7 +45,7 @@ def outcomes(rows: Sequence[TrialRow]) -> Table:
 
 
 def plain(title: str, lines: Sequence[Any]) -> Table:
-    """Return lines of one dataclass as they are, SI units."""
+    """Return the lines of one dataclass unchanged, SI units."""
     table = Table(title=title)
     names = [field.name for field in fields(lines[0])]
     for name in names:

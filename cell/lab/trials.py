@@ -14,15 +14,19 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 from cell.assembly import Cell, assemble, opened
 from cell.config import CellConfig
-from cell.journal import config_hash, versions
 from cell.lab.published import PUBLISHED, Tried, stage_table
 from cell.lab.workers import on_cluster, on_processes
-from cell.record import StageClock, ending_of
+from cell.part_state import PartState
+from cell.provenance import config_hash, versions
+from cell.record import Ending, StageClock, ending_of
 from cell.statistics import spread, wilson
+from cell.success import LastLook, Proof, judged
 from drivers.errors import CellError, ConfigError, FaultCode
 from drivers.quantities import ImpedanceSetpoint
+from plc_bridge.messages import PartPlace
 from skills.catalogue import CATALOGUE
 from skills.contract import Observation, Outcome, SkillContext
+from skills.entry import Claim
 from skills.flow import StageRecord
 from skills.spray_search import SpraySearchResult
 
@@ -32,7 +36,7 @@ if TYPE_CHECKING:
 WATCHED = frozenset({"spray_search", "tactile_insert"})
 """Stages over which the estimate in use is compared with the truth."""
 VOID = "void"
-"""Instead of an `Outcome`, of a trial in which the physics cheated."""
+"""Outcome of a trial in which bodies penetrated each other, in place of an `Outcome`."""
 TABLE, PARTIAL, SUMMARY = "trials.csv", "trials.partial.jsonl", "summary.json"
 
 
@@ -42,7 +46,7 @@ class TrialRow:
 
     seed: int
     outcome: str
-    """An `Outcome`, a fault being a failure, or `VOID`."""
+    """Outcome: an `Outcome`, a fault being a failure, or `VOID`."""
     reason: str
     stage: str
     grasp_time: float | None
@@ -50,7 +54,7 @@ class TrialRow:
     insert_time: float | None
     adjust_time: float | None
     total_time: float | None
-    """search + insert + adjust."""
+    """Total time, search + insertion + adjustment, s."""
     retries: int
     peak_contact_force: float
     max_penetration: float
@@ -66,16 +70,18 @@ class TrialRow:
     sim_time: float
     wall_time: float
     cycle_time: float = math.nan
-    """From the command to the end of the program, transfers, grasp and release included."""
+    """Time from the command to the end of the program, with transfers, grasp and release, s."""
     time_over_20N: float = math.nan  # noqa: N815 - the column's name is part of the contract
     """Time that the reported force exceeded 20 N, s."""
     plate_penetration: float = math.nan
-    """Deepest of a plate's surface or a hole's floor that lasted longer than 2 ms, m."""
+    """Deepest penetration of a plate's surface or a hole's floor that lasted longer than 2 ms, m."""
+    grip_slip: float = math.nan
+    """Largest distance that the peg slipped along and across the fingers since the grasp, m."""
     errors: dict[str, str] = field(default_factory=dict)
-    """What was drawn of the cell's errors, by name: a column each."""
+    """Drawn errors of the cell by name; each is a column."""
 
     def tried(self) -> Tried:
-        """Return the row as the stage table needs it."""
+        """Return the row in the form that the stage table takes."""
         names = ("search_time", "insert_time", "adjust_time")
         times = {
             stage.name: value
@@ -87,7 +93,7 @@ class TrialRow:
 
 ERRORS = "errors"
 COLUMNS = tuple(f.name for f in fields(TrialRow) if f.name != ERRORS)
-"""Those of every table; behind them stands a column for each error that was drawn."""
+"""Columns of every table; a column for each drawn error follows them."""
 
 
 @dataclass(slots=True)
@@ -98,16 +104,19 @@ class Watcher:
     ctx: SkillContext
     clock: StageClock = field(default_factory=StageClock)
     ending: "Truth | None" = None
-    """The truth when the insertion had ended and before anything was cleared away."""
+    """True state when the insertion had ended and before anything was cleared away."""
+    proof: Proof = field(default_factory=Proof)
+    """What the trial has shown so far."""
     count: int = 0
     theta: float = 0.0
-    """Sum of squared errors, rad²."""
+    """Sum of squared errors of theta, rad²."""
     tip: float = 0.0
-    """Sum of squared errors, m²."""
+    """Sum of squared errors of the tip, m²."""
 
     def record(self, seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
         """Take one scan."""
         self.clock.enter(self.ctx.stage, seen.stamp)
+        self.proof = self.proof.after(seen)
         if self.cell.truth is None or (self.ctx.stage not in WATCHED and self.ctx.stage != "recover"):
             return
         truth = self.cell.truth()
@@ -120,8 +129,19 @@ class Watcher:
         self.theta += (seen.peg.theta - truth.theta) ** 2
         self.tip += math.dist(seen.tip.tolist(), truth.tip) ** 2
 
+    def judged(self, ending: Ending, records: Sequence[StageRecord]) -> Ending:
+        """Return how the trial ended by the evidence, as the supervisor would.
+
+        Raises:
+            CellError: The skills say success and the evidence says otherwise.
+        """
+        cell = self.cell
+        look = LastLook(cell.gripper.read(), cell.arm.read().tcp.position, cell.switch.read())
+        nobody = PartState(PartPlace.UNKNOWN, "")
+        return judged(Claim.INSERTED, ending, records, self.proof, look, nobody, self.ctx.job)
+
     def rmse(self, total: float) -> float | None:
-        """Return the root of the mean, or None when nothing was watched."""
+        """Return the root mean square error, or None when nothing was watched."""
         return math.sqrt(total / self.count) if self.count else None
 
 
@@ -144,6 +164,7 @@ def run_trial(config: CellConfig, seed: int) -> TrialRow:
         ctx.record = watcher.record
         try:
             records = CATALOGUE["insert_peg"].run(config.skill_set(), ctx)
+            ending = watcher.judged(ending_of(records, None, ctx.stage), records)
         except CellError as error:
             fault = error
         truth = watcher.ending or cell.truth()
@@ -151,7 +172,8 @@ def run_trial(config: CellConfig, seed: int) -> TrialRow:
     watcher.clock.leave(sim_time)
     watcher.clock.settle(records)
     times = watcher.clock.times
-    ending = ending_of(records, fault, ctx.stage)
+    if fault is not None:
+        ending = ending_of(records, fault, ctx.stage)
     outcome, reason = ending.outcome, ending.word
     if fault is not None:
         outcome, reason = Outcome.FAILURE, FaultCode(fault.code).name.lower()
@@ -184,6 +206,7 @@ def run_trial(config: CellConfig, seed: int) -> TrialRow:
         cycle_time=sim_time - began,
         time_over_20N=truth.time_over_20N,
         plate_penetration=truth.plate_penetration,
+        grip_slip=truth.grip_slip,
         errors=dict(cell.errors),
     )
 
@@ -201,11 +224,11 @@ def run_trials(
     Rows go to a partial file as they finish; the same call again takes them up and runs only what is missing.
 
     Args:
-        config: The cell of every trial, but for its seed.
-        seeds: One trial each.
-        workers: Processes; the rows do not depend on it.
-        folder: Where trials.csv and summary.json go.
-        done: Told of every row, those of an earlier call included.
+        config: Config of the cell of every trial, except its seed.
+        seeds: Seeds, one trial each.
+        workers: Number of processes; the rows do not depend on it.
+        folder: Folder of trials.csv and summary.json.
+        done: Called with every row, those of an earlier call included.
         scheduler: Address of a Dask scheduler whose workers shall run the trials instead.
 
     Raises:
@@ -238,7 +261,7 @@ def run_trials(
 def _resume(kept: TextIO, config: CellConfig) -> list[TrialRow]:
     """Return the rows of an interrupted call with the same config and versions, and make the file ready to append.
 
-    What is good stays where it is: a call that is killed while it takes up loses nothing either.
+    Complete rows stay in the file, so that a call which is killed at this point loses nothing either.
     """
     head = json.dumps({"config": config_hash(config), "versions": versions()}) + "\n"
     kept.seek(0)
@@ -272,11 +295,11 @@ def write_table(rows: Sequence[TrialRow], path: Path) -> None:
 
 
 def read_table(path: Path) -> list[TrialRow]:
-    """Read what `write_table` wrote.
+    """Return the rows that `write_table` wrote.
 
     Raises:
-        OSError: No such file, or not readable.
-        ValueError: Not such a table.
+        OSError: There is no such file, or it is not readable.
+        ValueError: The file holds no such table.
     """
     with path.open(newline="", encoding="utf-8") as file:
         table = csv.DictReader(file)
@@ -300,7 +323,7 @@ _READERS: dict[Any, Callable[[str], Any]] = {
     bool: "true".__eq__,
     float | None: lambda text: float(text) if text else None,
 }
-"""How a cell of each type is read."""
+"""Function that reads a cell of each type."""
 
 
 def _cell(value: object) -> object:

@@ -1,4 +1,4 @@
-"""Where trials run: on processes of this machine, or on the workers of a Dask cluster; results come as they finish."""
+"""The workers that run trials: processes of this machine, or workers of a Dask cluster; results come as they finish."""
 
 import multiprocessing
 import os
@@ -14,7 +14,7 @@ from multiprocessing import connection
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from cell.journal import versions
+from cell.provenance import versions
 from drivers.errors import CellError, ConfigError
 
 if TYPE_CHECKING:
@@ -24,18 +24,18 @@ if TYPE_CHECKING:
 
 Row = TypeVar("Row")
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
-"""A worker is one thread: one trial per core, and the same sums in the same order everywhere."""
+"""Variables that make a worker single-threaded: one trial per core, and the same sums in the same order everywhere."""
 BLAS = "OPENBLAS_NUM_THREADS"
-"""The one of them that could change a sum; a Dask nanny sets it to 1."""
+"""Variable among them that could change a sum; a Dask nanny sets it to 1."""
 CONNECT = 10.0
 """Longest wait for a scheduler's answer, s."""
 PATIENCE = 30.0
-"""So long without a result and without a worker, s, and the cluster is given up."""
+"""Time without a result and without a worker after which the cluster is given up, s."""
 _TAKE_UP = "the same command takes up where it was"
 
 
 def on_processes(task: Callable[[int], Row], seeds: Sequence[int], workers: int) -> Iterator[Row]:
-    """Yield what `task` makes of each seed, as it finishes, on `workers` processes of one thread each.
+    """Yield the result of `task` for each seed, as it finishes, from `workers` processes of one thread each.
 
     Raises:
         CellError: A worker was killed.
@@ -56,14 +56,14 @@ def on_processes(task: Callable[[int], Row], seeds: Sequence[int], workers: int)
         except BrokenProcessPool:
             raise CellError(f"trials: a worker process was killed; {_TAKE_UP}") from None
         finally:
-            # Whoever interrupts does not wait for trials under way: they are run again by the same command.
+            # An interrupted call does not wait for trials under way; the same command runs them again.
             held.close()
             pool.shutdown(cancel_futures=True)
             lifeline.close()
 
 
 def _leave_with_parent(lifeline: "Connection") -> None:
-    """End this process when the one that asked for it is killed or interrupted; a pool's workers would wait for ever."""
+    """End this process when its parent is killed or interrupted; a pool's workers would wait for ever."""
     parent = multiprocessing.parent_process()
     assert parent is not None
 
@@ -76,7 +76,7 @@ def _leave_with_parent(lifeline: "Connection") -> None:
 
 @contextmanager
 def _deaf_children() -> Iterator[None]:
-    """Let processes that are started meanwhile not hear a Ctrl-C, which their parent hears and answers for them."""
+    """Make processes that are started meanwhile ignore Ctrl-C, which their parent handles for them."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -87,15 +87,15 @@ def _deaf_children() -> Iterator[None]:
 def on_cluster(
     task: Callable[[int], Row], seeds: Sequence[int], address: str, patience: float = PATIENCE
 ) -> Iterator[Row]:
-    """Yield what `task` makes of each seed, as it finishes, on the workers of a Dask cluster.
+    """Yield the result of `task` for each seed, as it finishes, from the workers of a Dask cluster.
 
     A seed whose worker dies is run again by another one.
 
     Args:
-        task: Pickled by its name: the workers need this program, with the same code and packages.
-        seeds: One call each.
-        address: Of the scheduler, as in tcp://192.0.2.1:8786.
-        patience: How long to go on without any worker, s.
+        task: Function, pickled by its name; the workers need this program, with the same code and packages.
+        seeds: Seeds, one call each.
+        address: Address of the scheduler, as in tcp://192.0.2.1:8786.
+        patience: Time to go on without any worker, s.
 
     Raises:
         ConfigError: The packages of the extra `cluster` are missing.
@@ -118,7 +118,7 @@ def _connected(address: str) -> "Client":
     try:
         import dask.config
 
-        # What goes wrong is told here, once; read when distributed is imported.
+        # Errors are reported here, once; distributed reads this when it is imported.
         dask.config.set(
             {"logging": dict.fromkeys(("distributed", "distributed.client", "tornado.application"), "critical")}
         )
@@ -134,7 +134,7 @@ def _connected(address: str) -> "Client":
 
 
 def _next(client: "Client", finished: "SimpleQueue[Future]", address: str, patience: float) -> "Future":
-    """Return the next future that is done, as long as somebody is there to do it."""
+    """Return the next future that is done, as long as there are workers."""
     while True:
         try:
             return finished.get(timeout=patience)
@@ -162,7 +162,7 @@ def _on_worker(task: Callable[[int], Row], wanted: dict[str, str], seed: int) ->
     """Run one seed on a cluster's worker.
 
     Raises:
-        CellError: This worker would not give the same row as another.
+        CellError: This worker would give other rows than the others.
     """
     here, found = f"worker on {platform.node()}", versions()
     for name, value in wanted.items():

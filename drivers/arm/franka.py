@@ -73,6 +73,7 @@ class FrankaArm:
             "torque": self._config.collision_torque,
             "force": self._config.collision_force,
             "figures": self._figures.tolist(),
+            "law": impedance.new_state(self._arm).tolist(),
             "period": self._arm.control_period,
         }
         handle = os.memfd_create("arm")
@@ -184,7 +185,7 @@ class FrankaArm:
 
     @property
     def process_id(self) -> int:
-        """Of the loop."""
+        """Id of the loop's process."""
         assert self._process is not None
         return self._process.pid
 

@@ -11,7 +11,7 @@ _Z = np.array([0.0, 0.0, 1.0])
 
 
 def tip_inertia(arm: ArmModel, q: Vector, length: float) -> Vector:
-    """Return the inertia of the arm at the end point of a peg that sits straight in the hand, (J M⁻¹ Jᵀ)⁻¹.
+    """Return the inertia of arm and rotors at the end point of a peg that sits straight in the hand, (J M⁻¹ Jᵀ)⁻¹.
 
     Args:
         arm: The arm.
@@ -25,11 +25,12 @@ def tip_inertia(arm: ArmModel, q: Vector, length: float) -> Vector:
     axes = np.array([R[:, 2] for R in rotations])
     tip = origins[-1] + (arm.kinematics.flange + arm.hand.finger_centre + length) * axes[-1]
     J = jacobian(tip, axes, origins)
-    return np.linalg.inv(J @ np.linalg.inv(joint_inertia(arm, q)) @ J.T).astype(np.float64)
+    M = joint_inertia(arm, q) + np.diag(arm.joints.rotor_inertia)
+    return np.linalg.inv(J @ np.linalg.inv(M) @ J.T).astype(np.float64)
 
 
 def joint_inertia(arm: ArmModel, q: Vector) -> Vector:
-    """Return the mass matrix of the arm with an empty hand, shape (7, 7), kg·m².
+    """Return the mass matrix of the links and the empty hand, shape (7, 7), kg·m².
 
     The fingers count as points at the hand's centre of mass, as in the stand-in that holds a peg.
     """

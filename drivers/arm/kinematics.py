@@ -19,7 +19,7 @@ STEPS = 100
 CLOSE = 1e-9
 """Distance at which a solution is found, m and rad."""
 DAMPING = 1e-6
-"""Of the least-squares step, so that it stays finite at a singular pose."""
+"""Damping of the least-squares step, which keeps it finite at a singular pose."""
 
 
 def links(arm: ArmModel, q: Vector) -> tuple[list[Vector], Vector]:
@@ -57,6 +57,21 @@ def jacobian(point: Vector, axes: Vector, origins: Vector, joints: int = JOINTS)
     J[:3, :joints] = np.cross(axes, point - origins)[:joints].T
     J[3:, :joints] = axes[:joints].T
     return J
+
+
+def largest_push(arm: ArmModel, q: Vector, length: float) -> float:
+    """Return the largest vertical force that the joints' torques can hold at a peg's end point, N, by tau = Jᵀ F.
+
+    Args:
+        arm: The arm.
+        q: Joint positions, shape (7,), rad.
+        length: Distance from the finger centre to the end point, m.
+    """
+    rotations, origins = links(arm, q)
+    axes = np.array([R[:, 2] for R in rotations])
+    tip = origins[-1] + (arm.kinematics.flange + arm.hand.finger_centre + length) * axes[-1]
+    levers = np.abs(jacobian(tip, axes, origins)[2])
+    return float(np.min(np.array(arm.joints.torque) / np.maximum(levers, 1e-9)))
 
 
 def joints_at(arm: ArmModel, tip: Vector, axis: Vector, closing: Vector, length: float, elbow: float) -> Vector | None:

@@ -57,7 +57,7 @@ def holding_words() -> Vector:
     """Return the words of "hold still where the arm is, compliant", shape (WORDS,)."""
     words = np.zeros(impedance.WORDS)
     words[impedance.STIFFNESS : impedance.STIFFNESS + 6] = impedance.HALT_STIFFNESS
-    words[impedance.DAMPING : impedance.DAMPING + 6] = impedance.HALT_DAMPING
+    words[impedance.DAMPING_RATIO : impedance.DAMPING_RATIO + 6] = 1.0
     words[impedance.HAS_ROLL] = 1.0
     words[impedance.VALID_UNTIL] = -math.inf
     return words

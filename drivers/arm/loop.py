@@ -27,7 +27,7 @@ from drivers.quantities import Vector
 logger = logging.getLogger(__name__)
 
 PRIORITY = 80
-"""Of the loop under SCHED_FIFO, where that is permitted."""
+"""Priority of the loop under SCHED_FIFO, where that is permitted."""
 LOOK_EVERY = 50
 """Cycles between looks at the standard input."""
 RATE_USED = 0.98
@@ -40,9 +40,28 @@ class TorqueLoop:
     """Follows the setpoint of the link until the standard input ends."""
 
     def __init__(
-        self, link: Link, host: str, realtime: str, torque: float, force: float, figures: list[float], period: float
+        self,
+        link: Link,
+        host: str,
+        realtime: str,
+        torque: float,
+        force: float,
+        figures: list[float],
+        law: list[float],
+        period: float,
     ) -> None:
-        """Take the shared block, where the arm is, when its reflex stops it, N·m and N, its figures and period, s."""
+        """Take the shared block and where the arm is.
+
+        Args:
+            link: The shared block.
+            host: Address of the arm.
+            realtime: Whether a real-time kernel is needed, `enforce` or `ignore`.
+            torque: At which its reflex stops it, N·m.
+            force: Likewise, N.
+            figures: Of the arm, see `drivers.impedance.figures`.
+            law: State of the law at the beginning, see `drivers.impedance.new_state`.
+            period: Of the loop, s.
+        """
         self._link, self._host, self._realtime = link, host, realtime
         self._collision = [torque] * JOINTS, [force] * 6
         self._figures, self._period = np.array(figures), period
@@ -52,7 +71,7 @@ class TorqueLoop:
         self._time = 0.0
         self._taken = -1
         self._words = holding_words()
-        self._law = np.zeros(impedance.STATE_WORDS)
+        self._law = np.array(law)
 
     def run(self) -> None:
         """Connect, control, wait for a reset after a fault, and so on."""
@@ -74,8 +93,8 @@ class TorqueLoop:
 
     def _warm_up(self) -> None:
         """Load the compiled law before the first cycle needs it."""
-        law, q, dq = np.zeros(impedance.STATE_WORDS), np.zeros(JOINTS), np.zeros(JOINTS)
-        impedance.torque(self._figures, holding_words(), law, q, dq, 0.0, self._period)
+        q, dq = np.zeros(JOINTS), np.zeros(JOINTS)
+        impedance.torque(self._figures, holding_words(), self._law.copy(), q, dq, 0.0, self._period)
 
     def _connect(self) -> None:
         config = pylibfranka.RealtimeConfig
@@ -86,7 +105,7 @@ class TorqueLoop:
     def _control(self) -> None:
         """Run cycles until the standard input ends; torques begin at zero and grow at the permitted rate."""
         link = self._link
-        self._law[:] = 0.0
+        impedance.restart(self._law)
         control = self._robot.start_torque_control()
         q, dq, last, count = np.empty(JOINTS), np.empty(JOINTS), time.monotonic(), 0
         while True:

@@ -109,11 +109,11 @@ class SmoothFriction(ConfigModel):
     """Friction without stiction, joints 1 to 7: span / (1 + exp(-slope (dq + shift))), less its value at rest."""
 
     span: Frictions
-    """N·m."""
+    """Full span of each joint's curve, N·m."""
     slope: Slopes
-    """s/rad."""
+    """Slope parameter of each joint's curve, s/rad."""
     shift: Shifts
-    """rad/s."""
+    """Offset of the velocity in each joint's curve, rad/s."""
 
 
 class Joints(ConfigModel):
@@ -133,8 +133,10 @@ class Joints(ConfigModel):
     """The smooth curve of the joints' friction, where one is published."""
     viscous_friction: Frictions | None = None
     """N·m·s/rad, where it is published."""
-    rotor_inertia: Rotors | None = None
-    """What the rotors add to the inertia at each joint, kg·m², where it is published."""
+    offset: Frictions
+    """Standard deviation of what the arm's own compensation of gravity leaves over, N·m."""
+    rotor_inertia: Rotors
+    """What the rotors add to the inertia at each joint, kg·m², published or assumed."""
 
     @model_validator(mode="after")
     def _is_in_order(self) -> Self:
@@ -158,9 +160,9 @@ class Hand(ConfigModel):
     finger_force: Annotated[float, Field(gt=0.0, le=500.0)]
     """Force with which the drive opens a finger, N."""
     body: Inertial
-    """Of the hand without its fingers; its frame lies at the flange, turned by `turn`."""
+    """Masses of the hand without its fingers; its frame lies at the flange, turned by `turn`."""
     finger: Inertial
-    """Of the finger that opens along y; its frame lies in the middle between the pads. The other is the same after half a turn about z."""
+    """Masses of the finger that opens along y; its frame lies in the middle between the pads. The other finger is the same after half a turn about z."""
 
 
 class ArmModel(ConfigModel):
@@ -169,6 +171,8 @@ class ArmModel(ConfigModel):
     name: Annotated[str, Field(min_length=1)]
     control_period: Annotated[float, Field(ge=1e-4, le=1e-2)]
     """Period of the torque loop, s."""
+    tool_speed: Annotated[float, Field(gt=0.0, le=10.0)]
+    """Largest speed of the tool, m/s; no setpoint moves faster."""
     home: Angles
     """Joint positions at which the stand-in waits, rad."""
     kinematics: Kinematics

@@ -1,1 +1,1 @@
-"""The maker's hand behind its client."""
+"""The Franka hand behind its maker's client library."""

@@ -1,4 +1,4 @@
-"""The Franka hand as a Gripper; the maker's blocking library runs in a process of its own."""
+"""The Franka hand as a Gripper; the maker's library blocks and therefore runs in a process of its own."""
 
 import math
 import os
@@ -12,21 +12,21 @@ from drivers.gripper.franka_config import FrankaGripperConfig
 from drivers.quantities import GripperState
 
 SILENT = 1.0
-"""A state older than this is no state, s of wall time."""
+"""Age beyond which a state no longer counts, s of wall time."""
 COMMAND_TIME = 10.0
-"""Longest time of one command, s of wall time: the whole stroke at the lowest speed allowed takes 8 s."""
+"""Longest time of one command, s of wall time; the whole stroke takes 8 s at the lowest speed allowed."""
 SETTLE = 0.2
-"""A hand that says that it has grasped may show it in its states so much later, s of wall time: they come by themselves."""
+"""Longest time from the end of a grasp until the hand's states show it, s of wall time; the two come independently."""
 RESTART_PERIOD = 2.0
-"""Between two attempts to start a line that has ended, s of wall time."""
+"""Time between two attempts to start a process that has ended, s of wall time."""
 CONNECT_TIME = 20.0
-"""s of wall time."""
+"""Longest wait for the first state of the hand, s of wall time."""
 EMPTY_WIDTH = 0.001
-"""Fingers closer than this have met each other: there is nothing between them, m."""
+"""Width below which the fingers have met and nothing is between them, m."""
 
 
 class FrankaGripper:
-    """Sends a command when it differs from the last one; a grasp that closes on nothing grips nothing."""
+    """Sends a command when it differs from the last one; a grasp that closes on nothing reports no grip."""
 
     def __init__(self, config: FrankaGripperConfig, stroke: float) -> None:
         """Describe the hand; `stroke` is the largest distance between its pads, m."""
@@ -36,7 +36,7 @@ class FrankaGripper:
         self._forget()
 
     def open(self) -> None:
-        """Connect; the fingers stay where they are."""
+        """Connect to the hand; the fingers stay where they are."""
         if self._process is not None:
             return
         if find_spec("pylibfranka") is None:
@@ -89,7 +89,7 @@ class FrankaGripper:
         self._command(f"move {width} {self._config.speed}")
 
     def read(self) -> GripperState:
-        """Return the newest state; a line that has ended is started again, which moves nothing.
+        """Return the newest state; a process that has ended is started again, which moves nothing.
 
         Raises:
             GripperSilentError: The newest state is too old, a command takes too long, or the hand refused it.
@@ -107,7 +107,7 @@ class FrankaGripper:
 
     @property
     def process_id(self) -> int:
-        """Of the line's process."""
+        """Id of the process that talks to the hand."""
         assert self._process is not None
         return self._process.pid
 
@@ -134,7 +134,7 @@ class FrankaGripper:
         self._done_at, self._has_grasped = math.inf, False
 
     def _revive(self) -> None:
-        """Start the line again when its process has ended; it stays lost until the hand tells its state."""
+        """Start the process again when it has ended; the hand counts as lost until it reports a state."""
         if self._process is None or self._process.poll() is None:
             return
         if time.monotonic() >= self._started + RESTART_PERIOD:
@@ -160,7 +160,7 @@ class FrankaGripper:
             if not self._is_busy:
                 self._width, self._is_grasped = float(width), is_grasped == "1"
         elif word == "done":
-            # Where the fingers then are comes with the next state.
+            # The next state tells the place of the fingers.
             self._done_at, self._has_grasped = self._heard, rest == "1" and self._last.startswith("grasp")
         else:
             self._lost, self._is_busy, self._last = rest, False, ""

@@ -8,10 +8,10 @@ from drivers.config_model import ConfigModel
 
 
 class FrankaGripperConfig(ConfigModel):
-    """[gripper] of a Franka hand."""
+    """Section [gripper] for a Franka hand."""
 
     kind: Literal["franka"]
-    """A Franka hand behind the maker's control interface."""
+    """Kind of the gripper: a Franka hand behind the maker's control interface."""
     host: Annotated[str, Field(min_length=1)]
     """Network address of the arm's control interface, which the hand shares."""
     speed: Annotated[float, Field(ge=0.01, le=0.1)] = 0.05

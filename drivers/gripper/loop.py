@@ -1,4 +1,4 @@
-"""The hand's line, a process of its own: `python -m drivers.gripper.loop HOST`.
+"""The process that talks to the Franka hand: `python -m drivers.gripper.loop HOST`.
 
 The maker's library blocks until the fingers have arrived, which may take seconds, and the cell must not.
 Commands are lines on the standard input; answers are lines on the standard output:
@@ -17,13 +17,13 @@ from typing import Any
 import pylibfranka
 
 RECONNECT_PERIOD = 0.5
-"""s."""
+"""Time between two attempts to connect, s."""
 REPORT_PERIOD = 0.01
-"""Between states, s: one a scan is enough."""
+"""Time between two states, s; one in ten milliseconds suffices the cell's scan."""
 
 
 def main() -> None:
-    """Serve the cell that started this process until its end of the pipe closes."""
+    """Serve the cell that started this process until the cell's end of the pipe closes."""
     host, gripper = sys.argv[1], None
     reported = 0.0
     while True:

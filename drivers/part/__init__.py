@@ -1,1 +1,1 @@
-"""Cross-sections of parts and of their holes, each of which answers what other code would ask with `if`."""
+"""Cross-sections of pegs and holes; each answers what other code would otherwise decide by shape."""

@@ -1,4 +1,4 @@
-"""What every part answers about its cross-section; see `drivers.part.round` and `drivers.part.rectangular`."""
+"""The questions that every part answers about its cross-section; `round` and `rectangular` answer them."""
 
 import math
 from dataclasses import dataclass
@@ -7,6 +7,9 @@ from typing import Protocol, Self
 import numpy as np
 
 from drivers.quantities import Vector
+
+STEEPEST = 0.9
+"""Distance from a cylinder's axis up to which a pad follows its surface, fraction of the radius; there it rises by 64 degrees."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,29 +23,42 @@ class Face:
 
     @property
     def flat_width(self) -> float:
-        """Width of the plane that lies on a pad, m; 0 for the line of a cylinder."""
+        """Width of the plane that lies on a pad, m; 0 for a cylinder, which touches along a line."""
         return self.width if self.is_flat else 0.0
 
     def groove(self, indentation: float) -> tuple[Vector, Vector]:
-        """Return lines that stand for the load across the peg's axis, as places from the axis and as shares of it.
+        """Return lines that stand for the load across the peg's axis: their distances from the axis and their shares of
+        the load.
 
-        A cylinder leaves a groove with the parabolic load of a bed of springs, half as wide as the square root of
-        width times depth; three lines carry that load exactly up to its fifth moment. Every line of a plane bears
-        as much as its neighbour, see `strips`.
+        A cylinder leaves a groove with the parabolic load of a bed of springs, half as wide as the square root of width
+        times depth; three lines carry that load exactly up to its fifth moment. The lines of a plane all carry the same
+        load, see `strips`.
 
         Args:
             indentation: Depth of the groove, m.
 
         Returns:
-            Places, m, and shares that add up to 1; both of shape (n,).
+            Distances from the axis, m, and shares that add up to 1; both of shape (n,).
         """
         if self.is_flat:
             return np.zeros(1), np.ones(1)
         half = math.sqrt(self.width * indentation)
         return half * math.sqrt(3.0 / 7.0) * np.array([-1.0, 0.0, 1.0]), np.array([7.0, 16.0, 7.0]) / 30.0
 
+    def profile(self, beside: Vector) -> Vector:
+        """Return the distance of the surface from the plane that touches it, m, at distances from the axis, m.
+
+        It is infinite beside a flat face, and where the surface of a cylinder is too steep for a pad to follow.
+        """
+        if self.is_flat:
+            return np.where(np.abs(beside) <= self.width / 2, 0.0, np.inf)
+        radius = self.width / 2
+        sunk = radius - np.sqrt(np.maximum(radius**2 - beside**2, 0.0))
+        return np.where(np.abs(beside) < STEEPEST * radius, sunk, np.inf)
+
     def strips(self, step: float) -> Vector:
-        """Return the shares of the load on lines `step` apart, m, of an odd number, by the trapezoidal rule; they add up to 1.
+        """Return the shares of the load on an odd number of lines `step`, m, apart, by the trapezoidal rule; they add
+        up to 1.
 
         A cylinder has one line, whose load is spread by `groove`.
         """
@@ -55,7 +71,7 @@ class Face:
 
 
 class Part(Protocol):
-    """The cross-section of a peg, or of a hole: two of one kind can be compared.
+    """The cross-section of a peg or of a hole; two sections of one kind can be compared.
 
     The hand holds a peg between two faces. The closing axis, along which the fingers move, is the section's first
     axis; the second one lies across it. All lengths are in m.
@@ -63,57 +79,57 @@ class Part(Protocol):
 
     @property
     def kind(self) -> str:
-        """Name under which skills and simulation keep what they know of such parts."""
+        """Name under which skills and simulation keep their handling of such parts."""
 
     @property
     def half(self) -> tuple[float, float]:
-        """Half the extents along the closing axis and across it."""
+        """Half the extents along the closing axis and across it, m."""
 
     @property
     def thickness(self) -> float:
-        """Distance between the pads that hold it."""
+        """Distance between the pads that hold the peg, m."""
 
     @property
     def inscribed(self) -> float:
-        """Diameter of the largest circle inside the section."""
+        """Diameter of the largest circle inside the section, m."""
 
     @property
     def widest(self) -> float:
-        """Largest distance between two parallel tangents that lie along an axis of the section."""
+        """Largest distance between two parallel tangents that lie along an axis of the section, m."""
 
     @property
     def reach(self) -> float:
-        """Radius of the smallest circle about the section."""
+        """Radius of the smallest circle about the section, m."""
 
     @property
     def symmetry(self) -> float:
-        """Smallest turn about the peg's axis after which it looks the same, rad; 0 where every turn does that."""
+        """Smallest turn about the peg's axis after which the peg looks the same, rad; 0 where every turn leaves it the same."""
 
     def least_turn(self, turn: float) -> float:
-        """Return the smallest turn about the peg's axis, >= 0, after which it looks as after `turn`, rad."""
+        """Return the smallest turn about the peg's axis, rad, >= 0, after which the peg looks as it does after `turn`, rad."""
 
     @property
     def face(self) -> Face:
-        """What the pads touch."""
+        """The surface that the pads touch."""
 
     def outline(self) -> Vector:
-        """Return the corners of the section, or of a polygon that stands for a curved one, counter-clockwise, shape (n, 2)."""
+        """Return the corners of the section, or of a polygon that stands for a curved one, m, counter-clockwise, shape (n, 2)."""
 
     def grown(self, gap: float) -> Self:
-        """Return the section of a hole around this one with a gap as wide on every side."""
+        """Return the section of a hole around this one with a gap of this width, m, on every side."""
 
     def clearance(self, hole: Self) -> float:
-        """Return the gap on every side of this peg in the middle of its hole, the smallest where they differ."""
+        """Return the gap on every side of this peg in the middle of its hole, m; the smallest where the sides differ."""
 
     def azimuth(self, direction: float) -> float:
-        """Return the azimuth of the point that leads when the peg leans, rad.
+        """Return the azimuth, rad, of the point of the section that leads when the peg is tilted.
 
         Args:
             direction: Azimuth of the closing axis while the peg is upright, rad.
         """
 
     def leaning(self, direction: float, tilt: float) -> tuple[Vector, Vector]:
-        """Return the axis and the closing axis, both unit, shape (3,), of a peg that leans over the point that leads.
+        """Return the axis and the closing axis, both unit, shape (3,), of a peg that is tilted towards the point that leads.
 
         Args:
             direction: Azimuth of the closing axis while the peg is upright, rad.
@@ -121,10 +137,10 @@ class Part(Protocol):
         """
 
     def lowest(self, tip: Vector, axis: Vector, closing: Vector) -> Vector:
-        """Return the lowest point of the peg's end, shape (3,).
+        """Return the lowest point of the peg's end, shape (3,), m.
 
         Args:
-            tip: Middle of the end face, shape (3,).
-            axis: Of the peg, unit, upwards, shape (3,).
+            tip: Middle of the end face, shape (3,), m.
+            axis: Axis of the peg, unit, upwards, shape (3,).
             closing: Closing axis of the hand, unit, shape (3,).
         """

@@ -13,7 +13,7 @@ from drivers.quantities import Vector
 
 @dataclass(frozen=True, slots=True)
 class Rectangular:
-    """A rectangle; what is documented at `drivers.part.contract.Part` is not repeated here."""
+    """A rectangle; `drivers.part.contract.Part` documents its members."""
 
     kind: ClassVar[str] = "rectangular"
     a: float
@@ -23,36 +23,36 @@ class Rectangular:
 
     @property
     def half(self) -> tuple[float, float]:
-        """Half the sides."""
+        """Half of both sides, m."""
         return self.a / 2, self.b / 2
 
     @property
     def thickness(self) -> float:
-        """First side."""
+        """First side, m."""
         return self.a
 
     @property
     def inscribed(self) -> float:
-        """Shorter side."""
+        """Shorter side, m."""
         return min(self.a, self.b)
 
     @property
     def widest(self) -> float:
-        """Longer side."""
+        """Longer side, m."""
         return max(self.a, self.b)
 
     @property
     def reach(self) -> float:
-        """Half the diagonal."""
+        """Half the diagonal, m."""
         return math.sqrt(self.a * self.a + self.b * self.b) / 2
 
     @property
     def symmetry(self) -> float:
-        """Half a turn; a quarter for a square."""
+        """Half a turn, or a quarter of a turn for a square, rad."""
         return math.pi / 2 if self.a == self.b else math.pi
 
     def least_turn(self, turn: float) -> float:
-        """Return the turn without whole symmetries."""
+        """Return the turn less whole symmetries, rad."""
         return turn % self.symmetry
 
     @property
@@ -65,29 +65,29 @@ class Rectangular:
         return np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * self.half
 
     def grown(self, gap: float) -> Self:
-        """Return a rectangle whose sides lie further out."""
+        """Return a rectangle whose sides lie further out by `gap`, m."""
         return type(self)(self.a + 2 * gap, self.b + 2 * gap)
 
     def clearance(self, hole: "Rectangular") -> float:
-        """Return the smaller of the gaps between parallel sides."""
+        """Return the smaller of the gaps between parallel sides, m."""
         return min((hole.a - self.a) / 2, (hole.b - self.b) / 2)
 
     def azimuth(self, direction: float) -> float:
-        """Return the azimuth of the corner over which the peg leans."""
+        """Return the azimuth, rad, of the corner towards which the peg is tilted."""
         return direction + math.atan2(self.b, self.a)
 
     def leaning(self, direction: float, tilt: float) -> tuple[Vector, Vector]:
-        """Return the axes of a peg that leans over a corner.
+        """Return the axes of a peg that is tilted towards a corner.
 
-        That corner enters the hole however the hole is turned; the edge of a peg that leans over a side fits only
-        within the clearance.
+        That corner enters the hole however the hole is turned; the edge of a peg that is tilted towards a side fits
+        only within the clearance.
         """
         lean = self.azimuth(direction)
         turn = rotation_about(np.array([-math.sin(lean), math.cos(lean), 0.0]), tilt)
         return turn @ UP, turn @ np.array([math.cos(direction), math.sin(direction), 0.0])
 
     def lowest(self, tip: Vector, axis: Vector, closing: Vector) -> Vector:
-        """Return the lowest corner."""
+        """Return the lowest corner, shape (3,), m."""
         beside = np.cross(axis, closing)
         across = self.b / self.a * math.copysign(1.0, beside[2]) * beside
         corner: Vector = tip - self.a / 2 * (math.copysign(1.0, closing[2]) * closing + across)

@@ -11,75 +11,75 @@ from drivers.part.contract import Face
 from drivers.quantities import Vector
 
 CORNERS = 96
-"""Of the polygon that stands for the circle where it is drawn."""
+"""Number of corners of the polygon that stands for the circle where the circle is drawn."""
 
 
 @dataclass(frozen=True, slots=True)
 class Round:
-    """A circle; what is documented at `drivers.part.contract.Part` is not repeated here."""
+    """A circle; `drivers.part.contract.Part` documents its members."""
 
     kind: ClassVar[str] = "round"
     diameter: float
-    """m."""
+    """Diameter of the circle, m."""
 
     @property
     def half(self) -> tuple[float, float]:
-        """Radius, twice."""
+        """Radius, twice, m."""
         return self.reach, self.reach
 
     @property
     def thickness(self) -> float:
-        """Diameter."""
+        """Diameter, m."""
         return self.diameter
 
     @property
     def inscribed(self) -> float:
-        """Diameter."""
+        """Diameter, m."""
         return self.diameter
 
     @property
     def widest(self) -> float:
-        """Diameter."""
+        """Diameter, m."""
         return self.diameter
 
     @property
     def reach(self) -> float:
-        """Radius."""
+        """Radius, m."""
         return self.diameter / 2
 
     @property
     def symmetry(self) -> float:
-        """Zero: it looks the same however it is turned."""
+        """Zero, rad: the peg looks the same however it is turned."""
         return 0.0
 
     def least_turn(self, turn: float) -> float:
-        """Return zero."""
+        """Return zero, rad."""
         return 0.0
 
     @property
     def face(self) -> Face:
-        """The line along a cylinder."""
+        """The line along which a cylinder touches the pads."""
         return Face(self.diameter, is_flat=False)
 
     def outline(self) -> Vector:
-        """Return `CORNERS` points on the circle."""
+        """Return `CORNERS` points on the circle, m."""
         angle = 2.0 * math.pi * np.arange(CORNERS) / CORNERS
         return self.reach * np.column_stack([np.cos(angle), np.sin(angle)])
 
     def grown(self, gap: float) -> Self:
-        """Return a circle with a larger radius."""
+        """Return a circle whose radius is larger by `gap`, m."""
         return type(self)(self.diameter + 2 * gap)
 
     def clearance(self, hole: "Round") -> float:
-        """Return the difference of the radii."""
+        """Return the difference of the radii, m."""
         return (hole.diameter - self.diameter) / 2
 
     def azimuth(self, direction: float) -> float:
-        """Return the azimuth of the closing axis, over which a round peg leans."""
+        """Return the azimuth, rad, of the closing axis, in whose plane a round peg is tilted."""
         return direction
 
     def leaning(self, direction: float, tilt: float) -> tuple[Vector, Vector]:
-        """Return the axes of a peg that leans in the plane of its closing axis.
+        """Return the axes of a peg that is tilted in the plane of its closing axis.
 
         The closing axis then has a component along the surface's normal: the back of a finger faces the surface,
         [gibbons], Sec. IV.
@@ -90,7 +90,7 @@ class Round:
         return axis, closing
 
     def lowest(self, tip: Vector, axis: Vector, closing: Vector) -> Vector:
-        """Return the lowest point of the rim; the middle of the end where the peg is upright."""
+        """Return the lowest point of the rim, shape (3,), m; the middle of the end where the peg is upright."""
         down = axis[2] * axis - UP
         size = math.sqrt(float(down @ down))
         return tip + (self.reach / size) * down if size > 1e-9 else tip

@@ -1,4 +1,4 @@
-"""The shapes that a config may name, the word that sizes each, and what becomes of a size when the shape changes."""
+"""The shapes that a config may name, the key that sizes each, and the conversion of a size when the shape changes."""
 
 from collections.abc import Callable, Mapping
 from typing import Any, Literal
@@ -19,7 +19,7 @@ def part_of(shape: Shape, diameter: float | None, sides: tuple[float, float] | N
     """Return the cross-section that a config describes.
 
     Raises:
-        ValueError: Its size is missing, is said by the word of another shape, or is not of this shape; one line.
+        ValueError: The size is missing, is given by the key of another shape, or does not fit the shape; one line.
     """
     word = WORDS[shape]
     said = {DIAMETER: diameter, SIDES: sides}
@@ -39,18 +39,19 @@ def part_of(shape: Shape, diameter: float | None, sides: tuple[float, float] | N
 
 
 def section_of(diameter: float | None, sides: tuple[float, float] | None) -> Part:
-    """Return the cross-section of a hole, whose shape follows from the word that says its size.
+    """Return the cross-section of a hole, whose shape follows from the key that gives its size.
 
     Raises:
-        ValueError: Neither or both are given; one line.
+        ValueError: Neither key is given, or both are; one line.
     """
     return part_of("round" if sides is None else "rectangular", diameter, sides)
 
 
 def follow_shape(merged: Mapping[str, Any], layer: Mapping[str, Any]) -> list[tuple[str, str, str]]:
-    """Say the sizes of peg and hole in the word of the peg's shape, once a layer of the config has been laid over the others.
+    """Rename the sizes of peg and hole to the key of the peg's shape, after a layer of the config was laid over the
+    others.
 
-    A layer that changes the shape and says no size keeps the size below it: a diameter d becomes sides [d, d], two
+    A layer that changes the shape and gives no size keeps the size below it: a diameter d becomes sides [d, d], and two
     equal sides become a diameter.
 
     Args:
@@ -58,10 +59,10 @@ def follow_shape(merged: Mapping[str, Any], layer: Mapping[str, Any]) -> list[tu
         layer: The layer alone.
 
     Returns:
-        What was renamed: section, old word and new word of each.
+        Section, old key and new key of each size that was renamed.
 
     Raises:
-        ValueError: The layer says a size by the word of another shape, or the size below cannot be kept; one line.
+        ValueError: The layer gives a size by the key of another shape, or the size below cannot be kept; one line.
     """
     shape = merged.get("peg", {}).get("shape", "round") if isinstance(merged.get("peg"), Mapping) else None
     if not isinstance(shape, str) or shape not in WORDS:
@@ -94,7 +95,7 @@ def _as_sides(diameter: Any) -> list[Any]:
 
 
 def _as_diameter(sides: Any) -> Any:
-    """Return the length of equal sides, or None for others."""
+    """Return the length of equal sides, m, or None for unequal ones."""
     is_pair = isinstance(sides, list | tuple) and len(sides) == 2 and sides[0] == sides[1]
     return sides[0] if is_pair else None
 

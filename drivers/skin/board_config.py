@@ -12,11 +12,11 @@ from drivers.skin.layout import MODULE_TAXELS, MODULES, Layout
 from drivers.transport.wires import Interface
 
 EMULATED = "emulated"
-"""As the channel or port of a board: an emulated board, wired to the simulated world."""
+"""Channel or port that stands for an emulated board, which is wired to the simulated world."""
 BOARD_MODULES = FINGERS * MODULES
-"""Modules of both fingers."""
+"""Number of modules of both fingers."""
 TEMPERATURE = 0
-"""Name of the channel with a module's temperature."""
+"""Name of the channel that holds a module's temperature."""
 FIRST_MODULE = 1
 """Number of a hub's first module."""
 
@@ -27,7 +27,7 @@ class HubConfig(ConfigModel):
     kind: Literal["cyskin"] = "cyskin"
     """A CySkin hub."""
     wire: SkinWireConfig = SkinWireConfig()
-    """What differs between the hub's firmwares."""
+    """Variable parts of the hub's protocol, which differ between firmwares."""
     modules: tuple[Annotated[int, Field(ge=0, le=0xFFFFFFFF)], ...] = ()
     """Own numbers (sui) of the modules, both of the left finger first; empty is the order on the hub."""
     channels: tuple[Annotated[int, Field(ge=1, le=11)], ...] = tuple(range(1, MODULE_TAXELS + 1))
@@ -59,14 +59,16 @@ class IcubConfig(ConfigModel):
     )
     """Numbers of the triangles, both of the left finger first."""
     channels: tuple[Annotated[int, Field(ge=0, le=11)], ...] = (0, 1, 2, 3, 4, 5, 7, 8, 9, 11)
-    """Channel of a triangle, of twelve, that each taxel is on, in the order of the layout; assumed, to be checked."""
+    """Number of the triangle's channel, of twelve, that each taxel is on, in the order of the layout; assumed, to be
+    checked on a real board.
+    """
 
 
 class BoardSkinConfig(ConfigModel):
-    """What every skin board has."""
+    """Keys of every skin board."""
 
     rate: Annotated[float, Field(ge=1.0, le=100.0)] = 10.0
-    """Rate of the scans that the board is told to make, Hz; 10 to 100 where it can."""
+    """Rate of the scans that the board is told to make, Hz; boards make 10 to 100. Source: [gibbons], Sec. VI."""
     layout: Layout = "parallelogram"
     """Arrangement of the two modules of a finger."""
     silent_frames: Annotated[float, Field(ge=1.5, le=100.0)] = 3.5
@@ -74,16 +76,16 @@ class BoardSkinConfig(ConfigModel):
     open_timeout: Annotated[float, Field(ge=0.1, le=60.0)] = 3.0
     """Longest wait for the board's first scan, s."""
     health: SkinHealthConfig = SkinHealthConfig()
-    """When a taxel is not to be trusted."""
+    """Conditions under which a taxel is not trusted."""
     record: str = ""
-    """File that all traffic of the wire goes to; empty is none."""
+    """File that records all traffic of the wire; an empty name records nothing."""
 
 
 class CanSkinConfig(BoardSkinConfig):
-    """[skin] of a board on a CAN bus."""
+    """Section [skin] for a board on a CAN bus."""
 
     kind: Literal["can"]
-    """A skin board on a CAN bus."""
+    """Kind of the skin: a board on a CAN bus."""
     interface: Interface = "socketcan"
     """Interface through which the bus is reached."""
     channel: Annotated[str, Field(min_length=1)] = EMULATED
@@ -91,18 +93,19 @@ class CanSkinConfig(BoardSkinConfig):
     bitrate: Annotated[int, Field(ge=10_000, le=1_000_000)] = 1_000_000
     """Bit rate of the bus, bits/s."""
     board: Annotated[HubConfig | IcubConfig, Field(discriminator="kind")] = HubConfig()
-    """Board that stands on the bus."""
+    """The board that is on the bus."""
 
 
 class SerialSkinConfig(BoardSkinConfig):
-    """[skin] of a board on a serial line."""
+    """Section [skin] for a board on a serial line."""
 
     kind: Literal["serial"]
-    """A skin board on a serial line."""
+    """Kind of the skin: a board on a serial line."""
     port: Annotated[str, Field(min_length=1)] = EMULATED
-    """Name of the serial port, best one that stays, as those of /dev/serial/by-id; "emulated" is an emulated board in
-    a simulated cell."""
+    """Name of the serial port, best a lasting one such as those of /dev/serial/by-id; "emulated" is an emulated board
+    in a simulated cell.
+    """
     baud_rate: Annotated[int, Field(ge=1200, le=4_000_000)] = 115_200
     """Bit rate of the line, bits/s."""
     board: HubConfig = HubConfig()
-    """Board that stands on the line."""
+    """The board that is on the line."""

@@ -19,19 +19,19 @@ from drivers.transport.wires import ByteLink, CanLink
 logger = logging.getLogger(__name__)
 
 POLL_PERIOD = 0.005
-"""Between two looks for the board while it is opened, s."""
+"""Time between two looks for the board while it is opened, s."""
 RESTART = 0.3
-"""Longest that a board takes to tell of its modules, s."""
+"""Longest time that a board takes to report its modules, s."""
 UNHEARD = 1.0
-"""When nobody listened for so long, s, as while a program starts, a wire's full buffer may have lost what came."""
+"""Time without a listener after which a wire's full buffer may have lost scans, s, as while a program starts."""
 RECENT = 50
-"""Scans that the rate is measured over."""
+"""Number of scans over which the rate is measured."""
 LEAST_RATE = 0.8
-"""Of the configured rate; a skin that sends less is not opened."""
+"""Least share of the configured rate at which a skin is opened, fraction."""
 
 
 class _BoardSkin:
-    """What a skin is on every wire: baseline, mask, time stamps, and a board that is brought back when it was lost."""
+    """The parts that a skin has on every wire: baseline, mask, time stamps, and a board that is started again when it was lost."""
 
     def __init__(self, config: CanSkinConfig | SerialSkinConfig, port: SkinPort, clock: Clock) -> None:
         self._config, self._port, self._clock = config, port, clock
@@ -70,7 +70,7 @@ class _BoardSkin:
             raise
 
     def close(self) -> None:
-        """Leave the bus or port; the board goes on by itself."""
+        """Leave the bus or port; the board goes on sending."""
         self._is_open = False
         self._disconnect()
 
@@ -94,7 +94,7 @@ class _BoardSkin:
         return frame
 
     def figures(self) -> SkinFigures:
-        """Return how well the skin is heard."""
+        """Return how well the skin is received."""
         recent = self._recent
         span = recent[-1] - recent[0] if len(recent) > 1 else 0.0
         return SkinFigures(
@@ -110,7 +110,7 @@ class _BoardSkin:
         return self._clock.now() - self._recent[-1] if self._recent else math.inf
 
     def _silence(self) -> float:
-        """Return for how long nothing came although somebody listened, s."""
+        """Return the time since something came while somebody listened, s."""
         return min(self._age(), self._clock.now() - self._listening_since)
 
     def _take_baseline(self) -> None:
@@ -137,10 +137,10 @@ class _BoardSkin:
         self._frame = TaxelFrame(values, trusted, still[-1].stamp, 0)
 
     def _poll(self) -> list[RawScan]:
-        """Say what is to be said, and return the scans that have come."""
+        """Send what is due, and return the scans that have come."""
         now = self._clock.now()
         if now - self._polled > UNHEARD:
-            # Nobody listened, and what the wire's buffer does not hold is lost: that is no silence of the board.
+            # While nobody listens the wire's buffer overflows, which is not a silence of the board.
             self._listening_since = now
         self._polled = now
         if not self._is_connected:
@@ -152,7 +152,7 @@ class _BoardSkin:
             self._recent.append(scan.stamp)
             self._temperature = scan.temperature
         if self._recent and self._silence() > self._limit and now >= self._restart_at:
-            # The board gets time to answer, start and make its first scans.
+            # The board needs time to answer, start and make its first scans.
             self._restart_at = now + RESTART + self._limit
             self._port.dialogue.restart()
         return scans

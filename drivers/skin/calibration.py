@@ -1,4 +1,4 @@
-"""What calibration knows of one skin: gain of each taxel and point spread; its file, and a skin that is put right by it."""
+"""The calibration of one skin, gain of each taxel and point spread: its file, and a skin that is corrected by it."""
 
 import tomllib
 from datetime import date
@@ -19,26 +19,26 @@ FingerGains = Annotated[tuple[Gain, ...], Field(min_length=TAXELS, max_length=TA
 
 
 class SkinCalibration(ConfigModel):
-    """One skin as it was measured."""
+    """Calibration of one skin."""
 
     date: date
     layout: Layout
     point_spread: Annotated[float, Field(ge=1e-4, le=1e-2)]
     """Standard deviation of the blur between a line on the pad and the taxels, m."""
     residual: Annotated[float, Field(ge=0.0, le=1.0)]
-    """Part of the readings that gains and point spread do not explain, root mean square."""
+    """Root mean square of the readings that gains and point spread leave unexplained, fraction."""
     unmeasured: tuple[tuple[int, ...], tuple[int, ...]]
-    """Taxels of the left and the right finger whose gain could not be measured, and is given as 1."""
+    """Numbers of the left and the right finger's taxels whose gain could not be measured and is given as 1."""
     left: FingerGains
-    """Gains of the left finger's taxels; 1 is their mean."""
+    """Gains of the left finger's taxels; their mean is 1."""
     right: FingerGains
-    """Of the right finger's."""
+    """Gains of the right finger's taxels; their mean is 1."""
 
     def write(self, path: Path) -> None:
         """Write a file.
 
         Raises:
-            ConfigError: It cannot be written.
+            ConfigError: The file cannot be written.
         """
         rows = [", ".join(f"{gain:.4f}" for gain in gains) for gains in (self.left, self.right)]
         missing = ", ".join(str(list(numbers)) for numbers in self.unmeasured)
@@ -56,10 +56,10 @@ class SkinCalibration(ConfigModel):
 
 
 def read_calibration(path: Path, layout: Layout) -> SkinCalibration:
-    """Return what a file of `SkinCalibration.write` says.
+    """Return the calibration in a file of `SkinCalibration.write`.
 
     Raises:
-        ConfigError: No such file, not of that form, or of another layout.
+        ConfigError: There is no such file, or it has another form or another layout.
     """
     try:
         found = SkinCalibration.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
@@ -76,10 +76,10 @@ def read_calibration(path: Path, layout: Layout) -> SkinCalibration:
 
 
 class CalibratedSkin:
-    """A skin whose taxels all answer alike."""
+    """A skin whose readings are divided by the gains of its taxels."""
 
     def __init__(self, skin: Skin, calibration: SkinCalibration) -> None:
-        """Take a skin and what is known of it."""
+        """Take a skin and its calibration."""
         self.skin = skin
         self._gains = np.array([calibration.left, calibration.right])
 

@@ -23,20 +23,20 @@ from drivers.transport.crc import Byte, Crc8
 from drivers.transport.wires import CanFrame
 
 FIRST_COMMAND = 0x10
-"""Below it the first byte of a message is a sequence number."""
+"""First number of commands; a first byte below it is a sequence number."""
 LONGEST = 1 + 2 + 255 + 1
-"""Message, bytes."""
+"""Length of the longest message, bytes."""
 FIRST, MIDDLE, LAST = 0x100, 0x200, 0x400
-"""Bits of a CAN id that say which part of a message a frame is; a single frame is first and last."""
+"""Bits of a CAN id that tell which part of a message a frame is; a single frame is first and last."""
 NUMBERED_WINDOWS = 8
-"""Numbers come again after 16 scans; up to half of that apart, equal ones mean the same scan."""
+"""Age in windows up to which equal sequence numbers mean the same scan, because numbers repeat after 16 scans."""
 _PART, _HUB = 0x700, 0xFF
 _FRAME_BYTES = 8
 _DETAILS = struct.Struct("<BIBBHBB")
 
 
-class Command(IntEnum):
-    """What a message is about."""
+class HubCommand(IntEnum):
+    """Number of what a message is about."""
 
     ERROR = 0x13
     AUTO_SYNC = 0x37
@@ -47,11 +47,11 @@ class Command(IntEnum):
 
 
 class WireError(ValueError):
-    """Bytes that are no message, or a message that does not fit the board."""
+    """The bytes are not a message, or the message does not fit the board."""
 
 
 class SkinWireConfig(ConfigModel):
-    """What differs between firmwares."""
+    """Parts of the protocol that differ between firmwares."""
 
     hub: Byte = 1
     """Number of the hub, the low byte of its CAN ids."""
@@ -65,27 +65,27 @@ class SkinWireConfig(ConfigModel):
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """What hub and host say to each other."""
+    """One message between hub and host."""
 
     command: int
     payload: bytes = b""
     sequence: int | None = None
-    """0 to 15; None is none."""
+    """Sequence number, 0 to 15; None for a message without one."""
 
 
 @dataclass(frozen=True, slots=True)
 class Module:
-    """What a hub tells of one module."""
+    """What a hub reports of one module."""
 
     number: int
-    """On this hub."""
+    """Number of the module on this hub."""
     sui: int
-    """The module's own number, burnt in; a channel's uid is sui << 4 | name."""
+    """Number that is burnt into the module (sui); a channel's uid is sui << 4 | name."""
     channels: int
-    """That it has, cut ones included."""
+    """Number of channels of the module, cut ones included."""
     group: int = 0
     uncut: int = 0x0FFF
-    """One bit for each channel, by name, that is there."""
+    """Mask with one bit for each channel, by name, that is not cut."""
     control: int = 0
     speed: int = 0
 
@@ -112,10 +112,10 @@ def encode(message: Message, wire: SkinWireConfig) -> bytes:
 
 
 def decode(data: bytes, wire: SkinWireConfig) -> Message:
-    """Return the message that `data` is, all of it.
+    """Return the message that the whole of `data` is.
 
     Raises:
-        WireError: Length or check sum do not fit.
+        WireError: The length or the check sum does not fit.
     """
     start = 1 if data and data[0] < FIRST_COMMAND else 0
     if len(data) < start + 3 or len(data) != start + 3 + data[start + 1] or data[start] < FIRST_COMMAND:
@@ -135,19 +135,19 @@ def to_can(message: bytes, hub: int) -> list[CanFrame]:
 
 
 class CanAssembler:
-    """CAN frames in, whole messages of one hub out, still as bytes.
+    """Joins CAN frames of one hub to whole messages, still as bytes.
 
     Args:
-        hub: The one to listen to.
+        hub: Number of the hub to listen to.
     """
 
     def __init__(self, hub: int) -> None:
         self._hub = hub
         self._pending: bytearray | None = None
         self.frames = 0
-        """Of this hub."""
+        """Number of frames of this hub."""
         self.broken = 0
-        """Frames out of turn, and messages that were begun and never ended."""
+        """Number of frames out of turn, and of messages that began and never ended."""
 
     def feed(self, frame: CanFrame) -> bytes | None:
         """Take one frame; return the message that it ends."""
@@ -170,7 +170,7 @@ class CanAssembler:
         return bytes(pending)
 
     def reset(self) -> None:
-        """Forget a message that has begun."""
+        """Discard a message that has begun."""
         self._pending = None
 
 
@@ -182,7 +182,7 @@ def encode_module(module: Module) -> bytes:
 
 
 def decode_module(payload: bytes) -> Module:
-    """Return the module that a record is about.
+    """Return the module that a record describes.
 
     Raises:
         WireError: The record has another length, or says that the module has no channel.
@@ -204,7 +204,7 @@ def decode_period(payload: bytes, wire: SkinWireConfig) -> float:
     """Return the period that a payload sets, s.
 
     Raises:
-        WireError: Not two bytes, or no time at all.
+        WireError: The payload is not two bytes long, or the period is zero.
     """
     if len(payload) != 2 or not any(payload):
         raise WireError(f"period: {payload.hex() or 'nothing'}, 1 to 65535 ms allowed")
@@ -219,12 +219,12 @@ class Channels:
         ordered = sorted(modules, key=lambda module: module.number)
         self.modules = tuple(ordered)
         self.uid = tuple(module.sui << 4 | name for module in ordered for name in module.names)
-        """Of each channel."""
+        """Numbers of the channels (uid), in the order of their readings."""
         self._places = [(module.number, name) for module in ordered for name in module.names]
         self._index = {place: number for number, place in enumerate(self._places)}
 
     def __len__(self) -> int:
-        """How many readings one scan has."""
+        """Return the number of readings in one scan."""
         return len(self._places)
 
     def encode(self, readings: Counts, wire: SkinWireConfig, sequence: int | None) -> list[Message]:
@@ -232,7 +232,7 @@ class Channels:
         words = np.asarray(readings).astype("<u2" if wire.byte_order == "little" else ">u2")
         most = wire.values_per_message
         return [
-            Message(Command.SENSOR_DATA, bytes(self._places[at]) + words[at : at + most].tobytes(), sequence)
+            Message(HubCommand.SENSOR_DATA, bytes(self._places[at]) + words[at : at + most].tobytes(), sequence)
             for at in range(0, len(words), most)
         ]
 
@@ -253,11 +253,11 @@ class Channels:
 
 
 class ScanAssembler:
-    """Parts of scans in, whole scans out; parts of two scans are never mixed.
+    """Joins parts of scans to whole ones, and never parts of two scans.
 
     Args:
-        length: Readings of a whole scan.
-        window: Parts that arrive further apart, s, are not of one scan; numbered ones may be a little late.
+        length: Number of readings in a whole scan.
+        window: Time between arrivals beyond which parts are not of one scan, s; numbered parts may be a little later.
     """
 
     def __init__(self, length: int, window: float) -> None:
@@ -268,21 +268,21 @@ class ScanAssembler:
         self._begun = -math.inf
         self._last: int | None = None
         self.incomplete = 0
-        """Scans of which a part never came."""
+        """Number of scans of which a part never came."""
         self.lost = 0
-        """Scans missing between whole ones, by their sequence number, modulo 16."""
+        """Number of scans missing between whole ones, by their sequence numbers, modulo 16."""
 
     def add(self, part: tuple[int, Counts], sequence: int | None, stamp: float) -> tuple[Counts, float] | None:
         """Take a part of a scan; return the scan that it completes, with the time at which its first part came.
 
         Args:
-            part: First channel, and the readings from there on.
-            sequence: Of the message that brought it.
-            stamp: When it came, s.
+            part: First channel of the part, and the readings from there on.
+            sequence: Sequence number of the message that brought it.
+            stamp: Time of arrival, s.
         """
         start, readings = part
         where = slice(start, start + len(readings))
-        # Parts come in order: one that starts before what is there already belongs to the next scan.
+        # Parts come in order, so that one that starts before the parts present belongs to the next scan.
         window = self._window if sequence is None else NUMBERED_WINDOWS * self._window
         if sequence != self._sequence or self._there[start:].any() or stamp - self._begun > window:
             self.incomplete += bool(self._there.any())
@@ -300,6 +300,6 @@ class ScanAssembler:
         return self._readings.copy(), begun
 
     def reset(self) -> None:
-        """Forget a scan that has begun, and which was the last."""
+        """Discard a scan that has begun, and forget the last one's number."""
         self._there[:] = False
         self._last = None

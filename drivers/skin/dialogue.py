@@ -1,4 +1,4 @@
-"""What host and skin board say to each other: discovery, start, and scans put together; pure, no I/O and no waiting.
+"""The dialogue of host and skin board: discovery, start, and the joining of scans; pure, no I/O and no waiting.
 
 Two dialects stand beside each other: a CySkin hub, whose messages travel over CAN or a serial line, and an iCub board
 on CAN. Both give raw scans of the two fingers.
@@ -14,7 +14,7 @@ from drivers.quantities import FINGERS, TAXELS, Vector
 from drivers.skin.board_config import BOARD_MODULES, FIRST_MODULE, TEMPERATURE, HubConfig, IcubConfig
 from drivers.skin.cyskin_wire import (
     Channels,
-    Command,
+    HubCommand,
     Message,
     Module,
     ScanAssembler,
@@ -28,14 +28,14 @@ from drivers.skin.layout import MODULE_TAXELS
 from drivers.transport.wires import CanFrame
 
 RETRY = 0.1
-"""Between two attempts to get an answer, s."""
+"""Time between two attempts to get an answer, s."""
 START_PERIODS = 3.0
-"""A board that has been told to start is given so many periods for its first scan."""
+"""Number of periods that a started board has for its first scan."""
 SLOWEST = 0.015
-"""The parts of one scan may be so long under way, s: two modules and two more take 10 ms at 115 200 baud."""
+"""Longest time that the parts of one scan are under way, s; two modules and two more take 10 ms at 115 200 baud."""
 WATCHED_SCANS = 10
 LEAST_PERIOD = 0.8
-"""A board whose last so many scans came closer together than this share of its period is told again."""
+"""Number of scans, and the share of the period, below which a board that sends them too close together is told its period again."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,39 +43,39 @@ class RawScan:
     """One scan of both fingers, as the board measured it."""
 
     counts: Counts
-    """Shape (2, 20), left finger first; 0 where there is no such channel."""
+    """Readings, counts, shape (2, 20), left finger first; 0 where there is no such channel."""
     temperature: Vector
     """Raw reading of each module, shape (4,), counts; NaN where it has none."""
     stamp: float
-    """When its first part came, s."""
+    """Time at which the first part came, s."""
     missed: int
-    """Scans that were lost right before it, as far as its sequence number tells."""
+    """Number of scans lost right before this one, as far as its sequence number tells."""
 
 
 class CySkinDialogue:
     """Finds the modules of a hub, starts it, and puts its scans together.
 
     Args:
-        config: The hub.
+        config: Config of the hub.
         period: Wanted time between two scans, s.
     """
 
     def __init__(self, config: HubConfig, period: float) -> None:
         self._config, self._period = config, period
         self.modules: dict[int, Module] = {}
-        """What is on the hub, by number on it."""
+        """Modules on the hub, by their number on it."""
         self.forget()
 
     def forget(self) -> None:
-        """Be as if the board had never been seen."""
+        """Forget everything that is known of the board."""
         self.heard = self.refused = self.incomplete = 0
         self.changed = ""
-        """Says which modules have been exchanged since the board was first seen; empty while none is."""
+        """Text that names the modules exchanged since the board was first seen; empty while none is."""
         self._first_seen: tuple[int, ...] | None = None
         self.restart()
 
     def restart(self) -> None:
-        """Ask for everything again: the board may have lost power, or was never there."""
+        """Begin the dialogue again, because the board may have lost power or may never have been there."""
         self._count: int | None = None
         self._channels: Channels | None = None
         self._scans: ScanAssembler | None = None
@@ -86,25 +86,25 @@ class CySkinDialogue:
         self.modules.clear()
 
     def ask(self, now: float) -> list[Message]:
-        """Return what is to be sent now: what modules there are, then what each is, then start until it sends."""
+        """Return the messages that are due: first which modules there are, then what each is, then the start, until scans come."""
         if now < self._next or self._is_started:
             return []
         self._next = now + RETRY
         if self._count is None:
-            return [Message(Command.DECLARE)]
+            return [Message(HubCommand.DECLARE)]
         if self._channels is None:
             numbers = range(FIRST_MODULE, FIRST_MODULE + self._count)
-            return [Message(Command.DETAILS, bytes([n])) for n in numbers if n not in self.modules]
+            return [Message(HubCommand.DETAILS, bytes([n])) for n in numbers if n not in self.modules]
         self._has_asked, self._next = True, now + RETRY + START_PERIODS * self._period
         period = encode_period(self._period, self._config.wire)
-        return [Message(Command.PERIOD, period), Message(Command.AUTO_SYNC, b"\1")]
+        return [Message(HubCommand.PERIOD, period), Message(HubCommand.AUTO_SYNC, b"\1")]
 
     def take(self, message: Message, stamp: float) -> RawScan | None:
-        """Take what the hub said; return the scan that it completes.
+        """Take a message of the hub; return the scan that it completes.
 
         Args:
-            message: Of the hub.
-            stamp: When it came, s.
+            message: Message of the hub.
+            stamp: Time of arrival, s.
         """
         try:
             scan = self._take(message, stamp)
@@ -115,7 +115,7 @@ class CySkinDialogue:
         return scan
 
     def trouble(self) -> str:
-        """Return what is not there yet."""
+        """Return what is still missing before scans come, in one line."""
         error = "" if self._error is None else f"; the hub answers with error 0x{self._error:02X}"
         if self._count is None:
             return f"hub {self._config.wire.hub} does not answer{error}"
@@ -125,20 +125,20 @@ class CySkinDialogue:
         return f"hub {self._config.wire.hub} has {len(self.modules)} modules and sends no whole scan{parts}{error}"
 
     def _take(self, message: Message, stamp: float) -> RawScan | None:
-        if message.command == Command.SENSOR_DATA:
+        if message.command == HubCommand.SENSOR_DATA:
             return self._add(message, stamp)
-        if message.command == Command.DECLARE and self._count is None:
+        if message.command == HubCommand.DECLARE and self._count is None:
             if not message.payload or message.payload[0] == 0:
                 raise WireError("a hub without modules")
             self._count, self._next = message.payload[0], -math.inf
-        elif message.command == Command.DETAILS and self._count is not None:
+        elif message.command == HubCommand.DETAILS and self._count is not None:
             module = decode_module(message.payload)
             if not FIRST_MODULE <= module.number < FIRST_MODULE + self._count:
                 raise WireError(f"module {module.number} of {self._count}")
             self.modules[module.number] = module
             if len(self.modules) == self._count and self._channels is None:
                 self._begin(Channels(list(self.modules.values())))
-        elif message.command == Command.ERROR:
+        elif message.command == HubCommand.ERROR:
             self._error = message.payload[0] if message.payload else 0
         return None
 
@@ -153,7 +153,7 @@ class CySkinDialogue:
         )
         wanted = self._config.modules or suis[:BOARD_MODULES]
         at = {uid: index for index, uid in enumerate(channels.uid)}
-        # One place more than the hub has channels: there a module that is not on it reads.
+        # The array is one place longer than the hub has channels; modules that are not on the hub read there.
         nowhere = len(channels)
         names = (*self._config.channels, TEMPERATURE)
         place = np.full((BOARD_MODULES, len(names)), nowhere)
@@ -165,7 +165,7 @@ class CySkinDialogue:
         self._scans = ScanAssembler(len(channels), max(self._period / 2, SLOWEST))
 
     def _keeps_period(self, stamp: float) -> bool:
-        """Whether scans come no faster than told; a board that missed it, or that started anew, has its own period."""
+        """Return whether scans come no faster than told; a board that missed the command, or started anew, keeps its own period."""
         self._stamps.append(stamp)
         if len(self._stamps) < WATCHED_SCANS:
             return True
@@ -190,12 +190,12 @@ class CySkinDialogue:
 
 
 class IcubDialogue:
-    """Starts an iCub board and puts the triangles of one scan together.
+    """Starts an iCub board and joins the triangles of one scan.
 
-    A board names no scan: a triangle that comes a second time begins the next one.
+    A board numbers no scans: a triangle that comes a second time begins the next one.
 
     Args:
-        config: The board.
+        config: Config of the board.
     """
 
     def __init__(self, config: IcubConfig) -> None:
@@ -205,18 +205,18 @@ class IcubDialogue:
         self._begun: dict[int, TriangleReading] = {}
         self._stamp = 0.0
         self.changed = ""
-        """Nothing on such a board tells one triangle from another."""
+        """Empty text: nothing on such a board tells one triangle from another."""
         self.forget()
 
     def forget(self) -> None:
-        """Be as if the board had never been seen."""
+        """Forget everything that is known of the board."""
         self._frames = TriangleAssembler(self._config.board)
         self.heard = self.incomplete = 0
         self.restart()
 
     @property
     def refused(self) -> int:
-        """Frames that are none of the protocol, or without their other half."""
+        """Number of frames that are not of the protocol, or lack their other half."""
         return self._frames.broken
 
     def restart(self) -> None:
@@ -225,7 +225,7 @@ class IcubDialogue:
         self._begun.clear()
 
     def ask(self, now: float) -> list[CanFrame]:
-        """Return the frame that starts the board, until it sends."""
+        """Return the frame that starts the board, until the board sends."""
         if now < self._next or self._is_started:
             return []
         self._next = now + RETRY
@@ -254,7 +254,7 @@ class IcubDialogue:
         return RawScan(counts.reshape(FINGERS, TAXELS), np.full(BOARD_MODULES, np.nan), self._stamp, 0)
 
     def trouble(self) -> str:
-        """Return what is not there yet."""
+        """Return what is still missing before scans come, in one line."""
         if not self.heard:
             return f"board {self._config.board} does not send"
         missing = ", ".join(str(n) for n in self._row if n not in self._begun) or "none"

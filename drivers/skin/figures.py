@@ -1,4 +1,4 @@
-"""How well a skin board is heard, as values; pure."""
+"""Figures on how well a skin board is received; pure."""
 
 from dataclasses import dataclass
 
@@ -7,16 +7,16 @@ from drivers.quantities import Vector
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SkinFigures:
-    """How well the skin is heard, since it was opened."""
+    """Reception of the skin since it was opened."""
 
     scans: int
-    """Whole scans received."""
+    """Number of whole scans received."""
     lost: int
-    """Scans that the board numbered and that never came whole."""
+    """Number of scans that the board numbered and that never came whole."""
     refused: int
-    """Messages that were none: check sum, length, or a part missing."""
+    """Number of messages refused for their check sum, their length, or a missing part."""
     rate: float
-    """Of the newest scans, Hz; NaN before the second."""
+    """Rate of the newest scans, Hz; NaN before the second."""
     age: float
     """Time since the newest scan came, s; infinite before the first."""
     temperature: Vector

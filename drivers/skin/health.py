@@ -1,6 +1,6 @@
-"""Which taxels to trust, and what they read without a load: the same for hardware and stand-in; pure, no I/O.
+"""The health of taxels: which to trust, and what they read without a load, alike for hardware and simulation; pure, no I/O.
 
-Works on an array of any shape, so that a recording of another patch goes through it as the live skin does.
+The functions work on an array of any shape, so that a recording of another patch is treated as the live skin is.
 """
 
 from typing import Annotated
@@ -17,13 +17,13 @@ from drivers.skin.layout import MODULE_OF, MODULE_TAXELS, MODULES
 Counts = NDArray[np.uint16]
 
 ERROR_COUNT = 43000
-"""Counts from here on mark an error, not a pressure; host software of [cyskin]."""
+"""First count that marks an error instead of a pressure; host software of [cyskin]."""
 BASELINE_FRAMES = 50
-"""The noise of fewer would stay in the baseline for good."""
+"""Least number of frames of a baseline; the noise of fewer frames would stay in the baseline for good."""
 
 
 class SkinHealthConfig(ConfigModel):
-    """When a taxel is not to be trusted."""
+    """Conditions under which a taxel is not trusted."""
 
     baseline_frames: Annotated[int, Field(ge=BASELINE_FRAMES, le=10_000)] = BASELINE_FRAMES
     """Number of frames without a load that the baseline is the mean of."""
@@ -55,11 +55,11 @@ class SkinHealth:
         """Take the baseline.
 
         Args:
-            config: When to distrust.
+            config: Conditions under which a taxel is not trusted.
             still: Raw frames without a load, shape (n, …), n >= `config.baseline_frames`.
 
         Raises:
-            ValueError: Too few frames.
+            ValueError: There are too few frames.
         """
         if len(still) < config.baseline_frames:
             raise ValueError(f"baseline: {len(still)} frames < {config.baseline_frames} frames")
@@ -71,11 +71,11 @@ class SkinHealth:
         mean = clean.sum(axis=0) / total
         spread = np.sqrt(np.maximum((clean**2).sum(axis=0) / total - mean**2, 0.0))
         self.dead: Mask = (still == 0).all(axis=0)
-        """Read nothing but zero while the baseline was taken."""
+        """Mask of taxels that read zero throughout the baseline."""
         self.stuck: Mask = (still == still[0]).all(axis=0) & ~self.dead
-        """Read one and the same other value while the baseline was taken."""
+        """Mask of taxels that read one and the same other value throughout the baseline."""
         self.usable: Mask = ~(self.dead | self.stuck) & (2 * count > len(still))
-        """Gave a baseline."""
+        """Mask of taxels that gave a baseline."""
         self.baseline: Vector = mean
         """Reading without a load, counts."""
         self.noise: Vector = spread
@@ -86,11 +86,11 @@ class SkinHealth:
         self._stamp: float | None = None
 
     def update(self, raw: Counts, stamp: float) -> tuple[Vector, Mask]:
-        """Take one raw frame.
+        """Take one raw frame, and return readings and mask.
 
         Args:
             raw: Readings, counts, of the baseline's shape.
-            stamp: When they were measured, s.
+            stamp: Time of the measurement, s.
 
         Returns:
             Signed counts above the baseline (0 where not trusted), and where to trust them.
@@ -110,10 +110,10 @@ class SkinHealth:
 
 
 def dead_groups(dead: Mask, group: NDArray[np.int64]) -> list[int]:
-    """Return the groups, as modules, that hold no living taxel.
+    """Return the groups, such as modules, that hold no living taxel.
 
     Args:
-        dead: Which taxels are dead.
+        dead: Mask of dead taxels.
         group: Number of each taxel's group, of the same shape.
     """
     return [int(number) for number in np.unique(group) if dead[group == number].all()]
@@ -123,7 +123,7 @@ def require_trust(frame: TaxelFrame) -> TaxelFrame:
     """Return `frame` when all its taxels can be trusted.
 
     Raises:
-        SkinUntrustedError: Says which module of which finger is dead, and which single taxels are not trusted.
+        SkinUntrustedError: A taxel is not trusted; the message names dead modules and single taxels.
     """
     wrong = []
     dead = dead_groups(~frame.trusted, MODULE_OF)

@@ -18,24 +18,24 @@ HEAD, TAIL = 0x40, 0xC0
 SKIN_CLASS, SETUP_CLASS = 4, 2
 SETUP = 0x4C
 COUNTS_PER_STEP = 128
-"""A step of the board's 8-bit reading in the counts that the rest of the program works with."""
+"""Counts of this program in one step of the board's 8-bit reading."""
 _HEAD_TAXELS = 7
 _TAIL_TAXELS = TAXELS - _HEAD_TAXELS
 
 
 @dataclass(frozen=True, slots=True)
 class TriangleReading:
-    """One triangle at one instant, as the board says it."""
+    """Readings of one triangle at one instant, as the board sends them."""
 
     values: tuple[int, ...]
-    """Of its twelve taxels, 0 to 255; falling with pressure."""
+    """Readings of the twelve taxels, 0 to 255; they fall with pressure."""
     out_of_range: int = 0
-    """One bit for each taxel."""
+    """Mask with one bit for each taxel that is out of range."""
     error: int = 0
-    """0 to 15; 0 is none."""
+    """Error code of the board, 0 to 15; 0 means none."""
 
     def counts(self) -> Counts:
-        """Return counts that rise with pressure, shape (12,); what is no measurement as an error mark."""
+        """Return counts that rise with pressure, shape (12,), with error marks where there is no measurement."""
         counts = (0xFF - np.array(self.values)) * COUNTS_PER_STEP
         is_wrong = np.array([self.error != 0 or bool(self.out_of_range >> k & 1) for k in range(TAXELS)])
         return np.where(is_wrong, ERROR_COUNT, counts).astype(np.uint16)
@@ -53,7 +53,7 @@ def decode_head(frame: CanFrame) -> tuple[int, ...]:
     """Return the first seven readings of a triangle.
 
     Raises:
-        WireError: Not a head frame.
+        WireError: The frame is not a head frame.
     """
     if len(frame.data) != 1 + _HEAD_TAXELS or frame.data[0] != HEAD:
         raise WireError(f"frame {frame.id:#05x} of {len(frame.data)} bytes is no head of a triangle")
@@ -64,7 +64,7 @@ def decode_tail(frame: CanFrame) -> tuple[tuple[int, ...], int, int]:
     """Return the last five readings of a triangle, the bits of taxels out of range, and the error.
 
     Raises:
-        WireError: Not a tail frame.
+        WireError: The frame is not a tail frame.
     """
     if len(frame.data) != 1 + _TAIL_TAXELS + 2 or frame.data[0] != TAIL:
         raise WireError(f"frame {frame.id:#05x} of {len(frame.data)} bytes is no tail of a triangle")
@@ -73,19 +73,19 @@ def decode_tail(frame: CanFrame) -> tuple[tuple[int, ...], int, int]:
 
 
 class TriangleAssembler:
-    """Frames of one board in, whole triangles out.
+    """Joins the frames of one board to whole triangles.
 
     Args:
-        board: Its number, 0 to 15.
+        board: Number of the board, 0 to 15.
     """
 
     def __init__(self, board: int) -> None:
         self._board = board
         self._heads: dict[int, tuple[int, ...]] = {}
         self.frames = 0
-        """Of this board's skin."""
+        """Number of frames of this board's skin."""
         self.broken = 0
-        """Frames that are none, and heads and tails without their other half."""
+        """Number of frames that do not decode, and of heads and tails without their other half."""
 
     def feed(self, frame: CanFrame) -> tuple[int, TriangleReading] | None:
         """Take one frame; return the triangle's number and its reading when both halves are there."""

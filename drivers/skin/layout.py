@@ -19,17 +19,17 @@ Layout = Literal["parallelogram", "base_to_base"]
 LAYOUTS: tuple[Layout, ...] = ("parallelogram", "base_to_base")
 
 PITCH = 7.5e-3
-"""Between neighbouring taxels, m; [gibbons], Sec. VI."""
+"""Distance between neighbouring taxels, m; [gibbons], Sec. VI."""
 ROW = PITCH * 0.75**0.5
-"""Between neighbouring rows of a triangle, m."""
+"""Distance between neighbouring rows of a triangle, m."""
 GAP = 7.6e-3
-"""Between the facing rows of the layout `base_to_base`, m."""
+"""Distance between the facing rows of the layout `base_to_base`, m."""
 MODULE_TAXELS = 10
-"""Taxels of one module."""
+"""Number of taxels of one module."""
 MODULES = TAXELS // MODULE_TAXELS
-"""Modules of one finger."""
+"""Number of modules of one finger."""
 MODULE_OF = np.repeat(np.arange(FINGERS * MODULES), MODULE_TAXELS).reshape(FINGERS, TAXELS)
-"""Number of each taxel's module, left finger first, shape (2, 20)."""
+"""Number of the module that each taxel belongs to, left finger first, shape (2, 20)."""
 MODULE_OF.flags.writeable = False
 
 _SHEAR = 1e-6
@@ -38,7 +38,7 @@ _FLAT = 1e-3
 
 @lru_cache
 def positions(layout: Layout) -> Vector:
-    """Return where the right finger's taxels are, shape (20, 2), m, x and y of the finger frame.
+    """Return the places of the right finger's taxels, shape (20, 2), m, x and y of the finger frame.
 
     The finger's centre is the origin, x points along the finger to its end, y across it. Module 0 comes
     first; module 1 is its image by half a turn about the centre.
@@ -56,7 +56,7 @@ def positions(layout: Layout) -> Vector:
 
 @lru_cache
 def finger_positions(layout: Layout) -> Vector:
-    """Return where all taxels are, left finger first, shape (2, 20, 2), m, x and y of the finger frame."""
+    """Return the places of all taxels, left finger first, shape (2, 20, 2), m, x and y of the finger frame."""
     right = positions(layout)
     both = np.stack([right * [1.0, -1.0], right])
     both.flags.writeable = False
@@ -78,7 +78,7 @@ def triangles(layout: Layout) -> NDArray[np.intp]:
     wide = np.abs(doubled_area) > _FLAT
     corner, doubled_area = corner[wide], doubled_area[wide]
     a, b, c = corner.T
-    # Every point lifted to the paraboloid: inside the circumcircle is below the plane of the three corners.
+    # With every point lifted to the paraboloid, inside the circumcircle means below the plane of the three corners.
     power = x**2 + y**2
     edge = np.stack([np.stack([v[k] - v[a] for v in (x, y, power)]) for k in (b, c)])
     normal = np.cross(edge[0].T, edge[1].T) * np.sign(doubled_area)[:, None]

@@ -1,4 +1,4 @@
-"""From a CAN bus or a serial line to raw scans of a skin board, and from what the dialects say back to the wire."""
+"""One wire with one skin board on it: raw scans come out, and the dialogue's messages go in."""
 
 from typing import Protocol
 
@@ -9,7 +9,7 @@ from drivers.transport.cobs import DELIMITER, Deframer, frame
 from drivers.transport.wires import ByteLink, CanFrame, CanLink
 
 MOST_FRAMES = 1000
-"""Taken from a bus in one go: a bus that babbles must not hold up the scan."""
+"""Largest number of frames taken from a bus at once, so that a bus that babbles does not hold up the scan."""
 
 NOTHING_ON_BUS = ": check its supply, the wires with a terminator at both ends, and that the bus runs at its bit rate"
 NOTHING_ON_LINE = ": check its supply and cable, whether this is its port, and skin.baud_rate"
@@ -20,27 +20,27 @@ class SkinPort(Protocol):
 
     @property
     def link(self) -> CanLink | ByteLink:
-        """The wire itself."""
+        """The wire."""
 
     @property
     def dialogue(self) -> CySkinDialogue | IcubDialogue:
-        """What is said over it."""
+        """The dialogue with the board."""
 
     def forget(self) -> None:
-        """Be as if nothing had ever come."""
+        """Forget everything that has come."""
 
     def exchange(self, now: float) -> list[RawScan]:
         """Send what is due, and return the scans that have come; never waits.
 
         Raises:
-            CellError: The wire is gone.
+            CellError: The wire is lost.
         """
 
     def refused(self) -> int:
-        """Return how many messages were none."""
+        """Number of messages that could not be decoded."""
 
     def trouble(self) -> str:
-        """Return why no scan comes, as far as what does come tells."""
+        """Return why no scan comes, as far as the received frames tell."""
 
 
 class HubOnCan:
@@ -53,7 +53,7 @@ class HubOnCan:
         self.forget()
 
     def forget(self) -> None:
-        """Be as if nothing had ever come."""
+        """Forget everything that has come."""
         self.dialogue.forget()
         self._frames, self._others, self._wrong = CanAssembler(self._wire.hub), 0, 0
 
@@ -79,7 +79,7 @@ class HubOnCan:
         return scans
 
     def refused(self) -> int:
-        """Return how many messages were none, and frames out of turn."""
+        """Number of messages that could not be decoded, and of frames out of turn."""
         return self._frames.broken + self._wrong + self.dialogue.refused
 
     def trouble(self) -> str:
@@ -100,7 +100,7 @@ class IcubOnCan:
         self.forget()
 
     def forget(self) -> None:
-        """Be as if nothing had ever come."""
+        """Forget everything that has come."""
         self.dialogue.forget()
 
     def exchange(self, now: float) -> list[RawScan]:
@@ -111,7 +111,7 @@ class IcubOnCan:
         return [scan for scan in scans if scan is not None]
 
     def refused(self) -> int:
-        """Return how many frames were none."""
+        """Number of frames that could not be decoded."""
         return self.dialogue.refused
 
     def trouble(self) -> str:
@@ -132,7 +132,7 @@ class HubOnSerial:
         self.forget()
 
     def forget(self) -> None:
-        """Be as if nothing had ever come."""
+        """Forget everything that has come."""
         self.dialogue.forget()
         self._frames, self._whole, self._wrong = Deframer(LONGEST), 0, 0
 
@@ -143,7 +143,7 @@ class HubOnSerial:
         data = self.link.read(0.0)
         behind, scans = len(data), []
         for piece in _pieces(data):
-            # A frame's first byte came at least as long ago as the line takes for it and for all that came after it.
+            # A frame's first byte came at least as long ago as the line takes for the frame and for all bytes after it.
             stamp = now - behind * self.link.character_time
             behind -= len(piece)
             for content in self._frames.feed(piece):
@@ -158,7 +158,7 @@ class HubOnSerial:
         return scans
 
     def refused(self) -> int:
-        """Return how many frames and messages were none."""
+        """Number of frames and messages that could not be decoded."""
         return self._frames.broken + self._wrong + self.dialogue.refused
 
     def trouble(self) -> str:

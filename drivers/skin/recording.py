@@ -1,4 +1,4 @@
-"""A text recording of a CySkin patch, [cyskin], as a Skin: four of its modules stand in for the two fingers."""
+"""A text recording of a CySkin patch, [cyskin], played as a Skin: four of its modules stand for the two fingers."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,13 +15,13 @@ from drivers.skin.layout import MODULE_TAXELS
 
 
 class Recording:
-    """What a file of [cyskin] holds.
+    """Content of a recording of [cyskin].
 
-    A file's first line names the channels, uid = sui << 4 | name, name 0 a temperature; every other line is a frame
-    index, a time, s, and one unsigned reading for each channel, whose baseline is removed already.
+    The file's first line names the channels, uid = sui << 4 | name, where name 0 is a temperature; every other line is
+    a frame index, a time, s, and one unsigned reading for each channel, whose baseline is removed already.
 
     Raises:
-        ConfigError: No such file, or not of this form.
+        ConfigError: There is no such file, or it has another form.
     """
 
     def __init__(self, path: Path) -> None:
@@ -38,31 +38,31 @@ class Recording:
                 f"{path}: no recording: a line of channel ids, then lines of index, time, readings"
             ) from None
         self.times: Vector = table[:, 1] - table[0, 1]
-        """Of each frame, from the first one, s."""
+        """Time of each frame from the first one, s."""
         is_taxel = uid & 15 > 0
         self.module: NDArray[np.int64] = uid[is_taxel] >> 4
-        """Own number of each taxel's module."""
+        """Own number (sui) of each taxel's module."""
         self.counts: Counts = np.clip(table[:, 2:][:, is_taxel], 0, 0xFFFF).astype(np.uint16)
-        """One row for each frame."""
+        """Readings, counts, one row for each frame."""
 
     def most_touched(self) -> list[int]:
-        """Return the own numbers of the four most touched of the modules that have enough taxels."""
+        """Return the own numbers of the four most touched modules among those that have enough taxels."""
         whole = [int(n) for n in np.unique(self.module) if (self.module == n).sum() >= MODULE_TAXELS]
         touch = np.where(self.counts < ERROR_COUNT, self.counts, 0).max(axis=0)
         return sorted(whole, key=lambda n: int(touch[self.module == n].max()))[-BOARD_MODULES:]
 
 
 class RecordedSkin:
-    """Plays a recording at the speed of the cell's clock, from the instant at which it is opened, once."""
+    """Plays a recording once, at the speed of the cell's clock, from the instant at which it is opened."""
 
     def __init__(self, path: Path, clock: Clock, modules: Sequence[int] = (), silent_after: float = 0.35) -> None:
-        """Describe the recording.
+        """Take the recording's file and what to show of it.
 
         Args:
-            path: Of the file.
-            clock: The cell's.
-            modules: Own numbers of the modules to show, both of the left finger first; none takes the most touched.
-            silent_after: Without a frame for so long the skin is silent, s.
+            path: File of the recording.
+            clock: The cell's clock.
+            modules: Own numbers of the modules to show, both of the left finger first; empty takes the most touched ones.
+            silent_after: Time without a frame after which the skin is silent, s.
         """
         self._path, self._clock, self._modules, self._limit = path, clock, tuple(modules), silent_after
         self._recording: Recording | None = None
@@ -72,7 +72,7 @@ class RecordedSkin:
         """Read the file.
 
         Raises:
-            ConfigError: No such file, not of this form, or without these modules.
+            ConfigError: There is no such file, it has another form, or it lacks these modules.
         """
         recording = Recording(self._path)
         chosen = self._modules or recording.most_touched()

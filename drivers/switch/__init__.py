@@ -1,1 +1,1 @@
-"""The success switch's board: its wire, its driver and its firmware."""
+"""The board of the success switch: its wire, its driver and its firmware."""

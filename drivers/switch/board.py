@@ -13,25 +13,25 @@ from drivers.transport.wires import ByteLink, LineLostError
 logger = logging.getLogger(__name__)
 
 FIRMWARE = 1
-"""The oldest version of the firmware that this driver believes."""
+"""Number of the oldest firmware that this driver believes."""
 STALE = 0.1
-"""A report older than four heartbeats says nothing, s."""
+"""Age beyond which a report no longer counts, s; four heartbeats."""
 DRIFT = 0.02
-"""The board's clock may be off by this share; its ceramic resonator is good for 0.5 %."""
+"""Largest relative error of the board's clock, fraction; its ceramic resonator is good for 0.5 %."""
 START_TIME = 2.5
-"""Longest time from opening the port, which resets the board, to the first report, s: its boot loader waits first."""
+"""Longest time from opening the port, which resets the board, to the first report, s; the boot loader waits first."""
 POLL_PERIOD = 0.01
-"""Between looks for the first report, s."""
+"""Time between looks for the first report, s."""
 REOPEN_PERIOD = 0.5
-"""Between attempts to open a lost port again, s."""
+"""Time between attempts to open a lost port again, s."""
 _STATES = {Contacts.OPEN: SwitchState.OPEN, Contacts.CLOSED: SwitchState.CLOSED}
 
 
 class SerialSuccessSwitch:
-    """Believes the board's newest report while it is fresh; everything else is unknown.
+    """Believes the board's newest report while it is fresh; without one the state is unknown.
 
-    Every report carries the board's own time: when reports fall behind it, because something on the way holds them
-    back or repeats them, they are as stale as reports that do not come at all. A lost port is opened again by itself.
+    Every report carries the board's own time. Reports that fall behind it, because something on the way holds them back
+    or repeats them, are as stale as reports that do not come at all. A lost port is opened again by itself.
     """
 
     def __init__(self, config: SerialSwitchConfig, clock: Clock, line: ByteLink | None = None) -> None:
@@ -63,7 +63,7 @@ class SerialSuccessSwitch:
         self._forget()
 
     def read(self) -> SwitchState:
-        """Return the state by the newest report; never waits."""
+        """Return the state by the newest report, without waiting."""
         if not self._is_open:
             return SwitchState.UNKNOWN
         now = self._clock.now()
@@ -75,7 +75,7 @@ class SerialSuccessSwitch:
         return _STATES[self._report.contacts]
 
     def problem(self) -> str:
-        """Return why the state is unknown by what was read so far, in one line; empty when it is known."""
+        """Return why the state is unknown, by what was read so far, in one line; empty when it is known."""
         report, where = self._report, f"switch on {self._port}"
         if self._lost:
             return self._lost
@@ -124,7 +124,7 @@ class SerialSuccessSwitch:
             self._take(report, now)
 
     def _take(self, report: SwitchReport, now: float) -> None:
-        """Take a report over, as old as the board's time lies behind the cell's since the report before."""
+        """Take a report; it is as old as the board's time lies behind the cell's since the report before."""
         last = self._report
         if last is None:
             self._stamp = now

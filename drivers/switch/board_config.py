@@ -8,12 +8,13 @@ from drivers.config_model import ConfigModel
 
 
 class SerialSwitchConfig(ConfigModel):
-    """[switch] of a board on a serial line."""
+    """Section [switch] for a board on a serial line."""
 
     kind: Literal["serial"]
-    """The switch board on a serial line."""
+    """Kind of the switch: a board on a serial line."""
     port: Annotated[str, Field(min_length=1)]
-    """Name of the serial port, best one that stays, as those of /dev/serial/by-id; "emulated" is an emulated board in
-    a simulated cell."""
+    """Name of the serial port, best a lasting one such as those of /dev/serial/by-id; "emulated" is an emulated board
+    in a simulated cell.
+    """
     record: str = ""
-    """File that all traffic of the line goes to; empty is none."""
+    """File that records all traffic of the line; an empty name records nothing."""

@@ -1,6 +1,6 @@
 """The switch board's packet and bytes; pure, no I/O.
 
-Ten bytes at 38400 baud, 8N1, from the board alone. Only the first has its highest bit set, so that a reader which
+The board sends ten bytes at 38400 baud, 8N1, and receives none. Only the first byte has its highest bit set, so that a reader which
 lost bytes finds its place at the next packet:
 
 | byte | content |
@@ -20,7 +20,7 @@ from enum import IntEnum
 BAUD_RATE = 38400
 LENGTH = 10
 TIME_RANGE = 2**21
-"""The board's time starts anew after so many ms."""
+"""Range of the board's time, ms; the time then starts anew."""
 _START = 0xD1
 _CRC_START = 0xFFFF
 _MEMORY, _PROGRAM, _WATCHDOG, _LOW_SUPPLY = 1, 2, 4, 8
@@ -28,39 +28,39 @@ _NORMALLY_OPEN, _NORMALLY_CLOSED = 4, 8
 
 
 class Contacts(IntEnum):
-    """What the board makes of its two contacts."""
+    """State of the switch by its two contacts."""
 
     UNKNOWN = 0
-    """Not yet debounced since the reset, or the board does not trust itself."""
+    """The contacts are not yet debounced since the reset, or the board found itself broken."""
     OPEN = 1
     CLOSED = 2
     DISAGREE = 3
-    """Both conduct, or neither, for longer than the lever travels."""
+    """Both contacts conduct, or neither, for longer than the lever travels."""
 
 
 @dataclass(frozen=True, slots=True)
 class SwitchReport:
-    """One packet."""
+    """Content of one packet."""
 
     firmware: int
-    """Version, 0 to 127."""
+    """Version of the firmware, 0 to 127."""
     contacts: Contacts
     time: int
-    """Since the board's reset, ms, modulo `TIME_RANGE`."""
+    """Time since the board's reset, ms, modulo `TIME_RANGE`."""
     normally_open: bool = False
-    """The contact conducts now."""
+    """Whether the normally open contact conducts now."""
     normally_closed: bool = False
-    """The contact conducts now."""
+    """Whether the normally closed contact conducts now."""
     is_memory_broken: bool = False
     is_program_broken: bool = False
     was_hung: bool = False
-    """The watchdog restarted it."""
+    """Whether the watchdog restarted the board."""
     was_starved: bool = False
-    """Its supply fell too low and it restarted."""
+    """Whether the board restarted after its supply fell too low."""
 
 
 def encode(report: SwitchReport) -> bytes:
-    """Return the packet."""
+    """Return a report as the bytes of its packet."""
     contacts = report.contacts | _NORMALLY_OPEN * report.normally_open | _NORMALLY_CLOSED * report.normally_closed
     health = (
         _MEMORY * report.is_memory_broken
@@ -73,7 +73,7 @@ def encode(report: SwitchReport) -> bytes:
 
 
 def decode(packet: bytes) -> SwitchReport | None:
-    """Return what a packet says; None when its length, bits or CRC are wrong."""
+    """Return the report in a packet; None when length, bits or CRC are wrong."""
     if len(packet) != LENGTH or packet[0] != _START or any(byte & 0x80 for byte in packet[1:]):
         return None
     if packet[7:] != bytes(_septets(crc_hqx(packet[:7], _CRC_START))):
@@ -93,13 +93,13 @@ def decode(packet: bytes) -> SwitchReport | None:
 
 
 class Decoder:
-    """Takes bytes as they come, in pieces of any size, and finds the packets in them."""
+    """Finds packets in bytes that come in pieces of any size."""
 
     def __init__(self) -> None:
         """Expect the start of a packet."""
         self._packet = bytearray()
         self.refused = 0
-        """Bytes that belonged to no valid packet."""
+        """Number of bytes that belonged to no valid packet."""
 
     def feed(self, data: bytes) -> list[SwitchReport]:
         """Return the packets that `data` completes, oldest first."""

@@ -1,1 +1,1 @@
-"""Every CAN bus and serial line of the house, their framing, and recorders of their traffic."""
+"""Every CAN bus and serial line of this project, their framing, and recorders of their traffic."""

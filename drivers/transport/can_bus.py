@@ -1,6 +1,6 @@
-"""CAN buses of every kind that a cell meets, as frames in and out. Whoever reads them decodes them elsewhere.
+"""CAN buses of every kind that a cell meets, as frames in and out; their readers decode them.
 
-Only data frames of classic CAN with 11-bit identifiers pass; everything else on the bus is somebody else's.
+Only data frames of classic CAN with 11-bit identifiers pass; other frames on the bus are ignored.
 """
 
 import errno
@@ -20,13 +20,13 @@ SEND_TIMEOUT = 0.1
 CONNECT_TIMEOUT = 1.0
 """Longest wait for a socketcand server, s."""
 PATIENCE = 3
-"""Errors in a row after which the bus counts as lost: one undecodable frame or one full buffer does not."""
+"""Number of errors in a row after which the bus counts as lost; one undecodable frame or one full buffer does not suffice."""
 MOST_OTHERS = 1000
-"""Frames of others that one look at the bus passes over."""
+"""Largest number of other nodes' frames that one look at the bus passes over."""
 ECHO_TIME = 1.0
-"""One's own frame that has not come back after so long was lost, s."""
+"""Time after which one's own frame that has not come back is lost, s."""
 LONGEST_WAIT = 10.0
-"""A frame that seems to have waited longer was stamped before somebody set the computer's clock, s."""
+"""Longest credible wait of a frame, s; a longer one means that somebody set the computer's clock."""
 _STAMPED = ("socketcan", "udp_multicast")
 _SOCKETCAN_TROUBLE = {
     errno.EAFNOSUPPORT: "this computer's kernel has no CAN: load its modules (modprobe can_raw), or use another interface",
@@ -38,28 +38,28 @@ _SOCKETCAND_PORT, _MULTICAST_PORT = 29536, 43113
 
 
 class CanBus:
-    """One bus, used by nobody else in this process; not for use by several threads.
+    """One bus that nothing else in this process uses; it must not be used by several threads.
 
     Args:
-        interface: What the bus is reached through.
+        interface: Interface through which the bus is reached.
         channel: `socketcan`: network interface, "can0". `slcan`: serial port, "/dev/ttyACM0". `socketcand`:
             "HOST:PORT/can0", the port may be left out. `udp_multicast`: group and port, "239.74.163.2:43113", the port
             may be left out; frames never leave this computer. `virtual`: any name; never leaves this process.
-        bitrate: Bits a second, for `slcan`; the others were told by whoever set them up.
+        bitrate: Bit rate for `slcan`, bits/s; the other interfaces got theirs when they were set up.
     """
 
     def __init__(self, interface: Interface, channel: str, bitrate: int) -> None:
         self.interface: Interface = interface
         self.name = f"{interface} {channel}"
         self.bad_frames = 0
-        """What was no frame, and what could not be sent, since the start."""
+        """Number of frames that could not be decoded or sent since the start."""
         self._channel, self._bitrate = channel, bitrate
         self._bus: can.BusABC | None = None
         self._read_errors = self._write_errors = 0
         self._echoes: deque[tuple[float, CanFrame]] = deque(maxlen=MOST_OTHERS)
 
     def open(self) -> None:
-        """Open the bus; does nothing when it is open.
+        """Open the bus; an open bus is left as it is.
 
         Raises:
             DeviceNotOpenedError: There is no such interface or port, no permission, or it is in use.
@@ -79,17 +79,17 @@ class CanBus:
         if bus is not None:
             try:
                 bus.shutdown()
-            except Exception:  # a bus that is gone cannot be told so
+            except Exception:  # a lost bus cannot be shut down properly
                 self.bad_frames += 1
 
     def read(self, timeout: float) -> CanFrame | None:
-        """Return the next frame; None if none came within `timeout` s, or what came was nothing but others'.
+        """Return the next frame; None if none came within `timeout`, s, or only frames of others came.
 
         Raises:
             CanLostError: The bus is gone or was never opened.
         """
         bus, end = self._opened(), time.monotonic() + timeout
-        # Whoever reads until there is nothing left must not stop at what is not for him.
+        # A reader that empties the bus must not stop at frames of others.
         for _ in range(MOST_OTHERS):
             try:
                 message = bus.recv(max(end - time.monotonic(), 0.0))
@@ -108,7 +108,7 @@ class CanBus:
         return None
 
     def write(self, frame: CanFrame) -> None:
-        """Send one frame; a single one that cannot be sent is dropped and counted.
+        """Send one frame; a single frame that cannot be sent is dropped and counted.
 
         Raises:
             CanLostError: The bus is gone, was never opened, or has taken nothing for several frames.
@@ -124,12 +124,12 @@ class CanBus:
             self._write_errors = self._count(error, self._write_errors)
 
     def _waited(self, stamp: float) -> float:
-        """Return how long ago the kernel stamped a frame, s; 0 on interfaces whose stamps are not its own."""
+        """Return how long ago the kernel stamped a frame, s; 0 on interfaces whose stamps are not the kernel's."""
         waited = time.time() - stamp if self.interface in _STAMPED else 0.0
         return waited if 0.0 < waited < LONGEST_WAIT else 0.0
 
     def _is_echo(self, frame: CanFrame) -> bool:
-        """Whether a frame is one's own come back, as the network's multicast does; they come in order."""
+        """Return whether a frame is one's own that came back, as multicast of the network does; own frames come back in order."""
         while self._echoes and self._echoes[0][0] < time.monotonic() - ECHO_TIME:
             self._echoes.popleft()
         for place, (_, sent) in enumerate(self._echoes):
@@ -146,7 +146,7 @@ class CanBus:
         return before + 1
 
     def _why(self, error: Exception) -> str:
-        """Return what is wrong, and what to do where that is known."""
+        """Return what is wrong, and what to do about it where that is known."""
         code = getattr(error, "errno", None) or getattr(error, "error_code", None)
         if self.interface == "socketcan" and code in _SOCKETCAN_TROUBLE:
             return _SOCKETCAN_TROUBLE[code]

@@ -11,7 +11,7 @@ _RUN = 254
 
 
 def frame(content: bytes) -> bytes:
-    """Return `content` as it goes over the line, delimiter included."""
+    """Return `content` as it is sent over the line, delimiter included."""
     out = bytearray()
     data = content + crc16(content).to_bytes(2, "big")
     for run in data.split(b"\0"):
@@ -23,7 +23,7 @@ def frame(content: bytes) -> bytes:
 
 
 def unframe(stuffed: bytes) -> bytes | None:
-    """Return the content of what stood between two delimiters, or None where that is not a whole, true frame."""
+    """Return the content between two delimiters, or None where that is not a whole, intact frame."""
     out = bytearray()
     at = 0
     while at < len(stuffed):
@@ -40,22 +40,22 @@ def unframe(stuffed: bytes) -> bytes | None:
 
 
 class Deframer:
-    """Bytes as they come in, whole frames out.
+    """Joins bytes to whole frames.
 
     Args:
-        longest: Content of the longest frame that makes sense, bytes; more without a delimiter is thrown away.
+        longest: Length of the longest valid content, bytes; more without a delimiter is discarded.
     """
 
     def __init__(self, longest: int) -> None:
         self._limit = longest + 2 + (longest + 2) // _RUN + 2
         self._pending = bytearray()
         self.bytes = 0
-        """Received."""
+        """Number of bytes received."""
         self.broken = 0
-        """Frames that were thrown away."""
+        """Number of frames discarded."""
 
     def feed(self, data: bytes) -> list[bytes]:
-        """Take what has arrived and return the contents of the frames that ended in it."""
+        """Take the bytes that have arrived and return the contents of the frames that they complete."""
         self.bytes += len(data)
         *ended, rest = (bytes(self._pending) + data).split(bytes([DELIMITER]))
         contents = []
@@ -66,11 +66,11 @@ class Deframer:
             elif stuffed:
                 self.broken += 1
         if len(rest) > self._limit:
-            # Keep one byte more than allowed, so that the rest of this frame is not taken for a frame.
+            # One byte more than allowed is kept, so that the rest of this frame is not taken for a frame.
             rest = rest[: self._limit + 1]
         self._pending = bytearray(rest)
         return contents
 
     def reset(self) -> None:
-        """Forget a frame that has begun."""
+        """Discard a frame that has begun."""
         self._pending.clear()

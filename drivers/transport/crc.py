@@ -12,10 +12,10 @@ Byte = Annotated[int, Field(ge=0, le=0xFF)]
 
 
 class Crc8(ConfigModel):
-    """One CRC of 8 bits, by the parameters that every catalogue of them uses."""
+    """A CRC of 8 bits, by the parameters that catalogues of CRCs use."""
 
     polynomial: Byte = 0x07
-    """Generator polynomial without its highest term."""
+    """Generator polynomial without its highest term. Source: assumed."""
     initial: Byte = 0x00
     """Value that the register starts with."""
     reflected: bool = False

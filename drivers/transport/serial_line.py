@@ -1,4 +1,4 @@
-"""Serial lines, as bytes in and out. Whoever reads them decodes them elsewhere."""
+"""Serial lines, as bytes in and out; their readers decode them."""
 
 import errno
 from typing import Literal
@@ -13,13 +13,13 @@ _WRITE_TIMEOUT = 1.0  # s
 
 
 class SerialLine:
-    """One serial port, 8 data bits, used by nobody else; not for use by several threads.
+    """One serial port, 8 data bits, that nothing else uses; it must not be used by several threads.
 
     Args:
         port: Name of the port, as the operating system has it.
-        baud_rate: Bits a second.
+        baud_rate: Bit rate, bits/s.
         parity: Check bit of every character.
-        stop_bits: 1 or 2.
+        stop_bits: Number of stop bits, 1 or 2.
     """
 
     def __init__(self, port: str, baud_rate: int, parity: Parity = "none", stop_bits: Literal[1, 2] = 1) -> None:
@@ -30,7 +30,7 @@ class SerialLine:
         self._serial: serial.Serial | None = None
 
     def open(self) -> None:
-        """Open the port; does nothing when it is open.
+        """Open the port; an open port is left as it is.
 
         Raises:
             DeviceNotOpenedError: There is no such port, no permission, or it is in use.
@@ -52,7 +52,7 @@ class SerialLine:
             self._serial = None
 
     def read(self, timeout: float) -> bytes:
-        """Return what has arrived; wait up to `timeout` s for the first byte, and return none if none came.
+        """Return the bytes that have arrived; wait up to `timeout`, s, for the first one, and return none if none came.
 
         Raises:
             LineLostError: The port is gone or was never opened.

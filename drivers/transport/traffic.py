@@ -26,12 +26,12 @@ class TrafficEndedError(CellError):
 
 
 class Recorder:
-    """Writes what passes a wire; also the driver's clock, so that every byte has the time at which it was looked for.
+    """Records the traffic of a wire; it is also the driver's clock, so that every byte has the time at which it was looked for.
 
     Args:
-        path: Of the file, which is begun anew the first time.
-        wire: What kind of wire it is.
-        clock: The cell's.
+        path: File, which is begun anew when it is first opened.
+        wire: Kind of the wire.
+        clock: The cell's clock.
     """
 
     def __init__(self, path: Path, wire: Wire, clock: Clock) -> None:
@@ -42,10 +42,10 @@ class Recorder:
         self._written: float | None = None
 
     def open(self) -> None:
-        """Begin the file, or go on with it; does nothing while it is open.
+        """Begin the file, or continue it; an open file is left as it is.
 
         Raises:
-            ConfigError: It cannot be written.
+            ConfigError: The file cannot be written.
         """
         if self._file is not None:
             return
@@ -74,7 +74,7 @@ class Recorder:
 
     @contextmanager
     def watching(self) -> Iterator[None]:
-        """Note that somebody looks at the wire, and how the wire fails."""
+        """Record that somebody looks at the wire, and a failure of the wire during that."""
         if self._file is not None and self._written != self._now:
             self._file.write(f"@ {self._now!r}\n")
             self._written = self._now
@@ -85,7 +85,7 @@ class Recorder:
             raise
 
     def note(self, what: str, text: str) -> None:
-        """Note what came, what was sent, or what failed."""
+        """Record what came, what was sent, or what failed."""
         with self.watching():
             if self._file is not None:
                 self._file.write(f"{what} {text}\n")
@@ -95,7 +95,7 @@ class RecordedCan:
     """A CAN bus whose frames are written to a file."""
 
     def __init__(self, link: CanLink, recorder: Recorder) -> None:
-        """Take the bus and where its traffic goes."""
+        """Take the bus and the recorder of its traffic."""
         self._link, self._recorder = link, recorder
 
     def open(self) -> None:
@@ -129,7 +129,7 @@ class RecordedLine:
     """A serial line whose bytes are written to a file."""
 
     def __init__(self, link: ByteLink, recorder: Recorder) -> None:
-        """Take the line and where its traffic goes."""
+        """Take the line and the recorder of its traffic."""
         self._link, self._recorder = link, recorder
         self.character_time = link.character_time
 
@@ -167,15 +167,15 @@ class _Look:
     sent: list[str] = field(default_factory=list)
 
 
-class Playback:
-    """A recording as clock and wire of a driver.
+class TrafficPlayback:
+    """Plays a recording as clock and wire of a driver.
 
     Args:
-        path: Of the file.
-        character_time: Of the line that was recorded, s; of a CAN bus 0.
+        path: File of the recording.
+        character_time: Time of one character on the recorded line, s; 0 for a CAN bus.
 
     Raises:
-        ConfigError: No such file, or it is no recorded traffic.
+        ConfigError: There is no such file, or it holds no recorded traffic.
     """
 
     def __init__(self, path: Path, character_time: float = 0.0) -> None:
@@ -184,15 +184,15 @@ class Playback:
         self._place = 0
         self._came: Iterator[str] = iter(())
         self.differing = 0
-        """Of what the driver sent, how much was not sent in the recording."""
+        """Number of messages that the driver sent and that were not sent in the recording."""
         self._begin(0)
 
     def open(self) -> None:
-        """Succeed or fail as it did."""
+        """Succeed or fail as the recorded wire did."""
         self._fail()
 
     def close(self) -> None:
-        """Nothing to disconnect."""
+        """Do nothing: there is no connection to end."""
 
     def now(self) -> float:
         """Return the time of the look that is played, s."""
@@ -202,7 +202,7 @@ class Playback:
         """Go on to the next look.
 
         Raises:
-            TrafficEndedError: There is none.
+            TrafficEndedError: There is no next look.
         """
         if self._place + 1 >= len(self._looks):
             raise TrafficEndedError("the recording is over")
@@ -224,7 +224,7 @@ class Playback:
             self.differing += 1
 
 
-class PlaybackCan(Playback):
+class PlaybackCan(TrafficPlayback):
     """A recording of a CAN bus."""
 
     def read(self, timeout: float) -> CanFrame | None:
@@ -237,11 +237,11 @@ class PlaybackCan(Playback):
         return CanFrame(int(number, 16), bytes.fromhex(data), float(waited or 0.0))
 
     def write(self, frame: CanFrame) -> None:
-        """Compare what is sent with what was."""
+        """Compare a frame that is sent with the recorded ones."""
         self._check(f"{frame.id:03X} {frame.data.hex()}".strip())
 
 
-class PlaybackLine(Playback):
+class PlaybackLine(TrafficPlayback):
     """A recording of a serial line."""
 
     def read(self, timeout: float) -> bytes:
@@ -250,12 +250,12 @@ class PlaybackLine(Playback):
         return b"".join(map(bytes.fromhex, self._came))
 
     def write(self, data: bytes) -> None:
-        """Compare what is sent with what was."""
+        """Compare bytes that are sent with the recorded ones."""
         self._check(data.hex())
 
 
 def is_traffic(path: Path) -> bool:
-    """Whether a file holds recorded traffic."""
+    """Return whether a file holds recorded traffic."""
     try:
         with path.open("rb") as file:
             return file.read(len(HEAD)) == HEAD.encode()

@@ -1,4 +1,4 @@
-"""What every wire has in common, without any I/O: CAN frames, what a bus or a line can do, and how it gets lost."""
+"""The part that all wires share, without any I/O: CAN frames, the contracts of a bus and of a line, and their loss."""
 
 from dataclasses import dataclass, field
 from typing import Literal, Protocol
@@ -10,13 +10,13 @@ Parity = Literal["none", "even", "odd"]
 
 
 class CanLostError(CellError):
-    """A bus that was open can be read or written no more."""
+    """A bus that was open can no longer be read or written."""
 
     code = FaultCode.DEVICE_NOT_OPENED
 
 
 class LineLostError(CellError):
-    """A line that was open can be read or written no more."""
+    """A line that was open can no longer be read or written."""
 
     code = FaultCode.DEVICE_NOT_OPENED
 
@@ -26,9 +26,9 @@ class CanFrame:
     """One data frame."""
 
     id: int
-    """0 to 0x7FF; the lower one goes first."""
+    """Identifier, 0 to 0x7FF; the lower one has priority on the bus."""
     data: bytes = b""
-    """At most 8 bytes."""
+    """Payload, at most 8 bytes."""
     waited: float = field(default=0.0, compare=False)
     """Time from arrival at the adapter to this read, s; 0 where the interface does not tell."""
 
@@ -43,7 +43,7 @@ class CanLink(Protocol):
         """Close the bus; may be called again."""
 
     def read(self, timeout: float) -> CanFrame | None:
-        """Return the next frame, if one came within `timeout` s."""
+        """Return the next frame, if one came within `timeout`, s."""
 
     def write(self, frame: CanFrame) -> None:
         """Send one frame."""
@@ -62,7 +62,7 @@ class ByteLink(Protocol):
         """Close the port; may be called again."""
 
     def read(self, timeout: float) -> bytes:
-        """Return what came within `timeout` s."""
+        """Return the bytes that came within `timeout`, s."""
 
     def write(self, data: bytes) -> None:
         """Send `data`."""

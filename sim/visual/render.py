@@ -14,17 +14,17 @@ from drivers.quantities import Vector
 from sim.visual.scene import BESIDE, MOST_TRAIL, OPENED, TRAIL, WHOLE, Stage
 
 Image = NDArray[np.uint8]
-"""Shape (height, width, 3), red first."""
+"""An image, shape (height, width, 3), red first."""
 ADVICE = "pictures without a display need EGL and a software driver, on Debian the packages libegl1 and libgl1-mesa-dri"
-"""What to do where OpenGL does not work."""
+"""Advice where OpenGL does not work."""
 TRAIL_COLOUR = np.array([0.05, 0.55, 0.75, 1.0], dtype=np.float32)
 
 
 class Camera:
-    """Renders the scene off screen; use it as a context, and from one thread."""
+    """Renders the scene off screen; it is a context manager, and serves one thread."""
 
     def __init__(self, stage: Stage) -> None:
-        """Keep the scene; `open` gets what OpenGL needs."""
+        """Keep the scene; `open` makes what OpenGL needs."""
         self._stage = stage
         self._gl: Any = None
         self._context: Any = None
@@ -35,7 +35,7 @@ class Camera:
         """Get an OpenGL context.
 
         Raises:
-            ConfigError: This computer has none.
+            ConfigError: This computer offers no OpenGL context.
         """
         visual = self._stage.model.vis.global_
         try:
@@ -48,7 +48,7 @@ class Camera:
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
 
     def close(self) -> None:
-        """Give the context back; harmless when repeated."""
+        """Release the OpenGL context; harmless when repeated."""
         if self._context is not None:
             self._context.free()
             self._context = None
@@ -57,20 +57,20 @@ class Camera:
             self._gl = None
 
     def __enter__(self) -> Self:
-        """Open."""
+        """Open the camera."""
         self.open()
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Close."""
+        """Close the camera."""
         self.close()
 
     def cell(self, width: int, height: int, trail: Vector) -> Image:
-        """Return the whole cell as it is posed, with the line through `trail`, shape (n, 3), m."""
+        """Return a picture of the whole cell as posed, with the line through `trail`, shape (n, 3), m."""
         return self._shoot("cell", width, height, trail, hidden=(OPENED,))
 
     def section(self, width: int, height: int) -> Image:
-        """Return the hole cut open, seen along y of the base frame."""
+        """Return a picture of the hole cut open, seen along y of the base frame."""
         return self._shoot("section", width, height, np.empty((0, 3)), hidden=(WHOLE, BESIDE))
 
     def _shoot(self, camera: str, width: int, height: int, trail: Vector, hidden: tuple[int, ...]) -> Image:

@@ -20,23 +20,23 @@ from drivers.skin.layout import finger_positions, pad_size
 from sim.visual import shapes
 
 WHOLE, OPENED, BESIDE = 1, 2, 3
-"""Groups of geoms: the plate as it is, the plate cut open, and what stands between the section and its camera."""
+"""Groups of geoms: the whole plate, the plate cut open, and what stands between the section and its camera."""
 MARGIN = 0.022
 """Width of the plate beyond the area that holds the hole, m."""
 BELOW = 0.008
 """Thickness of the plate below the hole's floor, m."""
 SEEN = 0.085
-"""Height of the section's picture, m."""
+"""Height of the region that the section shows, m."""
 TRAIL = 2.5
 """Width of the line that the tip draws on the plate, pixels."""
 MOST_TRAIL = 1500
-"""Pieces of that line at the most."""
+"""Largest number of pieces of that line."""
 HATCH = 0.004
-"""Distance between the lines in what is cut, along x, m."""
+"""Distance between the hatching lines along x, m."""
 CAMERA, LOOKS_AT = (0.88, -1.17, 0.60), (0.325, -0.02, 0.285)
-"""Where the camera of the whole cell stands, and what it looks at, m, base frame."""
+"""Place of the camera of the whole cell, and the point that it looks at, m, base frame."""
 LIT = 15e3
-"""Counts at which a taxel's disc is drawn brightest."""
+"""Reading at which a taxel's disc is drawn brightest, counts."""
 
 PAINT = {
     "shell": "0.93 0.94 0.95 1",
@@ -56,7 +56,7 @@ PAINT = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Moment:
-    """What is seen of the cell at one instant."""
+    """Visible state of the cell at one instant."""
 
     joints: Vector
     """Joint positions, rad."""
@@ -65,7 +65,7 @@ class Moment:
     peg: Pose | None
     """Pose of the peg's middle, z from its end upward, base frame; None when nobody knows where it is."""
     taxels: Vector
-    """Counts, left finger first, shape (2, 20)."""
+    """Readings of the taxels, counts, left finger first, shape (2, 20)."""
     is_seated: bool = False
     """Whether the switch under the hole is closed."""
 
@@ -77,9 +77,9 @@ class Stage:
         """Build the scene.
 
         Args:
-            facts: What the scene is made of.
-            hole: Where the hole is, base frame; None leaves the plate solid.
-            sight: Largest picture that is rendered from it, width and height, pixels.
+            facts: Facts of the scene.
+            hole: Pose of the hole's mouth, base frame; None leaves the plate solid.
+            sight: Width and height of the largest picture to be rendered, pixels.
         """
         self.model = mujoco.MjModel.from_xml_string(_xml(facts, hole, sight))
         self.data = mujoco.MjData(self.model)
@@ -90,7 +90,7 @@ class Stage:
         self._hatch()
 
     def _hatch(self) -> None:
-        """Draw slanting lines into the texture of what is cut, as draughtsmen do."""
+        """Draw the slanting hatching lines of technical drawings into the texture of the cut."""
         model, texture = self.model, self.model.texture("hatch").id
         side, start = int(model.tex_width[texture]), int(model.tex_adr[texture])
         across, down = np.meshgrid(np.arange(side), np.arange(side))
@@ -99,7 +99,7 @@ class Stage:
         model.tex_data[start : start + pixels.size] = pixels.ravel()
 
     def pose(self, moment: Moment) -> None:
-        """Put everything where it was at one instant."""
+        """Pose everything as it was at one instant."""
         data, model = self.data, self.model
         data.qpos[: self._joints] = moment.joints
         data.qpos[self._joints :] = moment.width / 2
@@ -249,13 +249,13 @@ def _arm(facts: SceneFacts) -> tuple[str, str]:
     )
     for i in range(joints - 1, -1, -1):
         a, d, alpha, r = chain.a[i], chain.d[i], chain.alpha[i], float(thick[i])
-        # In the frame of the joint: the upper part of its column turns with it.
+        # The upper part of the joint's column turns with the joint and stands in its frame.
         own = _column(-0.52 * d, 0.0, r, "shell") + _ring(-0.52 * d, r * 1.02, 0.006) if d else ""
         if not d:
             own += _housing(r)
         at = np.array([a, -d * math.sin(alpha), d * math.cos(alpha)])
         root = np.array([a, 0.0, 0.0])
-        # In the frame before it: the beam along a, and the lower part of the column.
+        # The beam along a and the lower part of the column stand in the frame before the joint.
         before = ""
         if a:
             before += f'<geom type="capsule" size="{0.86 * r}" fromto="0 0 0 {a} 0 0" material="shell"/>'

@@ -9,17 +9,17 @@ from numpy.typing import NDArray
 from drivers.quantities import Vector
 
 RAYS = 180
-"""Directions from the hole's middle in which outline and hole are sampled."""
+"""Number of directions from the hole's middle in which outline and hole are sampled."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mesh:
-    """A surface of triangles."""
+    """A surface made of triangles."""
 
     vertices: Vector
-    """Shape (n, 3), m."""
+    """Corners, shape (n, 3), m."""
     faces: NDArray[np.intp]
-    """Indices of the corners, counter-clockwise seen from outside, shape (m, 3)."""
+    """Indices of each triangle's corners, counter-clockwise seen from outside, shape (m, 3)."""
 
 
 def perforated(
@@ -28,11 +28,11 @@ def perforated(
     """Return a plate with one blind hole whose mouth is the origin, z out of the plate.
 
     Args:
-        outline: x from and to, y from and to, of the plate's edges, m; the hole lies between them.
+        outline: Edges of the plate, least and largest x, least and largest y, m; the hole lies between them.
         sides: Corners of the hole's mouth, shape (n, 2), m, counter-clockwise about the origin.
         depth: Depth of the hole's floor, m.
         thickness: Thickness of the plate, m, more than the depth.
-        cut: Whether what lies on the side of negative y is cut off.
+        cut: Whether the part at negative y is cut off.
     """
     x0, x1, y0, y1 = outline
     edges = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
@@ -51,7 +51,7 @@ def perforated(
         np.tile([0.0, 0.0, -depth], (len(rays), 1)),
         np.tile([0.0, 0.0, -thickness], (len(rays), 1)),
     ]
-    # Around the plate's profile from ring to ring, and back along the underside.
+    # The profile goes from ring to ring around the plate and back along the underside.
     return _lofted([*rings, rings[0]], closed=not cut)
 
 
@@ -112,7 +112,7 @@ def _lofted(rings: list[Vector], closed: bool) -> Mesh:
     if not closed:
         for i, is_first in ((0, True), (count - 1, False)):
             profile = [k * count + i for k in range(len(rings) - 1)]
-            # Bottom outside, top outside, mouth, floor, and the axis below the floor: two convex pieces.
+            # The rings are bottom outside, top outside, mouth, floor, and the axis below the floor: two convex pieces.
             low, high, mouth, floor, middle, below = profile
             ends = [(low, high, mouth), (low, mouth, floor), (low, floor, middle), (low, middle, below)]
             faces += [end if is_first else end[::-1] for end in ends]

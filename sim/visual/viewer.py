@@ -15,14 +15,14 @@ from sim.visual.render import draw_trail
 from sim.visual.scene import BESIDE, LOOKS_AT, OPENED, WHOLE, Moment, Stage
 
 DISTANCE, AZIMUTH, ELEVATION = 1.35, 116.0, -16.0
-"""Where the camera stands at first, seen from what it looks at, m and degrees."""
+"""First place of the camera relative to what it looks at: distance, m, azimuth and elevation, degrees."""
 
 
 class Window:
-    """A window on the scene; use it as a context."""
+    """A window on the scene; it is a context manager."""
 
     def __init__(self, facts: SceneFacts, hole: Pose | None) -> None:
-        """Keep what the scene is made of; entering opens the window."""
+        """Keep the facts of the scene; entering opens the window."""
         self._facts, self._hole = facts, hole
         self._open = ExitStack()
         self._viewer: Any = None
@@ -52,11 +52,11 @@ class Window:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Close it."""
+        """Close the window."""
         self._open.close()
 
     def is_open(self) -> bool:
-        """Whether nobody has closed the window."""
+        """Whether the window is still open."""
         return bool(self._viewer.is_running())
 
     def show(self, moment: Moment, trail: Vector) -> None:
@@ -73,7 +73,7 @@ def _require_display() -> None:
     """Make sure that a window can be opened: GLFW says it only with a thread that has already failed.
 
     Raises:
-        ConfigError: It cannot.
+        ConfigError: No window can be opened.
     """
     import glfw
 

@@ -1,4 +1,4 @@
-"""Where the tip goes in a search, and how the peg is held on the way; pure but for what it draws."""
+"""The course of a search: where the tip goes and how the peg is held on the way; pure but for its random draws."""
 
 import math
 from dataclasses import dataclass
@@ -7,51 +7,70 @@ import numpy as np
 
 from drivers.parts import Job
 from drivers.quantities import Vector
-from skills.paths import Lanes, SprayPaint, lanes, spray_paint
+from skills.paths import Lanes, lanes, spray_paint
+from skills.search.belief import Belief
 from skills.search.params import SpraySearchParams
+from skills.search.tour import Left, Path, Rows, first_look, outwards, tour
 
 CROSSINGS = 18.5
-"""Most diameters of the hole, or shorter sides, that a lane crosses in a second: what 0.15 m/s is for 8.1 mm, where few falls are missed."""
+"""Largest number of hole diameters, or shorter sides, that a lane crosses in a second; 0.15 m/s over a hole of 8.1 mm,
+where few falls are missed.
+"""
+MOST_LOOKS = 5
+"""Number of strokes beyond which the likely place is so wide that the search begins with whole lanes."""
+SURE = 2.0
+"""Standard deviations that one stroke has to cover to either side for the search to go on from its end, and not to sweep
+the same length once more on the area's own lanes."""
+ANYWHERE = Belief()
+"""Belief of a search that knows no more than the area."""
 OUTSIDE = (2e-3, 4e-3)
-"""The peg comes down so far from the rim of a hole at the border of the area, drawn evenly between these, m."""
+"""Least and largest distance at which the peg comes down from the rim of a hole at the border of the area, m; drawn
+evenly between the two.
+"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Course:
-    """Where the tip shall go, and how the peg is held on the way."""
+    """Where the tip goes, and how the peg is held on the way."""
 
-    path: Lanes | SprayPaint
+    path: Path
     middle: Vector
-    """Of the area, for the tip, shape (2,), m."""
+    """Middle of the area for the tip, shape (2,), m, base frame."""
     first: Vector
-    """Above the path's first point, shape (3,), m."""
+    """Place above the path's first point, shape (3,), m, base frame."""
     axis: Vector
-    """Of the peg, unit, shape (3,), base frame."""
+    """Axis of the peg, unit, shape (3,), base frame."""
     closing: Vector
     """Closing axis of the hand, unit, shape (3,), base frame."""
     fast: int
     """Axis of the base frame that is swept fast, 0 or 1."""
 
 
-def make_course(params: SpraySearchParams, job: Job, rng: np.random.Generator) -> Course:
-    """Return the way over the area: lanes from the corner next to a random point of it, sinusoids from that point.
+def make_course(params: SpraySearchParams, job: Job, rng: np.random.Generator, belief: Belief = ANYWHERE) -> Course:
+    """Return the course over the area: lanes from the corner next to a random point of it, or sinusoids from that
+    point.
+
+    Where the hole is likely somewhere, short strokes over that place come first, and the area follows from there outwards.
 
     Args:
         params: How to search.
         job: The part and the area.
-        rng: Draws the point, and for lanes how far beyond the area the first one begins.
+        rng: Draws the point, and for lanes how far beyond the area, or the likely place, the first one begins.
+        belief: Where the hole is likely, and what is left of the way of earlier attempts.
     """
     hole, part = job.hole, job.peg.part
     fast, pitch = 0 if params.fast_axis == "x" else 1, params.pitch * hole.part.inscribed
     half = [extent / 2 + params.margin[0 if axis == fast else 1] for axis, extent in enumerate(hole.area)]
     start = rng.uniform(-np.array(hole.area) / 2, np.array(hole.area) / 2)
     over, begin = (half[0], half[1]), (start[0], start[1])
-    path: Lanes | SprayPaint
+    path: Path
+    outside, speed = hole.part.reach + rng.uniform(*OUTSIDE), params.speed
     if params.path == "lanes":
-        run_in = max(hole.part.reach + rng.uniform(*OUTSIDE) - params.margin[0], 0.0)
-        path = lanes(over, pitch, min(params.speed, CROSSINGS * hole.part.inscribed), fast, begin, run_in)
+        speed = min(speed, CROSSINGS * hole.part.inscribed)
+        path = lanes(over, pitch, speed, fast, begin, max(outside - params.margin[0], 0.0))
     else:
-        path = spray_paint(over, pitch, params.speed, fast, begin)
+        path = spray_paint(over, pitch, speed, fast, begin)
+    path = _as_believed(belief, job, Rows(over, fast, pitch, speed), path, outside, math.copysign(1.0, begin[fast]))
     axis, closing = part.leaning(params.tilt_azimuth, params.tilt)
     ahead, azimuth = part.reach * math.cos(params.tilt), part.azimuth(params.tilt_azimuth)
     middle = np.array(hole.centre[:2])
@@ -59,3 +78,22 @@ def make_course(params: SpraySearchParams, job: Job, rng: np.random.Generator) -
         middle = middle - ahead * np.array([math.cos(azimuth), math.sin(azimuth)])
     first = np.array([*(middle + path.at(0.0)[0]), hole.centre[2] + params.height])
     return Course(path, middle, first, axis, closing, fast)
+
+
+def _as_believed(belief: Belief, job: Job, rows: Rows, path: Path, outside: float, way: float) -> Path:
+    """Return the way that a belief asks for, where `path` is the one without any."""
+    left, width, likely = belief.left, job.hole.part.inscribed, belief.likely
+    if likely is None:
+        # Down beside the place where the peg was tried last, and not into it.
+        return path if left is None else tour([], rows.speed, Left(left.path, left.since + 1.5 * width / rows.speed))
+    middle = job.hole.centre[:2]
+    looks = first_look(likely, middle, rows, width, outside, way)
+    if left is not None:
+        return tour(looks, rows.speed, left)
+    # One stroke right through the likely place is a small price where the hole is somewhere else; several are not.
+    (begin, end), looks = looks[0], looks[:1] if len(looks) <= MOST_LOOKS else []
+    is_enough = SURE * likely.deviation[1 - rows.fast] <= rows.pitch / 2
+    start = end if is_enough else begin
+    # What all the strokes have missed lies between them: a second cover of lanes begins half a pitch off.
+    then = Left(path, path.cover if isinstance(path, Lanes) else 0.0)
+    return tour([*looks, *outwards(likely, middle, rows, start[rows.fast], way)], rows.speed, then)

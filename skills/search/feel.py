@@ -1,65 +1,72 @@
-"""What is felt on the way: the height of the plate, events of the skin, and slips of the peg in the hand."""
+"""Contact evidence of a search: the height of the plate and events of the skin; and the push, which slips in the hand
+reduce.
+"""
 
 from dataclasses import dataclass
 
 from drivers.quantities import Vector
 from skills.contract import Observation
-from skills.ground import Ground, Plane
 from skills.search.params import SpraySearchParams
+from skills.surface import Plane, SurfaceEstimate
 from skills.tactile.hole_event import HoleEvent
 
 SLIP = 0.1
-"""Change of theta that tells of a slip in the hand, rad."""
+"""Change of theta that counts as a slip of the peg in the hand, rad."""
 
 
 class Evidence:
-    """Watches plate and skin for an edge; one a search."""
+    """Watches the height of the plate and the skin for evidence of an edge; one object serves one search."""
 
-    def __init__(self, params: SpraySearchParams, ground: Ground, event: HoleEvent) -> None:
-        """Take what watches the plate and what watches the skin."""
-        self._params, self._ground, self._event = params, ground, event
+    def __init__(self, params: SpraySearchParams, surface: SurfaceEstimate, event: HoleEvent) -> None:
+        """Take the surface estimate and the detector of the skin's events."""
+        self._params, self._surface, self._event = params, surface, event
 
     def update(self, seen: Observation, edge: Vector, sense: int) -> tuple[float, bool]:
-        """Return how far the lowest point `edge` lies below the plate, m, and whether there is evidence of an edge.
+        """Return the depth of the peg's lowest point `edge` below the surface estimate, m, and whether there is
+        evidence of an edge.
 
         Args:
-            seen: The scan.
+            seen: Observation of this scan.
             edge: Lowest point of the peg, shape (3,), m, base frame.
-            sense: Of the pass, -1 or 1.
+            sense: Sense of the pass along its lane, -1 or 1.
         """
         is_event = seen.is_new_frame and self._event.update(seen.frame)
-        below = self._ground.below(edge, sense)
+        below = self._surface.below(edge, sense)
         return below, is_event if self._params.evidence == "skin" else below > self._params.dip_threshold
 
     def learn(self, edge: Vector, sense: int) -> None:
-        """Take the height of the plate from a scan without an edge."""
-        self._ground.learn(edge, sense)
+        """Update the surface estimate by a scan without an edge."""
+        self._surface.learn(edge, sense)
 
     def restart(self) -> None:
-        """Expect other readings: the peg has begun to move in another way."""
+        """Tell the skin's detector that the peg has begun to move in another way, which changes the readings."""
         self._event.restart()
 
     def forget(self, below: float) -> None:
-        """Begin anew where all of the plate seems to lie `below`, m: no edge, but theta has jumped, say, and with it the plane."""
+        """Start the surface estimate anew where all of the plate seems to lie `below`, m: theta has jumped, and the
+        estimate with it.
+        """
         if below > self._params.dip_threshold:
-            self._ground = Ground()
+            self._surface = SurfaceEstimate()
 
     @property
     def events(self) -> int:
-        """Events of the skin so far."""
+        """Number of events of the skin so far."""
         return self._event.count
 
     def plane(self, near: Vector) -> Plane:
-        """Return the plate next to `near`, shape (2,) or more, m."""
-        return self._ground.plane(near)
+        """Return the plane of the surface estimate at `near`, shape (2,) or more, m, base frame."""
+        return self._surface.plane(near)
 
 
 @dataclass(frozen=True, slots=True)
 class Push:
-    """How hard the peg is pushed down: less after every slip in the hand, for it is friction at the tip that turns it; pure."""
+    """How hard the peg is pushed down; every slip in the hand reduces it, because friction at the tip turns the peg.
+    Pure.
+    """
 
     stiffness: float
-    """Along z, N/m."""
+    """Stiffness along z, N/m."""
     theta: float
     """In-hand angle after the last slip, rad."""
 

@@ -1,4 +1,4 @@
-"""How to search."""
+"""Parameters of the search for the hole."""
 
 import math
 from typing import Annotated, Literal
@@ -10,73 +10,80 @@ from skills.motion import Gains, Transfer
 from skills.tactile.hole_event import HoleEventParams
 
 TOUCHED_TIME = 0.1
-"""The plate counts as touched once the push has been felt for so long, s: a blow is shorter."""
+"""Time for which the plate has to bear the push before it counts as touched, s; the blow at touch-down is shorter."""
 
 
 class SpraySearchParams(SkillParams):
-    """How to search."""
+    """How to search for the hole."""
 
     transfer: Transfer
     """How the hand goes to the first point and down to the surface."""
     gains: Gains
-    """Stiffness and damping along the path and in rotation."""
+    """Stiffness and damping ratio along the path and in rotation. Source: chosen within the margin that `cell check` prints."""
     push_stiffness: PositiveFloat
     """Stiffness along z, which makes the push, N/m."""
     push_back: Annotated[float, Field(gt=0.0, le=1.0)]
-    """Share of the push that is kept at every slip of the peg in the hand, fraction; friction at the tip turns it."""
+    """Push-back: share of the push that is kept at every slip of the peg in the hand, fraction; friction at the tip
+    turns the peg there.
+    """
     least_push: Annotated[float, Field(gt=0.0, le=1.0)]
     """Smallest share of the push that is left after slips, fraction."""
-    push_damping: PositiveFloat
-    """Damping along z, N·s/m; the push over this is the fastest fall."""
     push_offset: NonNegativeFloat
-    """Depth of the tip's setpoint below the surface, m; 0.01 in [gibbons]."""
+    """Depth of the tip's setpoint below the surface, m; 0.01 in [gibbons]. Source: [gibbons], Sec. IV."""
     tilt: Annotated[float, Field(ge=0.0, lt=1.4)]
-    """Tilt of the peg from the vertical, rad; 45 degrees in [gibbons]."""
+    """Tilt of the peg from the vertical, rad; 45 degrees in [gibbons]. Source: [gibbons], Sec. IV."""
     tilt_azimuth: Annotated[float, Field(ge=-math.pi, le=math.pi)]
-    """Tilt azimuth, of the peg's upper end, rad."""
+    """Tilt azimuth: direction in which the peg's upper end stands off the vertical, rad; from the base frame's x axis
+    towards y. For a peg with corners it is the azimuth of the hand's closing axis, and a multiple of the peg's symmetry.
+    """
     fast_axis: Literal["x", "y"]
     """Axis of the base frame that is swept fast."""
     path: Literal["sinusoids", "lanes"]
     """Path over the plate: sinusoids as in [gibbons], or straight lanes at one speed."""
     speed: Annotated[float, Field(gt=0.0, le=0.5)]
-    """Peak speed of the tip, m/s."""
+    """Peak speed of the tip, m/s. Source: measured by `cell study frontier`."""
     run_up: NonNegativeFloat
-    """Time in which the tip reaches its speed, s; sliding off at once digs the edge in."""
+    """Time in which the tip reaches its speed, s; the edge digs in where it slides off at once. Source: decision 0028."""
     pitch: Annotated[float, Field(gt=0.0, le=2.0)]
-    """Largest distance between neighbouring passes, multiple of the hole's diameter or shorter side."""
+    """Largest distance between neighbouring passes, multiple of the hole's diameter or shorter side. Source: measured by `cell trials`."""
     margin: tuple[Annotated[float, Field(ge=0.0, le=0.01)], Annotated[float, Field(ge=0.0, le=0.01)]]
-    """Reach of the passes beyond the area, along its fast axis and across it, m."""
+    """Reach of the passes beyond the area, along its fast axis and across it, m. Source: decision 0030."""
     edge_leads: bool
     """Whether the path is drawn by the lowest point of the peg's edge, which falls in, and not by the middle of its
-    end."""
+    end. Source: decision 0020.
+    """
     height: Annotated[float, Field(gt=0.0, le=0.1)]
     """Height above the surface at the end of the free-space approach, m."""
     descent: Annotated[float, Field(gt=0.0, le=0.5)]
-    """Speed at which the setpoint comes down to the surface, m/s; the blow grows with it."""
+    """Speed at which the setpoint comes down to the surface, m/s; the blow at touch-down grows with it."""
     touch_down: Annotated[float, Field(gt=TOUCHED_TIME)]
-    """Longest time to come down to the surface, s; the path begins as soon as the push is felt."""
+    """Longest time to come down to the surface, s; the path begins as soon as the plate bears the push."""
     trim_rate: NonNegativeFloat
-    """Rate at which the setpoint across the lanes is moved against the tip's error there, 1/s; joint friction holds
-    the arm off."""
+    """Rate at which the setpoint across the lanes is moved against the tip's error there, 1/s; it takes out what joint
+    friction holds the arm off. Source: decision 0030.
+    """
     trim_limit: NonNegativeFloat
     """Largest move of the setpoint across the lanes, m."""
     evidence: Literal["skin", "height"]
     """Contact evidence that stops the path: an event of the skin, as in [gibbons], or a dip of the tip, which no frame
-    can miss."""
+    can miss. Source: measured by `cell study events`.
+    """
     event: HoleEventParams
-    """How a hole event of the skin is told from noise."""
+    """How a hole event of the skin is told from noise. Source: decision 0025."""
     dip_threshold: PositiveFloat
-    """Dip of the tip below the surface that is evidence of an edge, m; the exact fall at 45 degrees is 2.4 mm."""
+    """Dip threshold: depth of the tip below the surface estimate that is evidence of an edge, m; the exact fall at 45
+    degrees is 2.4 mm. Source: set by hand, its rate of false evidence measured by `cell study events`.
+    """
     fall: NonNegativeFloat
     """Depth below the surface at which the resting tip is in the hole, m; 0 takes the evidence for the hole, as
-    [gibbons] does."""
+    [gibbons] does. Source: decision 0020."""
     rest: PositiveFloat
-    """Time for which the hand rests before the tip's depth is judged, by a frame of its end, s."""
+    """Time for which the hand rests before the tip's depth is judged, by a frame of its end, s. Source: decision 0020."""
     probe_radius: NonNegativeFloat
-    """Radius of the spiral that looks round the place of the evidence where the resting tip is not deep enough, m."""
+    """Radius of the spiral that probes the place of the evidence where the resting tip is not deep enough, m. Source: decision 0020."""
     probe_speed: PositiveFloat
     """Speed of the tip along the probing spiral, m/s."""
     probe_pitch: PositiveFloat
     """Distance between the turns of the probing spiral, m."""
     timeout: PositiveFloat
-    """Longest search, s; 100 in [gibbons]."""
+    """Longest search, s; 100 in [gibbons]. Source: [gibbons], Sec. VI."""

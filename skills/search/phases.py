@@ -1,7 +1,8 @@
-"""What a search is doing, as values, and what makes it do something else; pure.
+"""The phases of a search, as values, and the conditions on which one follows the other; pure.
 
-The peg comes down, slides along the course until there is evidence of an edge, and rests there. Where the resting tip is
-not deep enough, it looks round the place once, on a spiral, rests again where it falls, and goes back to the course.
+The peg comes down, slides along the course until there is contact evidence of an edge, and rests there. Where the
+resting tip is not deep enough, the peg probes the surroundings once, on a spiral, rests again where it falls, and goes
+back to the course.
 """
 
 import math
@@ -15,19 +16,19 @@ from skills.search.course import Course
 from skills.search.params import TOUCHED_TIME, SpraySearchParams
 
 RETURN_TIME = 0.4
-"""In which the tip comes back to its course after a rest or a probe, s."""
+"""Time in which the tip comes back to its course after a rest or a probe, s."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Detour:
-    """How the setpoint stands off its way, and how the peg leans, until it is back."""
+    """Offset of the setpoint from its course, and the peg's axis, which fade on the way back to the course."""
 
     since: float
-    """When the way back began, as time of running, s."""
+    """Start of the way back, as time of running, s."""
     offset: Vector
-    """From the way to the setpoint at that time, shape (2,), m."""
+    """Offset from the course to the setpoint at that time, shape (2,), m."""
     axis: Vector
-    """Of the peg at that time, unit, shape (3,), base frame."""
+    """Axis of the peg at that time, unit, shape (3,), base frame."""
     closing: Vector
     """Closing axis of the hand at that time, unit, shape (3,), base frame."""
 
@@ -41,67 +42,69 @@ class Felt:
     """What one scan tells of the peg on the plate."""
 
     elapsed: float
-    """Time of running, s."""
+    """Time that the search has been running, s."""
     stamp: float
     """Start of the scan, s."""
     frame_stamp: float
-    """Time of the newest frame that theta is from, s."""
+    """Time of the newest frame in theta, s."""
     tcp: Pose
     tip: Vector
     """End point of the peg, shape (3,), m, base frame."""
     axis: Vector
-    """Of the peg, unit, shape (3,), base frame."""
+    """Axis of the peg, unit, shape (3,), base frame."""
     below: float
     """Depth of the lowest point of the peg below the plate, m."""
     is_pressed: bool
-    """The plate bears the push."""
+    """Whether the plate bears the push."""
     is_edge: bool
-    """There is evidence of an edge."""
+    """Whether there is contact evidence of an edge."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ComingDown:
-    """To the plate, from above the first point."""
+    """The peg comes down to the plate from above the first point."""
 
     detour: Detour
     pressed: int = 0
-    """Scans on end in which the plate bore the push."""
+    """Number of scans on end in which the plate bore the push."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sliding:
-    """Along the course."""
+    """The peg slides along the course."""
 
     detour: Detour
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Probing:
-    """Round the place of the evidence, on a spiral."""
+    """The peg probes the place of the evidence on a spiral."""
 
     detour: Detour
     place: Vector
-    """Of the evidence, shape (2,), m, base frame."""
+    """Place of the evidence, shape (2,), m, base frame."""
 
     def looked(self, elapsed: float, params: SpraySearchParams) -> Vector:
-        """Return where the probe is about its place, shape (2,), m."""
+        """Return the offset of the probe from its place, shape (2,), m."""
         return spiral_at_speed(elapsed - self.detour.since, params.probe_speed, params.probe_pitch)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Resting:
-    """Still, and pushing, until a frame of its end tells how deep the tip is."""
+    """The hand rests, pushing, until a frame taken at rest tells the depth of the tip."""
 
     place: Vector
-    """Of the evidence, shape (2,), m, base frame."""
+    """Place of the evidence, shape (2,), m, base frame."""
     tcp: Pose
-    """Where the hand was when it was stopped; the hand and not the tip is held, for the fall turns the peg in the hand."""
+    """Pose of the hand when it was stopped, T_base_tcp; the hand and not the tip is held, because the fall turns the
+    peg in the hand.
+    """
     stopped: float
-    """When that was, as a stamp, s."""
+    """Time at which the hand was stopped, as a stamp, s."""
     was_probed: bool = False
 
     def is_over(self, felt: Felt, params: SpraySearchParams) -> bool:
-        """Tell whether the tip's depth is known well enough to be judged."""
+        """Return whether the tip's depth is known well enough to be judged."""
         return params.fall == 0.0 or felt.frame_stamp >= self.stopped + params.rest
 
 
@@ -109,22 +112,22 @@ Phase = ComingDown | Sliding | Probing | Resting
 
 
 def first_phase(course: Course) -> Phase:
-    """Return what a search begins with."""
+    """Return the phase that a search begins with."""
     return ComingDown(Detour(0.0, np.zeros(2), course.axis, course.closing))
 
 
 def next_phase(
     phase: Phase, felt: Felt, params: SpraySearchParams, course: Course, point: Vector, scan_period: float
 ) -> Phase:
-    """Return what the search does after one scan; the same object where it goes on.
+    """Return the phase after one scan; the same object where the phase goes on.
 
     Args:
-        phase: What it does.
-        felt: What the scan tells.
+        phase: The phase under way.
+        felt: What the scan told.
         params: How to search.
-        course: Where the way is.
-        point: Where on it the search is, from its middle, shape (2,), m.
-        scan_period: Between two scans, s.
+        course: The course of the search.
+        point: Place on the course, from its middle, shape (2,), m.
+        scan_period: Time between two scans, s.
     """
     if isinstance(phase, ComingDown):
         return _touched(phase, felt, params, scan_period)
@@ -136,7 +139,7 @@ def next_phase(
 
 
 def after_rest(phase: Resting, felt: Felt, params: SpraySearchParams, course: Course, point: Vector) -> Phase:
-    """Return what the search does where the resting tip was not deep enough: look round the place once, then slide on."""
+    """Return the phase where the resting tip was not deep enough: probe the place once, then slide on."""
     is_probed = not phase.was_probed and params.probe_radius > 0.0
     goal = phase.place if is_probed else course.middle + point
     detour = Detour(felt.elapsed, felt.tip[:2] - goal, felt.axis, felt.tcp.rotation[:, 2])
@@ -144,7 +147,7 @@ def after_rest(phase: Resting, felt: Felt, params: SpraySearchParams, course: Co
 
 
 def _touched(phase: ComingDown, felt: Felt, params: SpraySearchParams, scan_period: float) -> Phase:
-    """Slide once the push is felt, or has had long enough."""
+    """Slide once the plate bears the push, or after the longest time to come down."""
     pressed = phase.pressed + 1 if felt.is_pressed else 0
     if pressed * scan_period >= TOUCHED_TIME or felt.elapsed >= params.touch_down:
         return Sliding(replace(phase.detour, since=felt.elapsed))
@@ -152,7 +155,7 @@ def _touched(phase: ComingDown, felt: Felt, params: SpraySearchParams, scan_peri
 
 
 def _probed(phase: Probing, felt: Felt, params: SpraySearchParams, course: Course, point: Vector) -> Phase:
-    """Rest where the tip falls, or go back to the course from where the setpoint is at the end of the spiral."""
+    """Rest where the tip falls; at the end of the spiral go back to the course from where the setpoint is."""
     if felt.below > params.fall:
         return Resting(phase.place, felt.tcp, felt.stamp, was_probed=True)
     looked = phase.looked(felt.elapsed, params)

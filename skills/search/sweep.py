@@ -1,4 +1,4 @@
-"""The peg on its way over the plate: each scan in, each setpoint out. One a search."""
+"""The peg on its way over the plate: it takes each observation and gives each setpoint; one object serves one search."""
 
 from dataclasses import replace
 
@@ -21,15 +21,16 @@ from skills.search.phases import (
     first_phase,
     next_phase,
 )
+from skills.search.tour import Left
 
 REST_DAMPING = 2.5
-"""Damping of the resting hand over that of the search: it shall stop within a millimetre or two."""
+"""Factor on the search's damping while the hand rests; the hand has to stop within a millimetre or two."""
 TOUCHED = 0.5
-"""The plate bears the push where the force along z is more than this share of it."""
+"""Share of the push along z above which the plate counts as bearing it, fraction."""
 
 
 class Sweep:
-    """Goes through the phases of a search; what makes it go from one to the next is in `skills.search.phases`."""
+    """Goes through the phases of a search; `skills.search.phases` decides on which phase follows."""
 
     def __init__(self, params: SpraySearchParams, ctx: SkillContext, course: Course, evidence: Evidence) -> None:
         """Begin above the first point of the course."""
@@ -42,8 +43,9 @@ class Sweep:
         """Time along the course, s."""
         self._point, self._velocity = course.path.at(0.0)
         self._resting: ImpedanceSetpoint | None = None
+        self._edge = course.first
         self.rests = 0
-        """How often the path was stopped by evidence."""
+        """Number of times that contact evidence stopped the path."""
 
     def finds(self, seen: Observation) -> bool:
         """Take one observation; return whether the tip was judged to be in the hole."""
@@ -51,7 +53,7 @@ class Sweep:
         self._push = self._push.after(seen.peg.theta, params)
         self._point, self._velocity = point, velocity = course.path.at(self._along)
         sense = -1 if velocity[course.fast] < 0.0 else 1
-        edge = self._ctx.job.peg.part.lowest(seen.tip, seen.axis, seen.arm.tcp.rotation[:, 2])
+        edge = self._edge = self._ctx.job.peg.part.lowest(seen.tip, seen.axis, seen.arm.tcp.rotation[:, 2])
         felt = self._felt(seen, *self._evidence.update(seen, edge, sense))
         before = self._phase
         self._enter(next_phase(before, felt, params, course, point, self._ctx.scan_period), felt)
@@ -63,8 +65,20 @@ class Sweep:
             self._enter(after_rest(self._phase, felt, params, course, point), felt)
         return False
 
+    @property
+    def edge(self) -> tuple[float, float]:
+        """Lowest point of the peg in the newest scan, m, base frame."""
+        return float(self._edge[0]), float(self._edge[1])
+
+    @property
+    def left(self) -> Left:
+        """What is left of the way over the area."""
+        return Left(self._course.path, self._along)
+
     def setpoint(self, seen: Observation) -> ImpedanceSetpoint:
-        """Return what the arm shall follow now, and go on along the course; once a scan, after `finds`."""
+        """Return the setpoint that the arm shall follow now, and go on along the course; to be called once a scan,
+        after `finds`.
+        """
         phase = self._phase
         if isinstance(phase, Resting):
             assert self._resting is not None
@@ -74,14 +88,14 @@ class Sweep:
         slow = 1 - self._course.fast
         self._trim = self._trim.after(target[slow] - seen.tip[slow], self._ctx.scan_period)
         target[slow] += self._trim.value
-        stiffness, damping = self._compliance()
+        stiffness, damping_ratio = self._compliance()
         return ImpedanceSetpoint(
             id=self._identity,
             tip=target,
             axis=between(self._course.axis, phase.detour.axis, back),
             roll=between(self._course.closing, phase.detour.closing, back),
             stiffness=stiffness,
-            damping=damping,
+            damping_ratio=damping_ratio,
             valid_until=seen.stamp + VALIDITY,
             in_hand=self._ctx.in_hand(),
             twist=Twist(velocity, np.zeros(3)),
@@ -115,14 +129,14 @@ class Sweep:
         )
 
     def _way(self, phase: ComingDown | Sliding | Probing, elapsed: float, back: float) -> tuple[Vector, Vector]:
-        """Return the setpoint of the tip and its velocity, both shape (3,), m and m/s, and go on along the course."""
+        """Return the setpoint of the tip, shape (3,), m, and its velocity, shape (3,), m/s, and go on along the course."""
         params, course = self._params, self._course
         depth = self._ctx.job.hole.centre[2] - params.push_offset
         target, velocity = np.array([0.0, 0.0, depth]), np.zeros(3)
         if isinstance(phase, Probing):
             target[:2] = phase.place + phase.looked(elapsed, params) + back * phase.detour.offset
         elif isinstance(phase, Sliding):
-            # Pushed less, the peg falls less far in the same time.
+            # Under a smaller push the peg falls less far in the same time.
             run_up = min((elapsed - phase.detour.since) / max(params.run_up, 1e-6), 1.0)
             pace = self._push.stiffness / params.push_stiffness * run_up
             self._along += pace * self._ctx.scan_period
@@ -135,19 +149,19 @@ class Sweep:
 
     def _still(self, phase: Resting) -> ImpedanceSetpoint:
         """Return the setpoint that holds the hand where it was stopped, still pushing down."""
-        stiffness, damping = self._compliance()
+        stiffness, damping_ratio = self._compliance()
         return ImpedanceSetpoint(
             id=self._identity,
             tip=phase.tcp.position - np.array([0.0, 0.0, self._params.push_offset]),
             axis=-phase.tcp.rotation[:, 0],
             roll=phase.tcp.rotation[:, 2],
             stiffness=stiffness,
-            damping=REST_DAMPING * damping,
+            damping_ratio=REST_DAMPING * damping_ratio,
             valid_until=phase.stopped + VALIDITY,
         )
 
     def _compliance(self) -> tuple[Vector, Vector]:
-        """Return stiffness and damping, each shape (6,)."""
-        stiffness, damping = self._params.gains.stiffness(), self._params.gains.damping()
-        stiffness[2], damping[2] = self._push.stiffness, self._params.push_damping
-        return stiffness, damping
+        """Return stiffness and damping ratios, each shape (6,)."""
+        stiffness, damping_ratio = self._params.gains.stiffness(), self._params.gains.damping_ratios()
+        stiffness[2] = self._push.stiffness
+        return stiffness, damping_ratio

@@ -1,4 +1,4 @@
-"""Theta from frame to frame as a weighted mean, held between them: the simpler of the two trackers."""
+"""Theta from frame to frame as a weighted mean, held in between; the simpler of the two trackers."""
 
 import math
 from dataclasses import replace
@@ -12,11 +12,12 @@ from skills.tactile.pose import NO_PEG, PegPose
 
 
 class Smoothing(ConfigModel):
-    """How theta is taken over from frame to frame; noise of theta would kick the tip at the skin's rate."""
+    """How theta is carried from frame to frame; unfiltered noise of theta would move the tip at the skin's rate."""
 
     method: Literal["blend", "observer"] = "blend"
-    """How theta is kept from frame to frame: blended and held between frames, or observed at every scan, see
-    `skills.tactile.observer`."""
+    """How theta is kept from frame to frame; `blend` weighs and holds it, `observer` follows it at every scan, see
+    `skills.tactile.observer`. Source: decision 0017.
+    """
     blend: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
     """Weight of a new frame in the running estimate, fraction; 1 takes each frame as it is, as [gibbons] does."""
     jump: Annotated[float, Field(gt=0.0)] = 0.15
@@ -26,7 +27,7 @@ class Smoothing(ConfigModel):
     def take(self, held: PegPose, new: PegPose) -> PegPose:
         """Return the running estimate after a new healthy frame.
 
-        A peg looks the same turned by 180 degrees, so the angle next to the held one is meant.
+        A peg looks the same turned by 180 degrees, so the angle that is nearest to the held one is meant.
         """
         if not held.healthy:
             return new
@@ -38,11 +39,11 @@ class Blend:
     """Blends frames as `Smoothing` says, and holds theta between them."""
 
     def __init__(self, smoothing: Smoothing) -> None:
-        """Start with nothing known."""
+        """Start without any estimate."""
         self._smoothing, self._peg = smoothing, NO_PEG
 
     def follow(self, stamp: float, tcp: Pose, length: float, new: PegPose | None) -> PegPose:
-        """See `Tracker`."""
+        """Return the pose of the peg now; see `Tracker`."""
         if new is not None and new.stamp > self._peg.stamp:
             self._peg = self._smoothing.take(self._peg, new)
         return self._peg

@@ -29,11 +29,11 @@ class TouchSetup:
     """What an estimator is made for."""
 
     layout: Layout
-    """Where the taxels are."""
+    """Layout of the taxels."""
     peg: Peg
-    """What is held."""
+    """The peg that is held."""
     point_spread: float | None
-    """Standard deviation of the elastomer's point spread as the skin's calibration found it, m; None where there is none."""
+    """Standard deviation of the elastomer's point spread as the skin's calibration found it, m; None without a calibration."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,13 +41,13 @@ class EstimatorEntry(Generic[P]):
     """One estimator: everything that the config and the assembly derive from it."""
 
     name: str
-    """In `insert.estimator`, and of its section of the config."""
+    """Name in `insert.estimator`, and of the estimator's section of the config."""
     params: type[P]
     make: Callable[[P, TouchSetup], Estimator]
 
 
 def estimators(*entries: EstimatorEntry[Any]) -> dict[str, EstimatorEntry[Any]]:
-    """Return entries by name.
+    """Return the entries by name.
 
     Raises:
         ConfigError: Two have the same name.
@@ -61,7 +61,7 @@ def estimators(*entries: EstimatorEntry[Any]) -> dict[str, EstimatorEntry[Any]]:
 
 
 def _as_measured(params: Templated, setup: TouchSetup) -> Templated:
-    """Return parameters with the point spread that the skin's calibration found, where there is one."""
+    """Return parameters with the point spread that the skin's calibration found, if it found one."""
     if setup.point_spread is None:
         return params
     templates = params.templates.model_copy(update={"blur": setup.point_spread})

@@ -1,13 +1,13 @@
 """The moment at which the peg falls into the hole, as the skin feels it: [gibbons], Sec. IV.
 
 While the peg is pushed on the surface, one pad carries more and the other less, and a stiffening pad gains more than
-its partner loses, so that the average over all taxels tells of the push. When the support goes it falls; when the
-peg's edge then meets the far wall and is turned in the hand, it rises, and that lasts: a change either way is looked
-for. Only `derivative`, as printed, waits for the fall.
+its partner loses, so that the average over all taxels follows the push. When the support goes, the average falls; when
+the peg's edge then meets the far wall and is turned in the hand, it rises and stays high. The detectors therefore look
+for a change either way; only `derivative`, as printed, waits for the fall.
 
-Where no threshold is set by hand, it follows from a stated rate of false alarms: each frame is told in standard
-deviations of the noise that the frames before it showed, by Student's t as a normal deviate, so that a noise known
-from few frames is not believed too much.
+A threshold that is not set by hand follows from a stated rate of false alarms. Each frame is expressed in standard
+deviations of the noise that the frames before it showed, by Student's t as a normal deviate, so that a noise known from
+few frames is not believed too much.
 """
 
 import math
@@ -22,13 +22,13 @@ from drivers.config_model import ConfigModel
 from drivers.quantities import TaxelFrame, Vector
 
 LEAST_COMMON = 10
-"""Averages of fewer taxels, trusted in all frames that are compared, are not compared."""
+"""Smallest number of taxels trusted in all compared frames for which averages are compared."""
 LEAST_KNOWN = 3
-"""Deviations that the noise must be known from."""
+"""Smallest number of deviations from which the noise is estimated."""
 NOISE_MEMORY = 300
-"""Frames after which a deviation counts by 1/e for the noise."""
+"""Number of frames after which the weight of a deviation in the noise has fallen to 1/e."""
 OUTLIER = 3.0
-"""A deviation counts for the noise as at most so many standard deviations: a slip is no noise."""
+"""Largest deviation that enters the noise, standard deviations; a slip is not noise."""
 
 
 class HoleEventParams(ConfigModel):
@@ -41,7 +41,7 @@ class HoleEventParams(ConfigModel):
     threshold: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.2
     """Fall that counts for `derivative`, fraction of the running average; set by hand."""
     false_alarms: Annotated[float, Field(gt=0.0, le=100.0)] = 1e-3
-    """Events that noise alone may cause in a search that lasts until its timeout, count; for `difference` and `cusum`.
+    """Events that noise alone may cause in a search that lasts until its timeout, count; for `difference` and `cusum`. Source: measured by `cell study events`.
     """
     span: Annotated[int, Field(ge=1, le=100)] = 3
     """Number of frames that `difference` takes together."""
@@ -54,12 +54,12 @@ class HoleEventParams(ConfigModel):
 class HoleEvent:
     """Watches the average of all trusted taxels, frame by frame.
 
-    Frames are compared over the taxels that are trusted in all of them, so that a taxel that drops out is no
-    change. An event is reported at the first frame that shows it; the sum and the running average start anew after it.
+    Frames are compared over the taxels that are trusted in all of them, so that a taxel that drops out is no change. An
+    event is reported at the first frame that shows it; the sum and the running average then start anew.
     """
 
     def __init__(self, params: HoleEventParams, horizon: float) -> None:
-        """Start with nothing seen; the rate of false alarms counts over `horizon`, s."""
+        """Start without any frame; `horizon`, s, is the time to which the rate of false alarms refers."""
         self._params, self._horizon = params, horizon
         self._span = params.span if params.method == "difference" else 1
         self._frames: deque[TaxelFrame] = deque(maxlen=params.memory + self._span)
@@ -67,7 +67,7 @@ class HoleEvent:
         self._variance, self._known = 0.0, 0
         self._is_falling = False
         self.count = 0
-        """Events so far."""
+        """Number of events so far."""
         self.stamp: float | None = None
         """Time of the frame that showed the last event, s."""
 
@@ -83,13 +83,13 @@ class HoleEvent:
         return is_event
 
     def restart(self) -> None:
-        """Forget what the average was, but not its noise: the peg goes on under another load."""
+        """Forget the running average, but not its noise: the peg goes on under another load."""
         self._frames.clear()
         self._sums[:] = 0.0
         self._is_falling = False
 
     def take(self, frame: TaxelFrame) -> float:
-        """Take a new frame; return what is held against `limit`, 0 as long as too little is known."""
+        """Take a new frame; return the statistic that is compared with `limit`, 0 as long as too few frames are known."""
         self._frames.append(frame)
         averages, span = self._averages(), self._span
         if averages.size <= span:
@@ -107,7 +107,7 @@ class HoleEvent:
         return float(self._sums.max())
 
     def limit(self) -> float:
-        """Return what `take` must pass for an event; infinite before two frames told their distance in time."""
+        """Return the size of the statistic that is an event; infinite before two frames have told their distance in time."""
         params = self._params
         if params.method == "derivative":
             return params.threshold
@@ -125,7 +125,7 @@ class HoleEvent:
         return math.copysign(size, change)
 
     def _learn(self, change: float) -> None:
-        """Let one more deviation tell of the noise."""
+        """Update the noise by one more deviation."""
         square = change * change
         if self._known >= LEAST_KNOWN:
             square = min(square, OUTLIER**2 * self._variance)
@@ -141,15 +141,15 @@ class HoleEvent:
 
 
 def _scaled(averages: Vector, span: int) -> float:
-    """Return the newest `span` less those before, in the units of a single one's noise."""
+    """Return the mean of the newest `span` frames less the mean of those before, in standard deviations of a single frame."""
     before = averages[:-span]
     return float(averages[-span:].mean() - before.mean()) / math.sqrt(1.0 / span + 1.0 / before.size)
 
 
 def limit(params: HoleEventParams, chance: float) -> float:
-    """Return what `take` must pass for an event, where noise alone may do so with this chance in each frame.
+    """Return the limit of the statistic that noise alone passes with this chance in each frame.
 
-    As many false alarms as stated are what comes of a sum; of overlapping differences, which pass together, fewer.
+    For a sum the false alarms come out as stated; for differences, which overlap and pass together, they are fewer.
     """
     if params.method == "derivative":
         return params.threshold
@@ -158,7 +158,7 @@ def limit(params: HoleEventParams, chance: float) -> float:
 
 
 def normal_limit(chance: float) -> float:
-    """Return the size that a normal deviate passes, either way, with this chance."""
+    """Return the size that a normal deviate exceeds, in either direction, with this chance."""
     return NormalDist().inv_cdf(1.0 - chance / 2.0)
 
 
@@ -168,7 +168,7 @@ def page_limit(slack: float, run_length: float) -> float:
     By the approximation of [siegmund], (exp(2 k b) - 2 k b - 1) / 2 k² with b = h + 1.166, solved for h.
 
     Args:
-        slack: k, what the sum forgives at each frame, standard deviations, > 0.
+        slack: Allowance k that the sum subtracts at each frame, standard deviations, > 0.
         run_length: Average number of frames from one false alarm to the next.
     """
     low, high = 0.0, math.log(2.0 * slack * slack * run_length + 2.0) + 20.0

@@ -43,13 +43,13 @@ class ImageParams(ConfigModel):
 class ImageEstimator:
     """Image moments of the thresholded sum of both fingers' images, the method of [gibbons].
 
-    How the image is made, and what becomes of it where taxels are not trusted, is said in `skills.tactile.picture`. The
-    left image is flipped ([gibbons], Eq. (1)) by taking its taxels where they are in the finger frame. A dead module
-    is replaced by the other finger's.
+    `skills.tactile.picture` makes the image and treats taxels that are not trusted. The left image is flipped
+    ([gibbons], Eq. (1)) by taking its taxels where they are in the finger frame. A dead module is replaced by the other
+    finger's.
 
-    The error of theta is mostly the lattice's and not noise. An error e of the second moments turns the
+    The error of theta comes mostly from the lattice and not from noise. An error e of the second moments turns the
     ellipse by e / (l1 - l2), with its squared axes l1, l2 (first order of the moments' formula); sigma is that for
-    `LATTICE_ERROR`, more by the share of taxels that are missing.
+    `LATTICE_ERROR`, enlarged by the share of taxels that are missing.
     """
 
     def __init__(self, params: ImageParams, layout: Layout) -> None:

@@ -25,15 +25,15 @@ class LikelihoodParams(ConfigModel):
     kind: Literal["ml", "robust"] = "ml"
     """The estimator by maximum likelihood over templates."""
     templates: TemplateParams = TemplateParams()
-    """The pad as its maker knows it."""
+    """Model of the pad, as its maker states it."""
     noise: Annotated[float, Field(ge=1.0, le=5000.0)] = 300.0
     """Standard deviation of a taxel's reading, counts."""
     gain_spread: Annotated[float, Field(ge=0.0, le=0.5)] = 0.08
-    """What taxels differ by and templates miss, fraction of the reading."""
+    """Standard deviation of a taxel's gain and of what templates miss, fraction of the reading."""
     offset_spread: Annotated[float, Field(ge=1e-5, le=1e-2)] = 7e-4
     """Standard deviation of the peg's offset from the finger centre, m."""
     off_centre: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.05
-    """Chance that the offset is anything within the templates' reach instead, fraction."""
+    """Prior probability that the offset lies anywhere within the templates' reach instead, fraction."""
     imbalance: Annotated[float, Field(ge=0.01, le=2.0)] = 0.3
     """Standard deviation of half the difference of the fingers' loads, fraction of their mean."""
     rise: Annotated[float, Field(ge=0.01, le=5.0)] = 0.6
@@ -45,9 +45,9 @@ class LikelihoodParams(ConfigModel):
     least_load: Annotated[float, Field(ge=0.0, le=43e3)] = 2000.0
     """Mean load, as the reading right under the peg, below which there is no peg, counts."""
     most_sigma: Annotated[float, Field(gt=0.0, le=1.6)] = 0.1
-    """Standard deviation of an angle above which it is not told, rad."""
+    """Standard deviation of an angle above which theta is not reported, rad."""
     most_misfit: Annotated[float, Field(ge=1.0, le=1000.0)] = 12.0
-    """Misfit beyond which a frame shows something else than a peg, ratio of squared residuals to those expected."""
+    """Misfit beyond which a frame shows something other than a peg, ratio of squared residuals to those expected."""
     most_residual: Fraction = 0.3
     """Largest share of a frame's squares that a peg leaves unexplained, fraction."""
     least_trusted: Annotated[int, Field(ge=3, le=FINGERS * TAXELS)] = 20
@@ -55,9 +55,9 @@ class LikelihoodParams(ConfigModel):
 
 
 class LikelihoodEstimator:
-    """Posterior over templates: coarse everywhere, fine about the likely angles.
+    """Posterior over templates: a coarse grid everywhere, a fine one about the likely angles.
 
-    The theta told is the posterior's mean and sigma its spread, widened by the misfit where the frame is further from
+    Theta is the posterior's mean and sigma its spread, which is widened by the misfit where the frame is further from
     the best template than noise and gains explain.
     """
 
@@ -78,33 +78,33 @@ class LikelihoodEstimator:
 
 
 class Found(NamedTuple):
-    """What the templates say of one frame."""
+    """Result of the comparison of one frame with the templates."""
 
     theta: float
-    """rad."""
+    """In-hand angle, rad."""
     offset: float
-    """m."""
+    """Distance of the peg's axis from the finger centre, m, signed."""
     sigma: float
     """Standard deviation of theta, rad."""
     load: float
-    """Mean of both fingers', counts right under the peg."""
+    """Mean load of both fingers, as the reading right under the peg, counts."""
     misfit: float
-    """Squared residuals over what was expected of them."""
+    """Sum of squared residuals over its expected value, ratio."""
     residual: float
-    """Share of the frame's squares that is left."""
+    """Share of the frame's squares that the template leaves unexplained, fraction."""
     chance: float
-    """Log posterior of the likeliest angle, but for a constant of frame and weights."""
+    """Log posterior of the likeliest angle, up to a constant of frame and weights."""
     place: float
-    """Of the print among those of the bank, 0 the first; between two where the frame says so."""
+    """Position of the print among those of the bank, 0 for the first; a fraction lies between two prints."""
     surety: float
-    """One over the variance of `place`, what was believed before included."""
+    """Precision of `place`, one over its variance, with the prior belief included."""
 
 
 class Bank:
     """The templates of one peg, for one print in the pads or several, ready to be compared with frames."""
 
     def __init__(self, params: LikelihoodParams, *prints: Templates) -> None:
-        """Keep what every comparison needs; `prints` are one, or at least three that change by even steps."""
+        """Prepare the tables of a comparison; `prints` are one, or at least three that change by even steps."""
         templates = prints[0]
         within = np.exp(-0.5 * (templates.offset / params.offset_spread) ** 2) / params.offset_spread
         anywhere = math.sqrt(2.0 * math.pi) / (2.0 * params.templates.offset_reach)
@@ -116,7 +116,7 @@ class Bank:
         self._arguments = (prior, tightness, templates.theta, templates.offset, even, rising)
         self.left: Vector = np.zeros(FINGERS * TAXELS)
         """Residuals of the last comparison over their standard deviations, shape (40,)."""
-        # Compiled, or fetched from the cache, now and not in the first scan.
+        # The first call compiles the comparison or fetches it from the cache; it must not happen in the first scan.
         self.compare(np.ones(FINGERS * TAXELS), np.ones(FINGERS * TAXELS))
 
     def compare(
@@ -126,24 +126,24 @@ class Bank:
 
         Args:
             values: Readings, counts, shape (40,).
-            weights: One over their expected variance, 0 where not trusted, shape (40,).
+            weights: One over the readings' expected variance, 0 where not trusted, shape (40,).
             is_wide: Try all offsets and not only those near the finger centre.
-            believed: Which print is expected, as place and surety of `Found`; any without.
+            believed: Expected print, as place and surety of `Found`; None for no expectation.
         """
-        from skills.tactile.posterior import posterior  # compiled; only who compares needs the compiler
+        from skills.tactile.posterior import posterior  # imports the compiler, which only a comparison needs
 
         return Found(*posterior(is_wide, *(believed or self._middle), values, weights, *self._arguments, self.left))
 
 
 def weights_of(params: LikelihoodParams, values: Vector, trusted: Mask) -> Vector:
-    """Return one over the variance that is expected of each reading, 0 where it is not trusted, shape (40,)."""
+    """Return one over the variance that is expected of each reading, shape (40,), 0 where it is not trusted."""
     expected = params.gain_spread * np.maximum(values, 0.0)
     weights: Vector = trusted / (params.noise**2 + expected * expected)
     return weights
 
 
 def pose_of(params: LikelihoodParams, found: Found, frame: TaxelFrame) -> PegPose:
-    """Return what was found as a pose, healthy or not."""
+    """Return the result of a comparison as a pose, healthy or not."""
     healthy = (
         found.load >= params.least_load
         and found.sigma <= params.most_sigma

@@ -1,9 +1,10 @@
-"""Theta at every scan, from frames that come ten times a second: two Kalman filters, one for each thing a peg can do.
+"""Theta at every scan, from frames that come ten times a second, by two Kalman filters that stand for two motions of
+the peg.
 
 Between frames the peg either sticks to the pads, so that theta stays, or its tip is held by what it touches and the
-fingers turn about it, so that the tip stays and theta follows from where the finger now is. Both are carried along
-from the last frame; the next one tells which was right, and the two are mixed by how likely each is ([blom]). A frame
-that neither foresaw is a slip and is taken as it is.
+fingers turn about it, so that the tip stays and theta follows from the finger's pose. Both hypotheses are carried along
+from the last frame; the next frame weighs them, and the two are mixed by their likelihoods ([blom]). A frame that
+neither foresaw is a slip and is taken as it is.
 """
 
 import math
@@ -20,40 +21,40 @@ from drivers.quantities import Pose, Vector
 from skills.tactile.pose import NO_PEG, PegPose
 
 HISTORY = 100
-"""Scans for which the finger's pose is remembered, to know it when an older frame was measured."""
+"""Number of scans for which the finger's pose is remembered, so that the pose at the time of an older frame is known."""
 REPEATS = 0.5
-"""Share of a frame's variance that the next ones repeat (gains, lattice, pad model) and no filter takes away."""
+"""Share of a frame's variance that the next frames repeat (gains, lattice, pad model) and that no filter removes, fraction."""
 STRETCH = 0.1
-"""The tip is never held quite still: part of the turn that this would take which may be missing."""
+"""Share of the turn about a fixed tip that may be missing, fraction; the tip is never held quite still."""
 
 
 class ObserverParams(ConfigModel):
     """How theta may move between frames."""
 
     walk: Annotated[float, Field(gt=0.0, le=1.0)] = 8e-3
-    """Standard deviation in one second of what neither way of moving foresees, rad."""
+    """Standard deviation, after one second, of the part of theta that neither motion foresees, rad."""
     change: Annotated[float, Field(gt=0.0, lt=0.5)] = 0.1
-    """Chance that the peg passes from one way of moving to the other between two frames, fraction."""
+    """Probability that the peg passes from one motion to the other between two frames, fraction."""
     slip: Annotated[float, Field(ge=2.0, le=20.0)] = 4.0
-    """Distance of a frame from both ways of moving at which the peg has slipped, standard deviations."""
+    """Distance of a frame from both motions at which the peg has slipped, standard deviations."""
     longest: Annotated[float, Field(gt=0.0, le=10.0)] = 1.0
-    """Time without a frame after which everything begins anew, s."""
+    """Time without a frame after which the filters start anew, s."""
 
 
 class Observer:
     """Follows one peg in the hand."""
 
     def __init__(self, params: ObserverParams) -> None:
-        """Start with nothing known."""
+        """Start without any estimate."""
         self._params = params
         self._path: deque[tuple[float, Pose]] = deque(maxlen=HISTORY)
         self._peg = NO_PEG
         self._finger: Pose | None = None
         self._variance = 0.0
         self.pivoting = 0.5
-        """How likely it is that the tip stays and the peg turns in the hand, 0 to 1."""
+        """Probability that the tip stays and the peg turns in the hand, 0 to 1."""
         self.slips = 0
-        """Frames that neither way of moving foresaw."""
+        """Number of frames that neither motion foresaw."""
 
     def follow(self, stamp: float, tcp: Pose, length: float, new: PegPose | None) -> PegPose:
         """Return the pose of the peg now; its stamp is that of the newest frame in it.
@@ -61,12 +62,12 @@ class Observer:
         Args:
             stamp: Time now, s.
             tcp: T_base_tcp now.
-            length: From the finger centre to the peg's end point, m.
+            length: Distance from the finger centre to the peg's end point, m.
             new: A healthy estimate from a frame that has just come, if any; its stamp may lie in the past.
         """
         self._path.append((stamp, tcp))
         if new is not None and (new.stamp > self._peg.stamp or self._finger is None):
-            # An older one, overtaken on its way, has nothing to tell any more.
+            # A frame that was overtaken on its way carries no information that is not known already.
             self._take(new, length)
         if self._finger is None:
             return self._peg
@@ -78,7 +79,7 @@ class Observer:
         return replace(self._peg, theta=float(shares @ foreseen), sigma=math.sqrt(variance + repeated))
 
     def _take(self, new: PegPose, length: float) -> None:
-        """Let a new frame decide."""
+        """Update both hypotheses by a new frame."""
         params, then = self._params, self._finger_at(new.stamp)
         if self._finger is None or new.stamp - self._peg.stamp > params.longest:
             self._begin(new, then, new.theta)
@@ -117,10 +118,10 @@ class Observer:
         return np.array([stuck, stuck + math.remainder(math.atan2(y, x) - stuck, math.tau)])
 
     def _grown(self, stamp: float, apart: float) -> Vector:
-        """Return the variance of either at `stamp`, shape (2,), rad²."""
+        """Return the variances of both hypotheses at `stamp`, shape (2,), rad²."""
         base = self._variance + self._params.walk**2 * max(stamp - self._peg.stamp, 0.0)
         return np.array([base, base + (STRETCH * apart) ** 2])
 
     def _finger_at(self, stamp: float) -> Pose:
-        """Return where the finger was when a frame was measured, to the nearest scan."""
+        """Return the finger's pose when a frame was measured, to the nearest scan."""
         return min(self._path, key=lambda entry: abs(entry[0] - stamp))[1]

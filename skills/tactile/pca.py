@@ -1,8 +1,8 @@
-"""Weighted principal axis of the taxels, and a table of what it is wrong by.
+"""Weighted principal axis of the taxels, and a table of its systematic error.
 
-Every taxel counts as much as it reads; the long axis of that cloud of points is the peg's, but for the lattice: rows
-pull it towards themselves. Drawn templates tell, for every raw axis, where the peg truly points on average and how
-far off that still is.
+Every taxel counts as much as it reads. The long axis of that cloud of points is the peg's, except that rows of the
+lattice pull it towards themselves. A table drawn from templates tells, for every raw axis, where the peg points on
+average and how large the remaining error is.
 """
 
 import math
@@ -21,11 +21,11 @@ from skills.tactile.pose import PegPose
 from skills.tactile.templates import TemplateParams, make_templates
 
 BINS = 180
-"""Of the raw axis over half a turn."""
+"""Number of bins of the raw axis over half a turn."""
 DRAWS = 12
-"""Frames drawn at every angle of the templates for the table."""
+"""Number of frames that are drawn for the table at every angle of the templates."""
 TABLES = 16
-"""Tables that are kept, each for one pattern of trusted taxels."""
+"""Number of tables that are kept, each for one pattern of trusted taxels."""
 
 
 class PcaParams(ConfigModel):
@@ -34,19 +34,19 @@ class PcaParams(ConfigModel):
     kind: Literal["pca"] = "pca"
     """The estimator by the principal axis of the readings."""
     templates: TemplateParams = TemplateParams(theta_step=math.pi / 180)
-    """The pad as its maker knows it."""
+    """Model of the pad, as its maker states it."""
     noise: Annotated[float, Field(ge=1.0, le=5000.0)] = 300.0
     """Standard deviation of a taxel's reading, counts."""
     load: Annotated[float, Field(ge=100.0, le=43e3)] = 8500.0
     """Reading of a taxel right under the peg at the usual grip, counts."""
     gain_spread: Annotated[float, Field(ge=0.0, le=0.5)] = 0.06
-    """What taxels differ by, fraction of the reading."""
+    """Standard deviation of the taxels' gains, fraction of the reading."""
     offset_spread: Annotated[float, Field(ge=1e-5, le=1e-2)] = 7e-4
     """Standard deviation of the peg's offset from the finger centre, m."""
     imbalance: Annotated[float, Field(ge=0.0, le=0.5)] = 0.15
     """Standard deviation of half the difference of the fingers' loads, fraction of their mean."""
     floor: Annotated[float, Field(ge=0.0, le=10.0)] = 3.0
-    """Reading below which a taxel counts nothing, standard deviations of the noise."""
+    """Reading below which a taxel has no weight, standard deviations of the noise."""
     least_peak: Annotated[float, Field(ge=0.0, le=43e3)] = 1500.0
     """Highest taxel below which a frame shows no peg, counts."""
     least_elongation: Annotated[float, Field(ge=1.0, le=100.0)] = 1.5
@@ -54,19 +54,20 @@ class PcaParams(ConfigModel):
     most_width: Annotated[float, Field(ge=5e-4, le=2e-2)] = 4.5e-3
     """Largest standard deviation along a cloud's minor axis that is a peg, m."""
     most_sigma: Annotated[float, Field(gt=0.0, le=1.6)] = 0.25
-    """Standard deviation of an angle above which it is not told, rad."""
+    """Standard deviation of an angle above which theta is not reported, rad."""
     least_trusted: Annotated[int, Field(ge=3, le=FINGERS * TAXELS)] = 20
     """Number of trusted taxels below which a frame tells nothing."""
 
 
 class PcaEstimator:
-    """Principal axis of the taxels, weighted by what they read, corrected by a table.
+    """Principal axis of the taxels, weighted by their readings and corrected by a table.
 
-    The table belongs to a pattern of trusted taxels and is drawn, always the same, when a pattern is first seen.
+    A table belongs to one pattern of trusted taxels; it is drawn, always with the same seed, when the pattern is first
+    seen.
     """
 
     def __init__(self, params: PcaParams, layout: Layout, peg: Peg) -> None:
-        """Draw the table of a whole skin."""
+        """Draw the table of a skin whose taxels are all trusted."""
         self._params = params
         self._templates = make_templates(layout, peg, params.templates)
         x, y = finger_positions(layout).reshape(-1, 2).T
@@ -100,7 +101,7 @@ class PcaEstimator:
         return PegPose(theta, offset, float(sigma), float(left @ left) / power, bool(healthy), frame.stamp)
 
     def _axes(self, weights: Vector) -> tuple[Vector, Vector, Vector, Vector]:
-        """Return angle of the long axis, rad, its offset, m, and the clouds' variances across and along it, m²; each shape (n,)."""
+        """Return the angle of the long axis, rad, its offset, m, and the variances across and along it, m²; each shape (n,)."""
         mass, *moments = (weights @ self._powers).T
         x, y, xx, xy, yy = (moment / np.maximum(mass, 1e-9) for moment in moments)
         xx, xy, yy = xx - x * x, xy - x * y, yy - y * y
@@ -109,7 +110,7 @@ class PcaEstimator:
         return theta, np.cos(theta) * y - np.sin(theta) * x, (xx + yy - split) / 2, (xx + yy + split) / 2
 
     def _table(self, trusted: Mask) -> tuple[Vector, Vector]:
-        """Return what to add to a raw axis, and the standard deviation then, shape (BINS,), rad."""
+        """Return the correction of a raw axis, and the standard deviation after it, both shape (BINS,), rad."""
         key = trusted.tobytes()
         if key not in self._tables:
             self._tables[key] = self._draw(trusted)
@@ -132,7 +133,7 @@ class PcaEstimator:
         raw, _, _, _ = self._axes(frames)
         error = (truth - raw + math.pi / 2) % math.pi - math.pi / 2
         bin_of = np.floor((raw + math.pi / 2) / math.pi * BINS).astype(int) % BINS
-        # Neighbouring bins share what they have, so that none is empty and none jumps.
+        # Smoothing over neighbouring bins leaves none empty and takes out jumps.
         kernel = np.exp(-0.5 * (np.arange(-6, 7) / 1.0) ** 2)
 
         def gathered(values: Vector) -> Vector:

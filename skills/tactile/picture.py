@@ -12,11 +12,13 @@ from drivers.quantities import FINGERS, TAXELS, Mask, Vector
 from drivers.skin.layout import Layout, finger_positions, triangles
 
 Image = NDArray[np.integer[Any] | np.floating[Any]]
-"""Counts, in single precision, which is a thousandth of a count."""
+"""Image in counts, single precision, which resolves a thousandth of a count."""
 LEAST_KNOWN = 0.25
-"""A pixel is made from trusted taxels alone where they have at least this share of its weights; else it is black."""
+"""Least share of a pixel's weights on trusted taxels for which the pixel is made from them alone, fraction; below it
+the pixel is black.
+"""
 PRECISION = 1e-6
-"""Of what is reckoned in single precision, relative: so much less is no less."""
+"""Relative precision of figures in single precision; smaller differences are taken as none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +42,8 @@ class Projector:
 
     Each pixel of a finger's image is interpolated linearly between the corners a, b, c of its Delaunay triangle, and is
     black outside all triangles. `cv2.remap` interpolates bilinearly, which on the square a, b, c, b + c - a is linear:
-    the taxels are laid out as one such square of 2 x 2 pixels for every triangle, and every pixel is sampled from its own.
+    the taxels are laid out as one such square of 2 x 2 pixels for every triangle, and every pixel is sampled from its
+    own square.
     """
 
     def __init__(self, layout: Layout, pixel: float, full_scale: float) -> None:
@@ -49,7 +52,7 @@ class Projector:
         columns, rows = np.ceil(np.abs(taxels).max(axis=(0, 1)) / pixel - 1e-9).astype(int)
         x, y = np.meshgrid(np.arange(-columns, columns + 1), np.arange(-rows, rows + 1))
         self.centres: Vector = np.stack([x, y], axis=-1) * pixel
-        """Of the pixels, shape (rows, columns, 2), m, finger frame."""
+        """Centres of the pixels, shape (rows, columns, 2), m, finger frame."""
         self._pixel, self._middle, self._full_scale = pixel, (columns, rows), full_scale
         # Both fingers in one source and one destination, the right below the left.
         a, b, c = np.eye(FINGERS * TAXELS, dtype=np.float32)[
@@ -71,7 +74,7 @@ class Projector:
     def image(self, values: Vector, trusted: Mask) -> Image:
         """Return the saturated sum of both fingers' images, [gibbons], Eq. (1), counts, shape (rows, columns).
 
-        Where taxels are not trusted, a pixel is made from what remains of its corners in both images, scaled to the whole.
+        A pixel with a corner that is not trusted is made from its other corners in both images, scaled to the whole.
 
         Args:
             values: Readings, counts, shape (2, 20).
@@ -86,9 +89,10 @@ class Projector:
         return np.asarray(cv2.threshold(total, self._full_scale, 0.0, cv2.THRESH_TRUNC)[1])
 
     def ellipse(self, image: Image, threshold: float) -> Ellipse:
-        """Return the ellipse of what is at least as bright as `threshold`, counts, >= 0; darker pixels are background.
+        """Return the ellipse of the pixels that are at least as bright as `threshold`, counts, >= 0; darker pixels are
+        background.
 
-        Pixels keep their grey value. Moments and axes as in [gibbons], Sec. III.
+        Pixels keep their grey value. Moments and axes are those of [gibbons], Sec. III.
         """
         _, bright = cv2.threshold(image, threshold * (1.0 - PRECISION), 0.0, cv2.THRESH_TOZERO)
         moments = cv2.moments(bright)
@@ -112,7 +116,7 @@ class Projector:
         return drawn[:rows], drawn[rows:]
 
     def _scale_of(self, trusted: Mask) -> Image:
-        """Return what each pixel is to be multiplied by where some taxels are missing, shape (rows, columns)."""
+        """Return the factor on each pixel where some taxels are missing, shape (rows, columns)."""
         known = np.add(*self._drawn(trusted.astype(float)))
         whole = np.add(*self._drawn(np.ones(trusted.shape)))
         share = known / np.maximum(whole, 0.5)

@@ -5,9 +5,9 @@ import numpy as np
 from drivers.quantities import Mask, Vector
 
 MOST_BELOW = 0.25
-"""Share of a frame's squares that may lie below the baseline; of noise alone it is half."""
+"""Share of a frame's squares that may lie below the baseline, fraction; noise alone gives one half."""
 LEAST_PRESSED = 3.0
-"""A peg presses as many taxels as this many equal readings would be."""
+"""Least number of taxels that a peg presses, counted as the number of equal readings with the same spread."""
 
 
 def is_print(values: Vector, trusted: Mask) -> bool:

@@ -1,4 +1,4 @@
-"""What is known of the peg in the hand, who reads it from a frame, and who keeps it from frame to frame."""
+"""The pose of the peg in the hand: the value, the protocol that reads it from a frame, and the one that keeps it between frames."""
 
 import math
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from drivers.quantities import Pose, TaxelFrame
 
 @dataclass(frozen=True, slots=True)
 class PegPose:
-    """What an estimator knows of the peg in the hand."""
+    """Estimate of the peg's pose in the hand."""
 
     theta: float
     """In-hand angle, rad, in [-pi/2, pi/2)."""
@@ -20,20 +20,20 @@ class PegPose:
     residual: float
     """Part of the frame that the estimate does not explain, 0 to 1."""
     healthy: bool
-    """False where theta should not be used."""
+    """Whether theta may be used."""
     stamp: float
-    """Time of the frame it was made from, s."""
+    """Time of the frame that the estimate was made from, s."""
 
 
 NO_PEG = PegPose(theta=0.0, offset=0.0, sigma=math.inf, residual=1.0, healthy=False, stamp=-math.inf)
-"""Before the first healthy estimate: straight out of the hand, and nothing to rely on."""
+"""Pose before the first healthy estimate: straight out of the hand, and not healthy."""
 
 
 class Estimator(Protocol):
-    """Taxels in, pose of the peg in the hand out; nothing is kept but what frames tell of the pads."""
+    """Reads the pose of the peg in the hand from frames; an estimator remembers only what frames tell of the pads."""
 
     def estimate(self, frame: TaxelFrame) -> PegPose:
-        """Return the pose of the peg in `frame`; `healthy` is False where there is none to be seen."""
+        """Return the pose of the peg in `frame`; `healthy` is False where the frame shows none."""
 
 
 class Tracker(Protocol):
@@ -45,7 +45,7 @@ class Tracker(Protocol):
         Args:
             stamp: Time now, s.
             tcp: T_base_tcp now.
-            length: From the finger centre to the peg's end point, m.
+            length: Distance from the finger centre to the peg's end point, m.
             new: A healthy estimate from a frame that has just come, if any; its stamp may lie in the past, and one
                 that is no newer than what is known is left out.
         """

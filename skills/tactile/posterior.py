@@ -1,6 +1,7 @@
 """The comparison of a frame with templates, compiled: what `skills.tactile.likelihood` evaluates for every frame.
 
-It stands apart so that who only names the estimators, as the config and the register map do, imports no compiler.
+The module stands apart so that modules which only name the estimators, as the config and the register map do, import no
+compiler.
 """
 
 import math
@@ -12,26 +13,26 @@ from drivers.quantities import TAXELS
 
 COARSE_THETA = 5
 COARSE_OFFSET = 4
-"""Every so many templates are tried first, along angle and offset."""
+"""Step along angle and offset between the templates that are tried first."""
 NEAR = 2
-"""So many of those offsets to either side of the finger centre; all of them only when none of these fits."""
+"""Number of those offsets to either side of the finger centre that are tried; all are tried only when none of these fits."""
 FINE = 10
-"""Templates to either side of a likely angle that are tried then."""
+"""Number of templates to either side of a likely angle that are tried next."""
 MODES = 2
-"""Likely angles that are looked at; between the lattice's rows two may look alike."""
+"""Number of likely angles that are looked at; between the lattice's rows two angles may look alike."""
 RIVAL = 30.0
-"""A second one counts when its log likelihood, on the coarse grid, comes as near to the best."""
+"""Difference of log likelihood on the coarse grid within which a second angle counts as a rival of the best."""
 AMOUNTS = 6
-"""What is fitted: four loads, angle and offset."""
+"""Number of fitted quantities: four loads, angle and offset."""
 HOPELESS = 20.0
-"""Angles whose log posterior has fallen so far below the best are not looked at further."""
+"""Difference of log posterior to the best beyond which an angle is not refined."""
 NEVER = -1e30
-"""Log likelihood of the impossible."""
+"""Log likelihood of an impossible template."""
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True)
 def _sums(weights, weighed, even, rising, first):  # type: ignore[no-untyped-def]
-    """Return one finger's sums of even², even·rising, rising², values·even, values·rising, each times the weight."""
+    """Return one finger's sums of even², even·rising, rising², values·even and values·rising, each times the weight."""
     ee = er = rr = ye = yr = np.float32(0.0)
     for k in range(first, first + TAXELS):
         we = weights[k] * even[k]
@@ -43,15 +44,15 @@ def _sums(weights, weighed, even, rising, first):  # type: ignore[no-untyped-def
     return ee, er, rr, ye, yr
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True)
 def _evidence(weights, weighed, even, rising, tightness, solution):  # type: ignore[no-untyped-def]
-    """Return the log likelihood of one template, the loads integrated out; `solution` gets their amounts.
+    """Return the log likelihood of one template with the loads integrated out; `solution` gets the loads' amounts.
 
-    Amounts: mean, half the difference (left less right), common rise, opposite rise.
+    The amounts are the mean load, half the difference (left less right), the common rise and the opposite rise.
     """
     lee, ler, lrr, lye, lyr = _sums(weights, weighed, even, rising, 0)
     ree, rer, rrr, rye, ryr = _sums(weights, weighed, even, rising, TAXELS)
-    # Differences of near-equal sums follow: no longer single precision.
+    # The differences of near-equal sums that follow need double precision.
     lee, ler, lrr, lye, lyr = float(lee), float(ler), float(lrr), float(lye), float(lyr)
     ee, er, rr, dee, der, drr = lee + ree, ler + rer, lrr + rrr, lee - ree, ler - rer, lrr - rrr
     y0, y1, y2, y3 = lye + rye, lye - rye, lyr + ryr, lyr - ryr
@@ -81,22 +82,22 @@ def _evidence(weights, weighed, even, rising, tightness, solution):  # type: ign
     return 0.5 * (y0 * y0 * r0 + z1 * z1 * r1 + z2 * z2 * r2 + z3 * z3 * r3 + math.log(shrunk))
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True)
 def _at(i, j, w, weights, weighed, prior, even, rising, tightness, solution):  # type: ignore[no-untyped-def]
-    """Return the log posterior at angle i, which may run over either end, offset j and print w."""
+    """Return the log posterior at angle i, which may exceed either end of the grid, offset j and print w."""
     n, m = even.shape[1], even.shape[2]
     if i < 0 or i >= n:
-        # Half a turn on, the same axis has the opposite offset.
+        # After half a turn the same axis has the opposite offset.
         i, j = i % n, m - 1 - j
     return _evidence(weights, weighed, even[w, i, j], rising[w, i, j], tightness, solution) - prior[w, j]
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True)
 def _row(i, j, w, weights, weighed, prior, even, rising, tightness, solution):  # type: ignore[no-untyped-def]
     """Climb along the prints and offsets of angle i from j and w.
 
-    Returns the log posterior with the offset integrated out and the print at its best, mean and best place of the
-    offset, best place of the print, the same between two of them, and its surety.
+    Returns the log posterior with the offset integrated out and the print at its best, the mean and the best place of
+    the offset, the best place of the print, the same interpolated between two prints, and its precision.
     """
     last, m = even.shape[0] - 1, even.shape[2]
     j = min(max(j, 1), m - 2)
@@ -115,7 +116,7 @@ def _row(i, j, w, weights, weighed, prior, even, rising, tightness, solution):  
             high = _at(i, j, w + 1, weights, weighed, prior, even, rising, tightness, solution)
         bend, lean = 2.0 * here - low - high, 0.5 * (high - low)
         if bend < -0.5 * NEVER:
-            # No neighbour is impossible.
+            # Both neighbours are possible.
             surety = max(bend, 0.0)
             between = lean / max(surety, abs(lean), 1e-9)
             more = lean * between - 0.5 * surety * between * between
@@ -129,13 +130,13 @@ def _row(i, j, w, weights, weighed, prior, even, rising, tightness, solution):  
         high = _at(i, j + 1, w, weights, weighed, prior, even, rising, tightness, solution)
     bend, lean, middle = 2.0 * here - low - high, 0.5 * (high - low), float(j)
     if 0.0 < bend < -NEVER and low <= here and high <= here:
-        # A parabola through the three: its area is that of a Gaussian.
+        # The parabola through the three log posteriors gives the area of a Gaussian.
         more += 0.5 * lean * lean / bend - 0.5 * math.log(bend)
         middle += lean / bend
     return here + more, middle, j, w, w + between, surety
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True)
 def posterior(  # type: ignore[no-untyped-def] # noqa: C901, PLR0915  compiled loops that share one scratch in registers
     is_wide, place, surety, values, weights, beside, tightness, theta, offset, even, rising, left
 ):
@@ -202,7 +203,7 @@ def posterior(  # type: ignore[no-untyped-def] # noqa: C901, PLR0915  compiled l
             power += values[k] ** 2
             seen += 1.0
     misfit /= max(seen - AMOUNTS, 1.0)
-    # What is not explained makes every reading tell less.
+    # An unexplained remainder reduces the information in every reading.
     worth = 1.0 / max(misfit, 1.0)
     mass = first = second = aside = 0.0
     for k in range(count):

@@ -1,12 +1,12 @@
-"""Maximum likelihood that also considers what may be wrong with a frame, once it is further off than noise explains.
+"""Maximum likelihood that also considers faults of a frame, once the frame is further off than noise explains.
 
-What may be wrong: a module that died unnoticed, the peg far off centre or with its end between the pads, single taxels
-that read anything. Each is a template bank or a mask of its own; the likeliest wins, and readings that still do not
-fit are left out.
+The faults are a module that died unnoticed, a peg far off centre or with its end between the pads, and single taxels
+that read anything. Each has a template bank or a mask of its own; the likeliest explanation is taken, and readings that
+still do not fit are left out.
 
-How broad a print the peg leaves is a matter of the pads and the grip. It is all that another model of the pads, or other
-pads, change for theta, and one frame tells it only roughly. So templates of several breadths are compared, and what
-the frames say of the breadth is kept from one to the next.
+The breadth of the print that the peg leaves depends on the pads and the grip. It is all that other pads, or another
+model of them, change for theta, and one frame tells it only roughly. Templates of several breadths are therefore
+compared, and the belief about the breadth is kept from frame to frame.
 """
 
 import math
@@ -23,35 +23,37 @@ from skills.tactile.pose import PegPose
 from skills.tactile.templates import make_templates
 
 BELOW = -6.0
-"""A reading so many standard deviations below its baseline is no pressure."""
+"""Distance of a reading below its baseline that no pressure explains, standard deviations."""
 SILENT = 4.0
-"""A module none of whose readings exceeds so many standard deviations may be dead."""
+"""Largest reading of a module that may be dead, standard deviations of the noise."""
 MEDIAN_OF_NORMAL = 0.6745
 BREADTHS = tuple(1.19**k for k in range(-3, 3))
-"""Of the prints that are compared, multiples of the one that is configured."""
+"""Breadths of the prints that are compared, multiples of the configured one."""
 AT_FIRST = (float(BREADTHS.index(1.0)), 8.0)
-"""What is believed of the breadth: its place among those and one over the variance of that; 6 % at first."""
+"""Prior belief about the breadth: its place among `BREADTHS` and one over the variance of that, which is 6 % of breadth."""
 MOST_SURETY = 20.0
-"""The breadth is never believed to better than 4 %: it changes with the load."""
+"""Largest precision of the belief about the breadth, 4 % of breadth; the breadth changes with the load."""
 TURNED = math.radians(5.0)
-"""A frame teaches when the peg has turned by so much since the last that did: frames of one angle err alike."""
+"""Smallest turn of the peg since the last frame that updated the belief about the breadth, rad; frames of one angle err alike."""
 LEARNING = 0.5
-"""Share of what such a frame says of the breadth that is believed; templates err as well."""
+"""Share of such a frame's information on the breadth that is used, fraction; templates err as well."""
 OVERHANGS = (-4e-3, -2e-3, 0.0, 2e-3, 4e-3, 6e-3, 8e-3)
-"""How far the peg may reach beyond the finger centre instead of as far as it should, m; with prints of the configured breadth."""
+"""Lengths of the peg beyond the finger centre that are tried instead of the stated one, m, with prints of the
+configured breadth.
+"""
 _MODULE = MODULE_OF.ravel()
 MODULES = 4
 
 
 class RobustParams(LikelihoodParams):
-    """As for maximum likelihood, and how much of what else to consider."""
+    """Parameters of maximum likelihood, and how strongly faults of a frame are considered."""
 
     kind: Literal["ml", "robust"] = "robust"
-    """The estimator by maximum likelihood that also considers what may be wrong."""
+    """The estimator by maximum likelihood that also considers faults of a frame."""
     doubt: Annotated[float, Field(ge=1.0, le=100.0)] = 2.2
-    """Misfit beyond which everything that may be wrong is considered, ratio of squared residuals to those expected."""
+    """Misfit beyond which faults of a frame are considered, ratio of squared residuals to those expected."""
     rarity: Annotated[float, Field(ge=0.0, le=30.0)] = 5.0
-    """Natural logarithm of the odds against each thing that may be wrong, ratio."""
+    """Natural logarithm of the odds against each fault of a frame, ratio."""
     outlier: Annotated[float, Field(ge=2.0, le=20.0)] = 4.0
     """Distance from the rest at which a reading is left out, standard deviations."""
     most_outliers: Annotated[int, Field(ge=0, le=20)] = 4
@@ -59,10 +61,10 @@ class RobustParams(LikelihoodParams):
 
 
 class RobustEstimator:
-    """Maximum likelihood with second thoughts, and with a memory for one number, the breadth of the print."""
+    """Maximum likelihood that considers faults of a frame, and remembers one number, the breadth of the print."""
 
     def __init__(self, params: RobustParams, layout: Layout, peg: Peg) -> None:
-        """Make the templates of everything that is considered."""
+        """Make the templates of every explanation that is considered."""
         self._params = params
         self._believed, self._taught = AT_FIRST, math.nan
         prints = [params.templates.broader(factor) for factor in BREADTHS]
@@ -93,7 +95,7 @@ class RobustEstimator:
         return bank.compare(values, weights, is_wide, self._believed if bank is self._usual else None)
 
     def _learn(self, found: Found) -> None:
-        """Take in what one frame says of the print: a Kalman filter of a constant."""
+        """Update the belief about the breadth of the print by one frame: a Kalman filter of a constant."""
         place, surety = self._believed
         if abs(math.remainder(found.theta - self._taught, math.pi)) < TURNED:
             return
@@ -105,7 +107,7 @@ class RobustEstimator:
             self._believed = min(max(place, 0.0), len(BREADTHS) - 1.0), min(surety + told, MOST_SURETY)
 
     def _silent(self, is_loud: Mask, weights: Vector) -> list[int]:
-        """Return the modules that show nothing."""
+        """Return the modules without any reading above the noise."""
         loud = np.bincount(_MODULE, is_loud, MODULES)
         present = np.bincount(_MODULE, weights > 0.0, MODULES)
         return [int(module) for module in np.flatnonzero((loud == 0) & (present > 0))]
@@ -113,7 +115,7 @@ class RobustEstimator:
     def _think_again(
         self, values: Vector, weights: Vector, silent: list[int], usual: Found
     ) -> tuple[Found, Bank, Vector]:
-        """Return what is found with the likeliest explanation, its bank and the weights that it leaves."""
+        """Return the likeliest explanation of the frame, its bank and the weights that it leaves."""
         params = self._params
         tried = [(0.0, usual, self._usual, weights)]
         if usual.misfit > params.wide_misfit:
@@ -122,18 +124,18 @@ class RobustEstimator:
             without = np.where(module == _MODULE, 0.0, weights)
             tried.append((params.rarity, self._compare(self._usual, values, without), self._usual, without))
         tried.append((params.rarity, self._compare(self._short, values, weights), self._short, weights))
-        # Noise may be stronger than believed: then all log likelihoods shrink.
+        # Noise may be stronger than configured; all log likelihoods then shrink alike.
         scale = max(1.0, min(found.misfit for _, found, _, _ in tried))
         odds = np.array([found.chance / scale - against for against, found, _, _ in tried])
         _, best, bank, left = tried[int(odds.argmax())]
         shares, away = np.exp(odds - odds.max()), np.array([found.theta - best.theta for _, found, _, _ in tried])
         away -= np.pi * np.round(away / np.pi)
         found, left = self._without_outliers(values, left, best, bank)
-        # An explanation that is about as likely is part of what is not known.
+        # Explanations that are about as likely widen sigma.
         return found._replace(sigma=math.hypot(found.sigma, math.sqrt(shares @ away**2 / shares.sum()))), bank, left
 
     def _without_outliers(self, values: Vector, weights: Vector, found: Found, bank: Bank) -> tuple[Found, Vector]:
-        """Leave out readings that stand apart, the worst first, as long as there are any."""
+        """Leave out readings that do not fit, the worst first, until none is left or `most_outliers` are left out."""
         is_wide = found.misfit > self._params.wide_misfit
         found = self._compare(bank, values, weights, is_wide)
         for _ in range(self._params.most_outliers):

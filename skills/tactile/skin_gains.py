@@ -1,8 +1,8 @@
-"""Gains of the taxels and point spread of the pads out of a sweep: a long rod held at known angles; pure.
+"""Gains of the taxels and point spread of the pads from a sweep: a long rod is held at known angles; pure.
 
-The model is that of the templates: at every angle each finger carries a load along the rod, a constant and a part
-that rises along it, and a taxel reads its gain times what the template of that angle says. For one point spread,
-loads and gains are fitted in turn, each a linear least-squares problem; the point spread is the one that leaves least.
+The model is that of the templates. At every angle each finger carries a load along the rod, a constant and a part that
+rises along it, and a taxel reads its gain times what the template of that angle says. For one point spread, loads and
+gains are fitted in turn, each by linear least squares; the point spread with the least residual is taken.
 """
 
 from collections.abc import Sequence
@@ -19,24 +19,24 @@ SPREADS = np.arange(0.6e-3, 2.41e-3, 0.2e-3)
 """Point spreads that are tried, m."""
 ROUNDS = 20
 LEAST_SIGNAL = 0.3
-"""A taxel's gain is measured when, at its best angle, it should read this share of the brightest taxel's best."""
+"""Least share of the brightest taxel's best reading that a taxel should read at its own best angle for its gain to be measured."""
 
 END = 3e-3
-"""Taxels so near to the pad's ends see the end of the rod's groove, m."""
+"""Distance from a pad's ends within which taxels see the end of the rod's groove, m."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Gains:
-    """What a sweep tells."""
+class SkinGains:
+    """Result of the fit to a sweep."""
 
     gains: Vector
-    """Of each taxel, shape (2, 20); the mean of those that were measured is 1 on each finger, the others are 1."""
+    """Gain of each taxel, shape (2, 20); the mean of the measured gains is 1 on each finger, and gains not measured are 1."""
     measured: Mask
-    """Which gains were measured, shape (2, 20)."""
+    """True for each taxel whose gain was measured, shape (2, 20)."""
     point_spread: float
-    """m."""
+    """Standard deviation of the elastomer's point spread, m."""
     residual: float
-    """Root mean square of what is not explained, share of that of the readings."""
+    """Root mean square of the residual, as a share of that of the readings, fraction."""
 
 
 def rod_angles(step: float) -> Vector:
@@ -47,19 +47,19 @@ def rod_angles(step: float) -> Vector:
 
 def fit_gains(
     angles: Sequence[float], readings: Vector, trusted: Mask, rod: Peg, layout: Layout, spreads: Vector = SPREADS
-) -> Gains:
+) -> SkinGains:
     """Return gains and point spread.
 
     Args:
-        angles: Of the rod in the hand, rad, n of them; multiples of the templates' step of half a degree.
+        angles: Angles of the rod in the hand, shape (n,), rad, multiples of the templates' step of half a degree.
         readings: Mean of some frames at each angle, counts above the baseline, shape (n, 2, 20).
-        trusted: Taxels that could be trusted all the while, shape (2, 20).
-        rod: Long enough to lie across the whole pad, in its middle.
-        layout: Of the fingers.
+        trusted: Taxels that could be trusted throughout the sweep, shape (2, 20).
+        rod: The rod, long enough to lie across the whole pad, in its middle.
+        layout: Layout of the taxels.
         spreads: Point spreads to try, evenly spaced, m.
 
     Raises:
-        ValueError: Fewer than four angles, or no touch.
+        ValueError: There are fewer than four angles, or no touch.
     """
     if len(angles) < 4 or not (readings[:, trusted] > 0.0).any():
         raise ValueError(f"{len(angles)} angles, no touch in them or fewer than 4: no sweep")
@@ -68,16 +68,16 @@ def fit_gains(
     best = int(left.argmin())
     spread = float(spreads[best])
     if 0 < best < len(fits) - 1:
-        # The lowest point of the parabola through the best and its neighbours.
+        # The least residual lies at the vertex of the parabola through the best point spread and its neighbours.
         before, at, after = left[best - 1 : best + 2] ** 2
         spread += 0.5 * float((before - after) / (before - 2 * at + after)) * float(spreads[1] - spreads[0])
     gains, measured, residual = fits[best]
-    # Where the pad ends the model is least sure, alike on both ends and fingers: there only differences are believed.
+    # The model is least certain at the pad's ends, alike at both ends of both fingers, so only differences are used there.
     along = np.abs(positions(layout)[:, 0])
     at_end = measured & (along > along.max() - END)
     if at_end.any():
         gains[at_end] /= gains[at_end].mean()
-    return Gains(gains, measured, spread, float(residual))
+    return SkinGains(gains, measured, spread, float(residual))
 
 
 def _fit(

@@ -1,6 +1,7 @@
-"""What every taxel reads under a line of load, compiled: the sums that `skills.tactile.templates` tabulates once.
+"""The readings of all taxels under a line of load, compiled: the sums that `skills.tactile.templates` tabulates once.
 
-It stands apart so that who only names the estimators, as the config and the register map do, imports no compiler.
+The module stands apart so that modules which only name the estimators, as the config and the register map do, import no
+compiler.
 """
 
 import math
@@ -8,12 +9,12 @@ import math
 from drivers.compiled import njit
 
 HALF_LINE = 0.02
-"""Distance from the finger centre at which a load that rises by 1 has risen by 1, m."""
+"""Distance from the finger centre at which a load of unit rise has grown by 1, m."""
 FAR = 25.0
-"""Squared distance beyond which a line is not felt, in squared standard deviations of the blur."""
+"""Squared distance beyond which a line of load is not felt, in squared standard deviations of the blur."""
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True)
 def fill(  # type: ignore[no-untyped-def] # noqa: C901  compiled nested loops over one sum
     theta,
     offset,
@@ -30,7 +31,7 @@ def fill(  # type: ignore[no-untyped-def] # noqa: C901  compiled nested loops ov
     even,
     rising,
 ):
-    """Fill the readings of all taxels for every angle and offset, in units of the load over 2·sqrt(2 pi)·blur."""
+    """Fill in the readings of all taxels for every angle and offset, in units of the load over 2·sqrt(2 pi)·blur."""
     scale = 1.0 / (blur * math.sqrt(2.0))
     for i in range(theta.size):
         c, s = math.cos(theta[i]), math.sin(theta[i])

@@ -1,9 +1,10 @@
-"""What the taxels read for a peg held anyhow, in closed form: the model that estimators compare a frame with.
+"""Readings of the taxels for a peg at any angle and offset, in closed form: the model that estimators compare a frame
+with.
 
-The peg presses a line into each pad. Its load a metre is a constant and a part that rises along the peg; its groove
-has the parabolic pressure of a bed of springs; the elastomer blurs with a Gaussian, and a taxel averages over
-its disc. Along the line the blurred load is a difference of error functions; disc and groove are small sums. A peg
-with flat sides presses a face, which is an even mean of lines beside each other.
+The peg presses a line into each pad. Its load per metre is a constant and a part that rises along the peg; its groove
+has the parabolic pressure of a bed of springs; the elastomer blurs with a Gaussian, and a taxel averages over its disc.
+Along the line the blurred load is a difference of error functions; disc and groove are small sums. A peg with flat
+sides presses a face, which is an even mean of parallel lines.
 """
 
 import math
@@ -22,7 +23,7 @@ from drivers.skin.layout import Layout, finger_positions, pad_size
 
 
 class TemplateParams(ConfigModel):
-    """The pad as its maker knows it; not what the stand-in happens to have."""
+    """The pad as its maker states it; the simulated pad may differ."""
 
     blur: Annotated[float, Field(ge=1e-4, le=1e-2)] = 1.2e-3
     """Standard deviation of the point spread of 1 mm of elastomer, m; assumed, about the thickness."""
@@ -38,28 +39,28 @@ class TemplateParams(ConfigModel):
     """Largest distance of the peg's axis from the finger centre, m."""
 
     def broader(self, factor: float) -> Self:
-        """Return the pad whose prints are so many times as broad, point spread and groove alike."""
+        """Return the pad with prints that are broader by `factor`, point spread and groove alike."""
         return self.model_copy(update={"blur": factor * self.blur, "indentation": factor**2 * self.indentation})
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Templates:
-    """A frame of every angle and offset of one grid."""
+    """Readings of every taxel for all angles and offsets of one grid."""
 
     theta: Vector
     """Angles, shape (n,), rad, from -pi/2 up, evenly spaced over half a turn."""
     offset: Vector
     """Offsets, shape (m,), m, evenly spaced about 0."""
     even: NDArray[np.float32]
-    """Readings for a load that is 1 along the peg, shape (n, m, 40); 1 is what a taxel under an endless peg reads."""
+    """Readings for a load of 1 along the whole peg, shape (n, m, 40); a taxel under an endless peg reads 1."""
     rising: NDArray[np.float32]
-    """Readings for one that rises from 0 at the finger centre to 1 `HALF_LINE` towards the tip."""
+    """Readings for a load that rises from 0 at the finger centre to 1 at `HALF_LINE` towards the tip, shape (n, m, 40)."""
 
 
 @lru_cache(maxsize=64)
 def make_templates(layout: Layout, peg: Peg, params: TemplateParams) -> Templates:
-    """Return the templates of a peg on one layout; takes a fraction of a second the first time."""
-    from skills.tactile.template_fill import fill  # compiled; only who compares frames needs the compiler
+    """Return the templates of a peg on one layout; the first call takes a fraction of a second."""
+    from skills.tactile.template_fill import fill  # imports the compiler, which only a comparison of frames needs
 
     half = math.pi / 2
     count = max(4, 4 * round(math.pi / params.theta_step / 4))
@@ -67,7 +68,7 @@ def make_templates(layout: Layout, peg: Peg, params: TemplateParams) -> Template
     side = round(params.offset_reach / params.offset_step)
     offset = np.arange(-side, side + 1, dtype=np.float64) * params.offset_step
     length, width = pad_size(layout)
-    # Seven points are exact for a disc up to the fifth power.
+    # Seven points integrate polynomials over a disc exactly up to the fifth power.
     turn = np.arange(6) * math.pi / 3
     reach = params.taxel_diameter / 2 * math.sqrt(2.0 / 3.0)
     disc = np.concatenate([[[0.0, 0.0]], reach * np.column_stack([np.cos(turn), np.sin(turn)])])
@@ -82,7 +83,7 @@ def make_templates(layout: Layout, peg: Peg, params: TemplateParams) -> Template
     pad = (length / 2, width / 2, peg.length, peg.overhang)
     right = slice(TAXELS, None)
     fill(theta, lines, taxels, *pad, *arguments, even[..., right], rising[..., right])
-    # The left finger is the right one's mirror image about the finger's axis.
+    # The left finger is the mirror image of the right one about the finger's axis.
     mirrored = [np.zeros_like(even[:1, :, right]) for _ in range(2)]
     fill(-theta[:1], lines, taxels, *pad, *arguments, *mirrored)
     for table, first in zip((even, rising), mirrored, strict=True):

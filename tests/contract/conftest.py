@@ -89,7 +89,7 @@ def franka():
     pytest.importorskip("franka_sim", reason="needs the packages that tests/franka/simulated.py names")
     from tests.franka.simulated import address, served
 
-    with served(load().cell, address(2)) as (world, _):
+    with served(load(sets=["reality.scale=0.0"]).cell, address(2)) as (world, _):
         yield address(2), world
         world.horizon = math.inf
 

@@ -27,7 +27,7 @@ def setpoint(bench, offset=(0.0, 0.0, 0.0), valid=10.0, number=1):
         tip=state.tcp.position + np.array(offset),
         axis=-state.tcp.rotation[:, 0],
         stiffness=STIFFNESS,
-        damping=DAMPING,
+        damping_ratio=np.ones(6),
         valid_until=bench.clock.now() + valid,
     )
 

@@ -64,7 +64,7 @@ class Desk:
 def desk(number: int) -> Iterator[Desk]:
     """Yield the boards; `number` tells this process's desks apart."""
     host, bus = address(number), f"239.74.163.2:{_free_port()}"
-    config = load().cell
+    config = load(sets=["reality.scale=0.0"]).cell
     described = CanSkinConfig(kind="can", rate=config.skin.rate)
     with served(config, host) as (world, _):
         source: Any = OnTheDesk(world)

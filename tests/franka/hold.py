@@ -26,7 +26,7 @@ def main() -> None:
     config = FrankaArmConfig(
         kind="franka", model="panda", host=host, collision_torque=60.0, collision_force=60.0, realtime="ignore"
     )
-    with served(load().cell, host) as (world, server):
+    with served(load(sets=["reality.scale=0.0"]).cell, host) as (world, server):
         arm = FrankaArm(config, world.world.arm, world)
         arm.open()
         state = arm.read()
@@ -36,7 +36,7 @@ def main() -> None:
                 tip=state.tcp.position + np.array([0.0, 0.0, 0.01]),
                 axis=-state.tcp.rotation[:, 0],
                 stiffness=np.array([1500.0, 1500.0, 1500.0, 60.0, 60.0, 60.0]),
-                damping=np.array([90.0, 90.0, 90.0, 6.0, 6.0, 6.0]),
+                damping_ratio=np.ones(6),
                 valid_until=world.now() + seconds,
             )
         )

@@ -64,7 +64,7 @@ def opened(config: CellConfig, host: str) -> Iterator[WiredCell]:
 
 def inserted(host: str, seed: int, sets: Sequence[str] = ()) -> dict[str, Any]:
     """Run `insert_peg` with arm and hand on `host`, an address of the loopback; return what `main` prints."""
-    config = load(sets=["sim.pace=max", f"sim.seed={seed}", *sets]).cell
+    config = load(sets=["sim.pace=max", "reality.scale=0.0", f"sim.seed={seed}", *sets]).cell
     with opened(config, host) as wired:
         began, fault = time.monotonic(), ""
         records: list[StageRecord] = []
@@ -102,7 +102,7 @@ def main() -> None:
     parser.add_argument("--set", action="append", default=[])
     args = parser.parse_args()
     counts = {"seeds": 0, "success": 0, "success_of_the_plain_cell": 0, "same": 0, "void": 0, "wrong_success": 0}
-    plain = load(sets=["sim.pace=max", *args.set]).cell
+    plain = load(sets=["sim.pace=max", "reality.scale=0.0", *args.set]).cell
     for seed in range(args.seed, args.seed + args.seeds):
         row = run_trial(plain, seed)
         try:

@@ -25,7 +25,7 @@ from tests.franka.insertion import inserted
 from tests.franka.simulated import address, served
 
 HOST = address(1)
-FIGURES = load().cell.arm_model()
+FIGURES = load(sets=["reality.scale=0.0"]).cell.arm_model()
 LONGEST = 20.0
 """s."""
 
@@ -33,7 +33,7 @@ LONGEST = 20.0
 @pytest.fixture(scope="module")
 def simulated():
     """Yield the world behind the arm, and the server in between, for all tests here."""
-    with served(load().cell, HOST, strict=True) as both:
+    with served(load(sets=["reality.scale=0.0"]).cell, HOST, strict=True) as both:
         yield both
 
 
@@ -68,7 +68,7 @@ def moved(world, arm, rise, valid=10.0):
         tip=state.tcp.position + np.array([0.0, 0.0, rise]),
         axis=-state.tcp.rotation[:, 0],
         stiffness=np.array([1500.0, 1500.0, 1500.0, 60.0, 60.0, 60.0]),
-        damping=np.array([90.0, 90.0, 90.0, 6.0, 6.0, 6.0]),
+        damping_ratio=np.ones(6),
         valid_until=world.now() + valid,
     )
     arm.follow(setpoint)
@@ -141,7 +141,7 @@ def test_a_loop_that_stalls_is_a_reflex_that_only_a_reset_leaves(simulated, arm)
             tip=before + 0.03,
             axis=np.array([0.0, 0.0, 1.0]),
             stiffness=np.full(6, 100.0),
-            damping=np.full(6, 10.0),
+            damping_ratio=np.ones(6),
             valid_until=world.now() + 5.0,
         )
     )

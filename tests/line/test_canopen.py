@@ -291,6 +291,8 @@ def test_a_run_in_another_process_stops_when_the_heartbeat_of_the_plc_ends(tmp_p
                 peer.resume()
                 report = peer.wait_for_result(PATIENCE)
             assert (report.result, report.fault) == (Result.FAULT, FaultCode.PLC_LOST)
+            process.terminate()
+            process.wait(PATIENCE)
         finally:
             process.kill()
     with Journal(tmp_path) as journal:

@@ -20,7 +20,7 @@ HERE = Path(__file__).resolve().parents[2]
 PACKAGES = ("cell", "config", "drivers", "plc_bridge", "sim", "skills")
 CODE, STAGE, PATIENCE = 107, 7, 60.0
 
-STIFF = "translation=500.0, rotation=4000.0, translation_damping=60.0, rotation_damping=4.0"
+STIFF = "translation=500.0, rotation=4000.0"
 
 SKILL = '''"""Hold still for a while and see whether the peg is held at an angle."""
 
@@ -43,7 +43,7 @@ class LookParams(SkillParams):
 
     seconds: float = 0.5
     theta: float = 0.25
-    gains: Gains = Gains(translation=500.0, rotation=20.0, translation_damping=60.0, rotation_damping=4.0)
+    gains: Gains = Gains(translation=500.0, rotation=20.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,7 @@ def run(params: LookParams, ctx: SkillContext) -> LookResult:
         ctx.follow(
             ImpedanceSetpoint(
                 id=identity, tip=tcp.position, axis=-tcp.rotation[:, 0], roll=tcp.rotation[:, 2],
-                stiffness=params.gains.stiffness(), damping=params.gains.damping(), valid_until=seen.stamp + VALIDITY,
+                stiffness=params.gains.stiffness(), damping_ratio=params.gains.damping_ratios(), valid_until=seen.stamp + VALIDITY,
             )
         )
     if abs(theta - params.theta) > 1e-6:

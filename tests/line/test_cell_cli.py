@@ -92,7 +92,9 @@ def test_check_says_what_is_wrong_with_the_switch(capsys, port, told):
 def test_check_reads_every_device(capsys):
     assert main(["check", "--json", "--set", "plc.modbus.port=0"]) == GOOD
     found = {entry["device"]: entry["found"] for entry in json.loads(capsys.readouterr().out)}
-    assert found == dict.fromkeys(("arm", "gripper", "skin", "switch", "plc"), "ok")
+    assert {name: text[:2] for name, text in found.items()} == dict.fromkeys(
+        ("arm", "gripper", "skin", "switch", "plc"), "ok"
+    )
 
 
 def test_faults_lists_every_code(capsys):
@@ -167,12 +169,17 @@ def test_watch_takes_over_nothing_from_a_plc_of_the_same_host(served, capsys):
         assert plc.read_report().holder == holder != ""
 
 
-def test_the_journal_shows_a_run_with_its_picture_and_samples(served, rig, capsys, tmp_path):
-    main(["run", "grasp_from_rack", "--connect", served])
+def test_the_journal_shows_a_run_with_its_picture_and_samples(rig, capsys, tmp_path):
+    with serving(rig.cell, rig.loaded, rig.folder) as (host, port):
+        main(["run", "grasp_from_rack", "--connect", f"{host}:{port}"])
     capsys.readouterr()
     assert main(["runs", "--json", "--journal", str(rig.folder)]) == GOOD
-    assert [row["outcome"] for row in json.loads(capsys.readouterr().out)] == ["success"]
-    assert main(["show", "1", "--json", "--journal", str(rig.folder), "--export", str(tmp_path / "out")]) == GOOD
+    (row,) = json.loads(capsys.readouterr().out)
+    assert row["outcome"] == "success"
+    assert (
+        main(["show", str(row["run"]), "--json", "--journal", str(rig.folder), "--export", str(tmp_path / "out")])
+        == GOOD
+    )
     picture, samples = sorted((tmp_path / "out").iterdir(), reverse=True)
     assert picture.read_bytes().startswith(b"\x89PNG")
     with samples.open() as file:

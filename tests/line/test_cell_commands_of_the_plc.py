@@ -51,7 +51,7 @@ def test_the_program_clears_up_after_a_failure(rig):
 
 def test_every_start_takes_a_fresh_peg(rig):
     rig.command(GRASP)
-    rig.command(RELEASE)
+    rig.put_away()
     rig.command(GRASP)
     seeds = [seed for _, seed in rig.restocked]
     assert seeds[1] == seeds[0] + 1
@@ -206,6 +206,7 @@ def test_what_cannot_be_done_is_refused_with_the_reason_and_nothing_moves(rig, c
 def test_a_parameter_holds_for_its_own_run(rig):
     rig.command(GRASP, parameters=((0, 123),))
     assert rig.gripper.force == pytest.approx(12.3)
+    rig.put_away()
     rig.command(GRASP)
     assert rig.gripper.force == rig.loaded.cell.grasp.force
 
@@ -214,13 +215,14 @@ def test_a_force_beyond_the_limit_ends_the_skill_as_a_failure(rig):
     limit = rig.loaded.cell.limits.force
     rig.at(0.5, lambda: rig.arm.force.__setitem__(2, limit))
     assert rig.command(GRASP).result == Result.SUCCESS
+    rig.put_away()
     rig.at(0.5, lambda: rig.arm.force.__setitem__(2, 1.001 * limit))
     report = rig.command(GRASP)
     assert (report.result, report.reason) == (Result.FAILURE, Reason.FORCE_LIMIT)
     assert rig.arm.is_halted
 
 
-@pytest.mark.parametrize(("beyond", "reason"), [(0.0, Reason.NONE), (1e-4, Reason.WORKSPACE)])
+@pytest.mark.parametrize(("beyond", "reason"), [(0.0, Reason.NOT_SEATED), (1e-4, Reason.WORKSPACE)])
 def test_leaving_the_workspace_ends_the_skill(rig, beyond, reason):
     rig.arm.tcp.position[0] = rig.loaded.cell.limits.high[0] + beyond
     assert rig.command(RELEASE).reason == reason

@@ -2,6 +2,7 @@
 
 import math
 import socket
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -23,13 +24,17 @@ from drivers.errors import (
     SkinSilentError,
     SkinUntrustedError,
 )
+from drivers.frames import UP
 from drivers.quantities import Pose, SwitchState
-from plc_bridge.messages import Command, Control, Result
+from plc_bridge.messages import Command, Control, PartPlace, Result
 from sim.world import World
 from skills.catalogue import CATALOGUE
+from skills.catalogue import GRASP as GRASP_SKILL
 from skills.contract import Outcome, Reason, SkillResult
 from skills.entry import Program
 from skills.flow import run_stage
+from skills.grasp_from_rack import ACROSS_RACK
+from skills.motion import Goal, move
 from tests.fakes import HAND_DOWN
 
 GRASP, ADJUST = 101, 104
@@ -57,6 +62,7 @@ PROVOKE = {
     FaultCode.ARM_SILENT: (GRASP, lambda rig: faulty(rig, rig.arm, ArmSilentError("arm: no new state"))),
     FaultCode.GRIPPER_SILENT: (GRASP, lambda rig: faulty(rig, rig.gripper, GripperSilentError("gripper: silent"))),
     FaultCode.TRACKING: (GRASP, lambda rig: rig.at(0.5, lambda: setattr(rig.arm, "is_blocked", True))),
+    FaultCode.NOT_FINITE: (GRASP, lambda rig: rig.at(0.5, lambda: rig.arm.force.__setitem__(1, math.nan))),
     FaultCode.SCAN_OVERRUN: (GRASP, lambda rig: rig.at(0.5, lambda: setattr(rig.clock, "lag", 0.02))),
     FaultCode.NOT_PASSIVE: (GRASP, lambda rig: faulty(rig, rig.arm, NotPassiveError("arm: pumped"))),
     FaultCode.SOFTWARE: (GRASP, lambda rig: faulty(rig, rig.arm, ZeroDivisionError("a\ndefect"))),
@@ -82,13 +88,15 @@ def test_after_a_fault_clear_and_reset_re_arm(rig, code):
     provoke(rig)
     rig.command(command)
     rig.skin.fault, rig.switch.state, rig.plc.is_alive, rig.clock.lag = None, SwitchState.OPEN, True, 0.0
-    rig.gripper.fault, rig.arm.is_blocked = None, False
+    rig.gripper.fault, rig.arm.is_blocked, rig.arm.force[:] = None, False, 0.0
     rig.scan(2)
     if code is FaultCode.PLC_LOST:
         rig.plc.trigger(0)  # the first number after a loss is adopted, never run
     assert rig.command(Control.CLEAR).state == State.STOPPED
     assert rig.command(Control.RESET).state == State.IDLE
     assert rig.arm.resets >= 1
+    if command == ADJUST:
+        assert rig.put_away().part == PartPlace.BIN  # the hand held the peg all the while
     assert rig.command(GRASP).result == Result.SUCCESS
 
 
@@ -154,14 +162,14 @@ def test_a_wrong_config_is_told_before_anything_opens(capsys):
 
 
 def test_physics_that_diverge_are_a_fault(tmp_path, monkeypatch):
-    loaded = load(sets=["sim.pace=max"])
+    loaded = load(sets=["sim.pace=max", "reality.scale=0.0"])
     reports = []
     monkeypatch.chdir(tmp_path)  # the physics engine leaves a log where it runs
     with Journal(tmp_path) as journal, opened(assemble(loaded.cell)) as cell:
         line = TerminalLine(Command(1, GRASP), reports.append)
         supervisor = Supervisor(cell, loaded, line, journal)
         assert isinstance(cell.clock, World)
-        cell.clock.physics()[1].qvel[:7] = math.inf
+        cell.clock.physics()[1].qvel[:7] = 1e6  # a number still, so that it is not found when the arm is read
         supervisor.scan()
     assert (reports[-1].state, reports[-1].fault) == (State.ABORTED, FaultCode.SIMULATION_UNSTABLE)
 
@@ -179,6 +187,26 @@ def test_a_lost_skin_is_listened_to_while_the_cell_waits_for_a_reset(rig):
     before = rig.skin.reads
     rig.scan(5)
     assert rig.skin.reads == before + 5
+
+
+def leaping(skills, ctx):
+    """A program whose skill hands over a setpoint 90 mm away, past the context's own `follow`."""
+
+    def leap(ctx):
+        for _ in move(Goal(ctx.observe().arm.tcp.position, UP, ACROSS_RACK), skills[GRASP_SKILL].transfer, ctx, None):
+            ctx.arm.follow(replace(ctx.held, tip=ctx.held.tip + np.array([0.0, 0.0, 0.09])))
+        return SkillResult(Outcome.SUCCESS, Reason.NONE, 0.0)
+
+    return [run_stage("grasp_from_rack", leap, ctx)]
+
+
+def test_a_skill_that_leaps_is_stopped_at_the_gate(rig, monkeypatch):
+    monkeypatch.setitem(CATALOGUE.by_code, GRASP, Program(name="leaping", code=GRASP, run=leaping))
+    before = rig.arm.tcp.position.copy()
+    report = rig.command(GRASP)
+    assert (report.state, report.fault) == (State.ABORTED, FaultCode.SETPOINT)
+    assert rig.arm.is_halted
+    np.testing.assert_allclose(rig.arm.tcp.position, before)
 
 
 def stray(skills, ctx):
@@ -201,3 +229,27 @@ def test_a_stage_that_the_catalogue_does_not_have_is_a_fault_on_record_and_a_res
     assert rig.journal.find(report.run).outcome == Outcome.FAULT
     rig.plc.trigger(Control.RESET)
     assert rig.scan().state == State.IDLE
+
+
+def test_a_skin_that_shows_no_print_of_the_gripped_peg_is_found_before_the_peg_goes_to_the_plate(rig):
+    rig.skin.shows_print = False
+    report = rig.command(GRASP)
+    assert (report.fault, rig.journal.find(report.run).stage) == (FaultCode.SKIN_UNTRUSTED, "grasp_from_rack")
+    assert "no print of the peg" in rig.journal.find(report.run).message
+
+
+def test_a_skin_that_has_told_nothing_since_the_start_is_not_trusted_for_longer_than_a_second(rig):
+    ctx = rig.cell.context(0)
+    rig.gripper.grip(25.0)
+    rig.skin.shows_print = False
+    with pytest.raises(SkinUntrustedError, match=r"no angle of the peg for 1\.0\d s"):
+        for _ in ctx.scan(100.0, holding=True):
+            pass
+    assert rig.clock.now() < 1.1
+
+
+def test_an_arm_that_tells_an_old_state_again_is_silent_and_the_run_ends(rig):
+    old = replace(rig.arm.read(), dq=np.full(7, 0.5))
+    rig.at(0.2, lambda: setattr(rig.arm, "read", lambda: old))
+    report = rig.command(GRASP)
+    assert (report.state, report.fault) == (State.ABORTED, FaultCode.ARM_SILENT)

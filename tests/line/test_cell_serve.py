@@ -28,7 +28,7 @@ def served(folder):
             process.kill()
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_ends_an_idle_cell(tmp_path, number):
     with served(tmp_path) as (process, _):
         process.send_signal(number)

@@ -17,7 +17,7 @@ from tests.wired import Rehearsal, Wires
 def wired(tmp_path):
     """Yield the cell at work, its boards, and the truth."""
     emulated_or_skip()
-    loaded = load(sets=["sim.pace=max", "sim.seed=4"])
+    loaded = load(sets=["sim.pace=max", "reality.scale=0.0", "sim.seed=4"])
     plain = assemble(loaded.cell)
     wires = Wires(loaded.cell, plain.clock, plain.clock.draw.skin)
     cell = replace(plain, clock=wires.clock, skin=wires.skin, switch=wires.switch, boards=(wires,))

@@ -8,7 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from cell.line import PARAMETERS, PROGRAMS, WORDS
+from plc_bridge.c_header import as_c_header
 from plc_bridge.config import ModbusConfig, PlcConfig, RtuConfig, TlsConfig
+from plc_bridge.plc_names import plc_names
+from plc_bridge.registers import table
 from tests.cable import Cable
 from tests.certificates import Authority, utf8
 from tests.quick_cell import quick_cell
@@ -61,8 +65,22 @@ def libmodbus_client(tmp_path_factory):
     if not has_library("libmodbus"):
         pytest.skip("libmodbus or a C compiler is not installed (Debian: gcc pkg-config libmodbus-dev)")
     program = tmp_path_factory.mktemp("libmodbus") / "client"
+    header = as_c_header(table(PROGRAMS, PARAMETERS, WORDS), plc_names(PROGRAMS, WORDS))
+    (program.parent / "cell_map.h").write_text(header, encoding="utf-8")
     flags = call("pkg-config", "--cflags", "--libs", "libmodbus").split()
-    call("cc", "-std=c11", "-Wall", "-Wextra", "-Werror", "-o", program, CLIENTS / "libmodbus_client.c", *flags)
+    call(
+        "cc",
+        "-std=c11",
+        "-Wall",
+        "-Wextra",
+        "-Werror",
+        "-I",
+        program.parent,
+        "-o",
+        program,
+        CLIENTS / "libmodbus_client.c",
+        *flags,
+    )
     return program
 
 

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from skills.ground import Ground
+from skills.surface import SurfaceEstimate
 from tests.rigs import HOLE_DEPTH, pushed_depth, section_depth, tilted_peg
 
 PAIRS = ((0.008, 0.0081), (0.004, 0.0041), (0.016, 0.0162))
@@ -55,7 +55,7 @@ def test_solid_plate_near_the_hole_is_smooth(degrees: int, beside: float) -> Non
     # The edge that slides is ahead of the end's middle by r cos t.
     start = beside * across - 0.015 * way - np.array([0.004 * math.cos(tilt), 0.0])
     data.qpos[:] = [*start, 0.004 * math.sin(tilt)]
-    ground = Ground()
+    surface = SurfaceEstimate()
     forces, dip = [], 0.0
     for step in range(int(0.030 / speed / DT)):
         target = start + way * speed * step * DT
@@ -65,8 +65,8 @@ def test_solid_plate_near_the_hole_is_smooth(degrees: int, beside: float) -> Non
         if step * DT > 0.05:
             forces.append(servo.copy())
         if step % 20 == 0:
-            dip = max(dip, ground.below(data.qpos[:3], 1))
-            ground.learn(data.qpos[:3].copy(), 1)
+            dip = max(dip, surface.below(data.qpos[:3], 1))
+            surface.learn(data.qpos[:3].copy(), 1)
     assert np.ptp(np.array(forces), axis=0).max() <= 3.0
     assert dip < 5e-5
 

@@ -68,6 +68,26 @@ def test_a_peg_that_is_too_thick_along_one_side_never_enters(excess: tuple[float
         assert depth <= 1.01 * deepest(thick, hole, axes, yaw) + 2e-6
 
 
+@pytest.mark.parametrize(
+    ("side", "hole", "degrees", "azimuth", "yaw"),
+    [
+        (0.020, 0.0202, 60, math.pi / 4, -0.17),
+        (0.020, 0.0202, 75, 0.3, -0.17),
+        (0.020, 0.0202, 75, math.pi / 4, 0.05),
+        (0.008, 0.0081, 75, math.pi / 4, -0.17),
+    ],
+)
+def test_an_edge_that_slides_past_a_corner_of_the_hole_does_not_dip_into_the_rim(
+    side: float, hole: float, degrees: float, azimuth: float, yaw: float
+) -> None:
+    peg, mouth, axes = Rectangular(side, side), Rectangular(hole, hole), leaning(math.radians(degrees), azimuth)
+    model = rectangular_peg(peg, mouth, axes, yaw, 0.0, DT)
+    start = -0.15 * side * math.cos(math.radians(degrees)) * np.array([math.cos(azimuth), math.sin(azimuth)])
+    depth, penetration = pushed_rectangle_depth(model, peg, axes, start, 10.0, 2500)
+    assert depth == pytest.approx(deepest(peg, mouth, axes, yaw), rel=0.01)
+    assert penetration < 2e-6
+
+
 def test_an_upright_rectangular_peg_enters_only_when_it_is_turned_as_the_hole_is() -> None:
     """12 cos y + 8 sin y = 12.1 at y = 0.0126, 12 sin y + 8 cos y = 8.1 at y = 0.00837; a quarter turn fits nothing."""
     peg, hole = Rectangular(0.012, 0.008), Rectangular(0.0121, 0.0081)

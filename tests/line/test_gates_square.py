@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from skills.ground import Ground
+from skills.surface import SurfaceEstimate
 from tests.rigs import (
     HOLE_DEPTH,
     leaning,
@@ -83,7 +83,7 @@ def test_a_corner_that_slides_beside_the_square_hole_feels_no_seam(degrees: int)
     # The corner that leads the lean is the lowest; the bore's own reach to 5.7 mm from its axis.
     start = 0.0065 * across - 0.015 * way - lowest[:2]
     data.qpos[:] = [*start, -lowest[2]]
-    ground, forces, dip = Ground(), [], 0.0
+    surface, forces, dip = SurfaceEstimate(), [], 0.0
     for step in range(int(0.030 / speed / DT)):
         servo = 5e4 * (start + way * speed * step * DT - data.qpos[:2]) + 300.0 * (way * speed - data.qvel[:2])
         data.qfrc_applied[:] = [*servo, -push]
@@ -91,8 +91,8 @@ def test_a_corner_that_slides_beside_the_square_hole_feels_no_seam(degrees: int)
         if step * DT > 0.05:
             forces.append(servo.copy())
         if step % 20 == 0:
-            dip = max(dip, ground.below(data.qpos[:3], 1))
-            ground.learn(data.qpos[:3].copy(), 1)
+            dip = max(dip, surface.below(data.qpos[:3], 1))
+            surface.learn(data.qpos[:3].copy(), 1)
     assert np.ptp(np.array(forces), axis=0).max() <= 3.0
     assert dip < 5e-5
 

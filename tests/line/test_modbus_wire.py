@@ -7,6 +7,7 @@ import socket
 import struct
 
 import pytest
+from pymodbus.client import ModbusTcpClient
 
 from drivers.errors import DeviceNotOpenedError
 from plc_bridge.bridge import Bridge
@@ -139,7 +140,8 @@ def test_unit_is_echoed(bridge):
     [
         ("03 0000 0000", "83 03"),
         ("04 0000 007E", "84 03"),
-        ("2B 0E 01 00", "AB 01"),
+        ("2B 0D 01 00", "AB 01"),
+        ("16 0005 0000 0004", "96 03"),
         ("05 0000 1234", "85 03"),
         ("03 0029 0001", "83 02"),
         ("04 0049 0001", "84 02"),
@@ -165,6 +167,25 @@ def test_exception_is_counted_each_time_and_logged_once_with_who_and_why(bridge,
     told = [record.getMessage() for record in caplog.records if "refused" in record.getMessage()]
     assert told == [f"{who}: refused: function 6: exception 02"]
     assert bridge.diagnostics.exceptions == 3
+
+
+def test_a_client_that_is_not_ours_reads_who_the_cell_is(bridge, supervisor):
+    supervisor.scan()
+    host, port = bridge.address
+    with ModbusTcpClient(host, port=port, timeout=PATIENCE) as client:
+        told = client.read_device_information(read_code=2, object_id=0).information
+        assert (told[0], told[4]) == (b"tactile-insertion-cell", b"tactile insertion cell")
+        name = client.report_device_id()
+        assert (name.identifier, name.status) == (b"tactile-insertion-cell", True)
+        assert client.diag_query_data(b"\xa5\x37").message == b"\xa5\x37"
+        client.write_register(3, 0x12)
+        client.mask_write_register(address=3, and_mask=0xF2, or_mask=0x25)
+        assert client.read_holding_registers(3, count=1).registers == [0x17]
+
+
+def test_a_cell_that_is_not_scanned_does_not_say_that_it_runs(bridge):
+    with connect(bridge) as client:
+        assert ask(client, b"\x11")[-1] == 0
 
 
 @pytest.mark.parametrize("address", [41, 100, MIRROR, MIRROR + 5, 0xFFFF])
@@ -253,6 +274,21 @@ def test_many_silent_connections_do_not_take_the_place_of_one_that_spoke(address
         assert ask(old, READ_REPORT)[0] == 4
         with connect_from("127.0.0.3", bridge.address) as newcomer:
             assert ask(newcomer, READ_REPORT)[0] == 4
+    bridge.close()
+
+
+@pytest.mark.parametrize("says", [b"", READ_REPORT])
+@pytest.mark.parametrize("address", ["127.0.0.1", "127.0.0.2"])
+def test_an_old_connection_answers_beside_300_idle_ones(says, address):
+    bridge = start()
+    with connect(bridge) as old, contextlib.ExitStack() as crowd:
+        for n in range(300):
+            if n % 20 == 0:
+                assert ask(old, READ_REPORT)[0] == 4
+            idle = crowd.enter_context(connect_from(address, bridge.address))
+            if says:
+                ask(idle, says)
+        assert ask(old, READ_REPORT)[0] == 4
     bridge.close()
 
 

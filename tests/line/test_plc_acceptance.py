@@ -198,8 +198,8 @@ def test_stop_ends_the_own_run_and_reset_makes_ready(plc, served):
 def test_hold_waits_and_unhold_goes_on(plc, served):
     run = begin(plc, served)
     plc.trigger(Control.HOLD)
-    served.program.may_end.set()
     until(plc.cycle, in_state(State.HELD))
+    served.program.may_end.set()
     assert plc.read_report().transition == Control.HOLD
     assert {plc.cycle().state for _ in range(20)} == {State.HELD}
     plc.trigger(Control.UNHOLD)

@@ -5,7 +5,7 @@ import pytest
 from cell.states import State
 from plc_bridge.images import CommandImage
 from plc_bridge.messages import Control, Refusal, Result
-from tests.plc_wire import ladder, stopped, until, until_bits
+from tests.plc_wire import coil, ladder, stopped, until, until_bits
 from tests.quick_cell import CODE
 
 # Done belongs to a run that this rising edge started.
@@ -146,3 +146,19 @@ def test_a_terminal_is_refused_by_a_stop_coil_too(plc, served):
     plc.until(lambda report: report.state == State.STOPPED)
     assert served.bridge.take("terminal")
     assert served.bridge.submit("terminal", CommandImage(code=Control.RESET)) is Refusal.STOP_HELD
+
+
+def test_a_storm_of_coils_leaves_one_run_and_a_cell_that_answers(plc, connect, served):
+    ladder(plc)
+    served.program.may_end.clear()
+    for _ in range(20):
+        plc.ask(*(coil("execute", n % 2) for n in range(50)))
+    plc.until(lambda report: report.state == State.EXECUTE)
+    assert len(served.program.runs) == 1
+    assert plc.bits() == {"error"}  # the last edge came while its own run was under way
+    served.program.may_end.set()
+    connect().until(lambda report: report.state == State.COMPLETE)
+    plc.coil("execute", 0)
+    plc.coil("execute", 1)
+    until_bits(plc, "done")
+    assert len(served.program.runs) == 2

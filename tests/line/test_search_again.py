@@ -9,7 +9,7 @@ from cell.config import load
 from skills import spiral_adjust, spray_search, tactile_insert
 from skills.catalogue import GRASP, find_and_seat
 from skills.contract import Outcome, Reason
-from skills.ground import Plane
+from skills.surface import Plane
 
 
 def test_peg_that_stands_in_the_hole_is_pulled_out_before_it_is_led_aside():

@@ -43,6 +43,7 @@ def test_the_next_insertion_succeeds_once_the_board_is_back():
             cell.clock.wait_until(cell.clock.now() + 0.01)
             with suppress(SkinSilentError):
                 cell.skin.read()
+        cell.clear()
         cell.restock(config.job(), SEED)
         records = insert_peg(config.skill_set(), cell.context(SEED))
         assert records[-1].result.outcome is Outcome.SUCCESS

@@ -10,9 +10,12 @@ from cell.config import CellConfig, load
 from cell.lab.contact import charts, tables
 from cell.lab.contact import measure as contact
 from cell.lab.contact.boundaries import boundary_bouncing, boundary_bound
-from cell.lab.contact.ladder import SHIPPED, Plan, Rung, model
+from cell.lab.contact.ladder import SHIPPED, Plan, Rung, model, on_trial, plan
 from cell.lab.contact.measure import Findings, TrialsRow
 from cell.lab.contact.needs import end_alike, needed
+from drivers.part.rectangular import Rectangular
+from drivers.part.round import Round
+from sim import hand_rig
 
 SHIPPED_STEP = 5e-4
 EXACT = Rung(SHIPPED, "closed form", model(), SHIPPED_STEP)
@@ -51,6 +54,30 @@ def test_models_that_cannot_work_are_marked_and_kept(found):
     assert "void" in told[SEAMS.name]
     assert "does not rest" in told[EXPLODES.name]
     assert "Error" in told[IMPOSSIBLE.name]
+
+
+@pytest.mark.parametrize("sides", [(0.008, 0.008), (0.008, 0.012)])
+def test_the_shipped_model_is_good_for_a_peg_with_corners_too(sides):
+    peg = Rectangular(*sides)
+    row = contact.measure_rung(EXACT, (0.3, 1.7), peg, peg.grown(5e-5))
+    assert contact.verdict(row) == "good", row
+    assert row.penetration < 1e-6
+
+
+def test_a_peg_with_corners_is_studied_with_the_models_that_serve_it_alone():
+    models = {
+        rung.model.hole
+        for rung in (*plan(False, 1, Rectangular(0.008, 0.008)).rungs, *on_trial(Rectangular(0.008, 0.012)))
+    }
+    assert models == {"exact", "unpredicted"}
+    assert {rung.model.hole for rung in plan(False, 1, Round(0.008)).rungs} > models
+
+
+def test_only_the_rigid_mover_pushes_a_peg_with_corners(config):
+    square = load(sets=('sim.pace="max"', "peg.shape=square")).cell
+    rows = [hand_rig.measure(kind, square.arm_model(), square.job()) for kind in hand_rig.KINDS]
+    assert rows[0].error < 0.003
+    assert {row.fault for row in rows[1:]} == {hand_rig.NOT_ROUND}
 
 
 def test_integration_fails_beyond_the_boundary_of_theory_and_not_below(found):

@@ -25,7 +25,7 @@ SEED = 101
 
 
 def config(*sets):
-    return load(None, None, ["sim.pace=max", "search.timeout=4.0", *sets]).cell
+    return load(None, None, ["sim.pace=max", "reality.scale=0.0", "search.timeout=4.0", *sets]).cell
 
 
 class NotedEvent(HoleEvent):

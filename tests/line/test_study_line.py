@@ -4,10 +4,11 @@ import json
 
 import pytest
 
-from cell.lab.line import charts
+from cell.lab.line import charts, siege
 from cell.lab.line import measure as line
+from cell.lab.line.attacks import ATTACKS
 
-MOMENT = line.Effort(rounds=2, reads=20, flat_out=10, starts=4, windows=1, window=0.3)
+MOMENT = line.Effort(rounds=2, reads=20, flat_out=10, starts=4, windows=1, window=0.3, tries=1)
 
 
 @pytest.fixture(scope="module")
@@ -28,3 +29,10 @@ def test_table_and_picture_are_written(samples, tmp_path):
     charts.draw(samples, picture)
     assert [row["name"] for row in json.loads(as_json.read_text())] == [each.name for each in lines]
     assert picture.stat().st_size > 10_000
+
+
+def test_a_plc_keeps_its_run_through_a_burst_of_every_attack(loaded):
+    sieges = siege.besiege(loaded, MOMENT.tries)
+    assert [each.name for each in sieges] == list(ATTACKS)
+    assert [each.kept for each in sieges] == [1] * len(ATTACKS)
+    assert all(len(each.cycles) for each in sieges)

@@ -29,10 +29,11 @@ def run(args: argparse.Namespace) -> int:
     from cell.lab.demo import draw_demo, run_demo
     from cell.lab.published import stage_table
     from cell.lab.tables import stages
+    from skills.contract import Outcome
 
     loaded = load_config(args, default_pace="max")
     folder = out_folder(args.out)
-    with open_journal(args, loaded.cell.journal.folder) as journal, progress() as bars:
+    with open_journal(args, loaded.cell.journal) as journal, progress() as bars:
         bar = bars.add_task("insertions", total=args.trials)
 
         def watch(done: int, report: "ReportImage") -> None:
@@ -44,9 +45,10 @@ def run(args: argparse.Namespace) -> int:
     lines = stage_table(result.tried())
     results = [words.report(report) for report in result.reports]
     data = {"results": results, "stages": [asdict(line) for line in lines], "pictures": [str(p) for p in pictures]}
-    show(args, stages(lines), data)
+    cycles = [row.cycle_time for row in result.rows if row.outcome == "success" and row.cycle_time is not None]
+    show(args, stages(lines, cycles), data)
     if not args.json:
         for row in result.rows:
             say(f"run {row.run}: {row.outcome} {row.stage} {row.reason}".rstrip())
         say("pictures:", *pictures)
-    return GOOD if len(results) == args.trials and all(r["result"] == "success" for r in results) else NOT_GOOD
+    return GOOD if len(results) == args.trials and all(r["result"] == Outcome.SUCCESS for r in results) else NOT_GOOD

@@ -15,13 +15,13 @@ STOPS_ITSELF = False
 
 
 class Study(Protocol):
-    """What `study.py` of a study has; it imports what it needs when it is run."""
+    """The contents of a study's module `study.py`; it imports what it needs when it is run."""
 
     SUMMARY: str
-    """What it measures, in one line for the help."""
+    """Purpose of the study, in one line for the help."""
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Add its own arguments to those of every command."""
+        """Add the study's own arguments to those of every command."""
 
     def run(self, args: argparse.Namespace) -> "StudyReport":
         """Measure, draw, write, and return what there is to show."""
@@ -31,15 +31,20 @@ STUDIES = (
     "speed",
     "contact",
     "line",
+    "handshake",
     "wire",
     "tactile",
     "stability",
     "frontier",
     "reality",
+    "paper",
     "events",
     "startup",
+    "page",
+    "faults",
+    "learning",
 )
-"""Each is a package of this laboratory, with a module `study`."""
+"""Package of each study in the laboratory; each has a module `study`."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -18,7 +18,7 @@ STOPS_ITSELF = False
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add how many, of which seeds, where they run and where the rows go."""
+    """Add the number of trials, their seeds, where they run and where the rows go."""
     add_config(parser)
     parser.add_argument("--trials", type=positive, default=40, metavar="N")
     parser.add_argument("--seed", type=natural, default=1, metavar="S", help="of the first trial")
@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run them, write table, summary and chart, and show the stages beside the published ones."""
+    """Run the trials, write table, summary and chart, and show the stages beside the published ones."""
     from rich.console import Group
 
     from cell.lab.charts import CHART, Point, plot_speed_accuracy
@@ -50,6 +50,7 @@ def run(args: argparse.Namespace) -> int:
     lines = stage_table([row.tried() for row in rows])
     plot_speed_accuracy([Point.of_total(lines[-1])], args.out / CHART)
     summary = json.loads((args.out / TOLD).read_text(encoding="utf-8"))
-    show(args, Group(stages(lines), outcomes(rows)), summary)
+    cycles = [row.cycle_time for row in rows if row.outcome == "success"]
+    show(args, Group(stages(lines, cycles), outcomes(rows)), summary)
     written(args, [args.out / name for name in (TABLE, TOLD, CHART)])
     return GOOD

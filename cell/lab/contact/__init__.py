@@ -1,1 +1,1 @@
-"""Study of models of contact: how fast, how exact, where each fails."""
+"""Study of models of contact: their speed, their accuracy, and where each fails."""

@@ -1,4 +1,4 @@
-"""Where theory has the integration of a contact fail, [todorov] for the contact's law."""
+"""The limits of stiffness at which theory has the integration of a contact fail; [todorov] for the contact's law."""
 
 import math
 

@@ -12,12 +12,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
-from cell.journal import versions
 from cell.lab.contact import measure as contact
 from cell.lab.contact.boundaries import boundary_bouncing, boundary_bound
 from cell.lab.contact.ladder import SHIPPED
-from cell.lab.contact.measure import Findings, MapRow, RungRow, verdict
+from cell.lab.contact.measure import Findings, RungRow, verdict
 from cell.plots import COLOURS
+from cell.provenance import versions
 from drivers.quantities import Vector
 from sim.truth import VOID_PENETRATION
 
@@ -32,63 +32,34 @@ FAMILIES = {
     "softer contacts": ("X", "#777777"),
 }
 LOWEST, HIGHEST = 0.02, 1000.0
-"""Of the axis of errors, %."""
+"""Ends of the axis of errors, %."""
 VERDICTS = {"holds": "#b7dfb9", "penetrates": "#f6d98b", "unstable": "#e58f8f"}
 
 
 def draw(found: Findings, folder: Path) -> list[Path]:
     """Draw chart and map and return where they are."""
     _chart(found, folder / CHART)
-    _map(found.integration, folder / MAP)
+    _map(found, folder / MAP)
     return [folder / CHART, folder / MAP]
 
 
 def _chart(found: Findings, path: Path) -> None:
     figure = Figure(figsize=(13, 8.2), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=(8, 5))
-    _draw_ladder(left, found.rungs, found.longest_step)
+    _draw_ladder(left, found)
     _draw_hands(right, found)
     figure.suptitle("Models of the contact: speed against exactness", fontsize=14)
     figure.supxlabel(_footer(), fontsize=8)
     figure.savefig(path, dpi=130)
 
 
-def _draw_ladder(axes: Axes, rows: Sequence[RungRow], longest_step: float) -> None:
+def _draw_ladder(axes: Axes, found: Findings) -> None:
+    rows, longest_step = found.rungs, found.longest_step
     axes.axhspan(LOWEST / 2, 100 * contact.EXACT_ENOUGH, color="#b7dfb9", alpha=0.35, lw=0)
     axes.axhline(100 * contact.EXACT_ENOUGH, color="#228833", lw=0.8)
     for row in rows:
-        marker, colour = FAMILIES.get(row.family, ("o", "#000000"))
-        if not math.isfinite(row.real_time):
-            continue
-        y = min(max(100 * row.error, LOWEST), HIGHEST)
-        size = 5 + 3 * math.log2(max(row.timestep / 2.5e-4, 1.0))
-        is_good = verdict(row) == "good" and row.timestep <= longest_step
-        axes.plot(row.real_time, y, marker, ms=size, color=colour, mfc=colour if is_good else "none", mew=1.3, zorder=3)
-        if row.is_void:
-            axes.plot(row.real_time, y, "x", ms=size + 5, color="#222222", mew=1.0, zorder=4)
-        if not row.rests:
-            axes.plot(row.real_time, y, "_", ms=size + 9, color="#cc2222", mew=1.5, zorder=4)
-        if row.timestep > longest_step:
-            axes.plot(row.real_time, y, "|", ms=size + 9, color="#222222", mew=1.5, zorder=4)
-        if row.name == SHIPPED:
-            axes.annotate(
-                "shipped",
-                (row.real_time, y),
-                xytext=(10, -14),
-                textcoords="offset points",
-                fontsize=10,
-                weight="bold",
-                arrowprops={"arrowstyle": "-", "lw": 0.8},
-            )
-        elif "boxes" in row.name and row.timestep == 5e-4 and row.family != "softer contacts":
-            axes.annotate(
-                row.name.split()[0],
-                (row.real_time, y),
-                xytext=(6, 4),
-                textcoords="offset points",
-                fontsize=7,
-                color=colour,
-            )
+        if math.isfinite(row.real_time):
+            _draw_rung(axes, row, longest_step)
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.set_ylim(LOWEST / 1.4, HIGHEST * 1.6)
@@ -97,37 +68,11 @@ def _draw_ladder(axes: Axes, rows: Sequence[RungRow], longest_step: float) -> No
     axes.set_ylabel("worst error to the exact depth over 1, 2, 5, 15, 45 degrees (%)")
     pushes = min((row.pushes for row in rows if row.pushes), default=0)
     axes.set_title(
-        f"Model of the hole: 8 mm in 8.1 mm, 10 N, rigid mover; {len(rows)} models, n = {pushes} pushes each",
+        f"Model of the hole: {found.parts}, 10 N, rigid mover; {len(rows)} models, n = {pushes} pushes each",
         fontsize=10,
     )
     axes.grid(alpha=0.3, which="both", lw=0.4)
-    present = {row.family for row in rows}
-    handles = [
-        Line2D([], [], ls="", marker=m, color=c, label=name) for name, (m, c) in FAMILIES.items() if name in present
-    ]
-    handles += [
-        Line2D([], [], ls="", marker="o", mfc="none", color="#222222", label="fails a gate"),
-        Line2D(
-            [],
-            [],
-            ls="",
-            marker="x",
-            color="#222222",
-            label=f"void: over {1e6 * VOID_PENETRATION:.0f} um in the bore for 2 ms",
-        ),
-        Line2D([], [], ls="", marker="_", color="#cc2222", ms=12, label="never rests"),
-        Line2D(
-            [],
-            [],
-            ls="",
-            marker="|",
-            color="#222222",
-            ms=12,
-            label=f"step over {1e3 * longest_step:.2f} ms: the grip outruns the contacts",
-        ),
-        Line2D([], [], ls="", marker="o", color="#222222", ms=5, label="step 0.25 ms"),
-        Line2D([], [], ls="", marker="o", color="#222222", ms=11, label="step 1 ms (size grows with the step)"),
-    ]
+    handles = _ladder_legend({row.family for row in rows}, longest_step)
     axes.legend(handles=handles, fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.09), ncols=3, frameon=False)
     axes.annotate(
         "numbers: boxes of the ring, at 0.5 ms; 1000 % or more: fell through; 100 %: stuck on top",
@@ -135,6 +80,51 @@ def _draw_ladder(axes: Axes, rows: Sequence[RungRow], longest_step: float) -> No
         xycoords="axes fraction",
         fontsize=7,
     )
+
+
+def _draw_rung(axes: Axes, row: RungRow, longest_step: float) -> None:
+    """Draw one rung of the ladder: its marker, a sign for each gate that it fails, and its name where it has one."""
+    marker, colour = FAMILIES.get(row.family, ("o", "#000000"))
+    y = min(max(100 * row.error, LOWEST), HIGHEST)
+    size = 5 + 3 * math.log2(max(row.timestep / 2.5e-4, 1.0))
+    is_good = verdict(row) == "good" and row.timestep <= longest_step
+    axes.plot(row.real_time, y, marker, ms=size, color=colour, mfc=colour if is_good else "none", mew=1.3, zorder=3)
+    for fails, sign, wider, edge, width in (
+        (row.is_void, "x", 5, "#222222", 1.0),
+        (not row.rests, "_", 9, "#cc2222", 1.5),
+        (row.timestep > longest_step, "|", 9, "#222222", 1.5),
+    ):
+        if fails:
+            axes.plot(row.real_time, y, sign, ms=size + wider, color=edge, mew=width, zorder=4)
+    if row.name == SHIPPED:
+        axes.annotate(
+            "shipped",
+            (row.real_time, y),
+            xytext=(10, -14),
+            textcoords="offset points",
+            fontsize=10,
+            weight="bold",
+            arrowprops={"arrowstyle": "-", "lw": 0.8},
+        )
+    elif "boxes" in row.name and row.timestep == 5e-4 and row.family != "softer contacts":
+        boxes = row.name.split()[0]
+        axes.annotate(boxes, (row.real_time, y), xytext=(6, 4), textcoords="offset points", fontsize=7, color=colour)
+
+
+def _ladder_legend(present: set[str], longest_step: float) -> list[Line2D]:
+    """Return what each family that is present, each sign of a failed gate, and each size stands for."""
+    families = [(marker, colour, name) for name, (marker, colour) in FAMILIES.items() if name in present]
+    void = f"void: over {1e6 * VOID_PENETRATION:.0f} um in the bore for 2 ms"
+    outrun = f"step over {1e3 * longest_step:.2f} ms: the grip outruns the contacts"
+    return [
+        *(Line2D([], [], ls="", marker=marker, color=colour, label=name) for marker, colour, name in families),
+        Line2D([], [], ls="", marker="o", mfc="none", color="#222222", label="fails a gate"),
+        Line2D([], [], ls="", marker="x", color="#222222", label=void),
+        Line2D([], [], ls="", marker="_", color="#cc2222", ms=12, label="never rests"),
+        Line2D([], [], ls="", marker="|", color="#222222", ms=12, label=outrun),
+        Line2D([], [], ls="", marker="o", color="#222222", ms=5, label="step 0.25 ms"),
+        Line2D([], [], ls="", marker="o", color="#222222", ms=11, label="step 1 ms (size grows with the step)"),
+    ]
 
 
 def _draw_hands(axes: Axes, found: Findings) -> None:
@@ -177,7 +167,8 @@ def _plain_ticks(axes: Axes, speeds: Sequence[float]) -> None:
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
 
-def _map(rows: Sequence[MapRow], path: Path) -> None:
+def _map(found: Findings, path: Path) -> None:
+    rows = found.integration
     figure = Figure(figsize=(12, 5.6), layout="constrained")
     panels = figure.subplots(1, 2, sharey=True)
     titles = {"exact": "contacts ahead of touch (shipped)", "unpredicted": "contacts only while touching"}
@@ -225,7 +216,7 @@ def _map(rows: Sequence[MapRow], path: Path) -> None:
         patches = [Patch(color=colour, label=name) for name, colour in VERDICTS.items()]
         axes.legend(handles=[*patches, *handles], fontsize=8, loc="lower left", framealpha=0.92)
     panels[0].set_ylabel("stiffness of the contact, k (1/s²), with b = 2 sqrt(k)")
-    figure.suptitle("Where integration fails: an 8 mm peg at 5 degrees pushed with 10 N into 8.1 mm", fontsize=13)
+    figure.suptitle(f"Where integration fails: {found.parts}, at 5 degrees, pushed with 10 N", fontsize=13)
     figure.supxlabel(_footer(), fontsize=8)
     figure.savefig(path, dpi=130)
 

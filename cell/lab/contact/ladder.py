@@ -1,11 +1,12 @@
 """The rungs of the ladder of models, and how much of it is measured."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from drivers.part.contract import Part
 from sim.config import ModelConfig
 
 SHIPPED, FINEST = "closed form, 0.5 ms", "closed form, 0.25 ms"
@@ -14,35 +15,35 @@ PADS = "closed form, 0.5 ms, pads in contact"
 NOT_RUN = {"rigid mover": "not run: it does not give way, and the method pushes by a setpoint below the surface"}
 """Models that no whole trial can be run on, and why."""
 TIGHT = (FINEST, SHIPPED, COARSER)
-"""Rungs that also have trials in half the clearance: what a longer step costs shows there first."""
+"""Rungs that are also tried in half the clearance, where the cost of a longer step shows first."""
 
 
 @dataclass(frozen=True, slots=True)
 class Rung:
-    """One model of the ladder."""
+    """One model of contact on the ladder."""
 
     name: str
     family: str
     model: ModelConfig
     timestep: float
-    """s."""
+    """Time step of the physics, s."""
 
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """How much is measured."""
+    """Extent of the study."""
 
     rungs: tuple[Rung, ...]
     azimuths: tuple[float, ...]
-    """Directions of the lean, rad."""
+    """Tilt azimuths, rad."""
     timesteps: tuple[float, ...]
-    """Columns of the map, s."""
+    """Time steps of the map's columns, s."""
     stiffnesses: tuple[float, ...]
-    """Rows of the map, 1/s²."""
+    """Stiffnesses of the map's rows, 1/s²."""
     trials: int
-    """Whole trials on each rung that has them."""
+    """Number of whole trials on each rung that has them."""
     tight: int
-    """Whole trials in half the clearance, on the rungs of `TIGHT`."""
+    """Number of whole trials in half the clearance, on the rungs of `TIGHT`."""
     workers: int
 
 
@@ -73,8 +74,13 @@ def ladder(timesteps: Sequence[float], facets: Sequence[int]) -> tuple[Rung, ...
     )
 
 
-def plan(is_quick: bool, workers: int) -> Plan:
-    """Return what the command measures."""
+def plan(is_quick: bool, workers: int, part: Part) -> Plan:
+    """Return the extent of the study of a part, with the models of the hole that serve it."""
+    whole = _plan(is_quick, workers)
+    return replace(whole, rungs=tuple(rung for rung in whole.rungs if rung.model.has_hole_for(part)))
+
+
+def _plan(is_quick: bool, workers: int) -> Plan:
     if is_quick:
         rungs = ladder((5e-4, 1e-3), (16, 32, 64)) + tuple(
             r for r in ladder((2.5e-4, 2e-3), ()) if "closed" in r.family
@@ -86,9 +92,9 @@ def plan(is_quick: bool, workers: int) -> Plan:
     return Plan(rungs, (0.0, 0.5, 1.7, 3.0), tuple(steps), tuple(stiffnesses), 40, 60, workers)
 
 
-def on_trial() -> tuple[Rung, ...]:
-    """Return the rungs on which whole trials are run, the finest first."""
-    return (
+def on_trial(part: Part) -> tuple[Rung, ...]:
+    """Return the rungs on which whole trials of a part are run, the finest first."""
+    rungs = (
         Rung(FINEST, "", model(long_steps=False), 2.5e-4),
         Rung("closed form, 0.5 ms, no long steps", "", model(long_steps=False), 5e-4),
         Rung(SHIPPED, "", model(), 5e-4),
@@ -103,3 +109,4 @@ def on_trial() -> tuple[Rung, ...]:
         Rung("closed form, 0.5 ms, arm as its inertia", "", model(arm="inertia"), 5e-4),
         Rung(PADS, "", model(grip="pads"), 5e-4),
     )
+    return tuple(rung for rung in rungs if rung.model.has_hole_for(part))

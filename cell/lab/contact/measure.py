@@ -1,8 +1,8 @@
 """The ladder of models, each measured on the same work: how fast, how exact, where it fails, and what each skill needs.
 
-The work: a peg of 8 mm at a fixed tilt is pushed with 10 N into a hole of 8.1 mm, free to move sideways, at five
+The work: the cell's peg at a fixed tilt is pushed with 10 N into the cell's hole, free to move sideways, at five
 tilts; the depth reached is held against the exact test by sections. Beside that a drag over solid plate, which
-shows seams, and a peg too thick by 20 um, which must stay out. Then whole trials, and a map of where integration
+shows seams, and a peg that is too thick by 20 um, which must stay out. Then whole trials, and a map of where integration
 fails. Every model is marked, none is dropped: one that penetrates is void, one that never rests is unstable.
 """
 
@@ -19,28 +19,29 @@ from statistics import mean, stdev
 from cell.config import CellConfig
 from cell.lab.contact.ladder import NOT_RUN, TIGHT, Plan, Rung, model, on_trial
 from cell.lab.trials import VOID, TrialRow, run_trial
+from drivers.part.contract import Part
 from drivers.parts import halfway
 from drivers.skin.layout import pad_size
 from sim import hand_rig, native, rig
 from sim.contact import FEATURE_BAND
-from sim.pads import breakaway_torque_of
-from sim.section import section_depth
+from sim.pads import grip_limits
+from sim.shapes import exact_depth
 from sim.truth import VOID_PENETRATION, VOID_SHARE
 from skills.catalogue import GRASP
 from skills.contract import Outcome
 
-PEG, HOLE = 0.008, 0.0081
-"""Diameters, m."""
-THICK = HOLE + 2e-5
-"""Of the peg that must stay out, m."""
+THICKER = 1e-5
+"""Gap by which the peg that has to stay out is thicker than the hole on every side, m."""
+BESIDE = 2.45e-3
+"""Distance of the path of a dragged peg's edge from the hole's rim, m."""
 SHALLOW, STEEP = (1, 2, 5), (15, 45)
-"""Tilts in degrees: of a peg that is being freed, and of one that falls."""
+"""Tilts, degrees: of a peg that is being freed, and of one that falls."""
 PUSH, SECONDS = 10.0, 1.5
-"""Force, N, and for how long, s."""
+"""Force, N, and duration, s, of a push."""
 AT_REST = 1e-2
-"""Speed below which a pushed peg has come to rest, m/s."""
+"""Speed below which a pushed peg counts as at rest, m/s."""
 EXACT_ENOUGH = 0.01
-"""Error of the depth that a skill bears."""
+"""Relative error of the depth that a skill bears."""
 SMOOTH = 3.0
 """Swing of the lateral force over solid plate that a search bears, N."""
 MAP_SECONDS, MAP_TILT = 0.6, 5
@@ -48,20 +49,20 @@ MAP_SECONDS, MAP_TILT = 0.6, 5
 
 @dataclass(frozen=True, slots=True)
 class RungRow:
-    """What one rung did; a row of contact.csv."""
+    """Result for one rung; a row of contact.csv."""
 
     name: str
     family: str
     timestep: float
-    """s."""
+    """Time step of the physics, s."""
     real_time: float
-    """Multiples of real time of bare physics, one core."""
+    """Speed of bare physics in multiples of real time, one core."""
     shallow_error: float
     """Worst relative error of the depth at 1 to 5 degrees; infinite when the state was no longer finite."""
     steep_error: float
-    """The same at 15 and 45 degrees."""
+    """Worst relative error of the depth at 15 and 45 degrees; infinite when the state was no longer finite."""
     penetration: float
-    """Deepest that lasted longer than 2 ms, m."""
+    """Deepest penetration that lasted longer than 2 ms, m."""
     is_void: bool
     rests: bool
     drag: float
@@ -69,9 +70,9 @@ class RungRow:
     keeps_out: bool
     """Whether the peg that is too thick stays out."""
     pushes: int
-    """How often it was measured."""
+    """Number of measured pushes."""
     fault: str = ""
-    """Why it could not be measured at all."""
+    """Reason why the rung could not be measured; empty when it could."""
 
     @property
     def error(self) -> float:
@@ -105,71 +106,75 @@ class MapRow:
 
     hole: str
     timestep: float
-    """s."""
+    """Time step of the physics, s."""
     stiffness: float
-    """1/s², with critical damping."""
+    """Stiffness of the contact, 1/s², with critical damping."""
     verdict: str
     """`holds`, `penetrates` or `unstable`."""
 
 
 @dataclass(frozen=True, slots=True)
 class TrialsRow:
-    """Whole trials on one rung; a row of outcomes.csv."""
+    """Result of whole trials on one rung; a row of outcomes.csv."""
 
     name: str
     trials: int
     successes: int
     voids: int
     outcomes: str
-    """Outcome of each, in the order of the seeds."""
+    """Outcome of each trial, in the order of the seeds."""
     changed: int
-    """How many end otherwise than on the finest rung."""
+    """Number of trials that end otherwise than on the finest rung."""
     penetration: float
-    """Deepest of all that lasted longer than 2 ms, m."""
+    """Deepest penetration of all trials that lasted longer than 2 ms, m."""
     force: float
     """Mean of the trials' peak contact forces, N."""
     force_error: float
-    """Of it, less the finest rung's, N."""
+    """Mean of the trials' peak contact forces less that of the finest rung, N."""
     force_spread: float
-    """Standard deviation of the finest rung's from seed to seed, N; NaN for a single trial."""
+    """Standard deviation of the finest rung's peak contact force from seed to seed, N; NaN for a single trial."""
     real_time: float
-    """Multiples of real time, one core, everything included."""
+    """Speed in multiples of real time, one core, everything included."""
     fault: str = ""
-    """Why there are none."""
+    """Reason why there are no trials; empty where there are."""
 
 
 @dataclass(frozen=True, slots=True)
 class Findings:
-    """All that the study measured."""
+    """Results of the whole study."""
 
     rungs: list[RungRow]
     hands: list[hand_rig.HandRow]
     integration: list[MapRow]
     trials: list[TrialsRow]
     tight: list[TrialsRow]
-    """The same in half the clearance."""
+    """Results of the trials in half the clearance."""
     longest_step: float
-    """See `longest_step`, s."""
+    """Longest step of a sound grip, see `longest_step`, s."""
+    parts: str
+    """Sizes of the peg and its hole in words."""
 
 
 def run(config: CellConfig, todo: Plan, seed: int, done: Callable[[str], None] = lambda name: None) -> Findings:
     """Measure everything.
 
     Args:
-        config: A simulated cell; whole trials take their parts and gains from it.
-        todo: How much.
-        seed: Of the first trial.
-        done: Told of every part that is finished.
+        config: Config of a simulated cell; whole trials take their parts and gains from it.
+        todo: Extent of the study.
+        seed: Seed of the first trial.
+        done: Called after every part.
     """
-    seeds = range(seed, seed + todo.trials)
-    cells = [(hole, dt, k) for hole in ("exact", "unpredicted") for dt in todo.timesteps for k in todo.stiffnesses]
+    seeds, peg, hole = range(seed, seed + todo.trials), config.peg.part, config.hole.part
+    cells = [(kind, dt, k) for kind in ("exact", "unpredicted") for dt in todo.timesteps for k in todo.stiffnesses]
     with ProcessPoolExecutor(todo.workers, mp_context=get_context("forkserver")) as pool:
-        rungs = [pool.submit(measure_rung, rung, todo.azimuths) for rung in todo.rungs]
+        rungs = [pool.submit(measure_rung, rung, todo.azimuths, peg, hole) for rung in todo.rungs]
         hands = [pool.submit(hand_rig.measure, kind, config.arm_model(), config.job()) for kind in hand_rig.KINDS]
-        points = [pool.submit(measure_point, *cell) for cell in cells]
-        tight = [rung for rung in on_trial() if rung.name in TIGHT]
+        points = [pool.submit(measure_point, *cell, peg, hole) for cell in cells]
+        tight = [rung for rung in on_trial(peg) if rung.name in TIGHT]
         narrow = _in_half_the_clearance(config)
-        tried = [[pool.submit(_trial, config, rung, s) for s in seeds] for rung in (on_trial() if todo.trials else ())]
+        tried = [
+            [pool.submit(_trial, config, rung, s) for s in seeds] for rung in (on_trial(peg) if todo.trials else ())
+        ]
         harder = [[pool.submit(_trial, narrow, rung, seed + n) for n in range(todo.tight)] for rung in tight]
         rows = []
         for rung, future in zip(todo.rungs, rungs, strict=True):
@@ -181,10 +186,16 @@ def run(config: CellConfig, todo: Plan, seed: int, done: Callable[[str], None] =
         done("map of integration")
         results, hard = ([[future.result() for future in futures] for futures in each] for each in (tried, harder))
         done("whole trials")
-    trials = [_tried(rung.name, each, results[0]) for rung, each in zip(on_trial(), results, strict=False)]
+    trials = [_tried(rung.name, each, results[0]) for rung, each in zip(on_trial(peg), results, strict=False)]
     trials += [_not_run(name, why) for name, why in NOT_RUN.items() if trials]
     narrower = [_tried(rung.name, each, hard[0]) for rung, each in zip(tight, hard, strict=True) if each]
-    return Findings(rows, ways, integration, trials, narrower, longest_step(config))
+    return Findings(rows, ways, integration, trials, narrower, longest_step(config), f"{size(peg)} in {size(hole)}")
+
+
+def size(part: Part) -> str:
+    """Return the size of a part in words: its extents, or a single one where every turn leaves it the same."""
+    along, across = (f"{2e3 * half:g}" for half in part.half)
+    return f"{along} x {across} mm" if part.symmetry > 0.0 else f"{along} mm"
 
 
 def longest_step(config: CellConfig) -> float:
@@ -195,17 +206,15 @@ def longest_step(config: CellConfig) -> float:
     """
     job, friction = config.job(), config.grip.friction if config.grip is not None else 0.0
     length, width = pad_size(config.skin.layout)
-    torque = breakaway_torque_of(
+    torque = grip_limits(
         theta=0.0,
         offset=0.0,
         grip_force=config.params(GRASP).force,
-        reach_tip=job.peg.length,
-        reach_back=job.peg.overhang,
-        half_length=length / 2,
-        half_width=width / 2,
+        reach=(job.peg.length, job.peg.overhang),
+        half=(length / 2, width / 2),
         friction=max(friction) if isinstance(friction, tuple) else friction,
         flat=job.peg.part.face.flat_width,
-    )
+    ).torque
     whole, beside = job.peg.length + job.peg.overhang, (job.peg.length - job.peg.overhang) / 2
     inertia = job.peg.mass * (whole**2 / 12 + beside**2)
     return math.sqrt(FEATURE_BAND * inertia / (job.peg.length * torque)) if torque > 0.0 else math.inf
@@ -220,10 +229,10 @@ def _in_half_the_clearance(config: CellConfig) -> CellConfig:
     return config.model_copy(update={"hole": halfway(config.peg, config.hole)})
 
 
-def measure_rung(rung: Rung, azimuths: Sequence[float]) -> RungRow:
-    """Measure one rung; a model that cannot work is told in its row."""
+def measure_rung(rung: Rung, azimuths: Sequence[float], peg: Part, hole: Part) -> RungRow:
+    """Measure one rung on a peg and its hole; the row of a model that cannot work says why."""
     try:
-        return _measure_rung(rung, azimuths)
+        return _measure_rung(rung, azimuths, peg, hole)
     except Exception as error:
         return RungRow(
             rung.name,
@@ -242,63 +251,90 @@ def measure_rung(rung: Rung, azimuths: Sequence[float]) -> RungRow:
         )
 
 
-def _measure_rung(rung: Rung, azimuths: Sequence[float]) -> RungRow:
-    errors, penetration, rests, spent, steps = {}, 0.0, True, 0.0, 0
-    with native.quiet():
-        for degrees in (*SHALLOW, *STEEP):
-            tilt = math.radians(degrees)
-            exact = section_depth(PEG, HOLE, tilt, points=4001)
-            worst = 0.0
-            for azimuth in azimuths:
-                place = (PEG / 2, tilt, azimuth, PUSH, SECONDS)
-                pushed = rig.push(rig.tilted_peg(PEG, HOLE, tilt, azimuth, 0.0, rung.timestep, rung.model), *place)
-                bare = rig.tilted_peg(PEG, HOLE, tilt, azimuth, 0.0, rung.timestep, rung.model, is_judged=False)
-                started = time.thread_time()
-                rig.push(bare, *place)
-                spent += time.thread_time() - started
-                steps += 1
-                error = abs(pushed.depth / exact - 1.0)
-                worst = max(worst, error if math.isfinite(error) else math.inf)
-                penetration = max(penetration, pushed.penetration)
-                rests &= bool(pushed.speed < AT_REST)
-            errors[degrees] = worst
-        seams = 0.0
-        for direction in (0.4, 1.9):
-            over = rig.tilted_peg(PEG, HOLE, math.pi / 4, 0.0, 0.0, rung.timestep, rung.model, is_judged=False)
-            swing = rig.drag(over, PEG / 2, math.pi / 4, direction, 0.0065)
-            seams = max(seams, swing if math.isfinite(swing) else math.inf)
-        keeps_out = True
-        for degrees in (1, 5):
-            tilt = math.radians(degrees)
-            thick = rig.tilted_peg(THICK, HOLE, tilt, 0.3, 0.2, rung.timestep, rung.model)
-            depth = rig.push(thick, THICK / 2, tilt, 0.3, PUSH, SECONDS).depth
-            keeps_out &= bool(depth <= 1.01 * section_depth(THICK, HOLE, tilt, points=4001) + VOID_PENETRATION)
-    limit = min(VOID_PENETRATION, VOID_SHARE * (HOLE - PEG) / 2)
+def _measure_rung(rung: Rung, azimuths: Sequence[float], peg: Part, hole: Part) -> RungRow:
+    pushes = _push_in(rung, azimuths, peg, hole)
+    errors = {degrees: max(push.error for push in pushes if push.degrees == degrees) for degrees in (*SHALLOW, *STEEP)}
+    penetration = max(push.penetration for push in pushes)
     return RungRow(
         name=rung.name,
         family=rung.family,
         timestep=rung.timestep,
-        real_time=steps * SECONDS / spent,
+        real_time=len(pushes) * SECONDS / sum(push.spent for push in pushes),
         shallow_error=max(errors[degrees] for degrees in SHALLOW),
         steep_error=max(errors[degrees] for degrees in STEEP),
         penetration=penetration,
-        is_void=penetration > limit,
-        rests=rests,
-        drag=seams,
-        keeps_out=keeps_out,
-        pushes=steps,
+        is_void=penetration > min(VOID_PENETRATION, VOID_SHARE * peg.clearance(hole)),
+        rests=all(push.rests for push in pushes),
+        drag=_seams(rung, peg, hole),
+        keeps_out=_keeps_out(rung, hole),
+        pushes=len(pushes),
     )
 
 
-def measure_point(hole: str, timestep: float, stiffness: float) -> MapRow:
-    """Measure one point of the map of integration."""
-    tilt = math.radians(MAP_TILT)
-    exact = section_depth(PEG, HOLE, tilt, points=4001)
+@dataclass(frozen=True, slots=True)
+class _Push:
+    """One push of the ladder."""
+
+    degrees: int
+    error: float
+    """Relative error of the depth; infinite when the state was no longer finite."""
+    penetration: float
+    """Deepest penetration that lasted longer than 2 ms, m."""
+    rests: bool
+    spent: float
+    """Core time of the push without meters, s."""
+
+
+def _push_in(rung: Rung, azimuths: Sequence[float], peg: Part, hole: Part) -> list[_Push]:
+    """Push the peg in at every tilt and azimuth."""
+    made = []
     with native.quiet():
-        how = model(hole=hole, stiffness=stiffness)
-        pushed = rig.push(
-            rig.tilted_peg(PEG, HOLE, tilt, 0.3, 0.0, timestep, how), PEG / 2, tilt, 0.3, PUSH, MAP_SECONDS
-        )
+        for degrees in (*SHALLOW, *STEEP):
+            tilt = math.radians(degrees)
+            for azimuth in azimuths:
+                place = (peg, tilt, azimuth, PUSH, SECONDS)
+                pushed = rig.push(rig.tilted_peg(peg, hole, tilt, azimuth, 0.0, rung.timestep, rung.model), *place)
+                bare = rig.tilted_peg(peg, hole, tilt, azimuth, 0.0, rung.timestep, rung.model, is_judged=False)
+                started = time.thread_time()
+                rig.push(bare, *place)
+                spent = time.thread_time() - started
+                error = abs(pushed.depth / exact_depth(peg, hole, rig.attitude(tilt, azimuth)) - 1.0)
+                error = error if math.isfinite(error) else math.inf
+                made.append(_Push(degrees, error, pushed.penetration, bool(pushed.speed < AT_REST), spent))
+    return made
+
+
+def _seams(rung: Rung, peg: Part, hole: Part) -> float:
+    """Return the largest swing of the lateral force over solid plate, N."""
+    seams, tilt = 0.0, math.pi / 4
+    with native.quiet():
+        for direction in (0.4, 1.9):
+            over = rig.tilted_peg(peg, hole, tilt, 0.0, 0.0, rung.timestep, rung.model, is_judged=False)
+            swing = rig.drag(over, peg, tilt, direction, hole.reach + BESIDE)
+            seams = max(seams, swing if math.isfinite(swing) else math.inf)
+    return seams
+
+
+def _keeps_out(rung: Rung, hole: Part) -> bool:
+    """Return whether a peg that is thicker than the hole goes no deeper than its tilt allows."""
+    thick, azimuth = hole.grown(THICKER), 0.3
+    with native.quiet():
+        for degrees in (1, 5):
+            tilt = math.radians(degrees)
+            over = rig.tilted_peg(thick, hole, tilt, azimuth, 0.2, rung.timestep, rung.model)
+            depth = rig.push(over, thick, tilt, azimuth, PUSH, SECONDS).depth
+            if not depth <= 1.01 * exact_depth(thick, hole, rig.attitude(tilt, azimuth)) + VOID_PENETRATION:
+                return False
+    return True
+
+
+def measure_point(kind: str, timestep: float, stiffness: float, peg: Part, hole: Part) -> MapRow:
+    """Measure one point of the map of integration, with the model of the hole that `kind` names."""
+    tilt, azimuth = math.radians(MAP_TILT), 0.3
+    exact = exact_depth(peg, hole, rig.attitude(tilt, azimuth))
+    with native.quiet():
+        over = rig.tilted_peg(peg, hole, tilt, azimuth, 0.0, timestep, model(hole=kind, stiffness=stiffness))
+        pushed = rig.push(over, peg, tilt, azimuth, PUSH, MAP_SECONDS)
     error = abs(pushed.depth / exact - 1.0)
     if not (math.isfinite(error) and pushed.speed < AT_REST and error < 0.5):
         verdict = "unstable"
@@ -306,7 +342,7 @@ def measure_point(hole: str, timestep: float, stiffness: float) -> MapRow:
         verdict = "penetrates"
     else:
         verdict = "holds"
-    return MapRow(hole, timestep, stiffness, verdict)
+    return MapRow(kind, timestep, stiffness, verdict)
 
 
 def _trial(config: CellConfig, rung: Rung, seed: int) -> tuple[TrialRow, float]:

@@ -1,10 +1,11 @@
-"""What each skill needs of the models: the fastest that give it, from what was measured."""
+"""The needs of each skill: the fastest models that meet them, by the measurements."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from cell.lab.contact.ladder import PADS, SHIPPED
 from cell.lab.contact.measure import EXACT_ENOUGH, SMOOTH, Findings, RungRow, TrialsRow
+from sim.hand_rig import NOT_ROUND
 
 NEEDS: dict[str, tuple[str, Callable[[RungRow], bool]]] = {
     "spray_search": (
@@ -20,30 +21,35 @@ NEEDS: dict[str, tuple[str, Callable[[RungRow], bool]]] = {
         lambda row: row.error <= EXACT_ENOUGH and row.rests and not row.is_void and row.keeps_out,
     ),
 }
-"""What a skill needs of the hole's model."""
+"""Requirements of each skill on the hole's model."""
 
 
 HELD = "full arm, hinge"
+NOT_MEASURED = "not measured"
+"""Arm and grip of a peg that the arm's rigs cannot push."""
 ALIKE = 0.1
-"""The tip stays off its setpoint as with the full arm, to this share: joint friction is what a skill must bear."""
+"""Largest share by which the tip's distance from its setpoint may differ from that with the full arm; a skill has to
+bear joint friction.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class NeedRow:
-    """What a skill needs."""
+    """Needs of one skill, and the models that meet them."""
 
     skill: str
     needs: str
     hole: str
-    """The fastest model of the hole that gives it, steps so that the grip cannot carry the peg past its contacts, and ends
-    whole trials as the finest does; empty when none does."""
+    """Fastest model of the hole that meets them, with steps so short that the grip cannot carry the peg past its
+    contacts, and with trials that end as on the finest rung; empty when there is none.
+    """
     arm_and_grip: str
     shipped: str
-    """Whether that is what ships."""
+    """Whether the shipped models are those."""
 
 
 def needed(found: Findings) -> list[NeedRow]:
-    """Return for every skill the fastest models that give what it needs; `shipped` says whether they are those that ship."""
+    """Return for every skill the fastest models that meet its needs, and whether they are the shipped ones."""
     whole = {row.name: row for row in found.trials}
     asked = [rows for rows in (found.trials, found.tight) if rows]
     hands = {row.name: row for row in found.hands}
@@ -54,6 +60,8 @@ def needed(found: Findings) -> list[NeedRow]:
     ]
     hinged = [row for row in like if PADS not in whole or "pads" not in row.name or not whole[PADS].changed]
     hand = max(hinged, key=lambda row: row.real_time).name if hinged else ""
+    if all(row.fault == NOT_ROUND for row in found.hands[1:]):
+        hand = NOT_MEASURED
     lines = []
     for skill, (needs, gives) in NEEDS.items():
         good = [
@@ -62,7 +70,7 @@ def needed(found: Findings) -> list[NeedRow]:
             if gives(row) and row.timestep <= found.longest_step and all(end_alike(row.name, rows) for rows in asked)
         ]
         hole = max(good, key=lambda row: row.real_time).name if good else ""
-        is_shipped = hole == SHIPPED and hand == HELD
+        is_shipped = hole == SHIPPED and hand in (HELD, NOT_MEASURED)
         lines.append(NeedRow(skill, needs, hole, hand, "yes" if is_shipped else "no"))
     pads = next((row.name for row in found.hands if "pads" in row.name and not row.fault), "")
     lines.append(
@@ -80,8 +88,8 @@ def needed(found: Findings) -> list[NeedRow]:
 def end_alike(name: str, rows: Sequence[TrialsRow]) -> bool:
     """Return whether trials on a rung end as on the finest.
 
-    Each of them with the same outcome, none void, and peak forces that differ on average by less than one trial's differs
-    from the next one's anyway: what a limit or a technician makes of one trial's force is then the same.
+    The outcomes have to be the same and none void, and the peak forces have to differ on average by less than those of
+    two seeds do; a limit, or a technician, then makes the same of one trial's force.
     """
     row = next((row for row in rows if row.name == name), None)
     if row is None or row.fault or row.changed or row.voids:

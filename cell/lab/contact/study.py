@@ -23,7 +23,7 @@ def run(args: argparse.Namespace) -> StudyReport:
     from cell.lab.contact import charts, ladder, measure, needs, tables
 
     config, folder = load_simulated(args, "study contact").cell, out_folder(args.out)
-    plan = ladder.plan(args.quick, args.workers)
+    plan = ladder.plan(args.quick, args.workers, config.peg.part)
     with progress() as bars:
         bar = bars.add_task("parts", total=len(plan.rungs) + 3)
         found = measure.run(config, plan, args.seed, lambda name: bars.advance(bar))

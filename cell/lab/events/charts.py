@@ -80,12 +80,12 @@ def _curves(seen: Axes, late: Axes, lines: Sequence[EventLine], colour: str, mar
 
 
 def _place(line: EventLine) -> float:
-    """Return where a line stands along the false events of 1,000; none seen is drawn at half of one."""
+    """Return the place of a line on the axis of false events in 1,000 searches; none seen is drawn at half of one."""
     return 1e3 * max(line.stopped, 0.5) / line.searches
 
 
 def _stated(axes: Axes, found: EventStudy, empty: Sequence[Watched], search: SpraySearchParams) -> None:
-    """Draw how often searches were stopped where the threshold was derived from a stated rate."""
+    """Draw the share of stopped searches where the threshold was derived from a stated rate."""
     for detector, (colour, marker) in STYLES.items():
         for rate in RATES:
             if detector == HEIGHT:

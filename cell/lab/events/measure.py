@@ -1,8 +1,9 @@
-"""Hole events, false and true: how often a search stops on a plate without a hole, and how soon where there is one.
+"""Hole events, false and true: the share of searches that stop on a plate without a hole, and the delay where there is
+one.
 
 A search slides over the plate and nothing stops it, while every detector watches. Until its first event a search that
-listens to a detector goes the very same way, so that one run tells of all detectors and all thresholds. The seeds with
-an event at the threshold in use are run again, listening, to see what the judgement at rest makes of it.
+obeys a detector goes the very same way, so that one run tells of all detectors and all thresholds. The seeds with an
+event at the threshold in use are run again, obeying, to see what the judgement at rest makes of it.
 """
 
 import math
@@ -24,20 +25,22 @@ from skills import spray_search
 from skills.catalogue import GRASP, SEARCH
 from skills.contract import Observation, Outcome, Reason, Request, SkillContext
 from skills.flow import run_stage
-from skills.ground import Ground, Plane
 from skills.search.params import SpraySearchParams
 from skills.spray_search import SpraySearchResult
+from skills.surface import Plane, SurfaceEstimate
 from skills.tactile.hole_event import HoleEvent, HoleEventParams
 
 HEIGHT = "height"
 DETECTORS: tuple[str, ...] = (HEIGHT, "derivative", "difference", "cusum")
-"""The dip of the tip, and the methods of the skin; see `skills.tactile.hole_event`."""
+"""Names of the detectors: the dip of the tip, and the methods of the skin, see `skills.tactile.hole_event`."""
 OVER = 5e-5
-"""The peg's lowest point so far below the plate is over the hole, m: the plate's contacts yield by a hundredth of it."""
+"""Depth of the peg's lowest point below the plate from which it is over the hole, m; the plate's contacts give way by a
+hundredth of it.
+"""
 FALL = 2e-4
-"""A fall is at least so deep, m; shallower passes over the hole's edge are none."""
+"""Least depth of a fall, m; shallower passes over the hole's edge are not counted."""
 WINDOW = 1.0
-"""After the beginning of a fall in which an event counts as its detection, s."""
+"""Time after the beginning of a fall in which an event counts as its detection, s."""
 
 High = tuple[float, float, float]
 """Time since sliding began or since the fall, s; largest value so far; way of the peg's edge since then, m."""
@@ -45,17 +48,17 @@ High = tuple[float, float, float]
 
 @dataclass(slots=True)
 class Highs:
-    """The times at which a detector's value was larger than ever before: all that thresholds need to know."""
+    """The times at which a detector's value exceeded all before; any threshold can be judged from them."""
 
     values: list[High] = field(default_factory=list)
 
     def note(self, time: float, value: float, way: float = 0.0) -> None:
-        """Take one value."""
+        """Take one value into account."""
         if value > (self.values[-1][1] if self.values else 0.0):
             self.values.append((time, value, way))
 
     def first(self, limit: float) -> High | None:
-        """Return when `limit` was passed first."""
+        """Return the first entry beyond `limit`."""
         return next((high for high in self.values if high[1] > limit), None)
 
     @property
@@ -66,36 +69,36 @@ class Highs:
 
 @dataclass(slots=True)
 class Watched:
-    """One search that nothing stopped."""
+    """Record of one search that nothing stopped."""
 
     seed: int
     has_hole: bool
     ended: str = ""
-    """Why it ended before its time; empty where it went on to the timeout or, with a hole, to the end of the window."""
+    """Reason why the search ended before its time; empty where it went on to the timeout or to the end of the window."""
     slid: float = 0.0
     """Time of sliding, s; with a hole, until the fall."""
     spread: float = 0.0
-    """Standard deviation of the height about the learnt plane, m."""
+    """Standard deviation of the height about the estimated surface, m."""
     crossings: float = 0.0
-    """How often the height passes its median upwards, 1/s."""
+    """Rate at which the height passes its median upwards, 1/s."""
     before: dict[str, Highs] = field(default_factory=dict)
-    """Of every detector while the peg slid over solid plate."""
+    """Highs of every detector while the peg slid over solid plate."""
     after: dict[str, Highs] | None = None
-    """The same from the fall on; None where the peg never fell."""
+    """Highs of every detector from the fall on; None where the peg never fell."""
     began_in_hole: bool = False
-    """The peg came down right into the hole: there is no fall to be seen."""
+    """Whether the peg came down right in the hole, so that there is no fall."""
 
 
 @dataclass(frozen=True, slots=True)
 class Listened:
-    """One search on a plate without a hole, stopped by its evidence."""
+    """Record of one search on a plate without a hole, stopped by its evidence."""
 
     seed: int
     detector: str
     rests: int
-    """False probes."""
+    """Number of false probes."""
     found: bool
-    """It took the place for the hole."""
+    """Whether the search took the place for the hole."""
 
 
 class _Watch:
@@ -120,7 +123,7 @@ class _Watch:
         return Request.STOP if self.is_done else Request.RUN
 
     def slide(self) -> None:
-        """Take note that the sliding begins."""
+        """Note that the sliding begins."""
         for event in self.skin.values():
             event.restart()
         assert self.seen is not None
@@ -131,7 +134,7 @@ class _Watch:
             self._note(name, event.take(frame))
 
     def height(self, below: float) -> None:
-        """Take the dip of one scan; the last call of a scan."""
+        """Note the dip of one scan; the last call of a scan."""
         assert self.seen is not None
         if self._start is None:
             return
@@ -143,7 +146,7 @@ class _Watch:
             self.row.slid = self.seen.stamp - self._start
 
     def _compare(self, start: float) -> None:
-        """Compare with the truth: has the peg begun to fall?"""
+        """Compare with the truth whether the peg has begun to fall."""
         assert self.seen is not None
         truth, now = self._cell.truth(), self.seen.stamp  # type: ignore[misc]
         _, axis = end_point(self.seen.arm.tcp, truth.theta, self._length)
@@ -172,12 +175,12 @@ class _Watch:
             self.row.before[name].note(self.seen.stamp - self._start, value)
 
 
-class _StillGround(Ground):
-    """Learns the plate and tells the watch of every dip, but the search of none."""
+class _StillSurface(SurfaceEstimate):
+    """Surface estimate that tells the watch of every dip, but the search of none."""
 
     def __init__(self, watch: _Watch) -> None:
         super().__init__()
-        self._watch, self._learnt = watch, Ground()
+        self._watch, self._learnt = watch, SurfaceEstimate()
 
     def learn(self, edge: Vector, sense: int) -> None:
         self._learnt.learn(edge, sense)
@@ -191,7 +194,7 @@ class _StillGround(Ground):
 
 
 class _StillSkin(HoleEvent):
-    """Tells the watch of every frame, but the search of none."""
+    """Detector that tells the watch of every frame, but the search of none."""
 
     def __init__(self, watch: _Watch, params: SpraySearchParams) -> None:
         super().__init__(params.event, params.timeout)
@@ -214,7 +217,10 @@ def watch(config: CellConfig, has_hole: bool, seed: int) -> Watched:
         ctx = cell.context(seed)
         seer = _Watch(cell, params, row)
         outcome, reason = _search(
-            cell, ctx, lambda c: spray_search.run(params, c, _StillGround(seer), _StillSkin(seer, params)), seer
+            cell,
+            ctx,
+            lambda c: spray_search.run(params, c, _StillSurface(seer), _StillSkin(seer, params)),
+            seer,
         )
     if not seer.is_done and reason is not Reason.NO_HOLE:
         row.ended = f"{outcome} {reason.name.lower()}"
@@ -247,7 +253,7 @@ def listen(config: CellConfig, detector: str, seed: int) -> Listened:
 def _search(
     cell: Cell, ctx: SkillContext, run: Callable[[SkillContext], SpraySearchResult], seer: _Watch | None = None
 ) -> tuple[str, IntEnum]:
-    """Grasp and search; return how that ended."""
+    """Grasp and search; return the search's result."""
     fault: CellError | None = None
     records = GRASP.run(cell.config.skill_set(), ctx)
     if seer is not None:
@@ -291,14 +297,14 @@ def measure(
     """Watch a search of every seed without a hole, and of the first `with_hole` with one.
 
     Args:
-        config: Of the cell; its evidence does not matter.
-        seeds: One search each.
-        with_hole: How many of them also on a plate with the hole.
-        workers: Processes.
-        done: Told of every search.
+        config: Config of the cell; its evidence does not matter.
+        seeds: Seeds, one search each.
+        with_hole: Number of seeds that are also run on a plate with the hole.
+        workers: Number of processes.
+        done: Called after every search.
 
     Raises:
-        ConfigError: Not a simulated cell, or one whose plate cannot be without a hole.
+        ConfigError: The cell is not simulated, or its plate cannot be without a hole.
     """
     if config.sim is None or config.sim.model.hole not in ("exact", "unpredicted"):
         raise ConfigError('study events: needs a simulated cell with sim.model.hole = "exact"')
@@ -311,7 +317,7 @@ def measure(
 
 
 def rice_limit(row: Watched, false_alarms: float, horizon: float) -> float:
-    """Return the dip, m, that the height's own spread passes so often in a search of this length, s.
+    """Return the dip that the height's own spread passes this often in a search of this length, m.
 
     [rice]: a normal process passes the level u upwards crossings·exp(-u²/2 spread²) times a second.
     """
@@ -320,7 +326,7 @@ def rice_limit(row: Watched, false_alarms: float, horizon: float) -> float:
 
 
 def rice_chance(row: Watched, dip: float) -> float:
-    """Return the chance that the height passes the dip, m, in the time that the search slid, by the same formula."""
+    """Return the probability that the height passes the dip, m, in the time that the search slid, by the same formula."""
     if row.spread == 0.0:
         return 0.0
     return -math.expm1(-row.crossings * row.slid * math.exp(-0.5 * (dip / row.spread) ** 2))

@@ -1,4 +1,4 @@
-"""What the study of hole events found: every detector as it is set, and over all thresholds."""
+"""Results of the study of hole events: every detector as configured, and over all thresholds."""
 
 import csv
 import math
@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 
 from cell.config import CellConfig
-from cell.journal import versions
 from cell.lab.events.measure import (
     DETECTORS,
     HEIGHT,
@@ -23,6 +22,7 @@ from cell.lab.events.measure import (
     rice_chance,
 )
 from cell.lab.workers import on_processes
+from cell.provenance import versions
 from cell.statistics import wilson
 from skills.catalogue import SEARCH
 from skills.tactile.hole_event import limit
@@ -43,58 +43,60 @@ NAMES = {
 
 @dataclass(frozen=True, slots=True)
 class EventLine:
-    """One detector at one threshold; times in s, ways in m, NaN where there is nothing to tell."""
+    """Result of one detector at one threshold; times in s, ways in m, NaN where there is no value."""
 
     detector: str
     in_use: bool
-    """At the threshold of the config; the others are the charts' curves."""
+    """Whether the threshold is that of the config; the other lines are the charts' curves."""
     stated: float
-    """False alarms in a search that the threshold was derived from; NaN where it was set by hand."""
+    """Stated false alarms in a search from which the threshold was derived; NaN where it was set by hand."""
     threshold: float
-    """m for the height, fraction for the derivative, else standard deviations."""
+    """Threshold: m for the height, fraction for the derivative, else standard deviations."""
     searches: int
-    """Without a hole."""
+    """Number of searches without a hole."""
     stopped: int
-    """Of them, those with a false event."""
+    """Number of those searches with a false event."""
     low: float
-    """Wilson 95 % interval of the share of those."""
+    """Lower end of the Wilson 95 % interval of the share with a false event."""
     high: float
     expected: float
-    """That share, from what the threshold was derived from or, for the height, from the spread about the plane."""
+    """Expected share with a false event: from what the threshold was derived from or, for the height, from the spread
+    about the plane.
+    """
     probes: int
-    """False events of all searches together, judged at rest; -1 where nobody listened."""
+    """Number of false events of all searches, judged at rest; -1 where no search obeyed."""
     finds: int
-    """Searches in which the judgement took such a place for the hole."""
+    """Number of searches in which the judgement at rest took such a place for the hole."""
     finds_high: float
     """Upper end of the Wilson 95 % interval of that share; the lower is 0 where there are none."""
     falls: int
-    """Falls of the peg, one in each search with a hole."""
+    """Number of falls of the peg, one in each search with a hole."""
     early: int
-    """Of them, those that a false event came before."""
+    """Number of falls that a false event preceded."""
     detected: int
-    """Of the others, those with an event within the window."""
+    """Number of the other falls with an event within the window."""
     detected_low: float
     detected_high: float
     delay: float
-    """Median, from the beginning of the fall to the event."""
+    """Median time from the beginning of the fall to the event, s."""
     delay_p95: float
     way: float
-    """Median of how far the peg's edge has moved by then."""
+    """Median way of the peg's edge from the beginning of the fall to the event, m."""
     way_p95: float
 
 
 @dataclass(frozen=True, slots=True)
 class EventStudy:
-    """All that the study found."""
+    """Results of the whole study."""
 
     title: str
     lines: list[EventLine]
     empty: list[Watched]
-    """Searches without a hole."""
+    """Number of searches without a hole."""
     in_hole: int
-    """Searches that began with the peg in the hole: no fall."""
+    """Number of searches that began with the peg in the hole and have no fall."""
     never: int
-    """Searches with a hole in which the peg never fell."""
+    """Number of searches with a hole in which the peg never fell."""
     others: list[str]
     """Endings of searches without a hole other than by their timeout."""
 
@@ -103,11 +105,11 @@ def run(config: CellConfig, seeds: range, with_hole: int, workers: int, done: Ca
     """Run the study.
 
     Args:
-        config: Of a simulated cell.
-        seeds: One search without a hole each.
-        with_hole: How many of them are searched with a hole too.
-        workers: Processes.
-        done: Told of every search.
+        config: Config of a simulated cell.
+        seeds: Seeds, one search without a hole each.
+        with_hole: Number of seeds that are also run with a hole.
+        workers: Number of processes.
+        done: Called after every search.
     """
     rows = measure(config, seeds, with_hole, workers, done)
     empty, full = [row for row in rows if not row.has_hole], [row for row in rows if row.has_hole]
@@ -138,7 +140,7 @@ def run(config: CellConfig, seeds: range, with_hole: int, workers: int, done: Ca
 
 
 def _in_use(config: CellConfig, detector: str) -> tuple[float, float]:
-    """Return a detector's threshold by the config, and the rate that it was derived from."""
+    """Return a detector's configured threshold, and the rate from which it was derived."""
     search = config.params(SEARCH)
     if detector == HEIGHT:
         return search.dip_threshold, math.nan

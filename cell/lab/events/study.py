@@ -10,11 +10,11 @@ from cell.terminal import progress
 
 SUMMARY = "hole events, false and true: how often a search stops without a hole, how soon where there is one"
 QUICK_TIMEOUT = 8.0
-"""Of a search with --quick, s."""
+"""Timeout of a search with --quick, s."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what is simulated, and how many searches there are."""
+    """Add what is simulated, and the number of searches."""
     add_study(parser)
     add_seed(parser)
     add_trials(parser, "searches without a hole; 1000, with --quick 4")

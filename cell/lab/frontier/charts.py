@@ -1,4 +1,4 @@
-"""Charts of the frontier: every variant's success rate against its time, and the way from the paper's method to ours."""
+"""Charts of the frontier: success rate against time of every variant, and the way from the paper's method to the shipped one."""
 
 import math
 from collections.abc import Sequence
@@ -16,15 +16,15 @@ from cell.statistics import wilson
 INK, GREY = "#222222", "#bbbbbb"
 COLOURS = ("#4477aa", "#ee6677", "#228833", "#aa3377", "#66ccee", "#ccbb44")
 MARKERS = "osD^vP"
-"""Of a panel's variants, in order; told apart by colour-blind readers too."""
+"""Markers of a panel's variants, in order; colour-blind readers can tell them apart."""
 STAGES = dict(zip(("search", "insert", "adjust"), ("#66ccee", "#228833", "#ccbb44"), strict=True))
 PAPER = "[gibbons], Table I"
 SHORTEST = 10.0
-"""The time axis begins here or before, s."""
+"""Latest beginning of the time axis, s."""
 RATES = (0, 20, 40, 60, 70, 80, 90, 95, 100)
 """Ticks of the success rate, %."""
 TICKS = (2, 3, 4, 5, 6, 8, 10, 15, 20, 30, 40, 60, 80, 100, 150, 200)
-"""Of the logarithmic time axis, s."""
+"""Ticks of the logarithmic time axis, s."""
 
 
 def draw(lines: Sequence[FrontierLine], title: str, folder: Path) -> list[Path]:
@@ -81,7 +81,7 @@ def draw_frontier(lines: Sequence[FrontierLine], title: str, path: Path) -> None
 
 
 def _stretch(rate: Any) -> Any:
-    """Return the place of a success rate, %, on an axis that is wide near 100 %, where the variants differ."""
+    """Return the place of a success rate, %, on an axis that is stretched near 100 %, where the variants differ."""
     return -np.log10(np.maximum(104.0 - np.asarray(rate, dtype=float), 1e-3))
 
 
@@ -91,7 +91,7 @@ def _shrink(place: Any) -> Any:
 
 
 def _draw_family(axes: Axes, lines: Sequence[FrontierLine]) -> None:
-    """Draw one panel, with a legend below it: names beside points that lie close together would cover each other."""
+    """Draw one panel with a legend below it; names beside points that lie close together would cover each other."""
     low, high = wilson(PUBLISHED_SUCCESSES, PUBLISHED_ATTEMPTS)
     rate = 100 * PUBLISHED_SUCCESSES / PUBLISHED_ATTEMPTS
     error = [[rate - 100 * low], [100 * high - rate]]
@@ -124,7 +124,7 @@ def _draw_family(axes: Axes, lines: Sequence[FrontierLine]) -> None:
 
 
 def draw_chain(lines: Sequence[FrontierLine], title: str, path: Path) -> None:
-    """Draw what each step from the paper's method brings: success, time by stage, and largest force."""
+    """Draw the effect of each step from the paper's method: success, time by stage, and largest force."""
     names = [PAPER, *(f"preset {line.variant}" if place == 0 else line.variant for place, line in enumerate(lines))]
     figure = Figure(figsize=(12.5, 1.9 + 0.5 * len(names)), layout="constrained")
     rate, time, force = figure.subplots(1, 3, sharey=True, width_ratios=(3, 4, 2.2))

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from cell.config import CellConfig, load, presets
-from cell.journal import config_hash, versions
 from cell.lab.trials import SUMMARY, TABLE, VOID, TrialRow, read_table, run_trials
+from cell.provenance import config_hash, versions
 from cell.statistics import Z95, mean, wilson
 from drivers.errors import CellError, FaultCode
 from skills.catalogue import INSERT, SEARCH
@@ -28,18 +28,13 @@ logger = logging.getLogger(__name__)
 FRONTIER = "frontier.csv"
 PRESET, CHAIN = "preset", "chain"
 BASES = "as shipped", "as configured"
-"""Name of the config that every variant starts from: without and with a file or keys of its own."""
+"""Names of the config that every variant starts from, with nothing given and with a file or keys given."""
 START = "paper"
-"""Preset that the chain starts from."""
+"""Preset from which the chain starts."""
 SWEEPS: dict[str, dict[str, tuple[str, ...]]] = {
     "search speed": {f"{speed:g} m/s": (f"search.speed={speed:g}",) for speed in (0.03, 0.05, 0.08, 0.115, 0.15)},
-    # The damping goes with the root of the gain: the ratio stays.
     "rotational gain": {
-        f"{gain:g} N·m/rad": (
-            f"insert.gains.rotation={gain:g}",
-            f"insert.gains.rotation_damping={8.0 * math.sqrt(gain / 40.0):.4g}",
-        )
-        for gain in (10.0, 20.0, 40.0, 80.0, 160.0)
+        f"{gain:g} N·m/rad": (f"insert.gains.rotation={gain:g}",) for gain in (5.0, 10.0, 20.0, 40.0, 48.0)
     },
     "estimator": {name: (f"insert.estimator={name}",) for name in ESTIMATORS},
     "skin rate": {f"{rate:g} Hz": (f"skin.rate={rate:g}",) for rate in (10.0, 20.0, 50.0, 100.0)},
@@ -48,7 +43,7 @@ SWEEPS: dict[str, dict[str, tuple[str, ...]]] = {
         "D, base to base": ("skin.layout=base_to_base",),
     },
 }
-"""What is swept, from the config that every variant starts from: a name for each value, and its keys."""
+"""Swept settings, from the config that every variant starts from: a name for each value, and its keys."""
 STEPS: tuple[tuple[str, tuple[str, ...]], ...] = (
     (
         "+ height evidence, judged at rest",
@@ -61,27 +56,27 @@ STEPS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("+ retries: {retries}", ("retries",)),
     ("+ all else", ("",)),
 )
-"""The chain's steps, in order: each takes the keys that begin so, and that no step before it took."""
+"""Steps of the chain, in order; each takes the keys that begin with its prefixes and that no earlier step took."""
 QUICK = {"skin rate": ("100 Hz",)}
-"""What is left of the sweeps in a quick study."""
+"""Sweeps that remain in a quick study."""
 
 
 @dataclass(frozen=True, slots=True)
 class Variant:
-    """One way of working."""
+    """One variant of the cell."""
 
     family: str
-    """`preset`, `chain`, or what is swept."""
+    """Family of the variant: `preset`, `chain`, or what is swept."""
     name: str
     preset: str | None
-    """Instead of the config's own."""
+    """Preset that replaces the config's own; None keeps that."""
     sets: tuple[str, ...]
-    """Single keys, `KEY=VALUE`, on top of it."""
+    """Single keys, `KEY=VALUE`, laid over the preset."""
 
 
 @dataclass(frozen=True, slots=True)
 class FrontierLine:
-    """What one variant reached; times are of its successes, s, and NaN where there are none."""
+    """Result of one variant; times are of its successes, s, and NaN where there are none."""
 
     family: str
     variant: str
@@ -89,36 +84,36 @@ class FrontierLine:
     sets: str
     """Keys that differ from the preset, parted by blanks."""
     folder: str
-    """Where its trials are; variants of the same config share them."""
+    """Folder of its trials; variants with the same config share it."""
     is_base: bool
     """Whether the config is the one that every variant starts from."""
     trials: int
     successes: int
     low: float
-    """Wilson 95 % interval of the success rate."""
+    """Lower end of the Wilson 95 % interval of the success rate."""
     high: float
     mean: float
-    """Total time: search + insertion + adjustment."""
+    """Mean of the total time, search + insertion + adjustment, s."""
     mean_error: float
-    """Half width of the mean's 95 % interval, normal; NaN below two successes."""
+    """Half width of the mean's 95 % interval, normal, s; NaN below two successes."""
     median: float
     p95: float
     search: float
-    """Mean time of each stage."""
+    """Mean time of the search, s; the next fields are those of the other stages."""
     insert: float
     adjust: float
     force_median: float
-    """Largest contact force of a trial, N, over all trials."""
+    """Median over all trials of the largest contact force, N."""
     force_p95: float
     voids: int
     faults: int
-    """Trials that a fault ended; counted as not successful."""
+    """Number of trials that a fault ended; they count as not successful."""
     retries: int
-    """Of all trials together."""
+    """Number of retries in all trials together."""
     endings: str
     """Endings other than success, with their counts."""
     error: str
-    """Why the variant could not be run; empty when it could."""
+    """Reason why the variant could not be run; empty when it could."""
 
 
 def variants(path: Path | None, sets: Sequence[str], is_quick: bool) -> list[Variant]:
@@ -127,7 +122,7 @@ def variants(path: Path | None, sets: Sequence[str], is_quick: bool) -> list[Var
     Args:
         path: TOML file of the cell; None is the simulated cell that ships with the program.
         sets: Keys of all variants; the presets and the sweeps go over them.
-        is_quick: A few of them.
+        is_quick: Whether to return only a few.
     """
     names = [START] if is_quick else sorted(presets(path))
     found = [Variant(PRESET, BASES[bool(path or sets)], None, ()), *(Variant(PRESET, name, name, ()) for name in names)]
@@ -143,7 +138,7 @@ def _load(path: Path | None, preset: str | None, sets: Sequence[str]) -> CellCon
 
 
 def chain(start: CellConfig, end: CellConfig) -> list[Variant]:
-    """Return the way from `start` to `end`, one step at a time; steps that change nothing are left out."""
+    """Return the steps from `start` to `end`, one at a time; steps that change nothing are left out."""
     below, above = dict(_leaves(start)), dict(_leaves(end))
     left = [key for key in above if key != "preset" and below.get(key) != above[key]]
     taken: list[str] = []
@@ -172,7 +167,7 @@ def _leaves(config: CellConfig) -> Iterator[tuple[str, Any]]:
 
 
 def title_of(seeds: range) -> str:
-    """Return trials, seeds and versions, as they stand on charts and table."""
+    """Return trials, seeds and versions in the words of charts and table."""
     return (
         f"{len(seeds)} trials a variant, simulated, seeds {seeds[0]} to {seeds[-1]}; python {platform.python_version()}, "
         + ", ".join(f"{name} {versions()[name]}" for name in ("mujoco", "numpy", "code"))
@@ -188,18 +183,18 @@ def measure(
     folder: Path,
     done: Callable[[int], None],
 ) -> list[FrontierLine]:
-    """Run every variant on the same seeds and write frontier.csv; what is in the folder already is taken up.
+    """Run every variant on the same seeds and write frontier.csv; finished trials in the folder are taken up.
 
     A variant that cannot be run has its error in its line, and the others go on.
 
     Args:
-        path: See `variants`.
+        path: TOML file of the cell, see `variants`.
         sets: Keys of all variants.
-        tried: What to run.
-        seeds: One trial each, for every variant.
-        workers: Processes.
-        folder: Where the variants' folders go.
-        done: Told how many more trials are done.
+        tried: Variants to run.
+        seeds: Seeds, one trial each, for every variant.
+        workers: Number of processes.
+        folder: Folder of the variants' folders.
+        done: Called with the number of further trials done.
 
     Raises:
         ConfigError: The config that every variant starts from cannot be used.
@@ -229,7 +224,7 @@ def measure(
 
 
 def _fingerprint(config: CellConfig) -> str:
-    """Return the same for configs that work the same, however they were come by."""
+    """Return a text that is the same for configs with the same values, whatever their origin."""
     return config_hash(config.model_copy(update={"preset": ""}))
 
 

@@ -12,7 +12,7 @@ SUMMARY = "speed against accuracy: presets, settings, and each step from the pap
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what is simulated, and how many trials each variant has."""
+    """Add what is simulated, and the number of trials of each variant."""
     add_study(parser)
     add_seed(parser)
     add_trials(parser, "of each variant; 40, with --quick 2")

@@ -8,7 +8,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -22,14 +22,15 @@ from cell.supervisor import Supervisor
 from drivers.errors import CellError
 from drivers.protocols import Clock
 from plc_bridge.bridge import Bridge
+from plc_bridge.config import PlcConfig
 from plc_bridge.messages import Command, Refusal, Report
 
 PATIENCE = 60.0
-"""For a process that has much to do, and for a PLC that a busy computer makes silent, s."""
+"""Longest wait for a process that has much to do, and for a PLC that a busy computer makes silent, s."""
 
 
 Scan = tuple[float, int]
-"""When a scan began to ask for commands, s, and a state that it published; it may publish several."""
+"""Time at which a scan began to ask for commands, s, and a state that it published; a scan may publish several."""
 
 
 class _Stopwatch:
@@ -70,12 +71,24 @@ class _Stopwatch:
         self._bridge.refuse(command, refusal)
 
 
-def _serve(loaded: LoadedConfig, connections: int, pipe: Connection) -> None:
-    """Serve the cell until the other end has had enough, and send it all scans."""
-    plc = loaded.cell.plc
+@dataclass(frozen=True, slots=True)
+class Doors:
+    """Where a served cell listens."""
+
+    plain: Address
+    secure: Address | None
+    """The TLS server; None where it is off."""
+
+
+def patient(plc: PlcConfig, connections: int) -> PlcConfig:
+    """Return settings with which a busy computer loses no run, for so many connections."""
     free = plc.modbus.model_copy(update={"port": 0, "connections": connections, "connections_per_host": connections})
-    patient = plc.model_copy(update={"modbus": free, "life_timeout": PATIENCE, "lease_timeout": PATIENCE})
-    bridge, stop = Bridge(patient, PROGRAMS, PARAMETERS), threading.Event()
+    return plc.model_copy(update={"modbus": free, "life_timeout": PATIENCE, "lease_timeout": PATIENCE})
+
+
+def _serve(loaded: LoadedConfig, plc: PlcConfig, pipe: Connection) -> None:
+    """Serve the cell until the other end has had enough, and send it all scans."""
+    bridge, stop = Bridge(plc, PROGRAMS, PARAMETERS), threading.Event()
 
     def wait() -> None:
         pipe.recv()
@@ -91,18 +104,18 @@ def _serve(loaded: LoadedConfig, connections: int, pipe: Connection) -> None:
         supervisor = Supervisor(replace(cell, clock=stopwatch), loaded, stopwatch, journal, stop)
         supervisor.scan()
         bridge.start()
-        pipe.send(bridge.address)
+        pipe.send(Doors(bridge.address, bridge.secure_address))
         supervisor.serve()
         bridge.close()
     pipe.send(stopwatch.scans)
 
 
 @contextmanager
-def cell_process(loaded: LoadedConfig, scans: list[Scan], connections: int) -> Iterator[Address]:
-    """Yield where a cell of its own process listens; afterwards `scans` has all that it did."""
+def cell_process(loaded: LoadedConfig, scans: list[Scan], plc: PlcConfig) -> Iterator[Doors]:
+    """Yield where a cell of its own process listens, set up as `plc` says; afterwards `scans` has all that it did."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
-    process = context.Process(target=_serve, args=(loaded, connections, theirs))
+    process = context.Process(target=_serve, args=(loaded, plc, theirs))
     process.start()
     theirs.close()
     try:

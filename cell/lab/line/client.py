@@ -1,4 +1,4 @@
-"""Clients that load a Modbus server and miss nothing: one that waits for every answer, and many at once."""
+"""Clients that load a Modbus server and check every answer: one that waits for each answer, and many at once."""
 
 import asyncio
 import socket
@@ -33,7 +33,7 @@ class Client:
         """Return the answer to one request.
 
         Raises:
-            ConnectionError: No answer, or another's.
+            ConnectionError: No answer came, or the answer to another request.
         """
         self._transaction = (self._transaction + 1) % 0x10000
         self._socket.sendall(_frame(self._transaction, pdu))
@@ -93,18 +93,18 @@ def time_requests(client: Client, count: int) -> list[float]:
 
 @dataclass(frozen=True, slots=True)
 class Load:
-    """What many clients at once asked for and got."""
+    """Requests of many clients at once, and their answers."""
 
     clients: int
     sent: int
     answered: int
-    """With their own transaction id, function and length."""
+    """Number of answers with the right transaction id, function and length."""
     duration: float
-    """s."""
+    """Duration of the load, s."""
 
     @property
     def lost(self) -> int:
-        """Requests without a right answer."""
+        """Number of requests without a right answer."""
         return self.sent - self.answered
 
 
@@ -120,7 +120,7 @@ async def _all(address: Address, clients: int, requests: int, period: float) -> 
 
 
 async def _one(address: Address, requests: int, period: float, delay: float) -> int:
-    """Return how many answers were right; a request without one ends it."""
+    """Return the number of right answers; a request without one ends the client."""
     answered = 0
     reader, writer = await asyncio.open_connection(*address)
     due = asyncio.get_running_loop().time() + delay

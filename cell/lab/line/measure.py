@@ -1,4 +1,4 @@
-"""How the line holds: the cell's server beside a bare one, fifty clients at once, and what the scan feels of them.
+"""Measures of the line: the cell's server beside a bare one, fifty clients at once, and their effect on the scan.
 
 The cell is the whole product in a process of its own, in real time: bridge, supervisor and simulated devices.
 """
@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from cell.config import LoadedConfig
-from cell.lab.line.cell_process import Scan, bare_server, cell_process
+from cell.lab.line.cell_process import Scan, bare_server, cell_process, patient
 from cell.lab.line.client import Address, Load, connected, load, time_requests
 from cell.lab.line.plc import Plc, Start
 from cell.states import State
@@ -23,29 +23,31 @@ from drivers.quantities import Vector
 
 CLIENTS, POLL_PERIOD = 50, 0.01  # s
 RATIO = 1.3
-"""Most that p50 may be of the bare server's."""
+"""Largest ratio of the median answer time to the bare server's."""
 
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """How much is measured."""
+    """Extent of the measurement."""
 
     rounds: int
-    """Of reads, the two servers in turn."""
+    """Number of rounds of reads, the two servers in turn."""
     reads: int
-    """In each round."""
+    """Number of reads in each round."""
     flat_out: int
-    """Requests of each of the clients at once."""
+    """Number of flat-out requests of each of the clients."""
     starts: int
-    """Commands from Idle to Busy."""
+    """Number of commands from Idle to Busy."""
     windows: int
-    """Pairs of stretches of a run, without clients and with them."""
+    """Number of pairs of stretches of a run, without clients and with them."""
     window: float
     """Length of such a stretch, s."""
+    tries: int
+    """Number of bursts of each attack."""
 
 
-FULL = Effort(rounds=50, reads=400, flat_out=400, starts=100, windows=10, window=3.0)
-QUICK = Effort(rounds=20, reads=100, flat_out=100, starts=25, windows=4, window=1.5)
+FULL = Effort(rounds=50, reads=400, flat_out=400, starts=100, windows=10, window=3.0, tries=100)
+QUICK = Effort(rounds=20, reads=100, flat_out=100, starts=25, windows=4, window=1.5, tries=10)
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,30 +57,30 @@ class Measure:
     name: str
     value: float
     beside: float | None = None
-    """The same of the bare server, or without the clients."""
+    """Same figure of the bare server, or without the clients."""
     unit: str = ""
     target: str = ""
     holds: bool | None = None
-    """None where no target is set."""
+    """Whether the target is met; None where none is set."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Samples:
-    """What the measures and the picture are made of; times in s."""
+    """Samples of the measures and the picture; times in s."""
 
     cell: Vector
     bare: Vector
     flat_out: Load
     busy: Vector
-    """From sending a command to the first report in which the cell is not Idle."""
+    """Time from sending a command to the first report in which the cell is not Idle, s."""
     busy_at_once: int
-    """Commands whose Busy was true in the first answer."""
+    """Number of commands whose Busy was true in the first answer."""
     idle_scans: Sequence[int]
-    """Scans after each command that did not take it."""
+    """Number of scans after each command that did not take it."""
     quiet: Vector
-    """Scan intervals less the scan period, without clients."""
+    """Scan intervals less the scan period without clients, s."""
     loaded: Vector
-    """The same with them."""
+    """Scan intervals less the scan period with clients, s."""
     polled: Load
     scan_period: float
 
@@ -95,7 +97,9 @@ def measure(loaded: LoadedConfig, effort: Effort) -> Samples:
     """
     period = 1.0 / loaded.cell.scan_rate
     scans: list[Scan] = []
-    with cell_process(loaded, scans, 2 * CLIENTS) as address, bare_server() as bare_address:
+    settings = patient(loaded.cell.plc, 2 * CLIENTS)
+    with cell_process(loaded, scans, settings) as doors, bare_server() as bare_address:
+        address = doors.plain
         with connected(address) as ours, connected(bare_address) as bare:
             times: tuple[list[float], list[float]] = ([], [])
             for _ in range(effort.rounds):
@@ -125,7 +129,7 @@ _Stretch = tuple[float, float]
 
 
 def _stretches(address: Address, plc: Plc, effort: Effort) -> tuple[Load, list[_Stretch], list[_Stretch]]:
-    """Let insertions run, by turns without and with clients that poll; return the load, and when was what."""
+    """Let insertions run, by turns without and with clients that poll; return the load and the times of the stretches."""
     is_over, quiet, busy, loads = threading.Event(), [], [], []
     with ThreadPoolExecutor(1) as pool:
         running = pool.submit(plc.keep_running, is_over)
@@ -146,13 +150,13 @@ def _stretches(address: Address, plc: Plc, effort: Effort) -> tuple[Load, list[_
 
 
 def _idle_scans(scans: Sequence[Scan], start: Start) -> int:
-    """Return how many scans began with the command in the cell and ended without it."""
+    """Return the number of scans that began with the command in the cell and ended without it."""
     during = [(asked, state) for asked, state in scans if start.written < asked < start.seen]
     return len({asked for asked, _ in during} - {asked for asked, state in during if state != State.IDLE})
 
 
 def _errors(scans: Sequence[Scan], stretches: Sequence[_Stretch], period: float) -> Vector:
-    """Return by how much each scan interval of the stretches differs from the period, s."""
+    """Return the difference of each scan interval of the stretches from the period, s."""
     times = np.unique([asked for asked, _ in scans])
     return np.concatenate([np.diff(times[(times >= low) & (times <= high)]) - period for low, high in stretches])
 

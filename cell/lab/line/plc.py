@@ -16,7 +16,7 @@ from plc_bridge.registers import VERSION
 from skills.catalogue import CATALOGUE
 
 CYCLE = 0.02
-"""Between two signs of life while a run goes on, s."""
+"""Time between two signs of life while a run goes on, s."""
 _INSERT, _GRASP = CATALOGUE["insert_peg"].code, CATALOGUE["grasp_from_rack"].code
 
 
@@ -28,7 +28,7 @@ class Start:
     written: float
     seen: float
     is_at_once: bool
-    """The first answer said Busy."""
+    """Whether the first answer said Busy."""
 
 
 class Plc:
@@ -51,7 +51,7 @@ class Plc:
         return self.cycle(sequence=(self._image.sequence + 1) % 0x10000, code=code)
 
     def until(self, is_met: Callable[[ReportImage], bool]) -> ReportImage:
-        """Cycle until the report is as wanted, and return it."""
+        """Cycle until the report meets a condition, and return it."""
         deadline = time.monotonic() + PATIENCE
         while not is_met(report := self.cycle()):
             if time.monotonic() > deadline:
@@ -59,12 +59,31 @@ class Plc:
         return report
 
     def finish(self) -> None:
-        """Stop what runs, acknowledge it, and make the cell ready."""
+        """Stop a run, acknowledge its end, and make the cell ready."""
         self._client.stop()
         self.until(lambda report: report.state == State.STOPPED)
         self.trigger(Control.RESET)
         self.until(lambda report: report.state == State.IDLE)
+        self.make_ready()
+
+    def make_ready(self) -> None:
+        """Bring the cell to IDLE, whatever state it is in, but let a run that is under way end first."""
+        report = self.until(lambda report: report.state in (State.IDLE, State.COMPLETE, State.STOPPED, State.ABORTED))
+        if report.state in (State.STOPPED, State.ABORTED):
+            self.trigger(Control.RESET)
+            self.until(lambda report: report.state == State.IDLE)
+        # A run that was stopped may have left its peg in the hand.
+        self.trigger(Control.CLEARED)
+        self.until(lambda report: report.answered == self._image.sequence)
         self.cycle(acknowledge=self._image.sequence)
+
+    def ensure_running(self, code: int) -> None:
+        """Start a run where none is under way, and wait until it is; a run that was stopped is started anew."""
+        if self.cycle().state == State.EXECUTE:
+            return
+        self.make_ready()
+        self.trigger(code)
+        self.until(lambda report: report.state == State.EXECUTE)
 
     def time_start(self, period: float) -> Start:
         """Start a run, time it, and stop it."""

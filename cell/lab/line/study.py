@@ -1,4 +1,4 @@
-"""`cell study line`: the cell's server beside a bare one, and what the scan feels of fifty clients."""
+"""`cell study line`: the cell's server beside a bare one, what the scan feels of fifty clients, and what a PLC feels of attacks."""
 
 import argparse
 from dataclasses import asdict
@@ -7,21 +7,22 @@ from cell.arguments import out_folder
 from cell.lab.arguments import add_study, load_simulated
 from cell.lab.report import StudyReport
 
-SUMMARY = "the line to the PLC: answers, commands, and the scan beside fifty clients"
+SUMMARY = "the line to the PLC: answers, commands, the scan beside fifty clients, and a PLC under attack"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add which cell is served."""
+    """Add the config of the served cell."""
     add_study(parser)
 
 
 def run(args: argparse.Namespace) -> StudyReport:
     """Measure in real time, write the figures, draw the distributions."""
-    from cell.lab.line import charts, measure, tables
+    from cell.lab.line import charts, measure, siege, tables
 
     loaded, folder = load_simulated(args, "study line", pace=None), out_folder(args.out)
-    samples = measure.measure(loaded, measure.QUICK if args.quick else measure.FULL)
-    lines = measure.measures(samples)
+    effort = measure.QUICK if args.quick else measure.FULL
+    samples = measure.measure(loaded, effort)
+    lines = [*measure.measures(samples), *siege.measures(siege.besiege(loaded, effort.tries))]
     files = [*measure.write(lines, folder), folder / charts.CHART]
     charts.draw(samples, files[-1])
     return StudyReport([tables.line(lines)], [asdict(each) for each in lines], files)

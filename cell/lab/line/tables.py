@@ -8,7 +8,7 @@ from cell.lab.line.measure import Measure
 
 
 def line(lines: Sequence[Measure]) -> Table:
-    """Return how the line to the PLC holds."""
+    """Return the measures of the line to the PLC."""
     table = Table("measure", "value", "beside", "unit", "target", "holds")
     for each in lines:
         beside = "" if each.beside is None else f"{each.beside:.4g}"

@@ -13,7 +13,9 @@ CHART = "reality.png"
 
 
 def draw(lines: Sequence[FrontierLine], title: str, folder: Path) -> Path:
-    """Draw a row an error, a marker a scale: success with its Wilson interval, mean time, and force; return the file."""
+    """Draw a row for each error and a marker for each scale: success with its Wilson interval, mean time, and force;
+    return the file.
+    """
     families = list(dict.fromkeys(line.family for line in lines))
     scales = sorted({line.variant for line in lines}, key=float)
     place = {family: -number for number, family in enumerate(families)}

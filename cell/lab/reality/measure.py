@@ -1,4 +1,4 @@
-"""What errors cost: variants that draw one error alone or all, a sheet of tolerances, and a ranking by variance."""
+"""The cost of errors: variants that draw one error alone or all, a sheet of tolerances, and a ranking by variance."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -15,31 +15,32 @@ from cell.lab.trials import TrialRow, read_table
 from cell.statistics import wilson
 from drivers.quantities import Vector
 from sim.reality import KINDS, AnyError, read
+from skills.contract import Outcome
 
 __all__ = ["TABLE"]
 
 ALL = "all together"
 SCALES: dict[bool, tuple[float, ...]] = {False: (1.0, 2.0, 4.0), True: (2.0,)}
-"""Sizes at which each error is drawn alone; fewer in a quick study."""
+"""Scales at which each error is drawn alone; a quick study has fewer."""
 TOGETHER: dict[bool, tuple[float, ...]] = {False: (0.0, 1.0, 2.0, 3.0), True: (0.0, 1.0)}
-"""Sizes at which all are drawn together."""
+"""Scales at which all errors are drawn together."""
 BINS = 4
-"""Groups of equal size into which trials are sorted by the size of one error."""
+"""Number of groups of equal size into which trials are sorted by the size of one error."""
 LOST = 0.02
-"""An error may be so large that a cell loses this share of the trials, by the upper end of what was seen."""
+"""Share of lost trials that an error may cost, by the upper end of the interval."""
 
 
 @dataclass(frozen=True, slots=True)
 class Tolerance:
-    """How large one error may be."""
+    """Largest tolerable size of one error."""
 
     error: str
     about: str
     unit: str
     scale: float
-    """Largest tried scale up to which no more was lost than without the error, 0 where the least was too much."""
+    """Largest tried scale up to which no more was lost than without the error; 0 where the least was too much."""
     size: str
-    """What that is, in the unit."""
+    """Size of the error at that scale, in its unit."""
     lost: str
     """Successes of the trials at that scale, and at the next larger one."""
 
@@ -65,7 +66,7 @@ def errors_of(config: CellConfig) -> Mapping[str, AnyError]:
 
 
 def variants(errors: Mapping[str, AnyError], is_quick: bool) -> list[Variant]:
-    """Return what is run: all errors together at several sizes, then each alone."""
+    """Return the variants: all errors together at several scales, then each alone."""
     found = [Variant(ALL, f"{s:g}", None, (f"reality.scale={s:g}", 'reality.alone=""')) for s in TOGETHER[is_quick]]
     names = list(errors)[:2] if is_quick else list(errors)
     for name in names:
@@ -81,7 +82,7 @@ def rows_together(lines: Sequence[FrontierLine], folder: Path) -> list[TrialRow]
 
 
 def size_at(error: AnyError, scale: float) -> str:
-    """Return how large an error is at a scale, in its unit: its bounds, three standard deviations for a normal one."""
+    """Return the size of an error at a scale, in its unit: its bounds, or three standard deviations for a normal one."""
     figures = {key: np.asarray(value, dtype=float) for key, value in error.figures().items()}
     if error.distribution == "normal":
         return f"±{_told(3.0 * scale * figures['sigma'])}"
@@ -95,7 +96,7 @@ def size_at(error: AnyError, scale: float) -> str:
 
 
 def tolerances(errors: Mapping[str, AnyError], lines: Sequence[FrontierLine]) -> list[Tolerance]:
-    """Return how large each error may be alone: up to the first size at which more than `LOST` is lost beyond doubt."""
+    """Return the tolerance of each error alone: up to the first scale at which more than `LOST` is lost beyond doubt."""
     sheet = []
     for name, error in errors.items():
         alone = [line for line in lines if line.family == name and line.trials]
@@ -110,7 +111,7 @@ def tolerances(errors: Mapping[str, AnyError], lines: Sequence[FrontierLine]) ->
 
 
 def _is_borne(line: FrontierLine) -> bool:
-    """Whether what was lost can still be chance at a rate of `LOST`."""
+    """Return whether the losses can still be chance at a rate of `LOST`."""
     return wilson(line.successes, line.trials)[1] >= 1.0 - LOST
 
 
@@ -127,18 +128,18 @@ def ranking(errors: Mapping[str, AnyError], rows: Sequence[TrialRow]) -> list[Ra
         if len(told) < 2 * BINS:
             continue
         size = np.array([_deviation(name, row.errors[key]) for row in told])
-        time = np.array([row.total_time if row.outcome == "success" else math.nan for row in told], dtype=float)
+        time = np.array([row.total_time if row.outcome == Outcome.SUCCESS else math.nan for row in told], dtype=float)
         force = np.array([row.peak_contact_force for row in told])
         found.append(Rank(name, _explained(size, time), _explained(size, force)))
     return sorted(found, key=lambda rank: -max(rank.time, rank.force))
 
 
 def _deviation(name: str, text: str) -> float:
-    """Return how far a drawn error is from the ideal: root of the mean square, of the logarithm for a factor."""
+    """Return the size of a drawn error: its root mean square, or that of its logarithm for a factor."""
     values = np.array([float(word) for word in text.split()])
     ideal = KINDS[name].ideal
     away = np.log(values) if ideal == 1.0 else values - ideal
-    # One value has a sign that may matter; several have a size.
+    # The sign of a single value may matter; several values are summed up by their size.
     return float(away[0]) if len(away) == 1 else float(np.sqrt((away**2).mean()))
 
 

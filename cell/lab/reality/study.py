@@ -12,7 +12,7 @@ SUMMARY = "errors between the cell that is and the believed one: success, time a
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what is simulated, and how many trials each size of each error has."""
+    """Add what is simulated, and the number of trials at each scale of each error."""
     add_study(parser)
     add_seed(parser)
     add_trials(parser, "of each size of each error; 40, with --quick 1")

@@ -10,7 +10,7 @@ from cell.lab.reality.measure import Rank, Tolerance
 
 
 def sizes(lines: Sequence[FrontierLine], title: str) -> Table:
-    """Return how well and how fast the cell works under each error and scale."""
+    """Return success and speed of the cell under each error and scale."""
     table = Table(title=title, caption="times are of the successes, s; forces are each trial's largest, N")
     for name in ("error", "scale", "success", "Wilson 95 %", "mean", "p95", "force median", "force p95", "retries"):
         table.add_column(name, justify="left" if name == "error" else "right")
@@ -29,7 +29,7 @@ def sizes(lines: Sequence[FrontierLine], title: str) -> Table:
 
 
 def tolerances(sheet: Sequence[Tolerance]) -> Table:
-    """Return how large each error may be, for whoever installs a cell."""
+    """Return the tolerances for whoever installs a cell."""
     table = Table(title="Each error alone may be so large")
     for name in ("error", "what it is", "size", "unit", "scale", "successes"):
         table.add_column(name)

@@ -1,1 +1,1 @@
-"""Study of how fast the stand-in runs."""
+"""Study of the simulation's speed."""

@@ -1,4 +1,4 @@
-"""How fast the stand-in runs, each regime apart, what of that is spent outside `mj_step`, and where it goes."""
+"""Speed of the simulation in each regime, the share of it that is spent outside `mj_step`, and a profile."""
 
 import cProfile
 import pstats
@@ -20,7 +20,7 @@ from skills.catalogue import insert_peg
 from skills.contract import Observation
 
 REPEATS = 3
-"""Whole trials, and replays; the fastest counts, since other programs only ever slow a run."""
+"""Number of whole trials and of replays; the fastest counts, because other programs only ever slow a run."""
 TOUCHED = 1e-3
 """Net force of the plates on the held peg, low-passed, above which it counts as in contact, N."""
 STAGES = {
@@ -31,11 +31,11 @@ STAGES = {
     "mj_step: velocities": ("VELOCITY",),
     "mj_step: solver": ("CONSTRAINT",),
 }
-"""Of MuJoCo's own timers; what they leave of a step is integration and the rest."""
+"""Stages of MuJoCo's own timers; the rest of a step is integration and overhead."""
 
 
 class Regime(Enum):
-    """What the hand does."""
+    """Regime of a scan, by what the hand does."""
 
     GRASP = "hand empty, grasp, release"
     FREE = "held, free space"
@@ -44,7 +44,7 @@ class Regime(Enum):
 
 WHOLE = "whole trial"
 SMALL = 0.01
-"""Of the whole: parts that cost less are one line."""
+"""Share of the whole below which parts are summed up in one line."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,30 +53,30 @@ class SpeedLine:
 
     regime: str
     simulated: float
-    """s."""
+    """Simulated time, s."""
     real_time: float
     """Seconds simulated in a second of one core; control, skin, skills and records included."""
     bare_rate: float
-    """Of bare `mj_step`, same scene, same states, same run, steps/s."""
+    """Rate of bare `mj_step` in the same scene and states of the same run, steps/s."""
     bare_real_time: float
     """Seconds that bare `mj_step` would simulate in a second."""
     outside: float
-    """Time of the core outside `mj_step` for one simulated ms, s."""
+    """Core time outside `mj_step` for one simulated ms, s."""
 
 
 @dataclass(frozen=True, slots=True)
 class ProfileLine:
-    """What one part of a whole trial costs."""
+    """Cost of one part of a whole trial."""
 
     part: str
     cost: float
-    """Time of the core for one simulated ms, s."""
+    """Core time for one simulated ms, s."""
     share: float
-    """Of the whole."""
+    """Share of the whole, fraction."""
 
 
 class _Book:
-    """Books every scan's time where the peg is, and keeps the state to step from again."""
+    """Books every scan's time to its regime, and keeps the states to step from again."""
 
     def __init__(self, world: World) -> None:
         self._world, self._since, self._from = world, time.thread_time(), world.now()
@@ -100,14 +100,14 @@ class _Book:
 
     @property
     def total(self) -> float:
-        """Time of the core, s."""
+        """Core time of all scans, s."""
         return sum(self.spent.values())
 
     def cost(self, regime: Regime) -> tuple[float, float]:
-        """Return what one bare step costs, s, and how many of them a simulated ms takes; means over the scans."""
+        """Return the core time of one bare step, s, and the number of steps in a simulated ms; means over the scans."""
         seconds = steps = scans = 0.0
         for model, data, states in self.states[regime].values():
-            # The two steps after a scan run under a torque that the law sets once: they are those of the trial itself.
+            # The law sets the torque once for the two steps after a scan, so that these are the trial's own steps.
             took = min(_replay(model, data, states, 2) for _ in range(REPEATS)) / (2 * len(states))
             rate = 1e-3 / model.opt.timestep * len(states)
             seconds, steps, scans = seconds + took * rate, steps + rate, scans + len(states)
@@ -115,20 +115,20 @@ class _Book:
 
 
 def measure(config: CellConfig, seed: int) -> list[SpeedLine]:
-    """Run one whole trial on one core and take it apart.
+    """Run one whole trial on one core and measure its regimes.
 
     Args:
         config: A simulated cell at pace "max".
-        seed: Of the trial; it runs several times, first so that nothing is compiled while the clock runs.
+        seed: Seed of the trial; it is run several times, once beforehand so that nothing is compiled while the clock runs.
     """
     return _lines(_fastest(config, seed))
 
 
 def profile(config: CellConfig, seed: int) -> list[ProfileLine]:
-    """Tell where the time of one whole trial goes; arguments as of `measure`.
+    """Share out the time of one whole trial; arguments as of `measure`.
 
-    `mj_step` is taken apart by MuJoCo's own timers, what is outside the compiled loop by Python's profiler; both
-    slow what they watch, so that they only share out what was measured without them.
+    `mj_step` is divided by MuJoCo's own timers, the time outside the compiled loop by Python's profiler. Both slow what
+    they watch, so that they only share out the time measured without them.
     """
     book = _fastest(config, seed)
     bare, stages = 0.0, dict.fromkeys(STAGES, 0.0)
@@ -186,8 +186,11 @@ def _fastest(config: CellConfig, seed: int) -> _Book:
 
 
 def _trial(config: CellConfig, seed: int) -> _Book:
+    # Late scans would be counted as time of the physics.
+    config = config.model_copy(update={"reality": config.reality.model_copy(update={"scale": 0.0})})
     with opened(assemble(config)) as cell:
         assert isinstance(cell.clock, World)
+        cell.clear()
         cell.restock(config.job(), seed)
         ctx, book = cell.context(seed), _Book(cell.clock)
         ctx.record = book.record
@@ -199,7 +202,7 @@ def _replay(model: Any, data: Any, states: Sequence[Vector], steps: int) -> floa
     """Return the time of the core that bare steps from these states take, s."""
     views = _views(model, data)
     stacked = np.array(states)
-    # Once before the clock runs: the first call loads or compiles.
+    # The first call loads or compiles and must not be timed.
     engine.replay(model._address, data._address, views, stacked[:1], 1)
     started = time.thread_time()
     engine.replay(model._address, data._address, views, stacked, steps)
@@ -207,7 +210,7 @@ def _replay(model: Any, data: Any, states: Sequence[Vector], steps: int) -> floa
 
 
 def _views(model: Any, data: Any) -> tuple[Vector, ...]:
-    """Return all that a step depends on and that changes in a trial."""
+    """Return views of everything in a state that a step depends on and that changes in a trial."""
     return (data.qpos, data.qvel, data.qfrc_applied, data.qacc_warmstart, model.dof_frictionloss)
 
 

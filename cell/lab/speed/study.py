@@ -1,4 +1,4 @@
-"""`cell study speed`: how fast the stand-in runs, and where the time of a trial goes."""
+"""`cell study speed`: the simulation's speed, and a profile of a trial."""
 
 import argparse
 from dataclasses import asdict
@@ -11,7 +11,7 @@ SUMMARY = "how fast the stand-in runs"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what is simulated, and whether its time is shared out."""
+    """Add what is simulated, and whether a profile is made."""
     add_config(parser)
     add_seed(parser)
     parser.add_argument("--profile", action="store_true", help="where the time of a trial goes")

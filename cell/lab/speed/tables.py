@@ -1,4 +1,4 @@
-"""Tables of how fast the stand-in runs."""
+"""Tables of the simulation's speed."""
 
 from collections.abc import Sequence
 
@@ -8,7 +8,7 @@ from cell.lab.speed.measure import ProfileLine, SpeedLine
 
 
 def speed(lines: Sequence[SpeedLine]) -> Table:
-    """Return how fast the stand-in runs."""
+    """Return the simulation's speed in each regime."""
     table = Table("regime", "simulated (s)", "x real time", "bare mj_step (1/s)", "(x)", "outside mj_step (us/ms)")
     for line in lines:
         table.add_row(
@@ -23,7 +23,7 @@ def speed(lines: Sequence[SpeedLine]) -> Table:
 
 
 def profile(lines: Sequence[ProfileLine]) -> Table:
-    """Return where the time of a trial goes."""
+    """Return the profile of a trial."""
     table = Table("part", "cost (us/ms)", "share (%)")
     for line in lines:
         table.add_row(line.part, f"{line.cost * 1e6:.2f}", f"{line.share * 100:.1f}")

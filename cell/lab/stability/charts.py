@@ -1,4 +1,4 @@
-"""The map of stability: what became of every gain, period and delay, with the boundary of theory drawn in."""
+"""The map of stability: the result of every gain, period and delay, with the boundary of theory drawn in."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -7,15 +7,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from cell.journal import versions
 from cell.lab.stability.measure import Boundary, Shipped, Trace
 from cell.lab.stability.report import UNITS, StabilityReport
 from cell.margins import HELD
 from cell.plots import COLOURS
+from cell.provenance import versions
 
 STABLE, UNSTABLE, GUARD, THEORY = COLOURS[1], COLOURS[5], "#222222", COLOURS[3]
 NAMED = ("mujoco", "numpy", "numba", "code")
-"""Versions that stand on a chart."""
+"""Packages whose versions stand on a chart."""
 LATE = {0: "at once", 1: "one period late"}
 OBSERVER = {
     False: "observer off: the error is held from frame to frame",

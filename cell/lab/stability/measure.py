@@ -1,4 +1,4 @@
-"""Where the loop through the skin goes unstable on the whole simulated arm, beside what sampled-loop theory says.
+"""The limits of stability of the loop through the skin on the whole simulated arm, beside sampled-loop theory.
 
 A peg is taken from the rack and held over the plate, tilted as in the search. Then the setpoint of its tip, or of its
 axis, steps aside, and what follows is judged by truth. Skin, estimator, the arm's law and the arm are those of every
@@ -19,48 +19,51 @@ import numpy as np
 from cell.assembly import Cell, assemble, opened
 from cell.config import CellConfig
 from cell.lab.workers import on_processes
-from cell.margins import HELD, margins
+from cell.margins import HELD, loop_at, margins
 from cell.sampled_loop import largest_factor
+from drivers import impedance
 from drivers.arm.inertia import tip_inertia
 from drivers.arm.model import JOINTS
 from drivers.errors import CellError, SimulationUnstableError
-from drivers.frames import angle_between, end_point, rotation_about
-from drivers.quantities import ImpedanceSetpoint, InHandTip, Twist, Vector
+from drivers.frames import angle_between, end_point, rotation_about, rotation_by
+from drivers.quantities import ImpedanceSetpoint, InHandTip, Vector
 from sim.situation import Peg
 from sim.world import World
 from skills import grasp_from_rack
 from skills.catalogue import GRASP, INSERT, SEARCH
 from skills.contract import Observation, Outcome, SkillContext
 from skills.motion import Gains, Goal, move
-from skills.passivity import PassivityGuard, Verdict
+from skills.passivity import PassivityGuard, PassivityVerdict
 from skills.tactile.blend import Smoothing
 
 HEIGHT = 0.1
-"""Of the tip over the hole, m: the arm moves freely."""
+"""Height of the tip over the hole, m, at which the arm moves freely."""
 FORCE, TORQUE = 15.0, 1.5
-"""A step presses with so much at first, N and N·m: a quarter of what the guard stops at."""
+"""Largest first force, N, and torque, N·m, of a step; a quarter of those at which the guard stops."""
 STEPS = {"translation": 0.01, "rotation": 0.1}
-"""The largest step, m and rad."""
+"""Largest steps of translation, m, and rotation, rad."""
 DIRECTIONS = {"translation": np.array([0.8, 0.6, 0.0]), "rotation": np.array([0.6, 0.8, 0.0])}
-"""Of the step along, or about, shape (3,), base frame."""
+"""Directions of the step along, or about, shape (3,), base frame."""
 LOST = 8.0
-"""Further than so many of the largest steps from the setpoint a motion is given up: it is unstable."""
+"""Distance from the setpoint, in largest steps, at which a motion is given up as unstable."""
 RESTLESS = 0.25
-"""So is one that still swings in its last quarter: standard deviation, in largest steps. Dry friction ends less."""
+"""Standard deviation in the last quarter of a case, in largest steps, above which a motion is unstable; dry friction
+leaves less.
+"""
 PERIODS, LEAST_TIME = 30, 2.0
-"""How long a case lasts: so many frames, at least so long, s."""
+"""Duration of a case: number of frames, and least time, s."""
 
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """What is tried."""
+    """The cases that are tried."""
 
     periods: tuple[float, ...]
-    """Between frames, s; multiples of the scan's."""
+    """Periods of the frames, s; multiples of the scan's."""
     delays: tuple[int, ...]
-    """Age of a frame when it is first used, in frames."""
+    """Ages of a frame when it is first used, in frames."""
     gains: dict[str, tuple[float, ...]]
-    """Of translation, N/m, and rotation, N·m/rad."""
+    """Gains of translation, N/m, and of rotation, N·m/rad."""
 
 
 def _geometric(low: float, high: float, count: int) -> tuple[float, ...]:
@@ -72,7 +75,7 @@ WHOLE = Grid(
     (0, 1, 2),
     {"translation": _geometric(100.0, 51200.0, 10), "rotation": _geometric(5.0, 2560.0, 10)},
 )
-QUICK = Grid((0.05, 0.1), (0, 1), {"translation": (400.0, 2500.0, 20e3), "rotation": (10.0, 80.0, 1000.0)})
+QUICK = Grid((0.05, 0.1), (0, 1), {"translation": (400.0, 2500.0, 20e3), "rotation": (10.0, 300.0, 1000.0)})
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,54 +83,54 @@ class Case:
     """One point of the map."""
 
     kind: str
-    """`translation` or `rotation`: what steps, and whose gain is tried."""
+    """Kind of the step and of the gain that is tried: `translation` or `rotation`."""
     observer: bool
     period: float
-    """Between frames, s."""
+    """Period of the frames, s."""
     delay: int
-    """In frames."""
+    """Age of a frame when it is first used, in frames."""
     gain: float
-    """N/m or N·m/rad."""
+    """Gain that is tried, N/m or N·m/rad."""
 
 
 @dataclass(frozen=True, slots=True)
 class Trace:
-    """What became of it."""
+    """Result of one case."""
 
     case: Case
     is_stable: bool
     peak: float
     """Largest distance from the setpoint after the step, m or rad."""
     softened_at: float | None
-    """When the guard would have softened the motion, s after the step."""
+    """Time after the step at which the guard would have softened the motion, s; NaN if never."""
     stopped_at: float | None
-    """When it would have stopped it, s."""
+    """Time after the step at which the guard would have stopped the motion, s; NaN if never."""
     lost_at: float | None
-    """When the motion was given up, s."""
+    """Time after the step at which the motion was given up, s; NaN if never."""
 
 
 @dataclass(frozen=True, slots=True)
 class Boundary:
-    """What theory says, at the arm's own inertia where the map was made."""
+    """Boundary of theory, at the arm's own inertia where the map was made."""
 
     kind: str
     period: float
     delay: int
     gain: float
-    """First unstable one, its damping ratio that of the insertion's gains."""
+    """First unstable gain, its damping ratio that of the insertion's gains, N/m or N·m/rad."""
 
 
 @dataclass(frozen=True, slots=True)
 class Shipped:
-    """One gain of the config, and how far it is from the boundary of theory."""
+    """One gain of the config, and its distance from the boundary of theory."""
 
     skill: str
     kind: str
     period: float
-    """Of the skin, s."""
+    """Period of the skin's frames, s."""
     gain: float
     limit: float
-    """First unstable one, its damping as it is, the error as old as a frame used at once."""
+    """First unstable gain, with its damping ratio unchanged and the error as old as a frame used at once."""
     margin: float
     """Limit over gain."""
 
@@ -142,22 +145,16 @@ def shipped_margins(config: CellConfig) -> list[Shipped]:
 
 
 def gains_of(base: Gains, kind: str, gain: float) -> tuple[Vector, Vector]:
-    """Return stiffness and damping, each shape (6,), with one gain set and its damping ratio kept."""
-    stiffness, damping = base.stiffness(), base.damping()
-    factor = gain / getattr(base, kind)
-    held = np.diag(HELD[kind]) > 0.0
-    stiffness[held] *= factor
-    damping[held] *= math.sqrt(factor)
-    return stiffness, damping
+    """Return stiffness and damping ratios, each shape (6,), with one gain set."""
+    set_to = base.model_copy(update={kind: gain})
+    return set_to.stiffness(), set_to.damping_ratios()
 
 
 def boundaries(base: Gains, inertia: Vector, grid: Grid) -> list[Boundary]:
     """Return the boundary of theory for every period and delay."""
-    stiffness, damping = np.diag(base.stiffness()), np.diag(base.damping())
     found = []
     for kind, period, delay in product(HELD, grid.periods, grid.delays):
-        held = HELD[kind] @ stiffness
-        factor = largest_factor(inertia, held, stiffness - held, damping, period, delay, power=0.5)
+        factor = largest_factor(partial(loop_at, kind, base, inertia), period, delay)
         found.append(Boundary(kind, period, delay, factor * getattr(base, kind)))
     return found
 
@@ -167,12 +164,12 @@ def measure(config: CellConfig, grid: Grid, workers: int, done: Callable[[int], 
 
     Args:
         config: A simulated cell.
-        grid: What to try.
-        workers: Processes.
-        done: Told how many more cases are done.
+        grid: Cases to try.
+        workers: Number of processes.
+        done: Called with the number of further cases done.
 
     Returns:
-        What became of every case, and the arm's inertia at the tip, shape (6, 6).
+        Result of every case, and the arm's inertia at the tip, shape (6, 6).
     """
     columns = [
         [
@@ -198,7 +195,7 @@ def _column(config: CellConfig, columns: Sequence[Sequence[Case]], number: int) 
     traces: list[Trace] = []
     cases = columns[number]
     while len(traces) < len(cases):
-        with _bench(config, cases[0]) as bench:
+        with _held_peg(config, cases[0]) as bench:
             while bench.is_usable and len(traces) < len(cases):
                 traces.append(bench.run(cases[len(traces)]))
             inertia = bench.inertia
@@ -206,7 +203,7 @@ def _column(config: CellConfig, columns: Sequence[Sequence[Case]], number: int) 
 
 
 @dataclass(slots=True)
-class Bench:
+class HeldPeg:
     """A cell whose hand holds a peg still over the plate."""
 
     cell: Cell
@@ -215,9 +212,9 @@ class Bench:
     base: Gains
     roll: Vector
     q: Vector
-    """Of the model, the peg's hinge included."""
+    """Joint positions of the model, the peg's hinge included."""
     is_sound: bool = True
-    """The physics stayed finite."""
+    """Whether the physics stayed finite."""
 
     @property
     def is_usable(self) -> bool:
@@ -226,7 +223,7 @@ class Bench:
 
     @property
     def inertia(self) -> Vector:
-        """The arm's, at the tip, shape (6, 6)."""
+        """Inertia of the arm at the tip, shape (6, 6)."""
         return tip_inertia(self.world.arm, self.q[:JOINTS], self.length)
 
     @property
@@ -235,7 +232,7 @@ class Bench:
         return self.cell.config.peg.length
 
     def run(self, case: Case) -> Trace:
-        """Step the setpoint aside and watch."""
+        """Step the setpoint aside and return the result."""
         self._set_down()
         ctx, world = self.ctx, self.world
         theta = world.truth().theta
@@ -244,27 +241,32 @@ class Bench:
         seen = ctx.observe()
         goal = _stepped(case.kind, seen.tip, seen.axis, step)
         truth = _stepped(case.kind, *end_point(world.tcp(), theta, self.length), step)
-        stiffness, damping = gains_of(self.base, case.kind, case.gain)
-        plain = ImpedanceSetpoint(ctx.new_id(), *goal, stiffness, damping, math.inf, ctx.in_hand(), self.roll)
+        stiffness, ratios = gains_of(self.base, case.kind, case.gain)
+        plain = ImpedanceSetpoint(ctx.new_id(), *goal, stiffness, ratios, math.inf, ctx.in_hand(), self.roll)
         guard = PassivityGuard(ctx.limits.force)
         begin, away = world.now(), [0.0]
-        verdicts: dict[Verdict, float] = {}
+        verdicts: dict[PassivityVerdict, float] = {}
         frames: list[Observation] = []
         lasting = max(PERIODS * case.period, LEAST_TIME)
+        commanded = plain
         while (elapsed := world.now() - begin) < lasting:
             seen = ctx.observe()
             if seen.is_new_frame or not frames:
                 frames.append(seen)
-                ctx.arm.follow(_commanded(case, plain, frames))
+                commanded = _with_frame(case, plain, frames)
             elif case.observer and case.delay == 0:
-                # An observer may know more of theta at every scan.
-                ctx.arm.follow(replace(plain, in_hand=ctx.in_hand()))
+                # An observer may update theta at every scan.
+                commanded = replace(plain, in_hand=ctx.in_hand())
+            ctx.arm.follow(commanded)
             away.append(_distance(case.kind, end_point(seen.arm.tcp, theta, self.length), truth))
             verdicts.setdefault(guard.update(plain, seen.arm.tcp, seen.stamp), elapsed)
             if away[-1] > LOST * limit:
                 break
             try:
-                world.wait_until(seen.stamp + ctx.scan_period)
+                if case.observer:
+                    world.wait_until(seen.stamp + ctx.scan_period)
+                else:
+                    self._hold_error(case, plain, commanded, frames)
             except SimulationUnstableError:
                 away.append(math.inf)
                 self.is_sound = False
@@ -275,44 +277,55 @@ class Bench:
             case,
             lost is None and swing < RESTLESS * limit,
             max(away),
-            verdicts.get(Verdict.SOFTEN),
-            verdicts.get(Verdict.STOP),
+            verdicts.get(PassivityVerdict.SOFTEN),
+            verdicts.get(PassivityVerdict.STOP),
             lost,
         )
 
+    def _hold_error(
+        self, case: Case, plain: ImpedanceSetpoint, commanded: ImpedanceSetpoint, frames: Sequence[Observation]
+    ) -> None:
+        """Advance by one scan with the error of a frame: the setpoint goes along with the arm, in every control period."""
+        ctx, world = self.ctx, self.world
+        assert commanded.in_hand is not None
+        used = _used(case, frames)
+        error = np.concatenate([plain.tip - used.tip, _turn(used, plain)]) * (len(frames) > case.delay)
+        end = world.now() + ctx.scan_period
+        while world.now() < end - 1e-9:
+            tcp = ctx.arm.read().tcp
+            tip, axis = end_point(tcp, commanded.in_hand.theta, commanded.in_hand.length)
+            if case.kind == "translation":
+                ctx.arm.follow(replace(commanded, tip=tip + error[:3]))
+            else:
+                roll = float(error[3:] @ axis)
+                swing, closing = error[3:] - roll * axis, tcp.rotation[:, 2]
+                turned = (rotation_by(swing) @ axis, rotation_by(roll * axis) @ closing)
+                ctx.arm.follow(replace(commanded, axis=turned[0], roll=turned[1]))
+            world.wait_until(world.now() + world.arm.control_period)
+
     def _set_down(self) -> None:
-        """Put arm and peg back to where they were, at rest, and let the skin see them."""
+        """Put arm and peg back to where they were, at rest, and let the skin read them."""
         _, data = self.world.physics()
         data.qpos[:], data.qvel[:] = self.q, 0.0
-        self.world.control.law[:] = 0.0
+        self.world.control.law[:] = impedance.new_state(self.world.arm)
         self.ctx.arm.halt()
         self.world.wait_until(self.world.now() + 2.0 / self.cell.config.skin.rate)
 
 
-def _commanded(case: Case, plain: ImpedanceSetpoint, frames: Sequence[Observation]) -> ImpedanceSetpoint:
-    """Return what is handed to the arm at a frame."""
-    used = frames[max(len(frames) - 1 - case.delay, 0)]
+def _used(case: Case, frames: Sequence[Observation]) -> Observation:
+    """Return the frame that is used when the newest one arrives; it is an older one where frames are late."""
+    return frames[max(len(frames) - 1 - case.delay, 0)]
+
+
+def _with_frame(case: Case, plain: ImpedanceSetpoint, frames: Sequence[Observation]) -> ImpedanceSetpoint:
+    """Return the setpoint with theta from the frame that is used."""
+    used = _used(case, frames)
     assert plain.in_hand is not None
-    in_hand = InHandTip(used.peg.theta, plain.in_hand.length, used.peg.stamp)
-    if case.observer:
-        return replace(plain, in_hand=in_hand)
-    # The law damps the twist less the setpoint's: with no stiffness, a twist of K e / D is the force K e, held.
-    held = np.diag(HELD[case.kind]) > 0.0
-    error = np.concatenate([plain.tip - used.tip, _turn(used, plain)])
-    if len(frames) <= case.delay:
-        error[:] = 0.0
-    force = np.where(held, plain.stiffness * error / plain.damping, 0.0)
-    return replace(
-        plain,
-        stiffness=np.where(held, 0.0, plain.stiffness),
-        twist=Twist(force[:3], force[3:]),
-        in_hand=in_hand,
-        roll=plain.roll if case.kind == "translation" else None,
-    )
+    return replace(plain, in_hand=InHandTip(used.peg.theta, plain.in_hand.length, used.peg.stamp))
 
 
 def _turn(seen: Observation, plain: ImpedanceSetpoint) -> Vector:
-    """Return the rotation from how the peg was seen to how it shall be, as the law has it, shape (3,), rad."""
+    """Return the rotation from the peg's attitude, as seen, to its setpoint, as the law computes it, shape (3,), rad."""
     v, closing = seen.axis, seen.arm.tcp.rotation[:, 2]
     normal = np.cross(v, plain.axis)
     size = float(np.linalg.norm(normal))
@@ -335,18 +348,21 @@ def _distance(kind: str, now: tuple[Vector, Vector], goal: tuple[Vector, Vector]
 
 
 @contextmanager
-def _bench(config: CellConfig, case: Case) -> Iterator[Bench]:
+def _held_peg(config: CellConfig, case: Case) -> Iterator[HeldPeg]:
     """Yield a cell whose skin has the case's period, a peg in its hand, over the plate."""
     sim = config.sim
     assert sim is not None
     changed = {
         "sim": sim.model_copy(update={"pace": "max"}),
+        # The map is that of the arm as believed; `cell study reality` measures what errors do.
+        "reality": config.reality.model_copy(update={"scale": 0.0}),
         "skin": config.skin.model_copy(update={"rate": 1.0 / case.period}),
         "smoothing": config.smoothing if case.observer else Smoothing(),
     }
     config = config.model_copy(update=changed)
     with opened(assemble(config)) as cell:
-        ctx, world = cell.context(sim.seed), cell.clock
+        # The limit of the loop is measured, so no guard stands before the arm.
+        ctx, world = replace(cell.context(sim.seed), arm=cell.arm), cell.clock
         assert isinstance(world, World)
         if grasp_from_rack.run(config.params(GRASP), ctx).outcome is not Outcome.SUCCESS:
             raise CellError("study: the peg could not be taken from the rack")
@@ -356,4 +372,4 @@ def _bench(config: CellConfig, case: Case) -> Iterator[Bench]:
         for _ in move(Goal(tip, axis, closing), search.transfer, ctx, ctx.in_hand(), settle=1.0):
             pass
         _, data = world.physics()
-        yield Bench(cell, world, ctx, config.params(INSERT).gains, closing, np.array(data.qpos))
+        yield HeldPeg(cell, world, ctx, config.params(INSERT).gains, closing, np.array(data.qpos))

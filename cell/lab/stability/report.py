@@ -1,4 +1,4 @@
-"""What `cell study stability` finds: the map beside theory, every case as CSV, figures as JSON."""
+"""Results of `cell study stability`: the map beside theory, every case as CSV, figures as JSON."""
 
 import csv
 import json
@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from cell.config import CellConfig
-from cell.journal import config_hash, versions
 from cell.lab.stability.measure import QUICK, WHOLE, Boundary, Shipped, Trace, boundaries, measure, shipped_margins
 from cell.margins import HELD, MARGIN
+from cell.provenance import config_hash, versions
 from skills.catalogue import INSERT
 
 CASES, FIGURES = "stability.csv", "stability.json"
@@ -19,17 +19,17 @@ UNITS = {"translation": "N/m", "rotation": "N·m/rad"}
 
 @dataclass(frozen=True, slots=True)
 class StabilityReport:
-    """What came out."""
+    """Results of the study."""
 
     traces: list[Trace]
     theory: list[Boundary]
     shipped: list[Shipped]
     data: dict[str, Any]
-    """As in the JSON file."""
+    """Figures as in the JSON file."""
 
 
 def cases(quick: bool) -> int:
-    """Return how many cases there are."""
+    """Return the number of cases."""
     grid = QUICK if quick else WHOLE
     return sum(2 * len(grid.periods) * len(grid.delays) * len(grid.gains[kind]) for kind in HELD)
 
@@ -64,7 +64,7 @@ def write(found: StabilityReport, folder: Path) -> list[Path]:
 
 
 def compare(traces: Sequence[Trace], theory: Sequence[Boundary]) -> dict[str, int]:
-    """Count how the arm agrees with theory, which is about the loop without the observer."""
+    """Count the cases in which the arm agrees with theory, which is about the loop without the observer."""
     counts = {"stable_below": 0, "unstable_above": 0, "stable_above": 0, "unstable_below": 0}
     for trace in traces:
         if not trace.case.observer:
@@ -74,7 +74,7 @@ def compare(traces: Sequence[Trace], theory: Sequence[Boundary]) -> dict[str, in
 
 
 def caught(traces: Sequence[Trace]) -> dict[str, int]:
-    """Count what the guard would have stopped."""
+    """Count the cases that the guard would have stopped."""
     unstable = [trace for trace in traces if not trace.is_stable]
     return {
         "unstable": len(unstable),

@@ -1,1 +1,1 @@
-"""Study of how long a command takes before it does anything."""
+"""Study of the time that a command takes to start."""

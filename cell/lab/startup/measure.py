@@ -1,4 +1,4 @@
-"""What it takes to start a command: time of the processor, and which heavy packages come along.
+"""The cost of starting a command: processor time, and the heavy packages that it imports.
 
 A technician waits for `cell faults` beside a cell that stands still; a fleet of small computers asks `cell runs` every
 minute. Time is that of the processor, user and system, of a process of its own, so that other work on the computer
@@ -13,12 +13,12 @@ from dataclasses import dataclass
 from statistics import median
 
 LIMIT = 0.6
-"""Longest that a command that only tells something may take, s of the processor."""
+"""Largest processor time of a command that only shows something, s."""
 HEAVY = (
     *("can", "canopen", "cryptography", "cv2", "distributed", "matplotlib", "mujoco", "numba", "pyarrow", "pymodbus"),
     *("scipy", "serial"),
 )
-"""Packages that a command imports only to use them."""
+"""Packages that only commands which use them may import."""
 COMMANDS: dict[str, tuple[str, ...]] = {
     "--help": ("--help",),
     "--version": ("--version",),
@@ -28,7 +28,7 @@ COMMANDS: dict[str, tuple[str, ...]] = {
     "study --help": ("study", "--help"),
     "trials --help": ("trials", "--help"),
 }
-"""Commands that only tell something; `runs` reads the user's own journal unless a folder is given."""
+"""Commands that only show something; `runs` reads the user's own journal unless a folder is given."""
 _LISTING = """
 import json, os, sys
 from cell.cli import main
@@ -44,13 +44,13 @@ os.write(out, "\\n".join(name for name in sys.modules if "." not in name).encode
 
 @dataclass(frozen=True, slots=True)
 class StartLine:
-    """One command."""
+    """Result for one command."""
 
     command: str
     time: float
-    """Median of the processor's time, s."""
+    """Median of the processor time, s."""
     worst: float
-    """Longest, s."""
+    """Longest processor time, s."""
     starts: int
     heavy: str
     """Packages of `HEAVY` that it imported."""
@@ -65,9 +65,9 @@ def measure(starts: int, journal: str, done: Callable[[], None]) -> list[StartLi
     """Start every command in processes of its own.
 
     Args:
-        starts: How often each.
-        journal: Folder whose runs `runs` tells.
-        done: Told of every command.
+        starts: Number of starts of each command.
+        journal: Folder whose runs `runs` shows.
+        done: Called after every command.
     """
     lines = []
     for name, arguments in COMMANDS.items():
@@ -80,7 +80,7 @@ def measure(starts: int, journal: str, done: Callable[[], None]) -> list[StartLi
 
 
 def processor_time(arguments: Sequence[str]) -> float:
-    """Return what one start of the program takes of the processor, user and system, s.
+    """Return the processor time of one start of the program, user and system, s.
 
     Raises:
         RuntimeError: The command did not end well.

@@ -1,4 +1,4 @@
-"""`cell study startup`: what it takes to start the commands that only tell something."""
+"""`cell study startup`: the cost of starting the commands that only show something."""
 
 import argparse
 import csv
@@ -14,7 +14,7 @@ SUMMARY = "what it takes to start the commands that only tell something"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add where the table goes, and how often each command is started."""
+    """Add where the table goes, and the number of starts of each command."""
     add_out(parser)
     parser.add_argument("--quick", action="store_true", help="start each command once instead of 10 times")
 

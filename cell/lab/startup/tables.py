@@ -8,7 +8,7 @@ from cell.lab.startup.measure import LIMIT, StartLine
 
 
 def table(lines: Sequence[StartLine]) -> Table:
-    """Return what each command takes."""
+    """Return the cost of starting each command."""
     shown = Table(title=f"Start of commands, time of the processor; at most {LIMIT:g} s wanted")
     for name in ("command", "median (s)", "worst (s)", "n", "holds", "heavy packages imported"):
         shown.add_column(name, justify="right" if "(s)" in name or name == "n" else "left")

@@ -1,4 +1,4 @@
-"""Charts of the estimators: speed against accuracy, error over the angle, and what each condition costs."""
+"""Charts of the estimators: speed against accuracy, error over the angle, and the cost of each condition."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -20,13 +20,13 @@ from cell.lab.tactile.measure import (
 from drivers.skin.layout import LAYOUTS
 
 COLOURS = dict(zip(ESTIMATORS, ("#888888", "#ccbb44", "#4477aa", "#aa3377"), strict=True))
-"""Told apart by colour-blind readers too."""
+"""Colours of the estimators, which colour-blind readers can tell apart."""
 MARKERS = dict(zip(ESTIMATORS, "sD^o", strict=True))
 TITLES = {"parallelogram": "layout P: parallelogram", "base_to_base": "layout D: base to base"}
 GOAL_ERROR, GOAL_TIME = 0.8, 100.0
-"""Of the default at nominal noise on layout P: degrees and us a frame."""
+"""Goals of the default estimator at nominal noise on layout P: degrees, and us a frame."""
 SHOWN = 15.0
-"""Largest error drawn in its place, degrees; larger ones sit at the edge."""
+"""Largest error drawn at its place, degrees; larger ones sit at the edge."""
 
 
 def draw(lines: Sequence[TactileLine], nominal: Mapping[tuple[str, str], Sequence[Read]], folder: Path) -> list[Path]:
@@ -48,7 +48,7 @@ def _speed_accuracy(lines: Sequence[TactileLine], path: Path) -> None:
             if line.layout != layout or line.condition != CONDITIONS[0].name:
                 continue
             is_springs = line.model == "springs"
-            # The two models of one estimator stand side by side.
+            # The bars of both pad models stand side by side for each estimator.
             x = 1e6 * line.time * (0.96 if is_springs else 1.04)
             colour = COLOURS[line.estimator]
             axes.plot([x, x], [line.rmse, line.worst], color=colour, lw=1, zorder=1)

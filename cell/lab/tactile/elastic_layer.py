@@ -1,4 +1,4 @@
-"""Pads as an elastic layer on a rigid backing: a finer and independent model of what taxels feel.
+"""Pads as an elastic layer on a rigid backing: a finer, independent model of the taxels' pressure.
 
 Nothing is shared with the stand-in's bed of springs or with the estimators' templates. Per wavenumber the layer is
 solved exactly (Airy's stress function in plane strain, frictionless above, bonded below); where the peg touches
@@ -11,20 +11,21 @@ from functools import lru_cache
 
 import numpy as np
 
+from drivers.part.contract import Face
 from drivers.quantities import FINGERS, TAXELS, Vector
 from drivers.skin.layout import Layout, finger_positions, pad_size
 
 THICKNESS = 1e-3
-"""Of the elastomer, m; [gibbons], Sec. VI."""
+"""Thickness of the elastomer, m; [gibbons], Sec. VI."""
 MODULUS, POISSON = 1.5e5, 0.45
 """Young's modulus, Pa, and Poisson's ratio of a soft silicone; assumed, so that 30 N press an 8 mm peg in by about half the layer."""
 TAXEL_DIAMETER = 4e-3
-"""m; assumed, about half the pitch."""
+"""Diameter of the area that a taxel averages over, m; assumed, about half the pitch."""
 TOLERANCE = 1e-3
-"""Of the depth, to which contact is solved."""
+"""Relative error of the depth to which the contact is solved."""
 MOST_STEPS = 200
 STIFF = 12.0
-"""Wavenumber times thickness from which on the layer answers as a half-space, and nothing reaches the backing."""
+"""Wavenumber times thickness from which on the layer answers as a half-space and nothing reaches the backing."""
 
 
 def layer(wave: Vector, poisson: float = POISSON) -> tuple[Vector, Vector]:
@@ -62,7 +63,7 @@ def layer(wave: Vector, poisson: float = POISSON) -> tuple[Vector, Vector]:
     lateral = (1.0 - poisson) * below[2] + poisson * square * below[0]
     vertical = [(1.0 - poisson) * each[3] - (2.0 - poisson) * square * each[1] for each in (top, below)]
     system = np.stack([-square * top[0], top[1], lateral, vertical[1]], axis=1)
-    # sigma_zz = -1 on top: z points down, a pressure of one.
+    # With z pointing down, sigma_zz = -1 on top is a unit pressure.
     constants = np.linalg.solve(system, np.broadcast_to([-1.0, 0.0, 0.0, 0.0], (k.size, 4))[..., None])[..., 0]
     sinking = (vertical[0] * constants).sum(axis=1) / (2.0 * k**2)
     return sinking, (square * below[0] * constants).sum(axis=1)
@@ -104,33 +105,32 @@ class LayerPads:
         offset: float,
         depths: tuple[tuple[float, float], tuple[float, float]],
         reach: tuple[float, float],
-        diameter: float,
+        face: Face,
     ) -> tuple[Vector, Vector]:
         """Return the stress that each taxel feels, shape (2, 20), left finger first, Pa, and each pad's load, shape (2,), N.
 
         Args:
             theta: In-hand angle, rad.
-            offset: Of the peg's axis from the finger centre, m.
-            depths: Of the peg's lowest line below the surface at rest, m: for each finger its value at the finger
-                centre, and its rise a metre towards the tip.
-            reach: How far the peg reaches from the finger centre towards tip and back, m.
-            diameter: Of the peg, m.
+            offset: Distance of the peg's axis from the finger centre, m.
+            depths: Depth of the peg's lowest line below the surface at rest, for each finger its value at the finger
+                centre, m, and its rise towards the tip, m/m.
+            reach: Lengths of the peg from the finger centre towards the tip and back, m.
+            face: Surface of the peg that the pads touch.
         """
         c, s = math.cos(theta), math.sin(theta)
         along = c * self._x + s * self._y[:, None]
         beside = c * self._y[:, None] - s * self._x - offset
-        radius = diameter / 2
-        under = (along <= reach[0]) & (along >= -reach[1]) & (np.abs(beside) < 0.9 * radius)
-        gap = radius - np.sqrt(np.maximum(radius**2 - beside**2, 0.0))
+        profile = face.profile(beside)
+        under = (along <= reach[0]) & (along >= -reach[1]) & np.isfinite(profile)
         taxels, loads = np.zeros((FINGERS, TAXELS)), np.zeros(FINGERS)
         for finger, (depth, rise) in enumerate(depths):
-            pressure = self.pressed(np.where(under, depth + rise * along - gap, -1.0))
+            pressure = self.pressed(np.where(under, depth + rise * along - profile, -1.0))
             taxels[finger] = self._at_taxels(pressure, finger)
             loads[finger] = pressure.sum() * self._area
         return taxels, loads
 
     def pressed(self, sunk: Vector) -> Vector:
-        """Return the pressure on each cell, Pa, never a pull, that sinks the surface by `sunk`, m, where it is touched."""
+        """Return the pressure on each cell, Pa, never below 0, that sinks the surface by `sunk`, m, where it is touched."""
         may = sunk > 0.0
         pressure = np.where(may, 1.0, 0.0)
         if not may.any():
@@ -166,5 +166,5 @@ class LayerPads:
 
 @lru_cache
 def layer_pads(layout: Layout) -> LayerPads:
-    """Return the pads of a layout, made once."""
+    """Return the pads of a layout, which are made once."""
     return LayerPads(layout)

@@ -1,4 +1,4 @@
-"""How well and how fast each estimator reads the angle of the peg, where it fails, and whether it knows.
+"""Accuracy and speed of each estimator, where it fails, and whether its sigma tells so.
 
 Frames come from two models of the pads, neither of them the estimators' templates: the stand-in's bed of springs,
 and an elastic layer, which is finer and shares nothing with either. Both pass through the stand-in's taxels (gains,
@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 from dataclasses import asdict, dataclass, fields
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -21,6 +22,7 @@ from cell.assembly import make_estimator
 from cell.config import CellConfig
 from cell.lab.tactile.elastic_layer import layer_pads
 from drivers.errors import ConfigError
+from drivers.parts import Peg
 from drivers.quantities import Mask, TaxelFrame, Vector
 from drivers.skin.health import SkinHealth
 from drivers.skin.layout import LAYOUTS, MODULE_OF, Layout
@@ -34,40 +36,40 @@ ESTIMATORS = ("image", "pca", "ml", "robust")
 Model = Literal["springs", "layer"]
 FRAMES, QUICK_FRAMES = 800, 40
 FRAMES_A_SKIN = 8
-"""So many grasps are read with one draw of gains before the next is drawn."""
+"""Number of grasps read with one draw of the taxels' gains before the next is drawn."""
 BETWEEN = 2.0
-"""Time between them, s; the offsets drift all the while."""
+"""Time between two grasps, s; the offsets drift throughout."""
 WIDEST = math.radians(80.0)
 WRONG = math.radians(5.0)
-"""An angle told that is further off than this is a failure."""
+"""Error beyond which a reported angle counts as a failure, rad."""
 GRIP = 30.0
 OFFSET = 0.7e-3
 """Standard deviation of the peg's offset from the finger centre, m."""
 PUSH, LEVER = 7.0, 0.045
 """Largest force across the pads, N, and its mean lever about the finger centre, m; as a search shows them."""
 DEPTHS = (0.45e-3, 0.6e-3)
-"""How far the peg is pressed into the layer, m."""
+"""Depths to which the peg is pressed into the layer, m."""
 COVERED = 1.96
 ALIVE: Mask = np.ones(MODULE_OF.shape, dtype=bool)
 
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """What is unusual about a grasp or a skin."""
+    """Unusual conditions of a grasp or a skin."""
 
     name: str
     noise: float = 1.0
     """Multiple of the configured noise."""
     sensitivity: float = 1.0
-    """Multiple of the configured sensitivity: with a high one the converter stops at its rail."""
+    """Multiple of the configured sensitivity; a high one saturates the converter."""
     dead: Literal["none", "known", "unknown"] = "none"
-    """One module, drawn anew for each skin: reads zero from the start, or feels nothing any more and still hisses."""
+    """Fault of one module, drawn anew for each skin: it reads zero from the start, or only noise after the baseline."""
     off_centre: tuple[float, float] | None = None
-    """Offset to either side, m, drawn between these."""
+    """Offset to either side, m; drawn between these two."""
     reach_back: tuple[float, float] | None = None
-    """How far the peg reaches beyond the finger centre, m, drawn between these."""
+    """Length of the peg beyond the finger centre, m; drawn between these two."""
     forgets: bool = False
-    """Every frame is the first that the estimator sees."""
+    """Whether every frame is the first that the estimator sees."""
 
 
 CONDITIONS = (
@@ -81,26 +83,26 @@ CONDITIONS = (
     Condition("saturated", sensitivity=6.0),
 )
 ON_LAYER = CONDITIONS[:4]
-"""Those that the elastic layer, which takes its time, is read in too."""
+"""Conditions that are also read on the elastic layer, which takes longer to compute."""
 
 
 @dataclass(frozen=True, slots=True)
 class Read:
-    """One frame, read by one estimator."""
+    """Result of one frame, read by one estimator."""
 
     theta: float
-    """True, rad."""
+    """True angle, rad."""
     error: float
-    """Estimated less true, folded to half a turn, rad."""
+    """Estimated angle less the true one, folded to half a turn, rad."""
     sigma: float
     healthy: bool
     spent: float
-    """s."""
+    """Time spent, s."""
 
 
 @dataclass(frozen=True, slots=True)
 class TactileLine:
-    """One estimator on one kind of frames; errors are those of the angles that were told, degrees."""
+    """Result of one estimator on one kind of frames; errors are of the reported angles, degrees."""
 
     layout: str
     model: str
@@ -108,44 +110,44 @@ class TactileLine:
     estimator: str
     frames: int
     told: float
-    """Share of the frames for which an angle was told."""
+    """Share of the frames with a reported angle, fraction."""
     rmse: float
     p95: float
     worst: float
     covered: float
-    """Share of the told angles whose error is within 1.96 sigma: 0.95 when sigma is honest."""
+    """Share of the reported angles whose error is within 1.96 sigma; 0.95 when sigma is right."""
     time: float
-    """Median for one frame, s."""
+    """Median time for one frame, s."""
 
 
 @dataclass(frozen=True, slots=True)
 class Missed:
-    """One thing that the bed of springs does not show as an elastic layer does."""
+    """A difference between the bed of springs and the elastic layer."""
 
     layout: str
     what: str
     size: float
-    """Fraction."""
+    """Size of the difference, fraction."""
 
 
 @dataclass(frozen=True, slots=True)
 class TactileStudy:
-    """All that the study found."""
+    """Results of the whole study."""
 
     lines: list[TactileLine]
-    """One for each layout, model, condition and estimator."""
+    """Results, one line for each layout, model, condition and estimator."""
     nominal: dict[tuple[str, str], list[Read]]
-    """Of the nominal springs every frame, by layout and estimator."""
+    """Results of every frame of the nominal springs, by layout and estimator."""
     fidelity: list[Missed]
 
     def as_data(self) -> dict[str, Any]:
-        """Return it for JSON."""
+        """Return the results as data for JSON."""
         lines, fidelity = ([asdict(each) for each in part] for part in (self.lines, self.fidelity))
         return {"lines": lines, "fidelity": fidelity}
 
 
 def parts() -> int:
-    """Return how often `study` says that a part is done."""
+    """Return the number of times that `study` calls `done`."""
     return len(LAYOUTS) * len(kinds())
 
 
@@ -153,9 +155,9 @@ def study(config: CellConfig, is_quick: bool, done: Callable[[], None]) -> Tacti
     """Read frames of every kind with every estimator, and compare the pads with an elastic layer.
 
     Args:
-        config: Of a cell with a simulated skin.
-        is_quick: A twentieth of the frames.
-        done: Told after every kind of frames.
+        config: Config of a cell with a simulated skin.
+        is_quick: Whether to take a twentieth of the frames.
+        done: Called after every kind of frames.
     """
     skin, count = simulated_skin(config), QUICK_FRAMES if is_quick else FRAMES
     lines: list[TactileLine] = []
@@ -182,7 +184,7 @@ def simulated_skin(config: CellConfig) -> SimSkinConfig:
     """Return the skin that is studied.
 
     Raises:
-        ConfigError: It is a real one.
+        ConfigError: The skin is a real one.
     """
     if not isinstance(config.skin, SimSkinConfig):
         raise ConfigError(f'study tactile: skin.kind = "{config.skin.kind}": its pegs are simulated; "sim" allowed')
@@ -190,7 +192,7 @@ def simulated_skin(config: CellConfig) -> SimSkinConfig:
 
 
 def kinds() -> list[tuple[Model, Condition]]:
-    """Return what kinds of frames are read on each layout."""
+    """Return the kinds of frames that are read on each layout."""
     return [*(("springs", condition) for condition in CONDITIONS), *(("layer", condition) for condition in ON_LAYER)]
 
 
@@ -202,7 +204,7 @@ def _with(config: CellConfig, layout: Layout, name: str) -> CellConfig:
 def made(
     skin: SimSkinConfig, layout: Layout, model: Model, condition: Condition, count: int, config: CellConfig
 ) -> Iterator[tuple[float, TaxelFrame]]:
-    """Yield true angle, rad, and frame of so many grasps, always the same ones."""
+    """Yield true angle, rad, and frame of each grasp, always the same ones."""
     rng = np.random.default_rng(np.random.SeedSequence([LAYOUTS.index(layout), *condition.name.encode()]))
     skin = skin.model_copy(
         update={
@@ -238,19 +240,35 @@ def made(
 def _grasped(
     pads: Pads, layout: Layout, theta: float, offset: float, back: float, config: CellConfig, rng: np.random.Generator
 ) -> Vector:
-    push = rng.uniform(-PUSH, PUSH)
-    load = PadLoad(theta, offset, GRIP, push, LEVER * push, config.peg.length, back, config.peg.part.thickness)
+    push, face = rng.uniform(-PUSH, PUSH), config.peg.part.face
+    load = PadLoad(theta, offset, GRIP, push, LEVER * push, config.peg.length, back, face.width, face.is_flat)
     return pads.pressure(load)
 
 
 def _pressed(
     pads: Pads, layout: Layout, theta: float, offset: float, back: float, config: CellConfig, rng: np.random.Generator
 ) -> Vector:
-    depth = rng.uniform(*DEPTHS)
+    depth = rng.uniform(*depths_of(config.peg, layout))
     move, tilt = depth * rng.uniform(-0.1, 0.1), depth / 0.02 * rng.uniform(-0.15, 0.15)
     depths = ((depth + move, tilt), (depth - move, -tilt))
     reach = (config.peg.length, back)
-    return layer_pads(layout).readings(theta, offset, depths, reach, config.peg.part.thickness)[0]
+    return layer_pads(layout).readings(theta, offset, depths, reach, config.peg.part.face)[0]
+
+
+@lru_cache
+def depths_of(peg: Peg, layout: Layout) -> tuple[float, float]:
+    """Return the depths to which a peg is pressed into the layer, m: `DEPTHS`, or for a flat face such as carry as much.
+
+    The load of a flat face is proportional to its depth, because it touches the layer all at once. It is scaled so that
+    the mean of both depths carries the grip force.
+    """
+    face, reach = peg.part.face, (peg.length, peg.overhang)
+    if not face.is_flat:
+        return DEPTHS
+    low, high = DEPTHS
+    middle = (low + high) / 2
+    load = float(layer_pads(layout).readings(0.0, 0.0, ((middle, 0.0), (middle, 0.0)), reach, face)[1].mean())
+    return low * GRIP / load, high * GRIP / load
 
 
 def _read(estimate: Callable[[TaxelFrame], PegPose], theta: float, frame: TaxelFrame) -> Read:
@@ -261,7 +279,7 @@ def _read(estimate: Callable[[TaxelFrame], PegPose], theta: float, frame: TaxelF
 
 
 def summed(layout: str, model: str, condition: str, estimator: str, reads: Sequence[Read]) -> TactileLine:
-    """Return the line that sums up frames; NaN where no angle was told."""
+    """Return the line that sums up frames; NaN where no angle was reported."""
     told = [read for read in reads if read.healthy]
     error = np.abs([read.error for read in told]) if told else np.array([math.nan])
     sigma = np.array([read.sigma for read in told]) if told else np.array([math.nan])
@@ -282,20 +300,24 @@ def summed(layout: str, model: str, condition: str, estimator: str, reads: Seque
 
 
 def fidelity(config: CellConfig) -> list[Missed]:
-    """Compare the stand-in's pads with an elastic layer under pegs at all angles, with equal load and no push.
+    """Compare the simulation's pads with an elastic layer under pegs at all angles, with equal load and no push.
 
     The layer's readings are scaled to the springs' by least squares, as a calibration would.
     """
     found = []
-    reach, diameter = (config.peg.length, config.peg.overhang), config.peg.part.thickness
+    reach, face = (config.peg.length, config.peg.overhang), config.peg.part.face
     for layout in LAYOUTS:
         layer, springs = layer_pads(layout), Pads(simulated_skin(config).pad, layout)
         rms, worst, stiffening = [], [], []
         for theta in np.linspace(-WIDEST, WIDEST, 33):
             felt, loads = zip(
-                *(layer.readings(theta, 0.0, ((d, 0.0), (d, 0.0)), reach, diameter) for d in DEPTHS), strict=True
+                *(layer.readings(theta, 0.0, ((d, 0.0), (d, 0.0)), reach, face) for d in depths_of(config.peg, layout)),
+                strict=True,
             )
-            read = [springs.pressure(PadLoad(theta, 0.0, float(load[0]), 0.0, 0.0, *reach, diameter)) for load in loads]
+            read = [
+                springs.pressure(PadLoad(theta, 0.0, float(load[0]), 0.0, 0.0, *reach, face.width, face.is_flat))
+                for load in loads
+            ]
             scale = np.vdot(felt[1], read[1]) / np.vdot(read[1], read[1])
             away = (felt[1] - scale * read[1]) / felt[1].max()
             rms.append(float(np.mean(away**2)))

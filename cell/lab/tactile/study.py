@@ -11,7 +11,7 @@ SUMMARY = "reading the peg's angle from the taxels: every estimator's error, tim
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add whose skin is simulated."""
+    """Add the config of the simulated skin."""
     add_study(parser)
 
 

@@ -7,7 +7,7 @@ from cell.lab.tactile.measure import TactileStudy
 
 
 def tactile(found: TactileStudy) -> Group:
-    """Return how well and how fast each estimator reads theta."""
+    """Return accuracy and speed of each estimator."""
     table = Table("layout", "pads", "frames", "estimator", "told", "RMSE (deg)", "p95", "worst", "in 1.96 sigma", "us")
     for line in found.lines:
         table.add_row(

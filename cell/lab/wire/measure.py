@@ -1,4 +1,4 @@
-"""How good the wires are: decoding beside the bus, age of frames, recovery of a lost board, and the same insertions."""
+"""Measures of the wires: decoding beside the bus, age of frames, recovery of a lost board, and the same insertions."""
 
 import math
 import time
@@ -23,7 +23,7 @@ from drivers.skin.port import HubOnCan, HubOnSerial, IcubOnCan, SkinPort
 from drivers.transport.wires import CanFrame
 from sim.board_clock import BoardClock
 from sim.board_links import EmulatedCan, EmulatedLine, frame_bits
-from sim.boards import CanBoard, Hub, IcubBoard, SerialBoard
+from sim.boards import CanBoard, EmulatedHub, IcubBoard, SerialBoard
 from sim.config import WireFaults
 from skills.contract import Outcome
 
@@ -34,7 +34,7 @@ WIRES = {
     "serial at 100 Hz": ("skin.kind=serial", "skin.rate=100"),
     "icub": ("skin.kind=can", "skin.rate=25", 'skin.board={kind="icub"}'),
 }
-"""What is measured, and the keys that make a cell so."""
+"""Wires that are measured, and the keys of a cell that has them."""
 TRIED = {
     "sim": (),
     "can": ("skin.kind=can",),
@@ -42,59 +42,59 @@ TRIED = {
     "icub": ("skin.kind=can", 'skin.board={kind="icub"}'),
     "switch": ("switch.kind=serial", "switch.port=emulated"),
 }
-"""What whole insertions are run with, and the keys that make a cell so; the first is what the others are compared with."""
+"""Wires that whole insertions are run with, and the keys of a cell that has them; the others are compared with the first."""
 BIT_RATE, BAUD_RATE = 1_000_000, 115_200
 AWAY = 1.0
-"""A board is unplugged for so long, s."""
+"""Time for which a board is unplugged, s."""
 
 
 @dataclass(frozen=True, slots=True)
 class DecodeLine:
-    """How fast this machine decodes what one board sends, beside what its wire can carry."""
+    """Rate at which this machine decodes what one board sends, beside what its wire can carry."""
 
     wire: str
     unit: str
-    """What is counted: CAN frames, or bytes."""
+    """Item that is counted: CAN frames, or bytes."""
     decoded: float
-    """A second, on one core."""
+    """Items decoded in a second, on one core."""
     limit: float
-    """A second, that the wire carries at most."""
+    """Largest number of items that the wire carries in a second."""
     scans: float
     """Whole scans decoded a second."""
 
 
 @dataclass(frozen=True, slots=True)
 class LatencyLine:
-    """How old a frame is when the skill first sees it, and how long a board is missed that was away."""
+    """Age of a frame when the skill first sees it, and time without a board after it was unplugged."""
 
     wire: str
     frames: int
     age_p50: float
-    """From measurement to the scan that reads it, s."""
+    """Median time from measurement to the scan that reads it, s."""
     age_p99: float
     stamp_error: float
     """Largest difference between a frame's stamp and its measurement, s."""
     losses: int
     recovery_p50: float
-    """From plugging in to the first frame read, s."""
+    """Median time from plugging in to the first frame read, s."""
     recovery_max: float
 
 
 @dataclass(frozen=True, slots=True)
 class OutcomeLine:
-    """Whole insertions on one wire."""
+    """Result of whole insertions on one wire."""
 
     kind: str
     trials: int
     successes: int
     same: int
-    """Trials that end as the plain stand-in's do with the same seed."""
+    """Number of trials that end as those of the plain simulated skin with the same seed."""
     mean_total: float
-    """Of the successes, s."""
+    """Mean total time of the successes, s."""
     longer: float
-    """Mean of how much longer a success takes than the plain stand-in's with the same seed, s; NaN before there are two."""
+    """Mean difference of a success's time from the plain simulated skin's with the same seed, s; NaN below two."""
     longer_error: float
-    """Standard error of that, s: a few long adjustments decide, and every other wire draws other noise."""
+    """Standard error of that difference, s; a few long adjustments decide it, and every wire draws other noise."""
 
 
 def measure(
@@ -115,7 +115,7 @@ def measure(
 
 
 def decode_rates(scans: int) -> list[DecodeLine]:
-    """Return how fast `scans` scans are decoded on each wire."""
+    """Return the rate at which `scans` scans are decoded on each wire."""
     rng = np.random.default_rng(0)
 
     def measure() -> Any:
@@ -126,12 +126,12 @@ def decode_rates(scans: int) -> list[DecodeLine]:
     lines = []
     can_link, serial_link, icub_link = _CanFeed(), _ByteFeed(), _CanFeed()
     wires: tuple[tuple[str, float, SkinPort, Any, Any], ...] = (
-        ("can", eight, HubOnCan(can_link, hub, 0.01), CanBoard(Hub(hub, measure), hub), can_link),
+        ("can", eight, HubOnCan(can_link, hub, 0.01), CanBoard(EmulatedHub(hub, measure), hub), can_link),
         (
             "serial",
             BAUD_RATE / 10,
             HubOnSerial(serial_link, hub, 0.01),
-            SerialBoard(Hub(hub, measure), hub),
+            SerialBoard(EmulatedHub(hub, measure), hub),
             serial_link,
         ),
         ("icub", eight, IcubOnCan(icub_link, board), IcubBoard(board, measure), icub_link),
@@ -152,7 +152,7 @@ def decode_rates(scans: int) -> list[DecodeLine]:
 
 
 def latencies(repeats: int, seconds: float) -> list[LatencyLine]:
-    """Return age and recovery on each wire, each from `repeats` openings at random phase, `seconds` s each."""
+    """Return age and recovery on each wire, each from `repeats` openings at random phase, `seconds`, s, each."""
     lines = []
     for name, keys in WIRES.items():
         config = load(sets=keys).cell
@@ -194,11 +194,11 @@ def outcomes(
     """Run the same seeds with the plain skin and through each wire; the rows go to a folder for each.
 
     Args:
-        config: Of a simulated cell; its skin's rate and layout are kept.
-        seeds: One trial each.
-        workers: Processes.
-        folder: Where the tables go.
-        done: Told of every trial.
+        config: Config of a simulated cell; its skin's rate and layout are kept.
+        seeds: Seeds, one trial each.
+        workers: Number of processes.
+        folder: Folder of the tables.
+        done: Called after every trial.
     """
     plain: list[TrialRow] = []
     lines = []
@@ -212,7 +212,7 @@ def outcomes(
 
 
 def compared(kind: str, rows: Sequence[TrialRow], plain: Sequence[TrialRow]) -> OutcomeLine:
-    """Return a line about insertions on one wire beside those of the plain stand-in, both sorted by seed."""
+    """Return the comparison of insertions on one wire with those of the plain simulated skin, both sorted by seed."""
     totals = [row.total_time for row in rows if row.outcome == Outcome.SUCCESS and row.total_time is not None]
     longer = [
         row.total_time - other.total_time
@@ -233,7 +233,7 @@ def compared(kind: str, rows: Sequence[TrialRow], plain: Sequence[TrialRow]) -> 
 
 
 class _CanFeed:
-    """A bus that brings what is put into it."""
+    """A bus that delivers the frames put into it."""
 
     def __init__(self) -> None:
         self.waiting: deque[CanFrame] = deque()
@@ -254,7 +254,7 @@ class _CanFeed:
 
 
 class _ByteFeed:
-    """A line that brings what is put into it."""
+    """A line that delivers the bytes put into it."""
 
     character_time = 0.0
 
@@ -288,7 +288,7 @@ def _introduce(port: SkinPort, far: Any, link: Any) -> None:
 
 
 def _watched(link: EmulatedCan | EmulatedLine, clock: Clock) -> list[float]:
-    """Return a list that the time of every measurement of the board will be put into."""
+    """Return a list to which the time of every measurement of the board is appended."""
     born: list[float] = []
     board: Any = getattr(link.board, "hub", link.board)
     measure = board.measure
@@ -304,7 +304,7 @@ def _watched(link: EmulatedCan | EmulatedLine, clock: Clock) -> list[float]:
 def _first_sights(
     skin: CanSkin | SerialSkin, clock: Clock, seconds: float, period: float, born: list[float]
 ) -> Iterator[tuple[float, float, float]]:
-    """Yield, for every new frame, when a scan first sees it, its stamp, and when it was measured, s."""
+    """Yield, for every new frame, the time of the first scan that sees it, its stamp, and the time of measurement, s."""
     end, shown = clock.now() + seconds, skin.read().sequence
     while clock.now() < end:
         clock.wait_until(clock.now() + period)

@@ -13,7 +13,7 @@ SUMMARY = "the wires of skin and switch: decoding, age, recovery, whole insertio
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what is simulated, and how many insertions go through each wire."""
+    """Add what is simulated, and the number of insertions through each wire."""
     add_study(parser)
     add_seed(parser)
     add_trials(parser, "insertions through each wire; 20, with --quick 2")

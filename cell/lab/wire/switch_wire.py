@@ -1,4 +1,6 @@
-"""How good the success switch's wire is: from the edge at the pin to the scan that reads it, and recovery of a lost board."""
+"""Measures of the success switch's wire: the time from the edge at the pin to the scan that reads it, and recovery of a
+lost board.
+"""
 
 from dataclasses import dataclass
 
@@ -13,27 +15,29 @@ from sim.board_clock import BoardClock
 from sim.switch_board import FREQUENCY, Chip, EmulatedSwitchBoard
 
 SCAN_PERIOD = 0.01
-"""s."""
+"""Period of the scan, s."""
 REST = 0.1
-"""Between edges, s, and as much again at random."""
+"""Time between edges, s, to which as much again is added at random."""
 AWAY = 1.0
-"""A board is unplugged for so long, s, and up to a period of the driver's attempts more."""
+"""Least time for which a board is unplugged, s; up to a period of the driver's attempts is added."""
 
 
 @dataclass(frozen=True, slots=True)
 class SwitchLine:
-    """The real firmware on an emulated chip, read by the real driver."""
+    """Result for the real firmware on an emulated chip, read by the real driver."""
 
     edges: int
     report_p50: float
-    """From the edge at the pin to the last bit of the report, in the chip's own time, s."""
+    """Median time from the edge at the pin to the last bit of the report, in the chip's own time, s."""
     report_max: float
     scan_p50: float
-    """From the edge at the pin to the scan that reads it, s, at 100 Hz."""
+    """Median time from the edge at the pin to the scan that reads it, s, at 100 Hz."""
     scan_p99: float
     losses: int
     recovery_p50: float
-    """From plugging in to the first scan that knows the state, s; the chip has no boot loader, which waits 1 to 2 s more."""
+    """Median time from plugging in to the first scan that knows the state, s; a boot loader, which the chip lacks, adds
+    1 to 2 s.
+    """
     recovery_max: float
 
 

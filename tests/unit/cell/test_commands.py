@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from cell.cli import COMMANDS, GOOD, WRONG_USE, load_command, main
-from cell.journal import Journal, RunRow
+from cell.journal import Journal
+from cell.journal_schema import RunRow
 from cell.lab.commands.study import STUDIES, load_study
 from cell.nearest import did_you_mean
 from cell.versions import PINS, packages

@@ -10,6 +10,7 @@ from cell.config_errors import RENAMED
 from cell.margins import inertias
 from drivers.config_model import ConfigModel
 from drivers.errors import ConfigError
+from skills.catalogue import SEARCH
 
 
 def line_about(*sets, path=None):
@@ -31,6 +32,9 @@ NEARER = ["hole.centre=[0.40, 0.0, 0.1]"]
 @pytest.mark.parametrize(
     ("wrong", "told"),
     [
+        ("plc.tls.foo=1", ["--set", "plc.tls.foo: unknown key", "authority, certificate"]),
+        ("plc.can=3", ["--set", "plc.can = 3", "a section with interface, channel"]),
+        ("plc.rtu=true", ["--set", "plc.rtu = True", "a section with port, unit"]),
         ("peg.diametre=0.008", ["--set", "peg.diametre", "unknown key", "diameter, length"]),
         ("peg.diameter=8", ["--set", "peg.diameter = 8", "0.002 to 0.03", "metres", "0.008"]),
         ("hole.area=[60, 60]", ["hole.area", "60", "0 to 0.2", "metres"]),
@@ -157,7 +161,7 @@ def test_gains_beyond_the_sampled_loops_margin_are_refused_with_the_figure():
     with pytest.raises(ConfigError) as refused:
         load(sets=["insert.gains.translation=20000"])
     found = re.fullmatch(
-        r"--set: insert\.gains\.translation = 20000: unstable from (\S+) with this damping and frames at 10 Hz; at most (\S+) allowed",
+        r"--set: insert\.gains\.translation = 20000: unstable from (\S+) with this damping ratio and frames at 10 Hz; at most (\S+) allowed",
         str(refused.value),
     )
     assert found
@@ -190,7 +194,7 @@ def test_an_arm_of_ones_own_is_a_file_beside_the_config(tmp_path):
 
 
 def test_a_faster_skin_allows_what_a_slow_one_does_not():
-    load(sets=["insert.gains.translation=20000", "insert.gains.translation_damping=500", "skin.rate=100"])
+    load(sets=["insert.gains.translation=20000", "skin.rate=100"])
 
 
 def test_a_preset_beyond_the_margin_is_refused_by_its_own_file(tmp_path):
@@ -219,6 +223,16 @@ def test_a_wrong_value_of_the_base_is_told_of_the_base(real):
     shutil.copy(DEFAULT, real.parent / "sim.toml")
     (real.parent / "sim.toml").write_text(DEFAULT.read_text().replace("timeout = 100.0", "timeout = -1.0"))
     assert line_about(path=real).startswith(f"{real.parent / 'sim.toml'}: search.timeout")
+
+
+@pytest.mark.parametrize("force", [0.0, -1.0])
+def test_a_force_limit_is_more_than_nothing(force):
+    assert "limits.force" in line_about(f"limits.force={force}")
+
+
+def test_the_largest_force_limit_is_what_the_arm_can_press_with_at_the_hole():
+    assert load(sets=["limits.force=136"]).cell.limits.force == 136.0
+    assert "at most 136 allowed" in line_about("limits.force=137")
 
 
 @pytest.mark.parametrize("key", ["force", "low", "high", "centre", "first"])
@@ -267,6 +281,27 @@ def test_the_hole_keeps_its_size_where_a_layer_says_that_of_the_peg_alone():
 def test_sides_from_4_to_20_mm_are_accepted(side):
     sets = ("peg.shape=rectangular", f"peg.sides=[{side}, 0.008]", f"hole.sides=[{side + 1e-4}, 0.0081]")
     assert sizes(*sets) == ((side, 0.008), (side + 1e-4, 0.0081))
+
+
+OBLONG = ("peg.shape=rectangular", "peg.sides=[0.008, 0.012]", "hole.sides=[0.0081, 0.0121]")
+
+
+@pytest.mark.parametrize(
+    ("sets", "azimuth"), [((), 0.4), (("peg.shape=square",), 0.0), (OBLONG, 0.0), (OBLONG, -3.1415), (OBLONG, 0.0009)]
+)
+def test_a_search_may_hold_a_peg_in_every_way_that_looks_as_its_hole_does(sets, azimuth):
+    assert load(sets=(*sets, f"search.tilt_azimuth={azimuth}")).cell.params(SEARCH).tilt_azimuth == azimuth
+
+
+@pytest.mark.parametrize(
+    ("sets", "azimuth", "allowed"),
+    [(("peg.shape=square",), 0.4, 1.5708), (OBLONG, 1.5708, 3.1416), (OBLONG, -0.0011, 3.1416)],
+)
+def test_a_search_that_holds_a_peg_turned_against_its_hole_is_refused(sets, azimuth, allowed):
+    with pytest.raises(
+        ConfigError, match=rf"^--set: search\.tilt_azimuth = {azimuth}: .* multiples of {allowed} allowed"
+    ):
+        load(sets=(*sets, f"search.tilt_azimuth={azimuth}"))
 
 
 def test_equal_sides_become_the_diameter_where_a_layer_makes_the_peg_round(tmp_path):

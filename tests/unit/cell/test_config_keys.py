@@ -2,11 +2,12 @@
 
 import re
 import tomllib
+from pathlib import Path
 
 import pytest
 
 from cell.config import DEFAULT, SHIPPED, CellConfig, load
-from cell.config_keys import find, first_sentence, in_force, keys, section_summary, toml, unit_of
+from cell.config_keys import find, first_sentence, in_force, keys, section_summary, split_source, toml, unit_of
 from cell.config_text import as_toml, commented, file_schema
 from drivers.errors import ConfigError
 
@@ -47,6 +48,40 @@ def test_every_key_says_what_it_means_and_in_which_unit(key):
 def test_the_shipped_cell_is_commented_with_what_its_keys_mean():
     text = DEFAULT.read_text(encoding="utf-8")
     assert text == commented(text), "cell config comment config/sim.toml writes the comments anew"
+
+
+def test_the_last_sentence_of_a_docstring_may_state_the_source():
+    assert split_source("Speed, m/s; slow. Source: decision 0030; [gibbons], Sec. IV.") == (
+        "Speed, m/s; slow.",
+        ("decision 0030", "[gibbons], Sec. IV"),
+    )
+    assert split_source("Speed, m/s; as in [gibbons], Eq. (7).")[1] == ("[gibbons], Eq. (7)",)
+    assert split_source("Speed, m/s.") == ("Speed, m/s.", ())
+
+
+def test_the_source_of_a_section_is_that_of_its_keys():
+    (key,) = find("search.gains.translation")
+    assert (
+        key.sources
+        == find("search.gains.rotation")[0].sources
+        == ("chosen within the margin that `cell check` prints",)
+    )
+
+
+def test_every_source_can_be_looked_up():
+    """A source is a reference, a decision, a command of this program, or says that the figure is assumed or derived."""
+    known = re.findall(r"^- (\[\w+\])", Path("docs/references.md").read_text(encoding="utf-8"), re.MULTILINE)
+    decisions = {path.name[:4] for path in Path("docs/decisions").glob("[0-9]*.md")}
+    for key in keys():
+        for source in key.sources:
+            assert all(each in known for each in re.findall(r"\[[a-z_]+\]", source)), (key.name, source)
+            assert set(re.findall(r"decision (\d{4})", source)) <= decisions, (key.name, source)
+            assert re.search(
+                r"\[|decision \d|`cell \w+|data sheet|assumed|derived|config/|measured|RFC|Modbus|EN |CiA|IEC", source
+            ), (
+                key.name,
+                source,
+            )
 
 
 def test_a_key_that_a_command_may_set_says_so():
@@ -119,7 +154,7 @@ def test_a_sign_within_a_text_is_no_comment():
 
 
 def test_a_whole_table_is_commented_with_what_its_section_means():
-    line = "gains = { translation = 1.0, rotation = 2.0, translation_damping = 3.0, rotation_damping = 4.0 }"
+    line = "gains = { translation = 1.0, rotation = 2.0, damping_ratio = 1.0 }"
     assert commented(f"[search]\n{line}\n") == f"[search]\n{line}  # {section_summary('search.gains')}\n"
 
 

@@ -1,13 +1,19 @@
 import json
+import sqlite3
+from contextlib import closing
 from dataclasses import replace
 
 import numpy as np
 import pyarrow as pa
 import pytest
 
-from cell.journal import Journal, RunRow, config_hash
+from cell.journal import INDEX, Journal
+from cell.journal_schema import LAYOUT, ConfigRow, EventKind, EventRow, RunRow, StageRow
+from cell.provenance import config_hash
 from cell.record import scene_facts
-from cell.samples import BATCH, COLUMNS, TAXEL_COLUMNS, SampleStream, export_csv, read_facts, read_samples
+from cell.run_query import RunQuery
+from cell.sample_blocks import BATCH, COLUMNS, TAXEL_COLUMNS, SampleStream
+from cell.samples import SampleFile, export_csv, read_facts, read_samples
 from drivers.errors import JournalError
 from drivers.frames import rotation_about, rotation_of
 from drivers.quantities import Pose
@@ -15,6 +21,19 @@ from drivers.scene_facts import Sight
 from tests.fakes import Rig
 
 ROW = RunRow(0, "2025-01-01T00:00:00.000+00:00", "insert_peg", 1, "A-17", "10.0.0.5:4711", 42)
+
+
+class Stream(SampleStream):
+    """A stream of samples that goes to a file at once."""
+
+    def __init__(self, path, facts=None):
+        self._file = SampleFile(path, facts)
+        super().__init__(self._file.write)
+
+    def close(self):
+        """Write what is left and end the file."""
+        self._file.write(self.rest())
+        self._file.close()
 
 
 @pytest.fixture
@@ -65,10 +84,118 @@ def test_a_folder_that_cannot_be_made_is_a_fault(tmp_path):
         Journal(tmp_path / "file" / "runs").open()
 
 
-def test_a_file_that_is_no_index_is_a_fault(tmp_path):
-    (tmp_path / "runs.sqlite").write_text("nothing of the kind, but long enough to be read as a header" * 20)
+def test_a_file_that_is_no_index_is_told_to_who_reads(tmp_path):
+    (tmp_path / INDEX).write_text(NO_INDEX)
     with pytest.raises(JournalError, match="cannot be used"):
-        Journal(tmp_path).open()
+        Journal(tmp_path, is_read_only=True).open()
+
+
+NO_INDEX = "nothing of the kind, but long enough to be read as a header" * 20
+EARLY = (
+    "CREATE TABLE runs (run INTEGER PRIMARY KEY AUTOINCREMENT, started TEXT NOT NULL, program TEXT NOT NULL,"
+    " recipe INTEGER NOT NULL, serial TEXT NOT NULL, source TEXT NOT NULL, sequence INTEGER NOT NULL,"
+    " outcome TEXT NOT NULL, stage TEXT NOT NULL, reason TEXT NOT NULL, fault INTEGER NOT NULL,"
+    " message TEXT NOT NULL, stage_times TEXT NOT NULL, versions TEXT NOT NULL, config_hash TEXT NOT NULL)"
+)
+"""The index of version 0.1, as its own code made it."""
+
+
+def early_index(folder):
+    """Make a journal of version 0.1 with one run."""
+    folder.mkdir()
+    with closing(sqlite3.connect(folder / INDEX)) as index, index:
+        index.execute(EARLY)
+        index.execute(
+            "INSERT INTO runs VALUES (1, '2025-01-01T00:00:00.000+00:00', 'insert_peg', 1, 'A-17', '10.0.0.5:4711', 42,"
+            " 'success', 'spiral_adjust', '', 0, '', '[]', '{}', 'abc')"
+        )
+    return folder
+
+
+def layout_of(folder):
+    """Return the number of the layout that an index says of itself."""
+    with closing(sqlite3.connect(folder / INDEX)) as index:
+        return index.execute("PRAGMA user_version").fetchone()[0]
+
+
+def test_an_index_of_the_first_layout_is_brought_up_to_the_present_one(tmp_path):
+    with Journal(early_index(tmp_path / "early")) as journal:
+        assert (journal.find(1).outcome, journal.find(1).cycle_time, journal.stages(1)) == ("success", None, [])
+        journal.finish(replace(journal.begin(ROW), outcome="failure", peak_force=12.5))
+    with Journal(tmp_path / "early") as journal:
+        assert (layout_of(tmp_path / "early"), journal.find(2).peak_force) == (LAYOUT, 12.5)
+
+
+def test_an_index_of_the_first_layout_is_read_without_being_changed(tmp_path):
+    folder = early_index(tmp_path / "early")
+    before = (folder / INDEX).read_bytes()
+    with Journal(folder, is_read_only=True) as journal:
+        assert [row.serial for row in journal.runs(5)] == ["A-17"]
+    assert (folder / INDEX).read_bytes() == before
+
+
+def test_an_index_of_a_newer_version_is_told_and_left_as_it_is(tmp_path):
+    with Journal(tmp_path):
+        pass
+    with closing(sqlite3.connect(tmp_path / INDEX)) as index:
+        index.execute("PRAGMA user_version = 9")
+    for is_read_only in (False, True):
+        with pytest.raises(JournalError, match=r"runs\.sqlite: layout 9 of a newer version; 1 to 2 allowed"):
+            Journal(tmp_path, is_read_only=is_read_only).open()
+    assert layout_of(tmp_path) == 9
+
+
+def test_reading_makes_no_folder(tmp_path):
+    with Journal(tmp_path / "none", is_read_only=True) as journal:
+        assert journal.runs(5) == []
+    assert not (tmp_path / "none").exists()
+
+
+def test_a_journal_that_is_being_written_can_be_read(journal):
+    number = journal.begin(ROW).run
+    assert journal.find(number) == replace(ROW, run=number)
+    with Journal(journal.folder, is_read_only=True) as reader:
+        assert reader.find(number).outcome == "running"
+
+
+def test_who_reads_cannot_write(journal):
+    with (
+        Journal(journal.folder, is_read_only=True) as reader,
+        pytest.raises(JournalError, match="not open to write"),
+    ):
+        reader.begin(ROW)
+
+
+def test_files_are_their_owners_alone(tmp_path):
+    with Journal(tmp_path / "runs") as journal:
+        journal.begin(ROW)
+        assert {file.stat().st_mode & 0o777 for file in journal.folder.iterdir()} == {0o600}
+    assert (tmp_path / "runs").stat().st_mode & 0o777 == 0o700
+
+
+def test_stages_come_back_in_order_with_what_is_not_known_left_open(journal):
+    row = journal.begin(ROW)
+    stages = [
+        StageRow(row.run, 1, "grasp_from_rack", 0.0, 4.0, 3.0, "success", theta=0.4, sigma=0.01),
+        StageRow(row.run, 2, "spray_search", 4.0, 9.0),
+    ]
+    journal.finish(replace(row, outcome="fault"), stages)
+    assert journal.stages(row.run) == journal.stages_of(RunQuery("2025")) == stages
+    assert journal.stages_of(RunQuery("2026")) == []
+
+
+def test_events_come_back_oldest_first_by_time_and_by_run(journal):
+    for second, run in ((1, 0), (2, 7)):
+        journal.note(EventRow(0, f"2025-01-01T00:00:0{second}", 1.5, EventKind.FAULT, "SKIN_SILENT", 1001, run=run))
+    assert [event.run for event in journal.events()] == [0, 7]
+    assert [event.event for event in journal.events("2025-01-01T00:00:02")] == [2]
+    assert [event.event for event in journal.events(run=7)] == [2]
+
+
+def test_a_config_is_kept_once_and_whole(journal):
+    for _ in range(2):
+        journal.keep_config(ConfigRow("abc", '{"scan_rate": 100.0}'))
+    assert (journal.config("abc"), journal.config("other")) == ('{"scan_rate": 100.0}', None)
 
 
 def test_another_config_has_another_hash(loaded):
@@ -77,7 +204,7 @@ def test_another_config_has_another_hash(loaded):
 
 
 def test_samples_come_back_as_they_were(tmp_path, seen):
-    stream = SampleStream(tmp_path / "a.arrows")
+    stream = Stream(tmp_path / "a.arrows")
     for _ in range(BATCH + 7):
         stream.add(seen, None, 2)
     stream.close()
@@ -91,7 +218,7 @@ def test_samples_come_back_as_they_were(tmp_path, seen):
 def test_joints_and_the_true_poses_come_back_as_they_were(tmp_path, seen):
     lean = rotation_about(np.array([0.6, 0.0, 0.8]), 2.0)
     sight = Sight(peg=Pose(np.array([0.5, 0.1, 0.2]), lean), hole=Pose(np.array([0.4, 0.0, 0.1]), np.eye(3)))
-    stream = SampleStream(tmp_path / "a.arrows")
+    stream = Stream(tmp_path / "a.arrows")
     stream.add(seen, None, 2, sight)
     stream.close()
     samples = read_samples(tmp_path / "a.arrows")
@@ -102,7 +229,7 @@ def test_joints_and_the_true_poses_come_back_as_they_were(tmp_path, seen):
 
 
 def test_a_cell_that_knows_no_truth_records_none(tmp_path, seen):
-    stream = SampleStream(tmp_path / "a.arrows")
+    stream = Stream(tmp_path / "a.arrows")
     stream.add(seen, None, 2)
     stream.close()
     samples = read_samples(tmp_path / "a.arrows")
@@ -110,7 +237,7 @@ def test_a_cell_that_knows_no_truth_records_none(tmp_path, seen):
 
 
 def test_samples_of_an_earlier_version_are_read_without_what_it_did_not_record(tmp_path, seen):
-    stream = SampleStream(tmp_path / "new.arrows")
+    stream = Stream(tmp_path / "new.arrows")
     stream.add(seen, None, 3)
     stream.close()
     with pa.OSFile(str(tmp_path / "new.arrows")) as file:
@@ -125,14 +252,14 @@ def test_samples_of_an_earlier_version_are_read_without_what_it_did_not_record(t
 
 def test_the_facts_of_the_scene_stand_in_the_head_of_the_samples(tmp_path, seen, loaded):
     facts = scene_facts(loaded.cell)
-    stream = SampleStream(tmp_path / "a.arrows", facts)
+    stream = Stream(tmp_path / "a.arrows", facts)
     stream.add(seen, None, 1)
     stream.close()
     assert read_facts(tmp_path / "a.arrows") == facts
 
 
 def test_samples_without_facts_are_told_by_their_file(tmp_path, seen):
-    stream = SampleStream(tmp_path / "a.arrows")
+    stream = Stream(tmp_path / "a.arrows")
     stream.add(seen, None, 1)
     stream.close()
     with pytest.raises(JournalError, match=r"a\.arrows: recorded by another version"):
@@ -140,7 +267,7 @@ def test_samples_without_facts_are_told_by_their_file(tmp_path, seen):
 
 
 def test_samples_are_readable_when_the_program_was_killed(tmp_path, seen):
-    stream = SampleStream(tmp_path / "a.arrows")
+    stream = Stream(tmp_path / "a.arrows")
     for _ in range(2 * BATCH):
         stream.add(seen, None, 1)
     whole = (tmp_path / "a.arrows").read_bytes()
@@ -150,7 +277,7 @@ def test_samples_are_readable_when_the_program_was_killed(tmp_path, seen):
 
 
 def test_csv_has_a_row_a_scan(tmp_path, seen):
-    stream = SampleStream(tmp_path / "a.arrows")
+    stream = Stream(tmp_path / "a.arrows")
     stream.add(seen, None, 1)
     stream.close()
     export_csv(read_samples(tmp_path / "a.arrows"), tmp_path / "a.csv")

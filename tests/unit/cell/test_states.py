@@ -2,7 +2,7 @@ import pytest
 
 from cell.line import CONTROLS
 from cell.states import ASKED, TRANSITIONS, Event, State, after, is_permitted, is_reached
-from plc_bridge.messages import FIRST_PROGRAM, Control
+from plc_bridge.messages import PACKML
 
 WAITING = {State.STOPPED, State.IDLE, State.SUSPENDED, State.ABORTED, State.HELD, State.COMPLETE}
 
@@ -50,10 +50,9 @@ def test_waiting_states_do_not_end_by_themselves():
 
 
 def test_line_and_terminal_name_the_controls_as_the_states_do():
-    names = [event.name for event in ASKED]
+    names = [*(event.name for event in ASKED), "CLEARED", "REFILLED"]
     assert [(word.upper(), control.name) for word, control in CONTROLS.items()] == [(name, name) for name in names]
-    told = {control.name for control in Control if Control.NONE < control < FIRST_PROGRAM}
-    assert told == {event.name for event in Event} - {"FINISHED"}
+    assert {control.name for control in PACKML} == {event.name for event in Event} - {"FINISHED"}
 
 
 @pytest.mark.parametrize(

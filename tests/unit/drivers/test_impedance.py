@@ -22,7 +22,7 @@ def setpoint(tip: Vector, axis: Vector, **more: object) -> ImpedanceSetpoint:
         tip=tip,
         axis=axis,
         stiffness=np.array([500.0] * 3 + [20.0] * 3),
-        damping=np.array([50.0] * 3 + [2.0] * 3),
+        damping_ratio=np.ones(6),
         valid_until=10.0,
         **more,  # type: ignore[arg-type]
     )

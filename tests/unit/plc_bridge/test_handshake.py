@@ -4,9 +4,9 @@ import pytest
 
 from plc_bridge.handshake import Handshake
 from plc_bridge.images import CommandImage
-from plc_bridge.messages import UNNUMBERED, Command, Control, LeaseState, Refusal, Report, Result
+from plc_bridge.messages import REMEDIES, UNNUMBERED, Command, Control, LeaseState, Refusal, Report, Result
 from plc_bridge.orders import MOST_WAITING
-from plc_bridge.registers import SERIAL_NUMBER, Lease, Parameter
+from plc_bridge.registers import AFTER_A_LOSS, SERIAL_NUMBER, Lease, Parameter
 from plc_bridge.sequence_numbers import LATE_WINDOW
 
 INSERT, GRASP = 100, 101
@@ -426,6 +426,29 @@ def test_lost_is_said_once_and_takes_the_lease():
     line.now = 2.0
     assert [line.poll().code, line.poll()] == [Control.LOST, None]
     assert line.handshake.holder == ""
+
+
+def test_the_first_reset_after_a_loss_is_refused_with_what_to_do_and_the_next_is_obeyed(caplog):
+    line = Line()
+    line.run()
+    line.now = 1.5
+    assert line.poll().code == Control.LOST
+    line.handshake.publish(Report(sequence=2, state=2, result=Result.ABORTED))
+    answer = line.write(sequence=3, code=Control.RESET)
+    assert (answer.answered, answer.refusal, answer.refusal_detail) == (3, Refusal.ADOPTED, AFTER_A_LOSS)
+    assert "send the same command under the next number" in caplog.text
+    line.write(sequence=4)
+    assert line.poll() == Command(4, Control.RESET, source="plc")
+
+
+def test_a_first_number_without_a_loss_has_no_detail():
+    answer = Line().write(sequence=3, code=Control.RESET)
+    assert (answer.refusal, answer.refusal_detail) == (Refusal.ADOPTED, 0)
+
+
+@pytest.mark.parametrize("refusal", [each for each in Refusal if each is not Refusal.NONE])
+def test_every_refusal_says_what_to_do(refusal):
+    assert REMEDIES[refusal]
 
 
 def test_lost_plc_has_to_begin_with_a_number_that_is_adopted():

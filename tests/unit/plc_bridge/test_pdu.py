@@ -29,6 +29,13 @@ class FakeStation:
         self.slice(self.bits, address, len(bits))
         self.bits[address : address + len(bits)] = bits
 
+    def mask_word(self, address, kept, added):
+        (word,) = self.slice(self.words, address, 1)
+        self.words[address] = word & kept | added & ~kept
+
+    def is_running(self):
+        return True
+
 
 @pytest.fixture
 def station():
@@ -48,6 +55,9 @@ def station():
         ("0F 0000 0003 01 02", "0F 0000 0003"),
         ("10 0000 0002 04 AAAA BBBB", "10 0000 0002"),
         ("17 0000 0002 0001 0001 02 7777", "17 04 0000 7777"),
+        ("16 0005 00F2 0025", "16 0005 00F2 0025"),
+        ("08 0000 A537", "08 0000 A537"),
+        ("08 0000 A537 0001", "08 0000 A537 0001"),
     ],
 )
 def test_requests_are_answered_as_the_specification_says(station, request_, response):
@@ -85,8 +95,17 @@ def test_requests_are_answered_as_the_specification_says(station, request_, resp
         ("17 000A 0001 0000 0001 02 7777", "97 02"),
         ("00", "80 01"),
         ("07", "87 01"),
-        ("16 0000 FFFF 0000", "96 01"),
-        ("2B 0E 01 00", "AB 01"),
+        ("16 000A FFFF 0000", "96 02"),
+        ("16 0000 FFFF", "96 03"),
+        ("08 0001 0000", "88 01"),
+        ("08 0000", "88 03"),
+        ("08 0000 00", "88 03"),
+        ("11 00", "91 03"),
+        ("2B 0D 01 00", "AB 01"),
+        ("2B 0E 00 00", "AB 03"),
+        ("2B 0E 05 00", "AB 03"),
+        ("2B 0E 04 03", "AB 02"),
+        ("2B 0E 01", "AB 03"),
         ("83 00", "83 01"),
         ("FF", "FF 01"),
     ],
@@ -94,6 +113,40 @@ def test_requests_are_answered_as_the_specification_says(station, request_, resp
 def test_what_cannot_be_served_gets_its_exception_and_changes_nothing(station, request_, exception):
     assert respond(bytes.fromhex(request_), station) == bytes.fromhex(exception)
     assert (station.words, station.bits) == (list(range(10)), [True, False] * 5)
+
+
+def test_a_masked_write_keeps_and_adds_the_bits_of_the_masks(station):
+    station.words[5] = 0x12
+    respond(bytes.fromhex("16 0005 00F2 0025"), station)
+    assert station.words[5] == 0x17  # the example of the specification, 6.16
+
+
+def test_server_id_is_the_product_and_whether_it_runs(station):
+    assert respond(b"\x11", station) == b"\x11\x17tactile-insertion-cell\xff"
+    station.is_running = lambda: False
+    assert respond(b"\x11", station)[-1] == 0
+
+
+@pytest.mark.parametrize(
+    ("code", "first", "numbers"),
+    [
+        (1, 0, [0, 1, 2]),
+        (1, 2, [2]),
+        (1, 9, [0, 1, 2]),
+        (2, 0, [0, 1, 2, 4, 5]),
+        (3, 0, [0, 1, 2, 4, 5]),
+        (4, 4, [4]),
+    ],
+)
+def test_the_device_says_who_it_is(station, code, first, numbers):
+    answer = respond(bytes([43, 14, code, first]), station)
+    assert answer[:7] == bytes([43, 14, code, 0x82, 0, 0, len(numbers)])
+    found, rest = [], answer[7:]
+    while rest:
+        assert rest[2 : 2 + rest[1]].isascii()
+        found.append(rest[0])
+        rest = rest[2 + rest[1] :]
+    assert found == numbers
 
 
 def test_largest_read_is_served():

@@ -19,7 +19,7 @@ from plc_bridge.images import (
     report_image,
     report_words,
 )
-from plc_bridge.map_formats import as_csv, as_json, as_markdown
+from plc_bridge.map_formats import as_bytes, as_csv, as_json, as_markdown
 from plc_bridge.messages import Refusal, Result
 from plc_bridge.registers import COILS, DISCRETE_INPUTS, MIRROR, STAGES, Parameter, table
 
@@ -145,3 +145,12 @@ def test_parameters_bring_their_unit_scale_and_limits():
 def test_bits_are_numbered_from_zero():
     assert list(COILS.values()) == [0, 1, 2]
     assert list(DISCRETE_INPUTS.values()) == [0, 1, 2, 3, 4]
+
+
+def test_bytes_for_a_gateway_lie_as_the_words_do():
+    rows = [line.split(",") for line in as_bytes(table()).splitlines()[1:]]
+    for direction, block in (("to the cell", COMMAND), ("from the cell", REPORT)):
+        own = [row for row in rows if row[0] == direction]
+        assert [row[6] for row in own] == [r.name for r in block.registers]
+        assert [int(row[1]) for row in own] == [2 * (r.address - block.start) for r in block.registers]
+        assert int(own[-1][1]) + int(own[-1][2]) == 2 * block.words

@@ -1,84 +1,57 @@
 """The function block, run line by line against the handshake that it is written for."""
 
-import re
+from dataclasses import replace
 
 import pytest
 
 from plc_bridge.bridge import Bridge
 from plc_bridge.config import PlcConfig
-from plc_bridge.images import COMMAND, REPORT, command_image
+from plc_bridge.function_block import FAILURE_BASE, NAME, NO_CELL, STOP_PENDING, WRONG_VERSION
+from plc_bridge.images import COMMAND, REPORT, Block, command_image
 from plc_bridge.messages import Control, Refusal, Report, Result
+from plc_bridge.plc_names import plc_names
 from plc_bridge.registers import VERSION_MAJOR, Parameter, table
-from plc_bridge.structured_text import FAILURE_BASE, NO_CELL, STOP_PENDING, WRONG_VERSION, as_structured_text
+from plc_bridge.scl import as_scl
+from plc_bridge.structured_text import as_structured_text
 from tests.scan_thread import take
+from tests.structured_text import Instance, Members, Time, units_of
 
 INSERT = 100
 SPEED = Parameter("search.speed", "m/s", 1e-4, -1.0, 0.5, "peak speed *) of the tip")
-TEXT = as_structured_text(table({INSERT: "insert_peg"}, [SPEED]))
+REGISTERS = table({INSERT: "insert_peg"}, [SPEED])
+WORDS = {"report_state": {6: "EXECUTE"}}
+NAMES = plc_names({INSERT: "insert_peg"}, WORDS)
+TEXT, SCL = as_structured_text(REGISTERS, NAMES), as_scl(REGISTERS, NAMES)
 SHOWN = ("Busy", "Done", "Error", "CommandAborted")
-
-FUNCTIONS = {
-    "SHL": lambda value, places: value << places,
-    "SHR": lambda value, places: value >> places,
-    "DINT_TO_DWORD": lambda value: value & 0xFFFFFFFF,
-    "DWORD_TO_WORD": lambda value: value & 0xFFFF,
-    **dict.fromkeys(("BYTE_TO_WORD", "UINT_TO_WORD", "WORD_TO_UINT", "WORD_TO_DWORD", "DWORD_TO_UDINT"), int),
-}
-LIMITS = {"BYTE": 0xFF, "UINT": 0xFFFF, "WORD": 0xFFFF, "INT": 0x7FFF, "UDINT": 0xFFFFFFFF}
-
-
-def expression(text):
-    text = re.sub(r"16#([0-9A-F]+)", r"0x\1", text)
-    is_bitwise = "DWORD" in text or "SHL" in text
-    words = {"AND": "&" if is_bitwise else "and", "OR": "|" if is_bitwise else "or", "NOT": "not", "MOD": "%"}
-    text = re.sub(r"\b(AND|OR|NOT|MOD)\b", lambda found: words[found[0]], text)
-    text = re.sub(r"(?<![<>:])=", "==", text).replace("<>", "!=").replace("/", "//")
-    names = {*words.values(), *FUNCTIONS, "TRUE", "FALSE"}
-    text = re.sub(r"\b[A-Za-z]\w*\b", lambda found: found[0] if found[0] in names else f"v['{found[0]}']", text)
-    return re.sub(r"0v\['(x\w+)'\]", r"0\1", text).replace("TRUE", "True").replace("FALSE", "False")
-
-
-def translated(text):
-    """Return the variables with their first values, their types, and the body as Python."""
-    text = re.sub(r"\(\*.*?\*\)", "", text, flags=re.DOTALL)
-    variables, types, lines, depth = {}, {}, [], 0
-    for line in filter(None, map(str.strip, text.splitlines())):
-        if declared := re.fullmatch(r"(\w+) : (?:ARRAY\[\d+\.\.(\d+)\] OF )?(\w+)(?: := (\d+))?;", line):
-            name, last, kind, first = declared.groups()
-            assert name not in variables, f"{name} is declared twice"
-            value = kind != "BOOL" and int(first or 0)
-            variables[name], types[name] = ([value] * (int(last) + 1) if last else value), kind
-        elif line.startswith(("FUNCTION_BLOCK", "VAR", "END_VAR", "END_FUNCTION_BLOCK")):
-            pass
-        elif line in ("END_IF;", "END_FOR;"):
-            depth -= 1
-        elif found := re.fullmatch(r"FOR (\w+) := (\d+) TO (\d+) DO", line):
-            index, low, high = found.groups()
-            lines.append("    " * depth + f"for v['{index}'] in range({low}, {high} + 1):")
-            depth += 1
-        elif found := re.fullmatch(r"(IF|ELSIF) (.*) THEN", line):
-            is_first = found[1] == "IF"
-            lines.append("    " * (depth - (not is_first)) + f"{'if' if is_first else 'elif'} {expression(found[2])}:")
-            depth += is_first
-        elif line == "ELSE":
-            lines.append("    " * (depth - 1) + "else:")
-        else:
-            assignment = re.fullmatch(r"(.+?) := (.+);", line)
-            assert assignment, f"not understood: {line}"
-            lines.append("    " * depth + f"{expression(assignment[1])} = {expression(assignment[2])}")
-    assert depth == 0
-    return variables, types, compile("\n".join(lines), "FB_InsertionCell", "exec")
+CYCLE = 0.001  # s
 
 
 class Plc:
     """The block in a PLC, whose Modbus client writes and reads between two cycles."""
 
+    text = TEXT
+
     def __init__(self):
         self.now = 0.0
         self.bridge = Bridge(PlcConfig(), {INSERT: "insert_peg"}, [SPEED], now=lambda: self.now)
         self.connections, self.is_connected, self.report = 0, False, Report()
-        self.v, self._types, self._body = translated(TEXT)
+        self.restart()
         self.connect()
+
+    def restart(self):
+        units = units_of(self.text)
+        self.block = Instance(units[NAME], units, Time(CYCLE))
+        self.v = self.block.v
+
+    def command(self):
+        return command_image(self.v["Command"])
+
+    def take_report(self):
+        self.v["Report"] = self.bridge.report_words(self.source)
+
+    def spoil(self, name, value):
+        """Put another value into the report."""
+        self.v["Report"][next(r.address for r in REPORT.registers if r.name == f"report_{name}")] = value
 
     def connect(self):
         self.connections += 1
@@ -92,15 +65,11 @@ class Plc:
     def cycle(self, count=1, **inputs):
         self.v.update(inputs)
         for _ in range(count):
-            exec(self._body, {**FUNCTIONS, "v": self.v})
-            for name, value in self.v.items():
-                if self._types[name] in LIMITS:
-                    values = value if isinstance(value, list) else [value]
-                    assert all(0 <= one <= LIMITS[self._types[name]] for one in values), name
+            self.block()
             assert sum(self.v[name] for name in SHOWN) <= 1
             if self.is_connected:
-                self.bridge.wrote(self.source, command_image(self.v["Command"]))
-                self.v["Report"] = self.bridge.report_words(self.source)
+                self.bridge.wrote(self.source, self.command())
+                self.take_report()
                 self.publish(self.report)
         return self
 
@@ -119,9 +88,51 @@ class Plc:
         return [name for name in SHOWN if self.v[name]]
 
 
+class SiemensPlc(Plc):
+    """The same in SCL, where the blocks have members instead of words."""
+
+    text = SCL
+
+    def restart(self):
+        super().restart()
+        names = [r.name.removeprefix("command_") for r in COMMAND.registers]
+        self.v["Command"] = Members(**dict.fromkeys(names, 0), parameter=[0] * 9)
+        self.v["Command"].serial = [0] * 32
+        self.v["Report"] = Members(**vars_of(REPORT.unpack([0] * REPORT.words)))
+
+    def command(self):
+        held = self.v["Command"]
+        values = {r.name: getattr(held, r.name.removeprefix("command_")) for r in COMMAND.registers}
+        values["command_serial"] = bytes(held.serial).rstrip(b"\0").decode()
+        for number in range(1, 9):
+            values[f"command_parameter_{number}"] = held.parameter[number] * (SPEED.scale if number == 1 else 1)
+        return command_image(COMMAND_WITH_LIMITS.pack(values))
+
+    def take_report(self):
+        self.v["Report"] = Members(**vars_of(RAW_REPORT.unpack(self.bridge.report_words(self.source))))
+
+    def spoil(self, name, value):
+        setattr(self.v["Report"], name, value)
+
+
+def vars_of(values):
+    """Return the members of the user data type for the report."""
+    found = {name.removeprefix("report_"): value for name, value in values.items()}
+    return {**found, "stage_time": [0, *(found[f"stage_time_{n}"] for n in range(1, 13))]}
+
+
+COMMAND_WITH_LIMITS = Block([r for r in REGISTERS if r.table == "holding"])
+RAW_REPORT = Block([replace(r, scale=1.0) for r in REPORT.registers])
+
+
+@pytest.fixture(params=[Plc, SiemensPlc])
+def kind(request):
+    return request.param
+
+
 @pytest.fixture
-def plc():
-    return Plc().cycle(3, Code=INSERT)
+def plc(kind):
+    return kind().cycle(3, Code=INSERT)
 
 
 def test_rising_edge_of_execute_runs_once(plc):
@@ -196,8 +207,8 @@ def test_stop_aborts_what_runs(plc):
 
 
 @pytest.mark.parametrize("before", [0, 65534])
-def test_run_waits_while_hold_is_true(before):
-    plc = Plc()
+def test_run_waits_while_hold_is_true(kind, before):
+    plc = kind()
     plc.v["Sequence"] = before
     plc.cycle(2, Code=INSERT).cycle(3, Execute=True)
     run = take(plc.bridge)
@@ -242,8 +253,8 @@ def test_stop_that_overtakes_its_command_aborts_it(plc):
     assert [take(plc.bridge).code, take(plc.bridge)] == [Control.STOP, None]
 
 
-def test_stop_works_before_anything_else():
-    plc = Plc().cycle(Stop=True)
+def test_stop_works_before_anything_else(kind):
+    plc = kind().cycle(Stop=True)
     assert take(plc.bridge).code == Control.STOP
 
 
@@ -267,29 +278,28 @@ def test_command_does_not_overwrite_a_stop_on_its_way(plc):
 
 def test_no_cell_is_an_error_and_the_command_never_runs_later(plc):
     plc.disconnect()
-    plc.cycle(3, Execute=True, SilentCycles=50)
+    plc.cycle(3, Execute=True, SilentTime=0.05)
     assert (plc.cycle(50).shown, plc.v["ErrorID"]) == (["Error"], NO_CELL)
     plc.connect()
     plc.cycle(5)
     assert plc.bridge.poll() is None
 
 
-def test_execute_before_the_first_report_is_an_error():
-    plc = Plc()
+def test_execute_before_the_first_report_is_an_error(kind):
+    plc = kind()
     assert (plc.cycle(Execute=True).shown, plc.v["ErrorID"]) == (["Error"], NO_CELL)
 
 
 def test_cell_with_another_map_is_an_error(plc):
     plc.disconnect()
-    version = next(r.address for r in REPORT.registers if r.name == "report_version")
-    plc.v["Report"][version] = (VERSION_MAJOR + 1) * 256
+    plc.spoil("version", (VERSION_MAJOR + 1) * 256)
     assert (plc.cycle(Execute=True).shown, plc.v["ErrorID"]) == (["Error"], WRONG_VERSION)
 
 
 def test_torn_report_is_not_believed(plc):
     plc.cycle(2, Execute=True).end(Result.SUCCESS)
     plc.cycle().disconnect()
-    plc.v["Report"][0] ^= 1
+    plc.spoil("life", 12345)
     assert plc.cycle().shown == ["Busy"]
 
 
@@ -309,13 +319,13 @@ def test_plc_that_restarts_behind_a_line_that_stayed_goes_on_counting(plc):
         plc.cycle(2, Execute=True).end(Result.SUCCESS)
         plc.cycle(2).cycle(Execute=False)
         plc.bridge.poll()
-    plc.v, _, _ = translated(TEXT)
+    plc.restart()
     assert plc.cycle(3, Code=INSERT).cycle(2, Execute=True).shown == ["Busy"]
     assert plc.end(Result.SUCCESS).sequence == 21
 
 
-def test_sequence_wraps():
-    plc = Plc()
+def test_sequence_wraps(kind):
+    plc = kind()
     plc.v["Sequence"] = 65535
     plc.cycle(2, Code=INSERT).cycle(2, Execute=True)
     assert plc.end(Result.SUCCESS).sequence == 0
@@ -333,13 +343,14 @@ def test_fifty_commands_are_fifty_runs(plc):
 
 
 def test_wide_values_are_put_together(plc):
-    plc.cycle(2, Execute=True).end(Result.SUCCESS, run=70_000, total_time=100.5)
+    plc.cycle(2, Execute=True).end(Result.SUCCESS, run=70_000, total_time=100.5, stage_times=(1.5, 2.25))
     plc.cycle(2)
-    assert (plc.v["Run"], plc.v["TotalTime"]) == (70_000, 100_500)
+    assert (plc.v["Run"], plc.v["TotalTime"]) == (70_000, 100.5)
+    assert plc.v["StageTime"][1:4] == [1.5, 2.25, 0.0]
 
 
 def test_arrays_are_as_long_as_the_blocks():
-    variables, _, _ = translated(TEXT)
+    variables = Plc().v
     assert (len(variables["Command"]), len(variables["Report"])) == (COMMAND.words, REPORT.words)
 
 

@@ -96,3 +96,13 @@ def test_file_that_is_something_else_is_named(authority, tmp_path, key):
 def test_key_of_another_certificate_is_refused(authority):
     with pytest.raises(DeviceNotOpenedError, match="its own PEM key"):
         server_context(config(authority, key=authority.sign("other")[1]))
+
+
+@pytest.mark.parametrize(("mode", "warnings"), [(0o600, 0), (0o640, 1), (0o604, 1)])
+def test_key_that_others_may_read_is_warned_of(authority, caplog, mode, warnings):
+    settings = config(authority)
+    settings.key.chmod(mode)
+    server_context(settings)
+    told = [record.message for record in caplog.records if "chmod 600" in record.message]
+    assert len(told) == warnings
+    assert all(str(settings.key) in message for message in told)

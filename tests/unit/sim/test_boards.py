@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from drivers.errors import DeviceNotOpenedError
-from drivers.skin.cyskin_wire import CanAssembler, Command, Message, SkinWireConfig, decode, encode, to_can
+from drivers.skin.cyskin_wire import CanAssembler, HubCommand, Message, SkinWireConfig, decode, encode, to_can
 from drivers.transport.wires import CanFrame, LineLostError
 from sim.board_links import CanCable, frame_bits
 from sim.config import WireFaults
@@ -36,26 +36,31 @@ def rig():
 
 
 def test_board_tells_of_its_modules(rig):
-    (declared,) = ask(rig, Message(Command.DECLARE))
+    (declared,) = ask(rig, Message(HubCommand.DECLARE))
     assert list(declared.payload) == [4, 12, 12, 12, 12]
-    assert len(ask(rig, Message(Command.DETAILS))) == 4
+    assert len(ask(rig, Message(HubCommand.DETAILS))) == 4
 
 
 @pytest.mark.parametrize(
     "message",
-    [Message(0x7F), Message(Command.PERIOD, b"\0\0"), Message(Command.PERIOD, b"\1"), Message(Command.SENSOR_DATA)],
+    [
+        Message(0x7F),
+        Message(HubCommand.PERIOD, b"\0\0"),
+        Message(HubCommand.PERIOD, b"\1"),
+        Message(HubCommand.SENSOR_DATA),
+    ],
 )
 def test_board_answers_what_it_does_not_know_with_an_error(rig, message):
-    assert [answer.command for answer in ask(rig, message)] == [Command.ERROR]
+    assert [answer.command for answer in ask(rig, message)] == [HubCommand.ERROR]
 
 
 def test_board_is_quiet_until_it_is_started_and_after_it_is_stopped(rig):
     rig.clock.wait_until(1.0)
     assert listen(rig) == []
-    ask(rig, Message(Command.AUTO_SYNC, b"\1"))
+    ask(rig, Message(HubCommand.AUTO_SYNC, b"\1"))
     rig.clock.wait_until(2.0)
     assert len(listen(rig)) == 2 * 19
-    ask(rig, Message(Command.AUTO_SYNC, b"\0"))
+    ask(rig, Message(HubCommand.AUTO_SYNC, b"\0"))
     rig.clock.wait_until(3.0)
     assert listen(rig) == []
 
@@ -65,7 +70,7 @@ def test_frame_of_eight_bytes_is_135_bits_long_at_most():
 
 
 def test_answer_takes_its_time_on_the_bus(rig):
-    (request,) = to_can(encode(Message(Command.DECLARE), WIRE), WIRE.hub)
+    (request,) = to_can(encode(Message(HubCommand.DECLARE), WIRE), WIRE.hub)
     rig.link.write(request)
     both = (frame_bits(len(request.data)) + frame_bits(8)) * 1e-6
     rig.clock.wait_until(both - 1e-6)
@@ -79,7 +84,7 @@ def test_world_is_measured_at_the_instant_of_the_scan():
     real = rig.hub.measure
     rig.hub.measure = lambda: (seen.append(rig.world.time), real())[1]
     rig.link.open()
-    ask(rig, Message(Command.PERIOD, (73).to_bytes(2, "little")), Message(Command.AUTO_SYNC, b"\1"))
+    ask(rig, Message(HubCommand.PERIOD, (73).to_bytes(2, "little")), Message(HubCommand.AUTO_SYNC, b"\1"))
     rig.clock.wait_until(1.0)
     assert np.diff(seen) == pytest.approx(np.full(len(seen) - 1, 0.073))
     assert len(seen) == 13
@@ -127,7 +132,7 @@ def test_bus_of_an_unplugged_board_is_quiet(rig):
 
 
 def test_cable_passes_frames_between_a_board_and_another_bus(rig):
-    sent, taken = to_can(encode(Message(Command.DECLARE), WIRE), WIRE.hub), []
+    sent, taken = to_can(encode(Message(HubCommand.DECLARE), WIRE), WIRE.hub), []
 
     class Bus:
         def read(self, timeout: float) -> CanFrame | None:

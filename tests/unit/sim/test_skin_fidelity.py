@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from cell.lab.tactile.elastic_layer import POISSON, THICKNESS, LayerPads, layer, layer_pads
+from drivers.part.round import Round
 from drivers.skin.layout import LAYOUTS
 from sim.config import PadConfig
 from sim.pads import PadLoad, Pads
@@ -36,7 +37,7 @@ def test_thin_layer_under_a_wide_flat_is_a_bed_of_springs():
 
 @lru_cache
 def _one(theta):
-    return layer_pads("parallelogram").readings(theta, 0.0, ((DEPTH, 0.0), (DEPTH, 0.0)), REACH, DIAMETER)
+    return layer_pads("parallelogram").readings(theta, 0.0, ((DEPTH, 0.0), (DEPTH, 0.0)), REACH, Round(DIAMETER).face)
 
 
 def test_layer_does_not_pull_and_balances():
@@ -50,7 +51,9 @@ def test_layer_does_not_pull_and_balances():
 
 def test_half_the_cells_change_little():
     coarse, fine = (
-        LayerPads("parallelogram", cell=cell).readings(0.4, 1e-3, ((DEPTH, 0.0), (DEPTH, 0.0)), REACH, DIAMETER)[0]
+        LayerPads("parallelogram", cell=cell).readings(
+            0.4, 1e-3, ((DEPTH, 0.0), (DEPTH, 0.0)), REACH, Round(DIAMETER).face
+        )[0]
         for cell in (0.5e-3, 0.25e-3)
     )
     assert np.abs(coarse - fine).max() < 0.06 * fine.max()
@@ -60,7 +63,7 @@ def _misses(layout, pad):
     """Return by how much the springs miss the layer, over the layer's largest reading: RMS and largest."""
     rms, worst = [], []
     for theta in np.radians(np.arange(-85.0, 90.0, 10.0)):
-        felt, loads = layer_pads(layout).readings(theta, 0.0, ((DEPTH, 0.0), (DEPTH, 0.0)), REACH, DIAMETER)
+        felt, loads = layer_pads(layout).readings(theta, 0.0, ((DEPTH, 0.0), (DEPTH, 0.0)), REACH, Round(DIAMETER).face)
         load = PadLoad(theta, 0.0, float(loads[0]), 0.0, 0.0, *REACH, DIAMETER)
         springs = Pads(pad, layout).pressure(load)
         # Counts a pascal are calibrated, so that only the shape counts.

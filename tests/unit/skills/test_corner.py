@@ -5,9 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from cell.config import load
 from drivers.frames import UP, rotation_about
 from drivers.part.rectangular import Rectangular
-from skills.corner_insert import lead_to, tipped, to_and_fro, turned_by
+from skills.corner_insert import YawSweep, lead_to, sweep_of, tipped, to_and_fro, turned_by
 
 SIDE = 0.008
 SQUARE = Rectangular(SIDE, SIDE)
@@ -60,3 +61,36 @@ def test_what_is_tipped_leans_towards_where_it_was_asked_to() -> None:
 def test_the_corner_is_led_to_its_own_side_along_the_closing_axis_and_across() -> None:
     lead = lead_to(np.array([1.0, 1.0, 0.0]) / math.sqrt(2), np.array([-1.0, 0.0, 0.1]), UP, (0.003, 0.002))
     np.testing.assert_allclose(lead, [0.003, 0.002, 0.0], atol=1e-15)
+
+
+def test_a_sweep_measures_from_where_it_began_and_keeps_the_greatest_height() -> None:
+    begun, up = np.array([0.5, 0.0, 0.1]), np.array([0.0, 0.0, 0.001])
+    sweep = YawSweep(0.0, 0.1)
+    assert sweep.distance(begun) == 0.0
+    sweep = sweep.after(begun, 0.0).after(begun + up, -0.001).after(begun, 0.0005)
+    assert sweep.distance(begun + 3.0 * up) == pytest.approx(0.003)
+    assert sweep.highest == 0.001
+
+
+def test_each_attempt_sweeps_about_its_own_middle_and_at_least_as_far_as_a_wall_is_felt() -> None:
+    params = load().cell.corner.insert
+    most = math.radians(10.0)
+    centres = [sweep_of(params, most, attempt).centre for attempt in range(4)]
+    assert centres == pytest.approx([0.0, 0.6 * most, -0.6 * most, 0.0])
+    assert sweep_of(params, 0.0, 0).reach == pytest.approx(params.felt + params.margin)
+
+
+def test_the_yaw_reaches_the_middle_of_its_sweep_when_the_peg_has_settled() -> None:
+    params = load().cell.corner.insert
+    sweep = YawSweep(0.1, 0.2)
+    assert [sweep.yaw(time, 2.0, params) for time in (0.0, 1.0, 2.0)] == pytest.approx([0.0, 0.05, 0.1])
+    assert sweep.yaw(2.0 + 0.02, 2.0, params) == pytest.approx(0.1 + 0.02 * params.turn_rate)
+
+
+def test_the_first_sweep_covers_every_yaw_that_the_hole_can_have_within_its_timeout_and_no_sweep_goes_beyond() -> None:
+    params, most = load().cell.corner.insert, math.radians(10.0)
+    for attempt in range(3):
+        sweep = sweep_of(params, most, attempt)
+        yaws = [sweep.yaw(time, 1.5, params) for time in np.arange(1.5, params.timeout, 0.01)]
+        assert max(np.abs(yaws)) <= most + params.margin
+        assert attempt > 0 or (min(yaws) < -most and max(yaws) > most)

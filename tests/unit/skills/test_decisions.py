@@ -93,7 +93,7 @@ def test_a_tip_at_the_bottom_with_the_switch_open_is_a_fault_once_time_is_up() -
 
 
 def test_the_turn_gathers_speed_evenly_and_lags_by_half_its_run_up() -> None:
-    assert turned(0.35, 0.6, 0.7) == pytest.approx(0.6 * 0.35 / 4)
-    assert turned(0.7, 0.6, 0.7) == pytest.approx(0.6 * 0.35)
-    assert turned(2.0, 0.6, 0.7) == pytest.approx(0.6 * 1.65)
-    assert turned(2.0, 0.6, 0.0) == pytest.approx(1.2)
+    assert turned(0.35, 0.6, 0.7) == pytest.approx((0.6 * 0.35 / 4, 0.3))
+    assert turned(0.7, 0.6, 0.7) == pytest.approx((0.6 * 0.35, 0.6))
+    assert turned(2.0, 0.6, 0.7) == pytest.approx((0.6 * 1.65, 0.6))
+    assert turned(2.0, 0.6, 0.0) == pytest.approx((1.2, 0.6))

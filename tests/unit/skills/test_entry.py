@@ -13,7 +13,7 @@ from skills.motion import Gains
 
 class KnockParams(SkillParams):
     times: int = 3
-    gains: Gains = Gains(translation=1.0, rotation=1.0, translation_damping=1.0, rotation_damping=1.0)
+    gains: Gains = Gains(translation=1.0, rotation=1.0)
 
 
 class KnockReason(IntEnum):

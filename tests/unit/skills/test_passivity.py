@@ -5,7 +5,7 @@ import pytest
 
 from drivers.frames import UP, end_point, rotation_about
 from drivers.quantities import ImpedanceSetpoint, InHandTip, Pose, Twist
-from skills.passivity import INERTIA, LEVER, MASS, WRIST, PassivityGuard, Verdict, share_of_limit
+from skills.passivity import INERTIA, LEVER, MASS, WRIST, PassivityGuard, PassivityVerdict, share_of_limit
 from tests.fakes import HAND_DOWN
 
 PERIOD, LIMIT, STIFF, TURN = 0.01, 60.0, 2500.0, 40.0
@@ -54,7 +54,7 @@ def test_a_hand_that_swings_about_its_wrist_is_light():
     assert heavy - light == pytest.approx(MASS * STIFF * (0.2 * 0.01 / PERIOD) ** 2 / LIMIT**2, rel=0.02)
 
 
-def swing(guard: PassivityGuard, moves) -> list[Verdict]:
+def swing(guard: PassivityGuard, moves) -> list[PassivityVerdict]:
     """Move by so much of the way that is at the limit in every scan."""
     way, x, verdicts = LIMIT / math.sqrt(MASS * STIFF) * PERIOD, 0.0, []
     for scan, move in enumerate((0.0, *moves)):
@@ -65,19 +65,19 @@ def swing(guard: PassivityGuard, moves) -> list[Verdict]:
 
 def test_a_swing_is_softened_and_one_beyond_the_limit_stopped():
     assert swing(PassivityGuard(LIMIT), [0.9, -0.9, 1.1, -1.1]) == [
-        Verdict.PASSIVE,
-        Verdict.SOFTEN,
-        Verdict.SOFTEN,
-        Verdict.STOP,
+        PassivityVerdict.PASSIVE,
+        PassivityVerdict.SOFTEN,
+        PassivityVerdict.SOFTEN,
+        PassivityVerdict.STOP,
     ]
 
 
 def test_a_knock_in_a_single_scan_is_none_of_its_business():
-    assert set(swing(PassivityGuard(LIMIT), [0.1, 3.0, 0.1, 0.1])) == {Verdict.PASSIVE}
+    assert set(swing(PassivityGuard(LIMIT), [0.1, 3.0, 0.1, 0.1])) == {PassivityVerdict.PASSIVE}
 
 
 def test_a_guard_that_saw_nothing_held_starts_anew():
     guard = PassivityGuard(LIMIT)
     swing(guard, [2.0])
-    assert guard.update(None, at(0.0), 0.5) is Verdict.PASSIVE
-    assert swing(guard, [2.0]) == [Verdict.PASSIVE]
+    assert guard.update(None, at(0.0), 0.5) is PassivityVerdict.PASSIVE
+    assert swing(guard, [2.0]) == [PassivityVerdict.PASSIVE]

@@ -1,14 +1,16 @@
 """What a picture is told of a run on record."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
-from cell.film.playback import Playback
+from cell.film.playback import RunPlayback
 from cell.film.recorded import recorded
 from cell.journal import Journal
 from cell.record import scene_facts
+from cell.sample_blocks import SampleStream
 from drivers.errors import JournalError
 from tests.filmed_runs import HOLE, PERIOD, ROW, held_peg, record, scan
 
@@ -43,10 +45,11 @@ def test_a_physical_run_has_its_hole_where_the_switch_closed(rig, journal):
 
 
 def test_a_physical_run_whose_switch_never_closed_has_no_hole(rig, journal):
-    number = journal.begin(ROW).run
-    stream = journal.stream(number, scene_facts(rig.loaded.cell))
+    row = journal.begin(ROW, scene_facts(rig.loaded.cell))
+    number = row.run
+    stream = SampleStream(partial(journal.write, number))
     stream.add(scan(rig, 0, 0.04, 0.0, is_closed=False), None, 1)
-    stream.close()
+    journal.finish(row, (), stream.rest())
     assert recorded(journal, number).hole() is None
 
 
@@ -65,21 +68,21 @@ def test_the_tips_line_has_no_part_above_the_plate(rig, journal):
 
 
 def test_a_run_that_recorded_nothing_is_told(rig, journal):
-    number = journal.begin(ROW).run
-    journal.stream(number, scene_facts(rig.loaded.cell)).close()
+    row = journal.begin(ROW, scene_facts(rig.loaded.cell))
+    number = row.run
+    journal.finish(row)
     with pytest.raises(JournalError, match="no samples on record"):
         recorded(journal, number)
 
 
 def test_a_run_in_progress_is_read_on_as_it_grows(rig, journal):
-    number = journal.begin(ROW).run
-    stream = journal.stream(number, scene_facts(rig.loaded.cell))
+    number = journal.begin(ROW, scene_facts(rig.loaded.cell)).run
+    stream = SampleStream(partial(journal.write, number))
     for k in range(100):
         stream.add(scan(rig, k, 0.04, 0.0, is_closed=False), None, 1)
-    playback = Playback(journal, number)
+    playback = RunPlayback(journal, number)
     assert playback.scan_at(1.5) == 99
     for k in range(100, 200):
         stream.add(scan(rig, k, 0.04, 0.0, is_closed=False), None, 1)
     assert playback.scan_at(1.6) == 99  # looked for a moment ago
     assert playback.scan_at(2.1) == 199
-    stream.close()

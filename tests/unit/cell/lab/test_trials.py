@@ -4,9 +4,9 @@ from dataclasses import asdict, replace
 
 import pytest
 
-from cell.journal import config_hash, versions
 from cell.lab import trials
 from cell.lab.trials import COLUMNS, ERRORS, PARTIAL, TrialRow, read_table, run_trials, summarise, write_table
+from cell.provenance import config_hash, versions
 from drivers.errors import ConfigError
 
 ROW = TrialRow(
@@ -35,6 +35,7 @@ ROW = TrialRow(
     wall_time=1.5,
     time_over_20N=0.0,
     plate_penetration=1e-7,
+    grip_slip=0.0,
 )
 LOST = replace(
     ROW,
@@ -68,7 +69,7 @@ def test_the_table_has_the_promised_columns(tmp_path):
     assert head == (
         "seed,outcome,reason,stage,grasp_time,search_time,insert_time,adjust_time,total_time,retries,peak_contact_force,"
         "max_penetration,max_in_hand_rotation,theta_rmse,tip_rmse,hole_x,hole_y,start_x,start_y,switch_closed,depth,"
-        "sim_time,wall_time,cycle_time,time_over_20N,plate_penetration"
+        "sim_time,wall_time,cycle_time,time_over_20N,plate_penetration,grip_slip"
     )
     assert len(rows) == 2
 
@@ -153,6 +154,6 @@ def test_what_was_drawn_of_the_errors_stands_in_columns_of_its_own_and_is_read_b
         (tmp_path / "t.csv")
         .read_text()
         .splitlines()[0]
-        .endswith("plate_penetration,reality.arm.gravity,reality.skin.age")
+        .endswith("plate_penetration,grip_slip,reality.arm.gravity,reality.skin.age")
     )
     assert [row.errors for row in read_table(tmp_path / "t.csv")] == [drawn, drawn]

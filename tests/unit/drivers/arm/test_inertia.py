@@ -26,8 +26,9 @@ def test_the_arms_inertia_is_that_of_the_physics(arm, q, loaded):
     plate = Plate(np.zeros(3), np.eye(3), (0.004, 0.004), 0.02)
     model = scene.held_model(ideal(arm), loaded.cell.job(), plate, 0.1, 5e-4)
     data = mujoco.MjData(model)
-    peg = model.body("peg").id
-    model.body_mass[peg] = model.body_inertia[peg] = 0.0
+    for name in (scene.GRIP, "peg"):
+        held = model.body(name).id
+        model.body_mass[held] = model.body_inertia[held] = 0.0
     data.qpos[:7] = q
     mujoco.mj_forward(model, data)
     M = np.zeros((model.nv, model.nv))
@@ -40,5 +41,6 @@ def test_a_push_at_the_tip_moves_it_as_its_inertia_says(arm, q):
     position, finger, axes, origins = impedance.forward(impedance.figures(arm), q)
     tip = position + length * finger[:, 0]
     J = np.vstack([np.cross(axes, tip - origins).T, axes.T])
-    acceleration = J @ np.linalg.solve(joint_inertia(arm, q), J.T @ push)
+    M = joint_inertia(arm, q) + np.diag(arm.joints.rotor_inertia)
+    acceleration = J @ np.linalg.solve(M, J.T @ push)
     np.testing.assert_allclose(tip_inertia(arm, q, length) @ acceleration, push, atol=1e-9)

@@ -5,7 +5,7 @@ import pytest
 
 from drivers.errors import DeviceNotOpenedError, SkinSilentError
 from drivers.skin.boards import RECENT
-from drivers.skin.cyskin_wire import Command
+from drivers.skin.cyskin_wire import HubCommand
 from drivers.skin.health import BASELINE_FRAMES, SkinHealth, SkinHealthConfig
 from drivers.transport.wires import CanFrame
 from sim.boards import TEMPERATURE_COUNTS
@@ -252,7 +252,7 @@ def test_skin_that_nobody_read_for_a_while_is_not_silent(rig):
     assert rig.skin.read().stamp > rig.clock.now() - 0.15
 
 
-@pytest.mark.parametrize("command", [Command.DECLARE, Command.DETAILS, Command.PERIOD, Command.AUTO_SYNC])
+@pytest.mark.parametrize("command", [HubCommand.DECLARE, HubCommand.DETAILS, HubCommand.PERIOD, HubCommand.AUTO_SYNC])
 def test_what_got_lost_while_the_board_was_started_is_said_again(command):
     rig, lost = BoardRig(can_config()), []
     real = rig.link.write

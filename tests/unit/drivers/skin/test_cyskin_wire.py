@@ -10,7 +10,7 @@ from drivers.skin.cyskin_wire import (
     LONGEST,
     CanAssembler,
     Channels,
-    Command,
+    HubCommand,
     Message,
     Module,
     ScanAssembler,
@@ -161,7 +161,7 @@ def test_noise_on_the_bus_never_grows_nor_stops_the_listener(frames):
     for frame in frames:
         data = assembler.feed(frame)
         assert data is None or len(data) <= LONGEST
-    after = Message(Command.DECLARE)
+    after = Message(HubCommand.DECLARE)
     assert [assembler.feed(frame) for frame in to_can(encode(after, WIRE), HUB)][-1] == encode(after, WIRE)
 
 

@@ -4,13 +4,13 @@ import pytest
 from drivers.errors import ConfigError, SkinSilentError
 from drivers.skin.boards import CanSkin, SerialSkin
 from drivers.transport.traffic import (
-    Playback,
     PlaybackCan,
     PlaybackLine,
     RecordedCan,
     RecordedLine,
     Recorder,
     TrafficEndedError,
+    TrafficPlayback,
 )
 from sim.config import WireFaults
 from tests.skins import WIRED, BoardRig, held_peg
@@ -111,7 +111,7 @@ def test_file_that_is_no_traffic_is_told_in_one_line(tmp_path, text, said):
     path = tmp_path / "traffic"
     path.write_text(text)
     with pytest.raises(ConfigError, match=said):
-        Playback(path)
+        TrafficPlayback(path)
 
 
 def test_file_that_cannot_be_written_is_told(tmp_path):

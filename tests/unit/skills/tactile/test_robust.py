@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from cell.lab.tactile.elastic_layer import LayerPads
+from drivers.part.round import Round
 from drivers.skin.layout import LAYOUTS, MODULE_OF
 from sim.config import PadConfig
 from sim.pads import Pads
@@ -114,7 +115,7 @@ def test_pads_of_another_kind_are_learnt():
     pads, depths = LayerPads("parallelogram", poisson=0.49), ((0.55e-3, 0.0), (0.55e-3, 0.0))
 
     def pressure(theta, offset):
-        return pads.readings(theta, offset, depths, (LOAD.reach_tip, LOAD.reach_back), LOAD.width)[0]
+        return pads.readings(theta, offset, depths, (LOAD.reach_tip, LOAD.reach_back), Round(LOAD.width).face)[0]
 
     errors = _read(_estimator("parallelogram"), pressure)
     assert rms_degrees(errors[20:]) < min(0.8, 0.7 * rms_degrees(_read(_plain("parallelogram"), pressure)))

@@ -1,4 +1,4 @@
-"""The plate as the sliding tip feels it; pure."""
+"""The plate's surface: as the job states it, and as the sliding tip estimates it; pure."""
 
 import math
 from dataclasses import dataclass
@@ -14,47 +14,49 @@ _ONE = np.eye(4)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plane:
-    """The plate's surface."""
+    """The plate's surface as a plane."""
 
     point: Vector
-    """On it, shape (3,), m, base frame."""
+    """Point on the plane, shape (3,), m, base frame."""
     normal: Vector
-    """Unit, shape (3,), base frame."""
+    """Unit normal of the plane, away from the plate, shape (3,), base frame."""
 
     def depth(self, tip: Vector) -> float:
-        """Return how far `tip`, shape (3,), m, base frame, lies below the surface, m."""
+        """Return the depth of `tip`, shape (3,), m, base frame, below the surface along its normal, m."""
         return float(self.normal @ (self.point - tip))
 
 
 def nominal(hole: Hole) -> Plane:
-    """Return the level surface that the job says, for want of a better."""
+    """Return the level plane through the hole's mouth as the job states it; it serves until a surface is estimated."""
     return Plane(np.array(hole.centre), UP)
 
 
-class Ground:
-    """The plane on which the peg slides, learnt on the way by least squares that forget; pure.
+class SurfaceEstimate:
+    """Estimate of the plane on which the peg slides, by recursive least squares with forgetting; pure.
 
-    z = a + b x + c y + d s, with s = +-1 the sense of the path: friction tilts the hand a little, so that the
-    height differs between the two. A tilted plate would else look like an edge at every lane.
+    The model is z = a + b x + c y + d s, with s = +-1 the sense of the path: friction tilts the hand a little, so
+    that the height differs between the two senses. Without the slopes a tilted plate would look like an edge at
+    every lane.
     """
 
     MEMORY = 200
-    """Scans after which a height counts by 1/e: three lanes or so."""
+    """Number of scans after which the weight of a height has fallen to 1/e; about three lanes."""
     NOISE = 4e-4
-    """Standard deviation of the sliding tip's height about the plane, m, as if every scan erred by itself.
+    """Standard deviation of the sliding tip's height about the plane, m, as if the scans erred independently.
 
-    It errs by 0.1 mm, mostly as theta does, so alike in the ten and more scans of a frame: what is believed of one.
+    The height errs by 0.1 mm, mostly through theta, and therefore alike in the ten or more scans of one frame. The
+    larger figure gives those scans together about the weight of a single one.
     """
     DOUBT = 5.0
-    """A height that lies below what three deviations explain has so many times the noise: an edge is no plane."""
+    """Factor on the noise of a height more than three deviations below the plane, so that an edge hardly moves the plane."""
     SLOPE = 0.02
-    """Standard deviation of the plate's slopes before anything is known; three times as much is taken for no plate."""
+    """Standard deviation of the plate's slopes before anything is felt; slopes are clipped to three times as much."""
 
     HEIGHT = 1e-3
-    """Most that the height may be in doubt, m."""
+    """Standard deviation of the height before anything is felt, m; forgetting never lets it grow beyond this."""
 
     def __init__(self) -> None:
-        """Know nothing but that the plate is about level."""
+        """Start from a level plate of unknown height."""
         self._origin = np.zeros(2)
         self._values = np.zeros(4)
         self._doubt = np.array([self.HEIGHT, self.SLOPE, self.SLOPE, 2.0 * self.NOISE])
@@ -62,7 +64,7 @@ class Ground:
         self._scans = 0
 
     def learn(self, edge: Vector, sense: int) -> None:
-        """Take the lowest point of the sliding peg, shape (3,), m, in one scan of a pass in `sense`, -1 or 1."""
+        """Update the estimate by the peg's lowest point `edge`, shape (3,), m, base frame, in a pass in `sense`, -1 or 1."""
         if self._scans == 0:
             self._origin, self._values[0] = np.array(edge[:2]), edge[2]
         row = self._row(edge, sense)
@@ -72,24 +74,24 @@ class Ground:
         noise = self.NOISE * (self.DOUBT if is_dip else 1.0)
         gain = towards / (noise**2 + spread)
         self._values = self._values + gain * above
-        # Joseph's form keeps the covariance positive where the plain one loses it to rounding.
+        # Joseph's form keeps the covariance positive; the shorter form loses that to rounding.
         left = _ONE - gain[:, None] * row
         self._covariance = left @ self._covariance @ left.T + noise**2 * (gain[:, None] * gain)
         self._covariance *= 1.0 + 1.0 / self.MEMORY
-        # What is forgotten must not grow beyond what was known at first.
+        # Forgetting must not let the covariance grow beyond what was known at first.
         excess = np.minimum(self._doubt / np.sqrt(self._covariance.diagonal()), 1.0)
         self._covariance *= excess[:, None] * excess
         self._scans += 1
 
     def below(self, edge: Vector, sense: int) -> float:
-        """Return how far that point lies below the plane, less one deviation of what is known of it, m; 0 before any is."""
+        """Return the depth of the point `edge` below the plane less one standard deviation, m; 0 before the first update."""
         if self._scans == 0:
             return 0.0
         row = self._row(edge, sense)
         return float(row @ self._values - edge[2]) - math.sqrt(float(row @ self._covariance @ row))
 
     def plane(self, near: Vector) -> Plane:
-        """Return the surface next to `near`, shape (2,) or more, m; level before a second of sliding has told its slopes."""
+        """Return the plane at `near`, shape (2,) or more, m, base frame; level until `MEMORY` / 2 scans have told its slopes."""
         slopes = np.clip(self._values[1:3], -3.0 * self.SLOPE, 3.0 * self.SLOPE)
         if self._scans < self.MEMORY / 2:
             slopes = np.zeros(2)

@@ -1,0 +1,22 @@
+"""`cell completion`: a script with which a shell completes commands, options and names."""
+
+import argparse
+
+from cell.terminal import GOOD, say
+
+SUMMARY = "a script that lets bash, zsh or tcsh complete commands and options"
+STOPS_ITSELF = False
+SHELLS = ("bash", "zsh", "tcsh")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add which shell."""
+    parser.add_argument("shell", choices=SHELLS, metavar="SHELL", help=f"{', '.join(SHELLS)}")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the script."""
+    import shtab
+
+    say(shtab.complete(args.parser, shell=args.shell))
+    return GOOD

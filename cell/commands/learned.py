@@ -1,0 +1,94 @@
+"""`cell learned`: what a cell has learnt of its fixtures, and how to make it forget."""
+
+import argparse
+from typing import TYPE_CHECKING
+
+from cell.arguments import add_config, add_journal, load_config, natural, open_journal, require_known
+from cell.terminal import GOOD, show
+from drivers.errors import ConfigError
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+SUMMARY = "where the cell has learnt that holes are; `forget` begins anew"
+STOPS_ITSELF = False
+ACTIONS = ("show", "forget")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what to do, of which recipe, and where the records are."""
+    add_config(parser)
+    add_journal(parser)
+    parser.add_argument("action", metavar="ACTION", nargs="?", default="show", help=f"{' or '.join(ACTIONS)}; show")
+    parser.add_argument("--recipe", type=natural, metavar="N", help="number of the recipe; all of them")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Show what was learnt, one line a recipe, or forget it."""
+    from cell.learning import forget
+
+    require_known("learned", args.action, ACTIONS)
+    loaded = load_config(args)
+    folder = open_journal(args, loaded.cell.journal).folder
+    if args.recipe is not None and args.recipe not in loaded.recipes:
+        known = ", ".join(str(number) for number in sorted(loaded.recipes))
+        raise ConfigError(f"--recipe {args.recipe}: no such recipe; {known} allowed")
+    if args.action == "forget":
+        forgotten = forget(folder, args.recipe)
+        told = f"forgotten: recipe {', '.join(map(str, forgotten))}" if forgotten else "nothing was learnt"
+        show(args, told, {"forgotten": forgotten})
+        return GOOD
+    rows = _rows(args)
+    show(args, _table(rows) if rows else "nothing was learnt", rows)
+    return GOOD
+
+
+def _rows(args: argparse.Namespace) -> list[dict[str, object]]:
+    """Return what was learnt of each recipe, as words and figures in SI units."""
+    from datetime import UTC, datetime
+
+    from cell.learning import read_learned, unusable
+
+    loaded = load_config(args)
+    folder = open_journal(args, loaded.cell.journal).folder
+    rows: list[dict[str, object]] = []
+    for number, place in sorted(read_learned(folder).places.items(), key=lambda item: int(item[0])):
+        if args.recipe is not None and int(number) != args.recipe:
+            continue
+        config = loaded.recipes.get(int(number))
+        now = datetime.now(UTC)
+        why = (
+            "no such recipe" if config is None else unusable(place, config.job(), config.learning, now) or place.doubt()
+        )
+        prior = place.estimate().prior(loaded.cell.learning)
+        rows.append(
+            {
+                "recipe": int(number),
+                "mean": place.mean,
+                "deviation": prior.deviation if prior is not None else None,
+                "parts": place.parts,
+                "age": (now - place.updated).total_seconds(),
+                "use": why or "in use",
+            }
+        )
+    return rows
+
+
+def _table(rows: list[dict[str, object]]) -> "Table":
+    from rich.table import Table
+
+    table = Table("recipe", "x, y (mm)", "deviation (mm)", "parts", "age (h)", "use")
+    for row in rows:
+        table.add_row(
+            str(row["recipe"]),
+            _millimetres(row["mean"], 2),
+            _millimetres(row["deviation"], 2),
+            str(row["parts"]),
+            f"{float(str(row['age'])) / 3600:.1f}",
+            str(row["use"]),
+        )
+    return table
+
+
+def _millimetres(pair: object, digits: int) -> str:
+    return ", ".join(f"{value * 1e3:.{digits}f}" for value in pair) if isinstance(pair, tuple) else ""

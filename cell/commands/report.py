@@ -1,0 +1,47 @@
+"""`cell report`: what the records of many runs say together, printed and drawn."""
+
+import argparse
+from dataclasses import asdict, replace
+from pathlib import Path
+
+from cell.arguments import add_journal, add_query, query_of, read_journal
+from cell.terminal import GOOD, show, written
+
+SUMMARY = "yield, times, reasons, forces and wear over many runs, of insert_peg unless --program says another"
+STOPS_ITSELF = False
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add which runs, and the file."""
+    add_journal(parser)
+    add_query(parser)
+    parser.add_argument("--out", type=Path, metavar="FILE", help="*.html or *.pdf, with everything in it")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the report; write it where that is wished."""
+    from rich.console import Group
+    from rich.table import Table
+
+    from cell.line import PROGRAMS
+    from cell.report.document import tables, write
+    from cell.report.facts import facts_of
+    from plc_bridge.messages import FIRST_PROGRAM
+
+    query = query_of(args)
+    if query.program is None:
+        query = replace(query, program=PROGRAMS[FIRST_PROGRAM])
+    with read_journal(args) as journal:
+        facts = facts_of(journal.select(query), journal.stages_of(query), query.since)
+    if args.out is not None:
+        write(facts, args.out)
+    shown = []
+    for title, head, rows in tables(facts):
+        table = Table(*head, title=title, title_justify="left")
+        for row in rows:
+            table.add_row(*row)
+        shown.append(table)
+    interval = facts.total.interval
+    show(args, Group(*shown), {**asdict(facts), "yield": facts.total.share, "interval": interval})
+    written(args, [args.out] if args.out is not None else [])
+    return GOOD

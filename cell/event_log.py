@@ -1,0 +1,82 @@
+"""The events of a cell beside the samples of its runs, as the journal records them."""
+
+import logging
+from collections.abc import Callable
+
+from cell.journal import Journal, now_text
+from cell.journal_schema import EventKind, EventRow
+from cell.states import State
+from drivers.errors import CellError, JournalError
+from plc_bridge.messages import Command, Control, Refusal
+from plc_bridge.registers import Warnings
+from skills.catalogue import CATALOGUE
+
+logger = logging.getLogger(__name__)
+
+
+class EventLog:
+    """Puts the events of one cell on record."""
+
+    def __init__(self, journal: Journal, now: Callable[[], float]) -> None:
+        """Take the journal, and the cell's time, s."""
+        self._journal, self._now = journal, now
+        self.run = 0
+        """Number of the run under way; 0 for none."""
+
+    def state(self, before: State, after: State) -> None:
+        """Note that the state changed."""
+        self._note(EventKind.STATE, after.name, code=after, text=before.name)
+
+    def command(self, command: Command) -> None:
+        """Note what was asked for, and by whom."""
+        self._note(EventKind.COMMAND, name_of(command.code), command.code, command)
+
+    def refusal(self, command: Command, refusal: Refusal) -> None:
+        """Note that a command was refused, and why."""
+        self._note(EventKind.REFUSAL, refusal.name.lower(), refusal, command, name_of(command.code))
+
+    def fault(self, error: CellError) -> None:
+        """Note a fault."""
+        self._note(EventKind.FAULT, error.code.name, error.code, text=str(error))
+
+    def warned(self, before: int, now: int) -> None:
+        """Note the warnings, sums of `Warnings`, that have come or gone."""
+        for bit, name in WARNINGS.items():
+            if (before ^ now) & bit:
+                text = self._journal.trouble if bit == Warnings.NOT_RECORDED and now & bit else ""
+                self._note(EventKind.WARNING, name if now & bit else f"{name} is over", text=text)
+
+    def _note(self, kind: EventKind, name: str, code: int = 0, command: Command | None = None, text: str = "") -> None:
+        source, sequence = ("", 0) if command is None else (command.source, command.sequence)
+        row = EventRow(0, now_text(), self._now(), kind, name, int(code), source, sequence, self.run, text)
+        try:
+            self._journal.note(row)
+        except JournalError as error:
+            logger.warning("not on record: %s %s: %s", kind, name, error)
+
+
+WARNINGS = {
+    Warnings.NOT_RECORDED: "not recorded",
+    Warnings.DISK_LOW: "disk low",
+    Warnings.SCAN_OVERRUNS: "scan overruns",
+}
+"""Name of each warning."""
+
+
+def warnings_of(journal: Journal, is_late: bool) -> int:
+    """Return the warnings about the records and about late scans, as a sum of `Warnings`."""
+    return (
+        (Warnings.NOT_RECORDED if journal.trouble else 0)
+        + (Warnings.DISK_LOW if journal.is_disk_low else 0)
+        + (Warnings.SCAN_OVERRUNS if is_late else 0)
+    )
+
+
+def name_of(code: int) -> str:
+    """Return the name of a command by its code, in lower case; the number where it means nothing."""
+    if code in CATALOGUE.by_code:
+        return CATALOGUE.by_code[code].name
+    try:
+        return Control(code).name.lower()
+    except ValueError:
+        return str(code)

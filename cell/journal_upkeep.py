@@ -1,0 +1,218 @@
+"""Upkeep of a journal before and between runs: lost runs are closed, a torn index is made again, old records are deleted."""
+
+import json
+import logging
+import re
+from collections.abc import Collection
+from contextlib import suppress
+from dataclasses import dataclass, fields, replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cell.journal_index import INDEX, DamagedIndexError, Index
+from cell.journal_schema import LOST, EventKind, EventRow, RunRow, StageRow
+from cell.samples import read_rows, read_samples
+from drivers.errors import JournalError
+from skills.catalogue import CATALOGUE
+
+logger = logging.getLogger(__name__)
+
+_SAMPLES = re.compile(r"run-(\d{6,})\.arrows")
+UNKNOWN_RUN = RunRow(0, "", "", 0, "", "", 0)
+"""Row of a run whose samples say nothing of it, as those of version 0.1 do."""
+
+
+@dataclass(frozen=True, slots=True)
+class Keep:
+    """Limits of age and size of the records; 0 keeps everything."""
+
+    days: int = 0
+    """Age beyond which runs and events are deleted, days."""
+    bytes: int = 0
+    """Size of all samples beyond which the oldest are deleted, bytes; their runs stay on record."""
+    least_free: int = 0
+    """Free space of the disk below which a warning is given, bytes; below a tenth of it no samples are recorded."""
+
+
+def samples_path(folder: Path, run: int) -> Path:
+    """Return the file of a run's samples."""
+    return folder / f"run-{run:06d}.arrows"
+
+
+def sampled_runs(folder: Path) -> dict[int, Path]:
+    """Return the files of samples in a folder by the number of their run."""
+    found = ((_SAMPLES.fullmatch(path.name), path) for path in folder.iterdir())
+    return {int(match[1]): path for match, path in found if match is not None}
+
+
+def next_number(index: Index, folder: Path) -> int:
+    """Return the lowest number that no run has had."""
+    given = index.execute("SELECT coalesce(max(seq), 0) FROM sqlite_sequence WHERE name = 'runs'", []).fetchone()[0]
+    return 1 + max(int(given), *sampled_runs(folder), 0)
+
+
+def opened_to_write(folder: Path) -> Index:
+    """Return the index; one that is torn is put aside and made again from the samples.
+
+    Raises:
+        JournalError: The journal cannot be used.
+    """
+    try:
+        index = Index(folder, is_read_only=False)
+        (state,) = index.execute("PRAGMA quick_check(1)", []).fetchone()
+        if state == "ok":
+            return index
+        index.close()
+    except DamagedIndexError as error:
+        state = str(error)
+    return made_again(folder, state)
+
+
+def made_again(folder: Path, why: str) -> Index:
+    """Put a torn index aside and return a new one with what the samples tell.
+
+    Raises:
+        JournalError: The folder cannot be written.
+    """
+    stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%S%f")
+    aside = folder / f"{INDEX}.damaged-{stamp}"
+    try:
+        (folder / INDEX).replace(aside)
+        for suffix in ("-wal", "-shm"):
+            with suppress(FileNotFoundError):
+                (folder / f"{INDEX}{suffix}").replace(f"{aside}{suffix}")
+    except OSError as error:
+        raise JournalError(f"{folder / INDEX}: damaged, and cannot be put aside: {error}") from None
+    index = Index(folder, is_read_only=False)
+    runs = sampled_runs(folder)
+    with index.at_once():
+        for run, path in sorted(runs.items()):
+            _restore(index, run, path)
+        text = f"{why}; kept as {aside.name}; {len(runs)} runs restored from their samples"
+        index.put(event(EventKind.WARNING, "index_damaged", text), is_numbered_here=True)
+    logger.warning("%s: damaged: %s", folder / INDEX, text)
+    return index
+
+
+def close_lost_runs(index: Index, folder: Path, under_way: Collection[int] = ()) -> None:
+    """Close the record of every run that a killed program left open, and restore runs that the index does not have.
+
+    Runs `under_way` in this program are left alone.
+    """
+    known = {row.run: row for row in index.rows(RunRow, "WHERE outcome = 'running'") if row.run not in under_way}
+    listed = {int(run) for (run,) in index.execute("SELECT run FROM runs", [])}
+    unlisted = {run: path for run, path in sampled_runs(folder).items() if run not in listed and run not in under_way}
+    with index.at_once():
+        for row in known.values():
+            _restore(index, row.run, samples_path(folder, row.run), row)
+        for run, path in sorted(unlisted.items()):
+            if path.stat().st_size:
+                _restore(index, run, path)
+            elif not under_way:
+                # The number was kept ready and may have been told to a PLC; it is not given again.
+                path.unlink()
+                _count_up_to(index, run)
+
+
+def delete_old(index: Index, folder: Path, keep: Keep) -> None:
+    """Delete the records beyond the limits."""
+    files = sampled_runs(folder)
+    if keep.days > 0:
+        oldest = (datetime.now(UTC) - timedelta(days=keep.days)).isoformat(timespec="milliseconds")
+        with index.at_once():
+            where = "outcome != 'running' AND started < ?"
+            old = [int(run) for (run,) in index.execute(f"SELECT run FROM runs WHERE {where}", [oldest])]
+            index.execute(f"DELETE FROM stages WHERE run IN (SELECT run FROM runs WHERE {where})", [oldest])
+            index.execute(f"DELETE FROM runs WHERE {where}", [oldest])
+            index.execute("DELETE FROM events WHERE time < ?", [oldest])
+            index.execute("DELETE FROM configs WHERE config_hash NOT IN (SELECT config_hash FROM runs)", [])
+        for run in old:
+            files.pop(run, folder / "none").unlink(missing_ok=True)
+    if keep.bytes > 0:
+        sizes = {run: path.stat().st_size for run, path in files.items()}
+        open_runs = {int(run) for (run,) in index.execute("SELECT run FROM runs WHERE outcome = 'running'", [])}
+        excess = sum(sizes.values()) - keep.bytes
+        for run in sorted(sizes.keys() - open_runs):
+            if excess <= 0:
+                break
+            files[run].unlink(missing_ok=True)
+            excess -= sizes[run]
+
+
+def event(kind: EventKind, name: str, text: str, run: int = 0) -> EventRow:
+    """Return an event of the journal itself, which has no time on the cell's clock."""
+    return EventRow(0, datetime.now(UTC).isoformat(timespec="milliseconds"), 0.0, kind, name, run=run, text=text)
+
+
+def ending_text(row: RunRow, stages: list[StageRow]) -> str:
+    """Return the last block's text on the run's end, JSON."""
+    return json.dumps({"run": _plain(row), "stages": [_plain(stage) for stage in stages]})
+
+
+def beginning_text(row: RunRow) -> str:
+    """Return the head's text on the run, JSON."""
+    return json.dumps(_plain(row))
+
+
+def _restore(index: Index, run: int, path: Path, row: RunRow | None = None) -> None:
+    """Put a run on record as its samples tell it: as it ended, or as lost."""
+    beginning, ending = "", ""
+    with suppress(JournalError):
+        beginning, ending = read_rows(path)
+    if ending:
+        told = json.loads(ending)
+        index.put(replace(_row(RunRow, told["run"]), run=run), how="INSERT OR REPLACE")
+        for stage in told["stages"]:
+            index.put(_row(StageRow, stage), how="INSERT OR REPLACE")
+        return
+    begun = row or (_row(RunRow, json.loads(beginning)) if beginning else UNKNOWN_RUN)
+    lost = _lost(replace(begun, run=run), path)
+    index.put(lost, how="INSERT OR REPLACE")
+    index.put(event(EventKind.WARNING, "run_lost", lost.message, run), is_numbered_here=True)
+    logger.warning("run %d: %s", run, lost.message)
+
+
+def _lost(row: RunRow, path: Path) -> RunRow:
+    """Return the row of a run whose record was never closed, with what its samples tell."""
+    try:
+        samples = read_samples(path)
+        ended = datetime.fromtimestamp(path.stat().st_mtime, UTC).isoformat(timespec="milliseconds")
+    except (JournalError, OSError):
+        samples, ended = {"stamp": np.empty(0)}, row.started
+    count = int(samples["stamp"].size)
+    if not count:
+        return replace(row, outcome=LOST, ended=ended, message="the program ended before the run did; no samples")
+    seconds = float(samples["stamp"][-1] - samples["stamp"][0])
+    force = np.column_stack([samples[f"force_{axis}"] for axis in "xyz"])
+    return replace(
+        row,
+        started=row.started or ended,
+        outcome=LOST,
+        ended=ended,
+        message=f"the program ended before the run did; samples of {seconds:.2f} s are on record",
+        stage=CATALOGUE.stages.get(int(samples["stage"][-1]), ""),
+        peak_force=float(np.max(np.linalg.norm(force, axis=1))),
+        samples=count,
+    )
+
+
+def _count_up_to(index: Index, run: int) -> None:
+    """Make sure that the number `run` is not given again."""
+    index.execute("UPDATE sqlite_sequence SET seq = max(seq, ?) WHERE name = 'runs'", [run])
+    index.execute(
+        "INSERT INTO sqlite_sequence (name, seq) SELECT 'runs', ? WHERE NOT EXISTS"
+        " (SELECT 1 FROM sqlite_sequence WHERE name = 'runs')",
+        [run],
+    )
+
+
+def _plain(row: Any) -> dict[str, object]:
+    return {field.name: getattr(row, field.name) for field in fields(row)}
+
+
+def _row(kind: type, told: dict[str, Any]) -> Any:
+    known = {field.name for field in fields(kind)}
+    return kind(**{name: value for name, value in told.items() if name in known})

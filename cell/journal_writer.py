@@ -1,0 +1,416 @@
+"""Writes the journal on a thread of its own, so that no disk and no lock ever holds up the scan.
+
+What is to be written waits in two bounded queues: rows of the index, which are tried again until the index takes them,
+and blocks of samples, which are given up for the rest of their run when the disk refuses them.
+"""
+
+import fcntl
+import logging
+import os
+import shutil
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from threading import Condition, Thread
+
+from cell.journal_index import OWNER_ONLY, DamagedIndexError, Index
+from cell.journal_schema import ConfigRow, EventRow, RunRow, StageRow, names
+from cell.journal_upkeep import (
+    Keep,
+    beginning_text,
+    close_lost_runs,
+    delete_old,
+    ending_text,
+    made_again,
+    next_number,
+    opened_to_write,
+    samples_path,
+)
+from cell.sample_blocks import SampleBlock
+from cell.samples import SampleFile
+from drivers.errors import JournalError
+from drivers.scene_facts import SceneFacts
+
+logger = logging.getLogger(__name__)
+
+MOST_ROWS = 20_000
+"""Number of rows that may wait; a day of events of a cell in production."""
+MOST_BLOCKS = 60
+"""Number of blocks of samples that may wait; a minute at the usual scan rate, 4 MB."""
+RETRY_AFTER = 1.0
+"""Time from a row that could not be written to the next attempt, s."""
+CLOSING_TIME = 5.0
+"""Longest time to write waiting records at the end, s."""
+DISK_PERIOD = 10.0
+"""Time between two looks at the free space of the disk, s."""
+UPKEEP_PERIOD = 3600.0
+"""Time between two deletions of old records, s."""
+LOCK = "writer.lock"
+"""Name of the lock that a program holds which may close runs that another one left open."""
+
+
+@dataclass(slots=True)
+class _OpenRun:
+    """The samples of one run under way."""
+
+    row: RunRow
+    file: SampleFile | None = None
+    written: int = 0
+    lost: int = 0
+    """Number of scans that did not reach the disk."""
+
+
+class JournalWriter:
+    """The writing side of a journal; every method but `open` and `close` returns at once."""
+
+    def __init__(self, folder: Path, keep: Keep) -> None:
+        """Keep the folder, and how long what is in it is kept."""
+        self._folder, self._keep = folder, keep
+        self._rows: deque[Callable[[Index], None]] = deque()
+        self._blocks: deque[tuple[Callable[[], None], int]] = deque()
+        """Waiting actions on samples, each with its number of scans."""
+        self._changed = Condition()
+        self._thread: Thread | None = None
+        self._is_open, self._is_closing, self._is_busy = False, False, False
+        self._failed: JournalError | None = None
+        self._index: Index | None = None
+        self._runs: dict[int, _OpenRun] = {}
+        self._last, self._ready = 0, 0
+        """Newest number that was given, and one whose file is kept ready; 0 for none."""
+        self._claimed: set[int] = set()
+        self._row_trouble, self._sample_trouble = "", ""
+        self.is_disk_low = False
+        """Whether the disk has less free space than is asked for."""
+        self._lock = -1
+
+    @property
+    def trouble(self) -> str:
+        """Text that says what cannot be written now, and why; empty where all is well."""
+        return self._row_trouble or self._sample_trouble
+
+    def open(self) -> None:
+        """Open the index, close what a killed program left open, and begin to write.
+
+        Raises:
+            JournalError: The folder or the index cannot be used.
+        """
+        self._thread = Thread(target=self._work, name="journal", daemon=True)
+        self._thread.start()
+        with self._changed:
+            self._changed.wait_for(lambda: self._is_open or self._failed is not None)
+        if self._failed is not None:
+            self._thread.join()
+            self._thread = None
+            raise self._failed
+
+    def close(self) -> None:
+        """Write what waits, for a few seconds at most, and end; harmless when repeated."""
+        if self._thread is None:
+            return
+        with self._changed:
+            self._is_closing = True
+            self._changed.notify_all()
+        self._thread.join(2.0 * CLOSING_TIME)
+        self._thread = None
+
+    def flush(self, timeout: float = 10.0) -> bool:
+        """Wait until all is written; return whether it is. Never called by the scan."""
+        with self._changed:
+            self._changed.notify_all()
+            return self._changed.wait_for(self._is_idle, timeout)
+
+    # Calls of the scan.
+
+    def begin(self, row: RunRow, facts: SceneFacts | None) -> RunRow:
+        """Return the row of a run with its number, which is on record soon."""
+        with self._changed:
+            row = replace(row, run=self._ready or self._last + 1)
+            self._last, self._ready = row.run, 0
+        self._add_row(lambda index: index.put(row, how="INSERT OR IGNORE"))
+        self._add_block(lambda: self._begin_samples(row, facts), 0)
+        return row
+
+    def write(self, run: int, block: SampleBlock) -> None:
+        """Write a block of the samples of a run."""
+        self._add_block(lambda: self._write_samples(run, block), block.used, run)
+
+    def finish(self, row: RunRow, stages: Sequence[StageRow], block: SampleBlock | None) -> None:
+        """Write how a run and its stages ended, with its last samples."""
+        self._add_block(lambda: self._finish_samples(row, list(stages), block or SampleBlock()), 0)
+
+    def note(self, row: EventRow) -> None:
+        """Write an event."""
+        self._add_row(lambda index: index.put(row, is_numbered_here=True))
+
+    def keep_config(self, row: ConfigRow) -> None:
+        """Keep a config whole, once."""
+        self._add_row(lambda index: index.put(row, how="INSERT OR IGNORE"))
+
+    def _add_row(self, job: Callable[[Index], None]) -> None:
+        with self._changed:
+            if len(self._rows) >= MOST_ROWS:
+                self._row_trouble = f"more than {MOST_ROWS} rows wait for the index; newer ones are lost"
+                return
+            self._rows.append(job)
+            self._changed.notify_all()
+
+    def _add_block(self, job: Callable[[], None], scans: int, run: int = 0) -> None:
+        with self._changed:
+            if scans and len(self._blocks) >= MOST_BLOCKS:
+                self._sample_trouble = f"run {run}: the disk takes samples too slowly; some are lost"
+                if run in self._runs:
+                    self._runs[run].lost += scans
+                return
+            self._blocks.append((job, scans))
+            self._changed.notify_all()
+
+    # Work of the thread.
+
+    def _work(self) -> None:
+        try:
+            self._start()
+        except (JournalError, OSError) as error:
+            with self._changed:
+                self._failed = error if isinstance(error, JournalError) else _unusable(self._folder, error)
+                self._changed.notify_all()
+            return
+        try:
+            self._write_until_closed()
+        except Exception as error:
+            logger.exception("error in the journal's writer")
+            self._row_trouble = f"the journal's writer ended: {type(error).__name__}: {error}"
+        finally:
+            self._end()
+
+    def _start(self) -> None:
+        self._index = opened_to_write(self._folder)
+        self._lock = os.open(self._folder / LOCK, os.O_CREAT | os.O_RDWR, OWNER_ONLY)
+        with suppress(BlockingIOError):
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            close_lost_runs(self._index, self._folder)
+        self._last = max(self._last, next_number(self._index, self._folder) - 1)
+        self._delete_old()
+        self._claim()
+        self._look_at_disk()
+        with self._changed:
+            self._is_open = True
+            self._changed.notify_all()
+
+    def _write_until_closed(self) -> None:
+        upkeep, disk, retry, ending = time.monotonic() + UPKEEP_PERIOD, 0.0, 0.0, 0.0
+        while True:
+            now = time.monotonic()
+            if now - disk > DISK_PERIOD:
+                self._look_at_disk()
+                disk = now
+            if now >= upkeep:
+                self._delete_old()
+                upkeep = now + UPKEEP_PERIOD
+            self._claim()
+            if now >= retry and not self._write_rows():
+                retry = time.monotonic() + (RETRY_AFTER if not self._is_closing else RETRY_AFTER / 10.0)
+            self._write_blocks()
+            with self._changed:
+                self._is_busy = False
+                self._changed.notify_all()
+                if self._is_closing:
+                    ending = ending or now + CLOSING_TIME
+                    if not self._rows and not self._blocks:
+                        return
+                    if now > ending:
+                        logger.error("%d rows of the journal are lost: %s", len(self._rows), self.trouble)
+                        return
+                waits_for_index = bool(self._rows)
+                if not self._blocks and (not self._rows or now < retry):
+                    self._changed.wait(0.05 if self._is_closing else RETRY_AFTER if waits_for_index else DISK_PERIOD)
+                self._is_busy = True
+
+    def _is_idle(self) -> bool:
+        is_dead = self._thread is None or not self._thread.is_alive()
+        return is_dead or (not self._rows and not self._blocks and not self._is_busy)
+
+    def _write_rows(self) -> bool:
+        """Write all rows that wait as one transaction; return whether the index took them."""
+        jobs = list(self._rows)
+        if not jobs:
+            return True
+        try:
+            index = self._index_in_place()
+            with index.at_once():
+                for job in jobs:
+                    job(index)
+        except DamagedIndexError as error:
+            self._put_aside(str(error))
+            return False
+        except JournalError as error:
+            self._complain(str(error))
+            return False
+        with self._changed:
+            for _ in jobs:
+                self._rows.popleft()
+        self._row_trouble = ""
+        return True
+
+    def _index_in_place(self) -> Index:
+        """Return the index, made again from the samples where somebody has deleted or replaced it.
+
+        Raises:
+            JournalError: It cannot be used.
+        """
+        if self._index is not None and not self._index.is_in_place():
+            self._index.close()
+            self._index = None
+        if self._index is None:
+            self._index = opened_to_write(self._folder)
+            close_lost_runs(self._index, self._folder, {row.run for row in self._open_rows()})
+        return self._index
+
+    def _open_rows(self) -> list[RunRow]:
+        return [run.row for run in self._runs.values()]
+
+    def _put_aside(self, why: str) -> None:
+        """Make a torn index again from the samples."""
+        if self._index is not None:
+            self._index.close()
+            self._index = None
+        try:
+            self._index = made_again(self._folder, why)
+        except JournalError as error:
+            self._complain(str(error))
+
+    def _complain(self, why: str) -> None:
+        if not self._row_trouble:
+            logger.error("not on record, tried again: %s", why)
+        self._row_trouble = why
+
+    def _write_blocks(self) -> None:
+        while True:
+            with self._changed:
+                if not self._blocks:
+                    return
+                job, _ = self._blocks.popleft()
+            job()
+
+    def _begin_samples(self, row: RunRow, facts: SceneFacts | None) -> None:
+        run = self._runs[row.run] = _OpenRun(row)
+        path = samples_path(self._folder, row.run)
+        try:
+            if row.run not in self._claimed:
+                os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_RDWR, OWNER_ONLY))
+            if self._is_too_full():
+                raise JournalError(f"{path}: not written: the disk is all but full")
+            run.file = SampleFile(path, facts, beginning_text(row))
+        except (JournalError, OSError) as error:
+            self._give_up(run, error)
+
+    def _write_samples(self, number: int, block: SampleBlock, ending: str = "") -> None:
+        run = self._runs[number]
+        if run.file is None:
+            run.lost += block.used
+            return
+        try:
+            if self._is_too_full() and not ending:
+                raise JournalError(f"{run.file.path}: not written on: the disk is all but full")
+            if not run.file.path.exists():
+                raise JournalError(f"{run.file.path}: somebody has deleted it")
+            run.file.write(block, ending)
+            run.written += block.used
+        except JournalError as error:
+            run.lost += block.used
+            self._give_up(run, error)
+
+    def _finish_samples(self, row: RunRow, stages: list[StageRow], block: SampleBlock) -> None:
+        run = self._runs[row.run]
+        row = replace(row, samples=run.written + (block.used if run.file is not None else 0))
+        self._write_samples(row.run, block, ending_text(row, stages))
+        row = replace(row, samples=run.written)
+        if run.file is not None:
+            with suppress(JournalError):
+                run.file.close()
+        del self._runs[row.run]
+        self._claimed.discard(row.run)
+        if not run.lost:
+            self._sample_trouble = ""
+        with self._changed:
+            self._rows.append(lambda index: _finish(index, row, stages))
+
+    def _give_up(self, run: _OpenRun, error: Exception) -> None:
+        """Record no further samples of a run."""
+        if run.file is not None:
+            with suppress(JournalError):
+                run.file.close()
+        run.file = None
+        self._sample_trouble = f"run {run.row.run}: no further samples: {error}"
+        run.lost += 1
+        logger.error("%s", self._sample_trouble)
+
+    def _claim(self) -> None:
+        """Keep the next number ready, by the file that its samples will be in, which no other program then takes."""
+        if self._ready or self._is_closing:
+            return
+        number = self._last
+        while True:
+            number += 1
+            try:
+                os.close(os.open(samples_path(self._folder, number), os.O_CREAT | os.O_EXCL | os.O_RDWR, OWNER_ONLY))
+            except FileExistsError:
+                continue
+            except OSError as error:
+                self._row_trouble = f"{self._folder}: no file can be made: {error.strerror}"
+                return
+            break
+        self._claimed.add(number)
+        with self._changed:
+            if number > self._last:
+                self._ready = number
+
+    def _look_at_disk(self) -> None:
+        with suppress(OSError):
+            self.is_disk_low = shutil.disk_usage(self._folder).free < self._keep.least_free
+
+    def _is_too_full(self) -> bool:
+        try:
+            return shutil.disk_usage(self._folder).free < 0.1 * self._keep.least_free
+        except OSError:
+            return False
+
+    def _delete_old(self) -> None:
+        try:
+            delete_old(self._index_in_place(), self._folder, self._keep)
+        except (JournalError, OSError) as error:
+            logger.error("old records are not deleted: %s", error)
+
+    def _end(self) -> None:
+        """Give back the number that is not used, and close."""
+        if self._ready:
+            with suppress(OSError):
+                samples_path(self._folder, self._ready).unlink()
+        for run in self._runs.values():
+            if run.file is not None:
+                with suppress(JournalError):
+                    run.file.close()
+        if self._index is not None:
+            self._index.close()
+        os.close(self._lock)
+        with self._changed:
+            self._is_busy = False
+            self._changed.notify_all()
+
+
+def _finish(index: Index, row: RunRow, stages: list[StageRow]) -> None:
+    """Write how a run and its stages ended, also where its beginning was never written."""
+    columns = names(RunRow)[1:]
+    places = ", ".join(f"{name} = ?" for name in columns)
+    values: list[object] = [getattr(row, name) for name in columns]
+    done = index.execute(f"UPDATE runs SET {places} WHERE run = ? AND started = ?", [*values, row.run, row.started])
+    if not done.rowcount:
+        index.put(row, how="INSERT OR IGNORE")
+    for stage in stages:
+        index.put(stage, how="INSERT OR REPLACE")
+
+
+def _unusable(folder: Path, error: OSError) -> JournalError:
+    return JournalError(f"{folder}: cannot be used: {error}")

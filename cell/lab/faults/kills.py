@@ -1,0 +1,136 @@
+"""The program killed, or asked to end, in the middle of insertions: what its journal and its next start say."""
+
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Callable, Sequence
+from contextlib import closing, suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from cell.journal import Journal
+from cell.journal_schema import LOST
+from cell.samples import read_samples
+from drivers.errors import CellError
+from plc_bridge.messages import Result
+from plc_bridge.peer import Peer
+from skills.catalogue import CATALOGUE
+
+LATEST = 4.0
+"""Longest time from the start of an insertion to the signal, s of wall time; the cell is as fast as it goes."""
+ENDING = 30.0
+"""Longest wait for a program that was asked to end, s of wall time."""
+_INSERT, _RECOVER = CATALOGUE["insert_peg"].code, CATALOGUE["recover"].code
+
+
+@dataclass(frozen=True, slots=True)
+class Kill:
+    """What one signal leaves."""
+
+    signal: str
+    after: float
+    """Time from the start of an insertion to the signal, s of wall time."""
+    status: int
+    """Exit status of the program; negative is the signal that killed it."""
+    told: int
+    """Number of the run that the PLC had read."""
+    outcome: str
+    """Outcome of that run after the next start; empty where it is not on record."""
+    samples: int
+    """Its scans on record."""
+    still_running: int
+    """Runs that are said to be under way after the next start."""
+    twice: int
+    """Runs whose number an earlier one had."""
+
+    @property
+    def is_sound(self) -> bool:
+        """Whether nothing was lost but the last second, and nothing is said that is not true."""
+        is_ended_well = self.status == (0 if self.signal == "SIGTERM" else -signal.SIGKILL)
+        is_told = self.told == 0 or self.outcome not in ("", "running")
+        return is_ended_well and is_told and self.still_running == 0 and self.twice == 0
+
+
+def kill(tries: int, seed: int, arguments: Sequence[str], watch: Callable[[Kill], None]) -> list[Kill]:
+    """Start the served cell again and again on one journal, and end it at random moments; every third time politely.
+
+    Raises:
+        CellError: A cell cannot be started.
+    """
+    rng, found = np.random.default_rng(seed), []
+    with tempfile.TemporaryDirectory() as folder:
+        for number in range(tries):
+            how = signal.SIGTERM if number % 3 == 2 else signal.SIGKILL
+            found.append(_one(Path(folder), how, float(rng.uniform(0.0, LATEST)), arguments))
+            watch(found[-1])
+    return found
+
+
+def _one(folder: Path, how: signal.Signals, after: float, arguments: Sequence[str]) -> Kill:
+    command = [
+        sys.executable,
+        "-m",
+        "cell",
+        "serve",
+        "--journal",
+        str(folder),
+        "--set",
+        "plc.modbus.port=0",
+        *arguments,
+    ]
+    with Journal(folder, is_read_only=True) as journal:
+        before = {row.run for row in journal.runs(1_000_000)}
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
+        try:
+            assert process.stdout is not None
+            words = process.stdout.readline().split()
+            if not words:
+                raise CellError(f"the cell does not start: {' '.join(command)}")
+            told = _insert(words[-1], after)
+            process.send_signal(how)
+            status = process.wait(ENDING)
+        finally:
+            process.kill()
+    with Journal(folder) as journal:
+        rows = {row.run: row for row in journal.runs(1_000_000)}
+    row = rows.get(told)
+    samples = 0
+    if row is not None and row.outcome == LOST:
+        with suppress(CellError):
+            samples = int(read_samples(folder / f"run-{told:06d}.arrows")["stamp"].size)
+    return Kill(
+        signal=how.name,
+        after=after,
+        status=status,
+        told=told,
+        outcome="" if row is None else row.outcome,
+        samples=row.samples if row is not None and row.outcome != LOST else samples,
+        still_running=sum(each.outcome == "running" for each in rows.values()),
+        twice=int(told in before),
+    )
+
+
+def _insert(address: str, after: float) -> int:
+    """Start insertions until the moment of the signal; return the number of the run that was told last."""
+    host, port = address.rsplit(":", 1)
+    done = threading.Event()
+    timer = threading.Timer(after, done.set)
+    told = 0
+    with closing(Peer(host, int(port))) as peer:
+        peer.connect()
+        peer.take()
+        timer.start()
+        code, report = _INSERT, peer.trigger(_INSERT)
+        while not done.is_set():
+            report = peer.cycle()
+            if report.refusal or report.result != Result.NONE:
+                # A peg that an earlier end left somewhere is cleared away first.
+                code = _RECOVER if report.refusal else _INSERT
+                peer.acknowledge()
+                report = peer.trigger(code)
+            told = report.run or told
+    return told

@@ -1,0 +1,75 @@
+"""`cell study faults`: every kind of fault in the middle of an insertion."""
+
+import argparse
+from dataclasses import asdict
+
+from cell.arguments import natural, out_folder
+from cell.lab.arguments import add_seed, add_study, load_simulated
+from cell.lab.report import StudyReport, finite
+from cell.terminal import progress
+
+SUMMARY = "faults of every kind at every stage: time to rest, force, state, record, and whether production goes on"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what is simulated, where the files go, and which kinds are tried."""
+    add_study(parser)
+    add_seed(parser)
+    parser.add_argument(
+        "--kills",
+        type=natural,
+        default=0,
+        metavar="N",
+        help="instead: end the program N times, two of three by kill -9",
+    )
+    parser.add_argument(
+        "--kind", action="append", default=[], metavar="TEXT", help="only kinds whose name contains TEXT"
+    )
+
+
+def run(args: argparse.Namespace) -> StudyReport:
+    """Try every case, write the table and draw the chart; with --kills end the program instead."""
+    if args.kills:
+        return _kills(args)
+    from cell.lab.faults import charts, measure, tables
+    from cell.lab.faults.bench import KEYS
+    from cell.lab.faults.kinds import KINDS
+    from drivers.errors import ConfigError
+
+    args.set = [*KEYS, *args.set]
+    loaded, folder = load_simulated(args, "study faults"), out_folder(args.out)
+    kinds = [kind for kind in KINDS if not args.kind or any(text in kind.name for text in args.kind)]
+    if not kinds:
+        raise ConfigError(
+            f"--kind {' '.join(args.kind)}: no such kind; {', '.join(kind.name for kind in KINDS)} allowed"
+        )
+    tried = measure.cases(kinds, args.quick)
+    rows: list[measure.Case] = []
+    with progress() as bars:
+        bar = bars.add_task("faults", total=len(tried))
+
+        def watch(case: measure.Case) -> None:
+            rows.append(case)
+            measure.write(rows, folder)  # a campaign that is broken off leaves what it found
+            bars.advance(bar)
+
+        measure.measure(loaded, tried, watch)
+    charts.draw(rows, folder / charts.CHART)
+    limit = loaded.cell.limits.force
+    result = {"kinds": tables.lines(rows, limit), "cases": [asdict(row) for row in rows]}
+    return StudyReport(
+        [tables.table(rows, limit)], finite(result), [measure.write(rows, folder), folder / charts.CHART]
+    )
+
+
+def _kills(args: argparse.Namespace) -> StudyReport:
+    from cell.lab.faults import kills
+    from cell.lab.tables import plain
+
+    arguments = [word for key in ("sim.pace=max", *args.set) for word in ("--set", key)]
+    with progress() as bars:
+        bar = bars.add_task("ends", total=args.kills)
+        found = kills.kill(args.kills, args.seed, arguments, lambda case: bars.advance(bar))
+    unsound = sum(not case.is_sound for case in found)
+    title = f"{len(found)} ends of the program; {unsound} with something lost or untrue"
+    return StudyReport([plain(title, found)], {"unsound": unsound, "ends": [asdict(case) for case in found]})

@@ -1,0 +1,66 @@
+"""The table of the campaign; nothing is printed here."""
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any
+
+from rich.table import Table
+
+from cell.lab.faults.measure import Case
+
+REST_LIMIT, REST_AFTER_LIMIT, FORCE_SHARE = 0.3, 1.0, 1.2
+"""Longest time to rest from the report and from the fault, s, and largest share of the force limit."""
+
+
+def lines(rows: Sequence[Case], force_limit: float) -> list[dict[str, Any]]:
+    """Return one line for each kind, and one for all; the columns from `wrong successes` on must be zero."""
+    kinds = list(dict.fromkeys(row.kind for row in rows))
+    return [_line(kind, [row for row in rows if row.kind == kind], force_limit) for kind in kinds] + [
+        _line("all", rows, force_limit)
+    ]
+
+
+def _line(kind: str, rows: Sequence[Case], force_limit: float) -> dict[str, Any]:
+    rows = [row for row in rows if row.outcome != "not reached"]
+    faults = Counter(row.fault for row in rows if row.fault)
+    return {
+        "kind": kind,
+        "n": len(rows),
+        "success": sum(row.outcome == "success" for row in rows),
+        "codes": " ".join(str(code) for code, _ in faults.most_common(3)),
+        "detection": _largest([row.detection for row in rows]),
+        "rest": _largest([row.rest for row in rows]),
+        "rest_after": _largest([row.rest_after for row in rows]),
+        "force": _largest([row.peak_force for row in rows]),
+        "wrong successes": sum(row.wrong_success for row in rows),
+        "late rest": sum(row.rest > REST_LIMIT for row in rows),
+        "over force": sum(row.peak_force > FORCE_SHARE * force_limit for row in rows),
+        "part unknown": sum(row.part == "unknown" for row in rows),
+        "no record": sum(not row.record for row in rows),
+        "not back": sum(not row.is_back for row in rows),
+    }
+
+
+def table(rows: Sequence[Case], force_limit: float) -> Table:
+    """Return the lines as a table."""
+    found = lines(rows, force_limit)
+    shown = Table(
+        title="Faults by kind",
+        caption="largest times in s from fault to report, from report to rest, from fault to rest; largest force in N; the last six columns count cases and should be 0",
+    )
+    for name in found[0]:
+        shown.add_column(name, justify="left" if name in ("kind", "codes") else "right")
+    for line in found:
+        shown.add_row(*(_text(value) for value in line.values()))
+    return shown
+
+
+def _largest(values: Sequence[float]) -> float:
+    return max((value for value in values if math.isfinite(value)), default=math.nan)
+
+
+def _text(value: object) -> str:
+    if isinstance(value, float):
+        return "-" if math.isnan(value) else f"{value:.2f}"
+    return str(value)

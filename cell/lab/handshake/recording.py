@@ -1,0 +1,202 @@
+"""Conversations with a served cell as they were on the wire: what a PLC wrote and read, with times."""
+
+import struct
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from cell.config import LoadedConfig
+from cell.lab.line.cell_process import Scan, cell_process, patient
+from cell.lab.line.client import Client, connected
+from cell.states import State
+from drivers.errors import CellError
+from plc_bridge.images import CommandImage
+from plc_bridge.messages import Result
+from plc_bridge.registers import COILS, DISCRETE_INPUTS
+from skills.catalogue import CATALOGUE
+
+CYCLE, PATIENCE = 0.02, 60.0  # s
+MOTION = CATALOGUE["recover"].code
+"""Name of the motion that is run, which needs no part."""
+UNKNOWN = 77
+"""Command code that no cell knows, for a refusal."""
+
+
+@dataclass(slots=True)
+class Trace:
+    """One conversation: for each signal the moments at which it changed."""
+
+    title: str
+    signals: dict[str, list[tuple[float, int]]] = field(default_factory=dict)
+    notes: list[tuple[float, str]] = field(default_factory=list)
+    """Events of the conversation with their times, s."""
+    end: float = 0.0
+    _began: float = field(default_factory=time.perf_counter)
+
+    def take(self, **values: int) -> None:
+        """Take signals as they were just written or read."""
+        now = self.end = time.perf_counter() - self._began
+        for name, value in values.items():
+            changes = self.signals.setdefault(name, [])
+            if not changes or changes[-1][1] != value:
+                changes.append((now, value))
+
+    def note(self, text: str) -> None:
+        """Note what happens now."""
+        self.notes.append((time.perf_counter() - self._began, text))
+
+
+def record(loaded: LoadedConfig) -> list[Trace]:
+    """Return both conversations with a cell of its own process, in real time.
+
+    Raises:
+        CellError: The cell does not answer as it should.
+    """
+    scans: list[Scan] = []
+    with cell_process(loaded, scans, patient(loaded.cell.plc, 8)) as doors:
+        with connected(doors.plain) as client:
+            numbers = _by_numbers(client)
+        with connected(doors.plain) as client:
+            coils = _by_coils(client)
+    return [numbers, coils]
+
+
+class _NumberedPlc:
+    """A PLC that writes the whole block in every cycle, and a trace of it."""
+
+    def __init__(self, client: Client) -> None:
+        self.trace = Trace("By sequence number: one FC16 and one FC4 in every cycle")
+        self._client = client
+        self.image = CommandImage(sequence=client.report().sequence + 1)
+
+    def until(self, is_met: Callable[[], bool]) -> None:
+        """Cycle until something is met."""
+        deadline = time.monotonic() + PATIENCE
+        while not is_met():
+            if time.monotonic() > deadline:
+                raise CellError(f"{self.trace.title}: the cell does not get on")
+            time.sleep(CYCLE)
+
+    def cycle(self, **changes: int) -> dict[str, int]:
+        """Write the block and read the report, into the trace too."""
+        life = self.image.life % 0xFFFF + 1
+        values = {"life": life, "life_tail": life, **changes}
+        self.image = CommandImage(
+            **{name: values.get(name, getattr(self.image, name)) for name in CommandImage.__slots__}
+        )
+        self._client.write(self.image)
+        report = self._client.report()
+        read = {
+            "report_answered": report.answered,
+            "report_refusal": report.refusal,
+            "report_sequence": report.sequence,
+            "report_result": report.result,
+            "report_state": report.state,
+        }
+        image = self.image
+        self.trace.take(
+            command_sequence=image.sequence, command_code=image.code, command_acknowledge=image.acknowledge, **read
+        )
+        return read
+
+
+def _by_numbers(client: Client) -> Trace:
+    plc = _NumberedPlc(client)
+    plc.trace.note("first number: adopted")
+    for _ in range(10):
+        plc.cycle()
+        time.sleep(CYCLE)
+    sequence = (plc.image.sequence + 1) % 0x10000
+    plc.trace.note("command")
+    plc.cycle(sequence=sequence, code=MOTION)
+    plc.until(lambda: plc.cycle()["report_result"] != Result.NONE)
+    plc.trace.note("result, held")
+    for _ in range(15):
+        plc.cycle()
+        time.sleep(CYCLE)
+    plc.trace.note("acknowledged")
+    plc.cycle(acknowledge=sequence)
+    plc.until(lambda: plc.cycle()["report_state"] == State.IDLE)
+    for _ in range(10):
+        plc.cycle()
+        time.sleep(CYCLE)
+    plc.trace.note("unknown code: refused")
+    plc.cycle(sequence=(sequence + 1) % 0x10000, code=UNKNOWN)
+    for _ in range(25):
+        plc.cycle()
+        time.sleep(CYCLE)
+    return plc.trace
+
+
+class _Ladder:
+    """A ladder that knows coils and discrete inputs, and a trace of it."""
+
+    def __init__(self, client: Client) -> None:
+        self.trace = Trace("By coils: FC5 and FC2")
+        self._client = client
+        self._coils = dict.fromkeys(COILS, 0)
+        client.ask(struct.pack(">BHH", 6, 2, MOTION))
+
+    def put(self, name: str, value: int) -> None:
+        """Write one coil."""
+        self._client.ask(struct.pack(">BHH", 5, COILS[name], 0xFF00 if value else 0))
+        self._coils[name] = value
+        self.read()
+
+    def read(self) -> dict[str, int]:
+        """Read the discrete inputs, into the trace too."""
+        bits = self._client.ask(struct.pack(">BHH", 2, 0, len(DISCRETE_INPUTS)))[2]
+        inputs = {name: bits >> place & 1 for name, place in DISCRETE_INPUTS.items()}
+        self.trace.take(**self._coils, **inputs)
+        return inputs
+
+    def until(self, name: str, value: int = 1) -> None:
+        """Read until an input is as wanted."""
+        deadline = time.monotonic() + PATIENCE
+        while self.read()[name] != value:
+            if time.monotonic() > deadline:
+                raise CellError(f"{self.trace.title}: {name} does not become {value}")
+            time.sleep(CYCLE)
+
+    def rest(self, cycles: int) -> None:
+        """Read so many times."""
+        for _ in range(cycles):
+            self.read()
+            time.sleep(CYCLE)
+
+
+def _by_coils(client: Client) -> Trace:
+    ladder = _Ladder(client)
+    ladder.trace.note("0 first: an edge must be seen")
+    ladder.put("execute", 0)
+    ladder.put("reset", 0)
+    ladder.until("ready")
+    ladder.rest(10)
+    ladder.trace.note("execute")
+    ladder.put("execute", 1)
+    ladder.until("done")
+    ladder.rest(15)
+    ladder.trace.note("read: execute falls")
+    ladder.put("execute", 0)
+    ladder.until("ready")
+    ladder.rest(10)
+    ladder.trace.note("again, then stop")
+    ladder.put("execute", 1)
+    ladder.rest(20)
+    ladder.put("stop", 1)
+    ladder.until("command_aborted")
+    ladder.rest(15)
+    ladder.put("stop", 0)
+    ladder.put("execute", 0)
+    ladder.trace.note("reset")
+    ladder.put("reset", 1)
+    ladder.until("ready")
+    ladder.put("reset", 0)
+    ladder.rest(10)
+    return ladder.trace
+
+
+def transitions(trace: Trace) -> list[tuple[float, str, int]]:
+    """Return every change of a conversation in order: when, s, which signal, and to what."""
+    changes = [(time_, name, value) for name, each in trace.signals.items() for time_, value in each]
+    return sorted(changes, key=lambda change: change[0])

@@ -1,0 +1,201 @@
+"""Series of parts on one cell: its fixture moves a little from part to part, and another one stands there in the end."""
+
+import csv
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, fields
+from enum import StrEnum
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from cell.assembly import assemble, choices, make_estimator, make_tracker, opened
+from cell.config import CellConfig
+from cell.lab.workers import on_processes
+from cell.learning import Learning
+from cell.record import ending_of
+from drivers.errors import CellError
+from drivers.parts import HolePrior
+from sim.config import FixtureConfig
+from skills.catalogue import CATALOGUE
+from skills.contract import Outcome
+
+TABLE = "parts.csv"
+MOVES = 0.0005
+"""Standard deviation of the hole's place between parts where the config names no fixture, m."""
+WRONG = 0.0007
+"""Standard deviation of a prior that is wrong, m: it claims as much as a learnt one."""
+EXCHANGED = 3
+"""One part in so many follows with another fixture."""
+SERIES = 1000
+"""Distance between the seeds of two series."""
+
+
+class Mode(StrEnum):
+    """What a cell knows of the place of the hole."""
+
+    LEARNS = "learns"
+    PLAIN = "knows nothing"
+    WRONG = "is told a wrong place"
+
+
+@dataclass(frozen=True, slots=True)
+class PartRow:
+    """One part of a series; SI units."""
+
+    mode: str
+    seed: int
+    """Seed of the series."""
+    part: int
+    """Number of the part in its series, from 1."""
+    is_exchanged: bool
+    """Whether another fixture stands there by now."""
+    is_expected: bool
+    """Whether the search began with a place."""
+    outcome: str
+    search_time: float
+    total_time: float
+    """Sum of search, insertion and adjustment."""
+
+
+def run_series(config: CellConfig, parts: int, task: tuple[str, int]) -> list[PartRow]:
+    """Return the parts of one series, on a cell of its own and, with another fixture, on the same one restarted.
+
+    Args:
+        config: The cell; its fixture moves by `MOVES` where the config says nothing.
+        parts: Number of parts before the fixture is exchanged.
+        task: Mode and seed of the series.
+    """
+    mode, seed = Mode(task[0]), task[1]
+    rows: list[PartRow] = []
+    with tempfile.TemporaryDirectory() as folder:
+        learning = Learning(Path(folder), config.learning.model_copy(update={"place": mode is Mode.LEARNS}))
+        for number, count in enumerate((parts, parts // EXCHANGED)):
+            placed = _placed(config, mode, SERIES * seed + SERIES // 2 * number)
+            for row in _run_parts(placed, mode, learning, seed, len(rows), count, is_exchanged=number > 0):
+                rows.append(row)
+    return rows
+
+
+def _placed(config: CellConfig, mode: Mode, first: int) -> CellConfig:
+    """Return the cell with a fixture that the seed `first` places, and with a prior elsewhere where it is to be wrong."""
+    assert config.sim is not None
+    sim = config.sim.model_copy(
+        update={"seed": first, "pace": "max", "fixture": config.sim.fixture or FixtureConfig(deviation=MOVES)}
+    )
+    config = config.model_copy(update={"sim": sim})
+    if mode is not Mode.WRONG:
+        return config
+    half = np.array(config.hole.area) / 2
+    x, y = np.array(config.hole.centre[:2]) + np.random.default_rng(first).uniform(-half, half)
+    prior = HolePrior(mean=(float(x), float(y)), deviation=(WRONG, WRONG))
+    return config.model_copy(update={"hole": config.hole.model_copy(update={"prior": prior})})
+
+
+def _run_parts(
+    config: CellConfig, mode: Mode, learning: Learning, series: int, before: int, count: int, *, is_exchanged: bool
+) -> list[PartRow]:
+    """Return `count` parts on one cell, numbered behind those `before`."""
+    assert config.sim is not None
+    cell, rows = assemble(config), []
+    with opened(cell):
+        ctx = cell.context(config.sim.seed)
+        for number in range(count):
+            seed = config.sim.seed + number
+            ctx.job = learning.prepared(config.job(slot=number % config.rack.slots), 0)
+            ctx.rng, ctx.estimator, ctx.tracker = choices(seed), make_estimator(config), make_tracker(config)
+            ctx.stage, ctx.held = "", None
+            cell.clear()
+            cell.restock(ctx.job, seed)
+            outcome, times = Outcome.FAULT, dict.fromkeys(CATALOGUE.counted, 0.0)
+            try:
+                records = CATALOGUE["insert_peg"].run(config.skill_set(), ctx)
+            except CellError:
+                cell.arm.reset()
+            else:
+                outcome = ending_of(records, None, "").outcome
+                learning.take(config.job(), 0, records)
+                for record in records:
+                    if record.name in times:
+                        times[record.name] += record.result.elapsed
+            rows.append(
+                PartRow(
+                    mode=mode,
+                    seed=series,
+                    part=before + number + 1,
+                    is_exchanged=is_exchanged,
+                    is_expected=ctx.job.hole.prior is not None,
+                    outcome=outcome,
+                    search_time=times["spray_search"],
+                    total_time=sum(times.values()),
+                )
+            )
+    return rows
+
+
+def measure(
+    config: CellConfig, parts: int, seeds: Sequence[int], workers: int, folder: Path, done: Callable[[], None]
+) -> list[PartRow]:
+    """Run a series of each seed in each mode, write the table, and return its rows."""
+    tasks = [(mode.value, seed) for mode in Mode for seed in seeds]
+    rows: list[PartRow] = []
+    by_number = partial(_numbered, config, parts, tasks)
+    for series in on_processes(by_number, range(len(tasks)), workers):
+        rows += series
+        done()
+    order = {mode.value: number for number, mode in enumerate(Mode)}
+    rows.sort(key=lambda row: (order[row.mode], row.seed, row.part))
+    with (folder / TABLE).open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, [field.name for field in fields(PartRow)])
+        writer.writeheader()
+        writer.writerows(asdict(row) for row in rows)
+    return rows
+
+
+def _numbered(config: CellConfig, parts: int, tasks: Sequence[tuple[str, int]], number: int) -> list[PartRow]:
+    return run_series(config, parts, tasks[number])
+
+
+@dataclass(frozen=True, slots=True)
+class PartLine:
+    """All series of one mode at one stretch of parts."""
+
+    mode: str
+    parts: str
+    trials: int
+    successes: int
+    expected: int
+    """Number of searches that began with a place."""
+    search: float
+    """Mean time of the search of successes, s."""
+    total: float
+    """Mean total time of successes, s."""
+    total_error: float
+    """Half the 95 % interval of that mean, s."""
+
+
+def lines_of(rows: Sequence[PartRow], parts: int) -> list[PartLine]:
+    """Return mean times by mode, at the parts before a place can be known, at those after it, and with another fixture."""
+    stretches = (("1 to 2", 1, 2), (f"3 to {parts}", 3, parts), ("other fixture", parts + 1, 10**9))
+    lines = []
+    for mode in Mode:
+        for name, low, high in stretches:
+            of = [row for row in rows if row.mode == mode and low <= row.part <= high]
+            good = [row for row in of if row.outcome == Outcome.SUCCESS]
+            totals = [row.total_time for row in good]
+            lines.append(
+                PartLine(
+                    mode=mode,
+                    parts=name,
+                    trials=len(of),
+                    successes=len(good),
+                    expected=sum(row.is_expected for row in of),
+                    search=float(np.mean([row.search_time for row in good])) if good else float("nan"),
+                    total=float(np.mean(totals)) if good else float("nan"),
+                    total_error=1.96 * float(np.std(totals, ddof=1)) / len(totals) ** 0.5
+                    if len(totals) > 1
+                    else float("nan"),
+                )
+            )
+    return lines

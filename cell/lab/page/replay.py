@@ -1,0 +1,44 @@
+"""A run as the scan showed it, to be shown again and again."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from cell.assembly import assemble, opened
+from cell.config import load
+from cell.journal import Journal
+from cell.line import TerminalLine
+from cell.live import Live, Look
+from cell.supervisor import Supervisor
+from plc_bridge.messages import FIRST_PROGRAM, Command, Report, Result
+
+
+class Kept(Live):
+    """A slot that drops nothing."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.looks: list[Look] = []
+
+    def show(self, look: Look) -> None:
+        """Keep a look."""
+        self.looks.append(look)
+
+
+def recorded(folder: Path) -> list[Look]:
+    """Return every look of one run of the simulated cell that ships with the program, made as fast as it goes."""
+    loaded, kept = load(sets=["sim.pace=max"]), Kept()
+    with Journal(folder) as journal, opened(assemble(loaded.cell)) as cell:
+
+        def watch(report: Report) -> None:
+            if report.result is not Result.NONE:
+                supervisor.quit()
+
+        line = TerminalLine(Command(1, FIRST_PROGRAM, source="study"), watch)
+        supervisor = Supervisor(cell, loaded, line, journal, live=kept)
+        supervisor.serve()
+    return [look for look in kept.looks if look.run]
+
+
+def as_run(looks: list[Look], run: int) -> list[Look]:
+    """Return the same looks as those of another run."""
+    return [replace(look, run=run) for look in looks]

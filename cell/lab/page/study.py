@@ -1,0 +1,65 @@
+"""`cell study page`: growth, latency and what open pages cost the scan."""
+
+import argparse
+import json
+from dataclasses import asdict
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from cell.arguments import out_folder
+from cell.lab.arguments import add_out
+from cell.lab.report import StudyReport, finite
+from cell.terminal import progress
+
+SUMMARY = "what the page costs the scan, how fast it shows what happens, whether anything grows"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add where the figures go, and how much is measured."""
+    add_out(parser)
+    parser.add_argument(
+        "--hours",
+        type=float,
+        default=2.0,
+        metavar="H",
+        help="simulated hours of runs for the growth; 0 measures only what the scan pays",
+    )
+    parser.add_argument("--quick", action="store_true", help="a few runs, events and seconds")
+
+
+def run(args: argparse.Namespace) -> StudyReport:
+    """Measure, and write the figures; without a browser only what the scan pays."""
+    from cell.lab.page import browser, growth, jitter, replay, tables
+
+    file = out_folder(args.out) / "page.json"
+    hours, events, pairs, length = (0.05, 10, 1, 1.5) if args.quick else (args.hours, 200, 12, 6.0)
+    lines: list[growth.Growth] = []
+    latencies: list[float] = []
+    with progress() as bars, TemporaryDirectory() as name:
+        records = Path(name)
+        if hours > 0.0 and browser.is_there():
+            looks = replay.recorded(records / "run")
+            bar = bars.add_task("growth", total=100)
+            with growth.shown(records / "page") as (page, opened):
+                lines = growth.measure_growth(
+                    page, opened, looks, hours, lambda share: bars.update(bar, completed=round(100 * share))
+                )
+                latencies = growth.measure_latency(page, opened, looks, events)
+        result = {
+            "growth": [asdict(line) | {"growth": line.growth} for line in lines],
+            "latency": latencies,
+            "browser": "chromium" if browser.is_there() else browser.MISSING,
+        }
+        _save(file, result)  # hours of growth are not lost to what comes after them
+        bar = bars.add_task("pairs", total=pairs)
+        found = jitter.measure(pairs, length, records / "jitter", lambda: bars.advance(bar))
+    shown = [tables.jitter_table(found)]
+    if lines:
+        shown = [tables.growth_table(lines), tables.latency_table(latencies), *shown]
+    result = finite(result | {"jitter": [asdict(pair) | {"ratio": pair.ratio} for pair in found]})
+    _save(file, result)
+    return StudyReport(shown, result, [file])
+
+
+def _save(file: Path, result: object) -> None:
+    file.write_text(json.dumps(result, indent=2), encoding="utf-8")

@@ -1,0 +1,252 @@
+"""The cell's learning from part to part: where each recipe's hole is, kept in one file over restarts."""
+
+import hashlib
+import json
+import logging
+import os
+from collections.abc import Callable, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import AwareDatetime, Field, ValidationError
+
+from drivers.config_model import ConfigModel
+from drivers.errors import ConfigError
+from drivers.parts import Coordinate, Job
+from skills.flow import StageRecord
+from skills.prior import NEEDED, LearningConfig, PlaceEstimate, first_estimate, from_prior
+from skills.spray_search import SpraySearchResult
+
+logger = logging.getLogger(__name__)
+
+FILE = "learned.json"
+"""Name of the file, beside the records of runs."""
+Variance = Annotated[float, Field(gt=0.0, le=0.01)]
+Place = tuple[Coordinate, Coordinate]
+
+
+class LearnedPlace(ConfigModel):
+    """Learnt place of one recipe's hole, as the file holds it."""
+
+    job: str
+    """Digest of the part and its place that this was learnt with."""
+    mean: Place
+    """Place of the fixture, m, base frame."""
+    variance: tuple[Variance, Variance]
+    """Variance of the fixture's place along x and y, m²."""
+    scatter: tuple[Variance, Variance]
+    """Variance of a part's hole about the fixture along x and y, m²."""
+    parts: Annotated[int, Field(ge=1)]
+    """Number of parts that the place was learnt from."""
+    stray: Place | None
+    """Place of the newest part's hole where it did not fit, m, base frame."""
+    updated: AwareDatetime
+    """Wall time of the newest part."""
+
+    def doubt(self) -> str:
+        """Return in words why the place is not searched first although it is sound; empty where it is."""
+        if self.stray is not None:
+            return "in doubt: the last part was elsewhere"
+        return "" if self.parts >= NEEDED else "too few parts yet"
+
+    def estimate(self) -> PlaceEstimate:
+        """Return the value that this holds."""
+        return PlaceEstimate(self.mean, self.variance, self.scatter, self.parts, self.stray)
+
+
+class LearnedFile(ConfigModel):
+    """The file as a whole."""
+
+    version: Literal[1] = 1
+    """Layout of the file."""
+    places: dict[Annotated[str, Field(pattern=r"^\d{1,5}$")], LearnedPlace] = Field(default_factory=dict)
+    """Learnt place by number of the recipe."""
+
+
+def read_learned(folder: Path) -> LearnedFile:
+    """Return what the file in a folder holds, nothing where there is none.
+
+    Raises:
+        ConfigError: The file cannot be read, or holds impossible values; one line.
+    """
+    path = folder / FILE
+    try:
+        return LearnedFile.model_validate_json(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return LearnedFile()
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
+    except (ValidationError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: {_first(error)}; `cell learned forget` begins anew") from None
+
+
+def write_learned(folder: Path, learned: LearnedFile) -> None:
+    """Write the file whole or not at all.
+
+    Raises:
+        ConfigError: The file cannot be written.
+    """
+    path = folder / FILE
+    new = path.with_suffix(".new")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with new.open("w", encoding="utf-8") as file:
+            file.write(learned.model_dump_json(indent=2) + "\n")
+            file.flush()
+            os.fsync(file.fileno())
+        new.replace(path)
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def forget(folder: Path, recipe: int | None = None) -> list[int]:
+    """Forget one recipe, or all of them with whatever else the file holds; return the numbers of those forgotten.
+
+    Raises:
+        ConfigError: The file cannot be written, or, where one recipe shall be forgotten, not read.
+    """
+    path = folder / FILE
+    if recipe is None:
+        try:
+            known = [int(number) for number in read_learned(folder).places]
+        except ConfigError:
+            known = []
+        try:
+            path.unlink(missing_ok=True)
+        except OSError as error:
+            raise ConfigError(f"{path}: cannot be removed: {error.strerror}") from None
+        return known
+    learned = read_learned(folder)
+    kept = {number: place for number, place in learned.places.items() if int(number) != recipe}
+    if len(kept) == len(learned.places):
+        return []
+    write_learned(folder, learned.model_copy(update={"places": kept}))
+    return [recipe]
+
+
+class Learning:
+    """Hands each run what was learnt of its recipe, and takes from it what it has found.
+
+    The file is read before every run, so that what a technician forgets meanwhile is forgotten.
+    """
+
+    def __init__(
+        self, folder: Path, learning: LearningConfig, now: Callable[[], datetime] = lambda: datetime.now(UTC)
+    ) -> None:
+        """Keep the folder of the file, how the cell learns, and what tells the time; nothing is read yet."""
+        self._folder, self._learning, self._now = folder, learning, now
+
+    def prepared(self, job: Job, recipe: int) -> Job:
+        """Return a job with what was learnt about where its hole is; a configured prior stands in until parts have told."""
+        if not self._learning.place:
+            return job
+        estimate = self._estimate(job, recipe)
+        if estimate is None:
+            return job
+        hole = job.hole.model_copy(update={"prior": estimate.prior(self._learning)})
+        return job.model_copy(update={"hole": hole})
+
+    def take(self, job: Job, recipe: int, records: Sequence[StageRecord]) -> None:
+        """Learn from a run, if it seated the peg; a file that cannot be written is logged and costs no run.
+
+        Args:
+            job: The job as the config has it, without what was learnt.
+            recipe: Number of the recipe.
+            records: Stages of the run.
+        """
+        hole = hole_of_seated(records)
+        if not self._learning.place or hole is None:
+            return
+        known = self._estimate(job, recipe)
+        estimate = first_estimate(hole, self._learning) if known is None else known.after(hole, self._learning)
+        if estimate.stray is not None:
+            logger.warning(
+                "recipe %d: hole at %s, not where %d parts had it: searching the whole area next",
+                recipe,
+                hole,
+                estimate.parts,
+            )
+        place = LearnedPlace(
+            job=digest(job),
+            mean=estimate.mean,
+            variance=estimate.variance,
+            scatter=estimate.scatter,
+            parts=estimate.parts,
+            stray=estimate.stray,
+            updated=self._now(),
+        )
+        try:
+            learned = read_learned(self._folder)
+            write_learned(self._folder, learned.model_copy(update={"places": {**learned.places, str(recipe): place}}))
+        except ConfigError as error:
+            logger.warning("%s", error)
+
+    def forget(self, recipe: int) -> None:
+        """Forget a recipe; a file that cannot be read is forgotten whole.
+
+        Raises:
+            ConfigError: The file cannot be written.
+        """
+        try:
+            forget(self._folder, recipe)
+        except ConfigError as error:
+            logger.warning("%s", error)
+            forget(self._folder)
+
+    def _estimate(self, job: Job, recipe: int) -> PlaceEstimate | None:
+        """Return what is known about where the hole is: learnt, else configured; None where nothing is."""
+        configured = from_prior(job.hole.prior, self._learning) if job.hole.prior is not None else None
+        try:
+            place = read_learned(self._folder).places.get(str(recipe))
+        except ConfigError as error:
+            logger.warning("%s", error)
+            return configured
+        if place is None:
+            return configured
+        if (why := unusable(place, job, self._learning, self._now())) is not None:
+            logger.warning("%s: recipe %d: %s: not used", self._folder / FILE, recipe, why)
+            return configured
+        return place.estimate()
+
+
+def unusable(place: LearnedPlace, job: Job, learning: LearningConfig, now: datetime) -> str | None:
+    """Return in words why a learnt place must not be used for a job; None where it may."""
+    if place.job != digest(job):
+        return "learnt with another part or place"
+    age = (now - place.updated).total_seconds()
+    if age > learning.longest_age:
+        return f"learnt {age / 86400:.0f} days ago; at most {learning.longest_age / 86400:g} allowed"
+    low, high = zip(
+        *((c - e / 2, c + e / 2) for c, e in zip(job.hole.centre[:2], job.hole.area, strict=True)), strict=True
+    )
+    if not all(a <= m <= b for a, m, b in zip(low, place.mean, high, strict=True)):
+        return f"place {list(place.mean)}: outside the area of the hole; {list(low)} to {list(high)} allowed"
+    return None
+
+
+def digest(job: Job) -> str:
+    """Return a short digest of part and place; what was learnt with one is of no use with another."""
+    text = json.dumps([job.peg.model_dump(), job.hole.model_dump(exclude={"prior", "present"})], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def hole_found(records: Sequence[StageRecord]) -> Place | None:
+    """Return where a run found the hole, shape (2,), m, base frame: by the seated peg, else by where the peg fell in last."""
+    searches = [record.result for record in records if isinstance(record.result, SpraySearchResult)]
+    return next((search.seated or search.edge for search in reversed(searches) if search.edge is not None), None)
+
+
+def hole_of_seated(records: Sequence[StageRecord]) -> Place | None:
+    """Return where the hole is by the peg that a run seated, shape (2,), m, base frame; None where it seated none."""
+    searches = [record.result for record in records if isinstance(record.result, SpraySearchResult)]
+    return searches[-1].seated if searches else None
+
+
+def _first(error: ValidationError | UnicodeDecodeError) -> str:
+    """Return in one line what is wrong first."""
+    if isinstance(error, UnicodeDecodeError):
+        return "no text"
+    first = error.errors(include_url=False)[0]
+    where = ".".join(str(part) for part in first["loc"])
+    return f"{where}: {first['msg']}" if where else str(first["msg"])

@@ -1,0 +1,43 @@
+"""The view of the scan for onlookers: frozen values through a bounded slot that drops the oldest and never waits."""
+
+from collections import deque
+from dataclasses import dataclass
+
+from skills.contract import Observation
+
+KEPT = 512
+"""Number of looks that wait for a slow onlooker; older ones are dropped."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Look:
+    """View of one scan."""
+
+    seen: Observation
+    stage: str
+    """Name of the skill under way; empty outside a run."""
+    run: int
+    """Number of the run in the journal; 0 outside a run."""
+    surface: float
+    """Height of the plate's surface as the part's recipe has it, m, base frame."""
+
+
+class Live:
+    """The slot: the scan thread puts looks in, one other thread takes them out; neither ever waits for the other."""
+
+    def __init__(self) -> None:
+        """Begin empty."""
+        self._looks: deque[Look] = deque(maxlen=KEPT)
+        self.fault = ""
+        """Message of the last fault; the report tells whether it is still present."""
+
+    def show(self, look: Look) -> None:
+        """Put in one look; the oldest one goes where there are too many."""
+        self._looks.append(look)
+
+    def take(self) -> list[Look]:
+        """Return the looks since the last call, oldest first."""
+        looks = []
+        while self._looks:
+            looks.append(self._looks.popleft())
+        return looks

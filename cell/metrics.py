@@ -1,0 +1,89 @@
+"""Counters and timings of cell and servers as Prometheus text, on a port of its own that is off unless asked for."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+
+from prometheus_client import CollectorRegistry, start_http_server
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily, Metric
+from prometheus_client.registry import Collector
+
+from cell.states import State
+from drivers.errors import DeviceNotOpenedError
+from plc_bridge.bridge import Bridge, Figures
+from plc_bridge.intervals import BOUNDS
+from plc_bridge.registers import table
+
+GAUGES = frozenset({"connections", "stops_held"})
+"""Names of the diagnostics that may also fall."""
+
+
+class CellCollector(Collector):
+    """Reads the bridge whenever somebody asks; between two readings it costs nothing."""
+
+    def __init__(self, bridge: Bridge) -> None:
+        """Take the bridge whose figures are shown."""
+        self._bridge = bridge
+        self._said = {r.name: r.meaning for r in table() if r.name.startswith("diagnostics_")}
+
+    def collect(self) -> Iterator[Metric]:
+        """Yield every metric as it stands now."""
+        figures = self._bridge.figures
+        for name, value in asdict(figures.counts).items():
+            kind = GaugeMetricFamily if name in GAUGES else CounterMetricFamily
+            yield kind(f"cell_{name}", self._said[f"diagnostics_{name}"], value=value)
+        said = "time that the Modbus TCP servers spent on requests"
+        yield CounterMetricFamily("cell_modbus_seconds", said, value=figures.served)
+        yield from _products(figures)
+        yield from _states(figures)
+        yield from _scans(figures)
+
+
+def _products(figures: Figures) -> Iterator[Metric]:
+    yield CounterMetricFamily("cell_insertions", "insertions that have ended", value=figures.processed)
+    said = "insertions that did not end in success"
+    yield CounterMetricFamily("cell_insertions_defective", said, value=figures.defective)
+
+
+def _states(figures: Figures) -> Iterator[Metric]:
+    now = GaugeMetricFamily("cell_state", "1 for the PackML state that the cell is in", labels=["state"])
+    times = CounterMetricFamily("cell_state_seconds", "time in each PackML state", labels=["state"])
+    for state in State:
+        now.add_metric([state.name.lower()], float(state.value == figures.state))
+        times.add_metric([state.name.lower()], figures.state_times[state.value - 1])
+    yield now
+    yield times
+
+
+def _scans(figures: Figures) -> Iterator[Metric]:
+    buckets, below = [], 0
+    for bound, count in zip((*BOUNDS, float("inf")), figures.scan_counts, strict=True):
+        below += count
+        buckets.append((str(bound) if bound != float("inf") else "+Inf", float(below)))
+    said = "time from one scan to the next"
+    yield HistogramMetricFamily("cell_scan_interval_seconds", said, buckets=buckets, sum_value=figures.scan_total)
+    longest = "longest time from one scan to the next since the start"
+    yield GaugeMetricFamily("cell_scan_interval_longest_seconds", longest, value=figures.scan_longest)
+
+
+@contextmanager
+def served_metrics(bridge: Bridge, host: str, port: int) -> Iterator[tuple[str, int]]:
+    """Yield host and port where the figures of `bridge` are served meanwhile.
+
+    Raises:
+        DeviceNotOpenedError: The port is in use, or the address is not this computer's.
+    """
+    registry = CollectorRegistry()
+    registry.register(CellCollector(bridge))
+    try:
+        server, thread = start_http_server(port, host, registry)
+    except OSError as error:
+        raise DeviceNotOpenedError(
+            f"--metrics {host}:{port}: {error.strerror or error}; another port allowed"
+        ) from error
+    try:
+        yield host, server.server_port
+    finally:
+        server.shutdown()
+        server.server_close()
+        thread.join()

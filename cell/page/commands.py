@@ -1,0 +1,70 @@
+"""The requests of a page, from their text to the command block of the line; pure."""
+
+import json
+from dataclasses import dataclass
+
+from cell.line import CONTROLS
+from plc_bridge.images import CommandImage
+from plc_bridge.messages import Control
+from plc_bridge.registers import Lease, table
+from skills.catalogue import CATALOGUE
+
+MOST = 2048
+"""Longest text of a page, bytes."""
+_SERIAL = next(2 * register.words for register in table() if register.name == "command_serial")
+_RECIPES = 0xFFFF
+
+
+class BadAskError(Exception):
+    """The request of a page cannot be understood; the message is one line for its sender."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ask:
+    """One request of a page: a token to be known by, a request for the lease, or a command."""
+
+    token: str | None = None
+    lease: int = Lease.NONE
+    command: CommandImage | None = None
+
+
+def parse(text: str | bytes) -> Ask:
+    """Return the request in a text.
+
+    Raises:
+        BadAskError: The text cannot be understood.
+    """
+    try:
+        data = json.loads(text)
+    except ValueError:
+        raise BadAskError("not JSON") from None
+    if not isinstance(data, dict):
+        raise BadAskError("an object with `ask` allowed")
+    ask = data.pop("ask", None)
+    if ask == "unlock":
+        return Ask(token=_text(data, "token"))
+    if ask in ("take", "release"):
+        return Ask(lease=Lease.TAKE if ask == "take" else Lease.RELEASE)
+    if ask == "start":
+        return Ask(command=_start(data))
+    if isinstance(ask, str) and ask in CONTROLS:
+        return Ask(command=CommandImage(code=int(Control(CONTROLS[ask]))))
+    raise BadAskError(f"ask {ask!r:.40}: unlock, take, release, start, {', '.join(CONTROLS)} allowed")
+
+
+def _start(data: dict[str, object]) -> CommandImage:
+    name, recipe, serial = _text(data, "program"), data.get("recipe", 0), _text(data, "serial")
+    if name not in CATALOGUE:
+        raise BadAskError(f"program {name!r:.40}: {', '.join(CATALOGUE)} allowed")
+    if not isinstance(recipe, int) or isinstance(recipe, bool) or not 0 <= recipe <= _RECIPES:
+        raise BadAskError(f"recipe {recipe!r:.40}: a whole number from 0 to {_RECIPES} allowed")
+    if len(serial) > _SERIAL or not serial.isascii() or not serial.isprintable():
+        raise BadAskError(f"serial number: at most {_SERIAL} printable ASCII characters allowed")
+    return CommandImage(code=CATALOGUE[name].code, recipe=recipe, serial=serial)
+
+
+def _text(data: dict[str, object], key: str) -> str:
+    value = data.get(key, "")
+    if not isinstance(value, str):
+        raise BadAskError(f"{key}: a text allowed")
+    return value

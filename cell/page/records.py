@@ -1,0 +1,162 @@
+"""The records of runs as the page shows them: the last ones, the yield, and the files that other commands make of a run."""
+
+import asyncio
+import shutil
+import sys
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import asdict
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+from cell.journal import Journal
+from cell.journal_schema import RUNNING, RunRow
+from cell.line import PROGRAMS
+from cell.page import telling
+from cell.run_query import RunQuery
+from cell.statistics import wilson
+from drivers.errors import JournalError
+from plc_bridge.messages import FIRST_PROGRAM
+from skills.contract import Outcome
+
+LAST = 12
+"""Runs that the page lists."""
+PRODUCT = PROGRAMS[FIRST_PROGRAM]
+"""Program whose runs make a product, so that they count for the yield."""
+SHIFT = timedelta(hours=8)
+"""The yield is that of the runs which began in this time."""
+RECENT = 200
+"""Runs that are looked through for the last faults."""
+MOST = 20_000
+"""Runs that are looked through for the yield: one in less than two seconds for a whole shift."""
+OUTCOMES = tuple(str(each) for each in Outcome)
+FILES = {"picture.png": "show", "film.mp4": "film"}
+"""What is made of a run when somebody asks for it, and by which command."""
+WAITING = 8
+"""Requests for files that may wait for each other; further ones are turned away."""
+LONGEST = 600.0
+"""Making one file is given up after this time, s."""
+
+
+class Records:
+    """Reads the journal for the page, on the page's own thread."""
+
+    def __init__(self, folder: Path) -> None:
+        """Keep the folder of the records; each question opens the journal anew, so that it may move or come later."""
+        self._folder = folder
+        self._making, self._waiting = asyncio.Lock(), 0
+
+    def summary(self) -> dict[str, object]:
+        """Return the last runs, and the yield of the shift; empty lists where the journal cannot be read."""
+        rows: list[RunRow] = []
+        ended: list[RunRow] = []
+        since = datetime.now(UTC) - SHIFT
+        with suppress(JournalError), self._journal() as journal:
+            rows = journal.runs(RECENT)
+            ended = journal.select(RunQuery(since.isoformat(timespec="milliseconds"), program=PRODUCT), MOST)
+        return {
+            "runs": [telling.row(row) for row in rows[:LAST]],
+            "faults": [telling.row(row) for row in rows if row.fault][:LAST],
+            "shift": shift(ended),
+        }
+
+    def whole(self, run: int) -> dict[str, object]:
+        """Return all that the index has of one run, its config aside.
+
+        Raises:
+            JournalError: It is not on record.
+        """
+        with self._journal() as journal:
+            row = journal.find(run)
+            return {
+                **asdict(row),
+                "stages": [asdict(stage) for stage in journal.stages(run)],
+                "events": [asdict(event) for event in journal.events(run=run)],
+                "files": list(FILES) if _can_be_drawn(journal, row) else [],
+            }
+
+    def config(self, run: int) -> str | None:
+        """Return the config of a run as JSON; None where it was not kept.
+
+        Raises:
+            JournalError: The run is not on record.
+        """
+        with self._journal() as journal:
+            return journal.config(journal.find(run).config_hash)
+
+    async def file(self, run: int, name: str) -> Path | None:
+        """Return a file made of a run, by another process where nobody made it yet; None where that cannot be done.
+
+        One is made at a time, at low priority, so that pages cannot keep the computer from the cell.
+
+        Raises:
+            JournalError: The run is not on record.
+        """
+        with self._journal() as journal:
+            if not _can_be_drawn(journal, journal.find(run)):
+                return None
+        path = self._folder / f"run-{run:06d}{Path(name).suffix}"
+        if not path.is_file() and self._waiting < WAITING:
+            self._waiting += 1
+            try:
+                async with self._making:
+                    if not path.is_file():
+                        await self._make(run, name, path)
+            finally:
+                self._waiting -= 1
+        return path if path.is_file() else None
+
+    async def _make(self, run: int, name: str, path: Path) -> None:
+        """Make a file of a run; a film that was given up leaves none behind."""
+        command = [FILES[name], str(run), "--json", "--journal", str(self._folder)]
+        if FILES[name] == "show":
+            await _run(command)
+            return
+        part = path.with_stem(f"{path.stem}-part")
+        if await _run([*command, "--out", str(part)]):
+            part.replace(path)
+        part.unlink(missing_ok=True)
+
+    def _journal(self) -> Journal:
+        return Journal(self._folder, is_read_only=True)
+
+
+def _can_be_drawn(journal: Journal, row: RunRow) -> bool:
+    path = journal.samples_path(row.run)
+    return row.outcome != RUNNING and path.is_file() and path.stat().st_size > 0
+
+
+def shift(rows: Sequence[RunRow]) -> dict[str, object]:
+    """Return counts and yield of the runs of a shift, as far as they have ended."""
+    ended = [row for row in rows if row.outcome != RUNNING]
+    good = sum(row.outcome == Outcome.SUCCESS for row in ended)
+    low, high = wilson(good, len(ended))
+    return {
+        "hours": SHIFT.total_seconds() / 3600,
+        "runs": len(ended),
+        "yield": round(good / len(ended), 4) if ended else None,
+        "low": round(low, 4),
+        "high": round(high, 4),
+        "counts": {outcome: sum(row.outcome == outcome for row in ended) for outcome in OUTCOMES},
+    }
+
+
+async def _run(arguments: Sequence[str]) -> bool:
+    """Run a command of this program to its end, at low priority, and return whether it was good."""
+    nice = ["nice", "-n", "15"] if shutil.which("nice") else []
+    process = await asyncio.create_subprocess_exec(
+        *nice,
+        sys.executable,
+        "-m",
+        "cell",
+        *arguments,
+        stdin=asyncio.subprocess.DEVNULL,
+        stdout=asyncio.subprocess.DEVNULL,
+        stderr=asyncio.subprocess.DEVNULL,
+    )
+    try:
+        return await asyncio.wait_for(process.wait(), LONGEST) == 0
+    except TimeoutError:
+        process.kill()
+        await process.wait()
+        return False

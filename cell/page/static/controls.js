@@ -1,0 +1,131 @@
+// The controls: what may be pressed is what the state permits, and who holds the lease decides in the cell.
+
+import { byId, make, put, words } from "./text.js";
+
+const KEPT = "cell-token"; // in the browser's tab, until it is closed
+const ANYBODY = ["stop", "abort"];
+
+export class Controls {
+  constructor(link) {
+    this.link = link;
+    this.isUnlocked = false;
+    this.own = { lease: "free", answered: 0, refusal: "" };
+    this.asked = "";
+    const given = new URLSearchParams(location.hash.slice(1)).get("token");
+    if (given) {
+      sessionStorage.setItem(KEPT, given);
+      history.replaceState(null, "", location.pathname);
+    }
+    for (const button of document.querySelectorAll("[data-ask]")) {
+      button.addEventListener("click", (event) => { event.preventDefault(); this.press(button); });
+    }
+    byId("release").addEventListener("click", () => this.link.ask("release"));
+    byId("unlock").addEventListener("click", () => (this.isUnlocked ? this.lock() : this.open()));
+    byId("cancel").addEventListener("click", () => byId("ask").close());
+    byId("token-form").addEventListener("submit", (event) => { event.preventDefault(); this.show(byId("token").value.trim()); });
+  }
+
+  /** A new connection begins locked; the token that was shown before is shown again. */
+  greet({ programs, recipes }) {
+    fill(byId("program"), programs, words);
+    fill(byId("recipe"), recipes, String);
+    this.own = { lease: "free", answered: 0, refusal: "" };
+    this.isUnlocked = false;
+    const token = sessionStorage.getItem(KEPT);
+    if (token) this.link.ask("unlock", { token });
+    this.refresh();
+  }
+
+  lost() {
+    this.isUnlocked = false;
+    this.refresh();
+  }
+
+  open() {
+    put("token-answer", "");
+    byId("token").value = "";
+    byId("ask").showModal();
+  }
+
+  show(token) {
+    this.candidate = token;
+    this.link.ask("unlock", { token });
+  }
+
+  unlocked() {
+    if (this.candidate) sessionStorage.setItem(KEPT, this.candidate);
+    this.candidate = undefined;
+    this.isUnlocked = true;
+    byId("ask").close();
+    this.refresh();
+  }
+
+  locked(why) {
+    sessionStorage.removeItem(KEPT);
+    put("token-answer", `Refused: ${why}.`);
+    if (!byId("ask").open) this.say(`Refused: ${why}.`);
+  }
+
+  /** Forgets the token; the link ends with the connection, which comes back as one that may only look. */
+  lock() {
+    sessionStorage.removeItem(KEPT);
+    this.link.socket.close();
+  }
+
+  showState(state) {
+    this.state = state;
+    this.refresh();
+  }
+
+  showOwn(own) {
+    const isAnswer = own.answered !== this.own.answered;
+    this.own = own;
+    if (isAnswer && this.asked) {
+      this.say(own.refusal ? `${name(this.asked)} refused: ${own.refusal}.` : `${name(this.asked)}: done.`);
+      this.asked = "";
+    }
+    this.refresh();
+  }
+
+  say(text) {
+    put("answer", text);
+  }
+
+  press(button) {
+    const what = button.dataset.ask, why = this.whyNot(what);
+    if (why) {
+      this.say(`${name(what)} is not possible: ${why}.`);
+      return;
+    }
+    const more = what === "start" ? { program: byId("program").value, recipe: Number(byId("recipe").value), serial: byId("serial").value } : {};
+    this.asked = what;
+    this.say(`${name(what)} …`);
+    this.link.ask(what, more);
+  }
+
+  whyNot(what) {
+    if (document.body.dataset.link !== "live") return "there is no connection to the cell";
+    if (!this.isUnlocked) return "this page may only look; unlock the controls first";
+    if (!this.state?.permitted.includes(what)) return `not in the state ${words((this.state?.state ?? "").toLowerCase())}`;
+    if (this.own.lease === "taken" && !ANYBODY.includes(what)) return `${this.state.holder || "somebody else"} holds the lease`;
+    return "";
+  }
+
+  refresh() {
+    for (const button of document.querySelectorAll("[data-ask]")) {
+      button.setAttribute("aria-disabled", String(Boolean(this.whyNot(button.dataset.ask))));
+    }
+    byId("locked").hidden = this.isUnlocked;
+    put("unlock", this.isUnlocked ? "Lock controls" : "Unlock controls");
+    byId("release").hidden = this.own.lease !== "yours";
+    put("lease", this.isUnlocked && this.own.lease === "yours" ? "this page" : this.state?.holder || "free");
+  }
+}
+
+const SAID = { cleared: "Peg taken away", refilled: "Rack filled" };
+const name = (what) => SAID[what] ?? what.replace(/^./, (letter) => letter.toUpperCase());
+
+function fill(select, values, show) {
+  if (select.options.length === values.length) return;
+  select.replaceChildren(...values.map((value) => make("option", show(String(value)), { value })));
+}

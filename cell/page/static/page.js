@@ -1,0 +1,163 @@
+// The page: what the cell tells is shown, what is pressed is asked for.
+
+import { drawChart } from "./chart.js";
+import { Controls } from "./controls.js";
+import { Fingers } from "./fingers.js";
+import { CellLink } from "./link.js";
+import { drawPath } from "./path.js";
+import { stageColour } from "./paint.js";
+import { showRecords } from "./records.js";
+import { Ring } from "./ring.js";
+import { byId, degrees, make, millimetres, number, put, toRun, words } from "./text.js";
+
+const MOODS = { EXECUTE: "good", STARTING: "good", COMPLETING: "good", UNHOLDING: "good", IDLE: "idle", COMPLETE: "good", RESETTING: "idle", CLEARING: "warn",
+  HOLDING: "warn", HELD: "warn", STOPPING: "warn", STOPPED: "warn", ABORTING: "bad", ABORTED: "bad" };
+
+const view = { hello: null, state: null, ring: null, fingers: null, run: 0, touch: null, heard: 0, isDue: false };
+
+const heard = {
+  hello(data) {
+    if (view.hello && view.hello.build !== data.build) location.reload();
+    view.hello = data;
+    view.ring = new Ring(data.names, data.points);
+    view.fingers = new Fingers(byId("fingers"), data.fingers, data.taxels, data.triangles);
+    document.body.dataset.link = "live";
+    put("link", "live");
+    byId("lost").hidden = true;
+    put("kind", data.simulated ? "simulated" : "");
+    showStages(data.stages);
+    controls.greet(data);
+  },
+  history(data) {
+    begin(data.run);
+    data.points.forEach((point) => view.ring.push(point));
+    due();
+  },
+  live(data) {
+    if (data.run !== view.run) begin(data.run);
+    // A history that came in between has some of them already.
+    data.points.filter((point) => !(point[0] <= view.ring.last("time"))).forEach((point) => view.ring.push(point));
+    view.touch = data.touch;
+    view.heard = performance.now();
+    due();
+  },
+  state(data) {
+    const before = view.state;
+    view.state = data;
+    showState(data, before);
+    controls.showState(data);
+    due();
+  },
+  records: showRecords,
+  own: (data) => controls.showOwn(data),
+  refused: (data) => controls.say(`Refused: ${data.why}.`),
+  locked: (data) => controls.locked(data.why),
+  unlocked: (data) => controls.unlocked(data.source),
+};
+
+const link = new CellLink(
+  (data) => heard[data.kind]?.(data),
+  (reason) => {
+    document.body.dataset.link = "lost";
+    put("link", "not connected");
+    byId("lost").hidden = false;
+    put("lost", `No connection to the cell${reason ? ` (${reason})` : ""}: what stands here is old. It comes back by itself.`);
+    controls.lost();
+  },
+);
+const controls = new Controls(link);
+
+function begin(run) {
+  view.run = run;
+  view.ring.clear();
+  put("run", run ? String(run) : "–");
+}
+
+function showStages(stages) {
+  byId("stages").replaceChildren(...stages.map(({ number: n, name }) => {
+    const item = make("li", words(name), { id: `stage-${name}`, "data-name": words(name) });
+    item.style.setProperty("--stage", stageColour(n));
+    return item;
+  }));
+}
+
+function showState(data, before) {
+  const state = words(data.state.toLowerCase()).replace(/^./, (letter) => letter.toUpperCase());
+  put("state", state);
+  byId("now").dataset.mood = MOODS[data.state] ?? "idle";
+  const result = data.result !== "none" ? `: ${data.result}${data.reason !== "none" ? `, ${words(data.reason)}` : ""}` : "";
+  put("doing", data.program ? `${words(data.program)}${data.stage ? ` · ${words(data.stage)}` : ""}${result}` : " ");
+  byId("progress").value = data.progress;
+  put("percent", `${data.progress} %`);
+  for (const item of byId("stages").children) {
+    const name = item.id.slice("stage-".length), time = data.stage_times[name] ?? 0;
+    const text = item.dataset.name + (time ? ` ${time.toFixed(1)} s` : "");
+    if (item.textContent !== text) item.textContent = text;
+    item.classList.toggle("done", time > 0);
+    if (name === data.stage) item.setAttribute("aria-current", "step");
+    else item.removeAttribute("aria-current");
+  }
+  showFault(data.fault, data.run);
+  byId("warnings").hidden = !data.warnings.length;
+  byId("warnings").replaceChildren(...data.warnings.map((text) => make("li", `Warning: ${text}`)));
+  put("next", data.next);
+  put("part", words(data.part));
+  if (!before || before.state !== data.state || before.stage !== data.stage) {
+    put("said", `${state}${data.stage ? `, ${words(data.stage)}` : ""}. ${data.next}`);
+  }
+  document.title = `${state} · Tactile insertion cell`;
+}
+
+function showFault(fault, run) {
+  const box = byId("fault");
+  if (!fault) {
+    box.hidden = true;
+    return;
+  }
+  put("fault-title", `Fault ${fault.code}: ${fault.meaning}`);
+  put("fault-message", fault.message);
+  put("fault-cause", fault.cause);
+  put("fault-remedy", fault.remedy);
+  byId("fault-run").replaceChildren(...(run ? [toRun(run, `Run ${run}: force curve, film and record`)] : []));
+  box.hidden = false;
+}
+
+function due() {
+  if (view.isDue) return;
+  view.isDue = true;
+  requestAnimationFrame(draw);
+}
+
+function draw() {
+  view.isDue = false;
+  if (!view.hello) return;
+  const { ring, hello, touch, state } = view;
+  drawChart(byId("force-chart"), ring, "force", { ink: "force", scale: 1, low: 0, high: 12, limit: hello.force_limit });
+  drawChart(byId("depth-chart"), ring, "depth", { ink: "depth", scale: 1000, low: -10, high: 1000 * hello.hole.depth * 1.1, limit: 1000 * hello.hole.depth });
+  drawPath(byId("path"), ring, hello.hole, state?.hole);
+  put("force", number(ring.last("force"), 1, " N"));
+  put("depth", millimetres(ring.last("depth")));
+  put("place", ring.count ? `x ${millimetres(ring.last("x"), 2)}, y ${millimetres(ring.last("y"), 2)}` : "–");
+  if (touch) showTouch(touch);
+}
+
+function showTouch(touch) {
+  view.fingers.draw(touch);
+  put("theta", touch.theta === null ? "no peg" : degrees(touch.theta));
+  put("sigma", touch.sigma === null ? "–" : degrees(touch.sigma, 2));
+  put("age", number(touch.age === null ? null : 1000 * touch.age, 0, " ms"));
+  put("theta-age", touch.theta_age > 1 ? number(touch.theta_age, 1, " s") : number(touch.theta_age === null ? null : 1000 * touch.theta_age, 0, " ms"));
+  put("highest", number(Math.max(...touch.values.flat()) / 1000, 1, " k counts"));
+  const lost = touch.trusted.flat().filter((is) => !is).length;
+  put("untrusted", lost ? `${lost} of ${touch.trusted.flat().length} taxels` : "none");
+  put("switch", touch.switch);
+}
+
+/** Dims the touch image while the cell shows none: an old one must not look like the present. */
+setInterval(() => {
+  const silent = view.touch && (performance.now() - view.heard) / 1000;
+  byId("touch").classList.toggle("old", silent > 1);
+  if (silent > 1) put("age", `no news for ${silent.toFixed(0)} s`);
+}, 500);
+addEventListener("resize", due);
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", due);

@@ -1,0 +1,150 @@
+"""The state of the cell in the words of the page: what it does, what is wrong, what to do next; pure."""
+
+from dataclasses import replace
+
+from cell.journal_schema import RunRow
+from cell.part_state import REMEDIES
+from cell.states import ASKED, Event, State, is_permitted
+from drivers.errors import FAULTS, FaultCode
+from plc_bridge.images import ReportImage
+from plc_bridge.messages import LeaseState, PartPlace, Refusal, Result
+from plc_bridge.registers import Warnings
+from skills.catalogue import CATALOGUE
+
+NEXT = {
+    State.IDLE: "Ready. Start a program here, or let the PLC start one.",
+    State.STARTING: "A run begins.",
+    State.EXECUTE: "A run is under way. Hold pauses it, stop ends it.",
+    State.HOLDING: "The arm comes to rest.",
+    State.HELD: "The run is paused. Unhold goes on with it, stop ends it.",
+    State.UNHOLDING: "The arm goes back to where it was held.",
+    State.COMPLETING: "The run ends.",
+    State.COMPLETE: "The run has ended. Start the next one, or reset.",
+    State.STOPPING: "The arm comes to rest.",
+    State.STOPPED: "Stopped. Reset makes the cell ready again.",
+    State.ABORTING: "The arm comes to rest.",
+    State.ABORTED: "Do what is said above, then reset.",
+    State.CLEARING: "The fault is acknowledged.",
+    State.RESETTING: "The cell becomes ready.",
+}
+"""Advice on the next step, for whoever stands before the cell."""
+
+WAITING = (State.IDLE, State.COMPLETE, State.STOPPED, State.ABORTED)
+"""States in which nothing moves and a person may reach into the cell."""
+BY_PERSON = ("cleared", "refilled")
+"""Controls by which a person says what they have done."""
+
+REFUSED = {
+    Refusal.UNKNOWN_CODE: "this cell has no such program",
+    Refusal.UNKNOWN_RECIPE: "this cell has no such recipe",
+    Refusal.BUSY: "a run is under way, or too much waits already",
+    Refusal.NOT_READY: "not in this state of the cell",
+    Refusal.NOT_HOLDER: "somebody else holds the lease; anybody may stop and abort",
+    Refusal.PARAMETER: "a parameter or the serial number cannot be taken",
+    Refusal.PART_UNRESOLVED: "the last peg is not where it may stay: recover it, or take it away and say so",
+    Refusal.HOLE_OCCUPIED: "the switch under the hole is closed: the workpiece must be exchanged",
+    Refusal.SWITCH_UNKNOWN: "the switch under the hole gives no valid answer",
+    Refusal.RACK_EMPTY: "the rack is empty: fill it and say so",
+    Refusal.STOP_HELD: "a stop coil is held at 1 somewhere; nothing starts before it falls",
+}
+"""Reason why a command was not done, by refusal."""
+
+_WARNINGS = {
+    Warnings.NOT_RECORDED: "runs are not recorded",
+    Warnings.DISK_LOW: "the disk is almost full",
+    Warnings.SCAN_OVERRUNS: "scans take longer than their period",
+}
+
+
+def permitted(state: State) -> list[str]:
+    """Return the permitted requests in a state: `start`, the controls by name, and what a person may say."""
+    asked = [
+        event.value
+        for event in ASKED
+        if is_permitted(state, event) or (event is Event.RESET and is_permitted(state, Event.CLEAR))
+    ]
+    starts = ["start"] if state in (State.IDLE, State.COMPLETE) else []
+    return [*starts, *asked, *(BY_PERSON if state in WAITING else ())]
+
+
+def still(image: ReportImage) -> ReportImage:
+    """Return a report without its life, so that two that say the same are equal."""
+    return replace(image, life=0, life_tail=0)
+
+
+def told(image: ReportImage, message: str) -> dict[str, object]:
+    """Return what everybody sees of a report; `message` is that of the last fault."""
+    state = State(image.state) if image.state else State.IDLE
+    times = {name: image.stage_times[n - 1] for n, name in CATALOGUE.stages.items() if n <= len(image.stage_times)}
+    return {
+        "state": state.name,
+        "next": _next(state, PartPlace(image.part)),
+        "permitted": permitted(state),
+        "program": CATALOGUE.by_code[image.code].name if image.code in CATALOGUE.by_code else "",
+        "stage": CATALOGUE.stages.get(image.stage, ""),
+        "stage_times": {name: round(time, 2) for name, time in times.items()},
+        "total_time": round(image.total_time, 2),
+        "progress": image.progress,
+        "result": Result(image.result).name.lower(),
+        "reason": CATALOGUE.reasons.get(image.reason, str(image.reason)).lower(),
+        "run": image.run,
+        "holder": image.holder,
+        "part": PartPlace(image.part).name.lower(),
+        "peak_force": round(image.peak_force, 2),
+        "hole": [image.hole_x, image.hole_y] if image.hole_x or image.hole_y else None,
+        "warnings": [text for bit, text in _WARNINGS.items() if image.warnings & bit],
+        "overruns": image.overruns,
+        "fault": _fault(image.fault, message),
+    }
+
+
+def _next(state: State, part: PartPlace) -> str:
+    """Return what to do next; where nothing moves, with what the peg asks for."""
+    remedy = REMEDIES[part].replace("CLEARED", 'press "Peg taken away"').replace("`recover`", "recover")
+    is_asked_for = state in WAITING and part not in (PartPlace.RACK, PartPlace.BIN)
+    return NEXT.get(state, "") + (f" The part: {remedy}." if is_asked_for else "")
+
+
+def _fault(code: int, message: str) -> dict[str, object] | None:
+    if code == FaultCode.NONE:
+        return None
+    text = FAULTS[FaultCode(code)]
+    return {
+        "code": code,
+        "name": FaultCode(code).name,
+        "message": message,
+        "meaning": text.meaning,
+        "cause": text.cause,
+        "remedy": text.remedy,
+    }
+
+
+def own(image: ReportImage) -> dict[str, object]:
+    """Return what one page alone sees of its report: its lease, and what became of its last command."""
+    refusal = Refusal(image.refusal)
+    return {
+        "lease": LeaseState(image.lease).name.lower(),
+        "answered": image.answered,
+        "refusal": REFUSED.get(refusal, refusal.name.lower()) if refusal else "",
+    }
+
+
+def row(run: RunRow) -> dict[str, object]:
+    """Return a run on record as the page lists it."""
+    fault = FAULTS[FaultCode(run.fault)].meaning if run.fault in set(FaultCode) and run.fault else ""
+    return {
+        "run": run.run,
+        "started": run.started,
+        "program": run.program,
+        "recipe": run.recipe,
+        "serial": run.serial,
+        "source": run.source,
+        "outcome": run.outcome,
+        "stage": run.stage,
+        "reason": run.reason,
+        "fault": run.fault,
+        "meaning": fault,
+        "message": run.message,
+        "cycle_time": round(run.cycle_time, 2) if run.cycle_time is not None else None,
+        "peak_force": round(run.peak_force, 1) if run.peak_force is not None else None,
+    }

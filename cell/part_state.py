@@ -1,0 +1,246 @@
+"""Where the peg is, and how the cell knows: values and decisions; pure.
+
+sensor                 evidence of a scan          decision              who reads it
+---------------------  --------------------------  --------------------  ------------------------------------------
+width of the hand  --> is_gripping, width     --.
+skin --> theta     --> end of the peg, depth  ----> after() --> PartState --> report_part, report_part_depth,
+arm                                           --'                          run's record, `cell watch`, file beside
+switch             --> closed or open         --'                          the journal, condition of the next start
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from drivers.parts import Hole, Job, Point
+from drivers.quantities import ArmState, GripperState, SwitchState, Vector
+from plc_bridge.messages import PartPlace, Refusal
+from skills.seating import CLOSED_TOLERANCE, depth_of
+
+IN_HOLE_DEPTH = 0.004
+"""Depth by the arm from which the end of a held peg is taken to be in the hole, m: the arm knows heights no better."""
+WIDTH_TOLERANCE = 0.0015
+"""Largest difference between the pads' distance and the peg's width where the peg is between them, m."""
+HOLE_MARGIN = 0.005
+"""Reach of the hole's place beyond `hole.area`, m."""
+SLOT_REACH = 0.01
+"""Distance from a slot's axis within which a peg that is let go below the rack's surface stands in the slot, m."""
+BIN_REACH = 0.05
+"""Distance from the middle of the reject bin within which a peg that is let go falls into it, m."""
+
+UNRESOLVED = (PartPlace.UNKNOWN, PartPlace.IN_HAND, PartPlace.ON_PLATE, PartPlace.IN_HOLE)
+"""Places that a peg must leave before the next one can be taken."""
+IN_THE_HOLE = (PartPlace.IN_HOLE, PartPlace.SEATED)
+"""Places in the hole, part of the way or all of it."""
+RECOVERED = (PartPlace.IN_HAND, PartPlace.IN_HOLE)
+"""Places that `recover` can take a held peg from."""
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """Evidence of the peg in one look at the devices."""
+
+    width: float
+    """Distance between the pads, m."""
+    is_gripping: bool
+    is_moving: bool
+    tip: tuple[float, float, float]
+    """Place of the end of a peg in the hand, by arm and skin, m, base frame."""
+    theta: float
+    """In-hand angle by the skin, rad."""
+    switch: SwitchState
+
+
+@dataclass(frozen=True, slots=True)
+class PartState:
+    """Place of the peg, and what tells so."""
+
+    place: PartPlace
+    evidence: str
+    """Evidence of the place, one line."""
+    is_held: bool = False
+    """Whether the hand holds the peg."""
+    depth: float = 0.0
+    """Depth of the peg's end below the plate's surface, m; 0 where it is neither in the hole nor seated."""
+    tip: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Place of the peg's end when it was seen last, m, base frame; zeros before it was in the hand."""
+    was_in_hole: bool = False
+    """Whether the peg has stood in the hole since the hand took hold of it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Places:
+    """The places where a peg can be."""
+
+    thickness: float
+    """Width of the peg between the pads, m."""
+    hole: Hole
+    slots: tuple[Point, ...]
+    """Middle of each slot on the rack's surface, m, base frame."""
+    bin: Point
+
+
+def places_of(job: Job, bin_at: Point) -> Places:
+    """Return the places of a job; `bin_at` is the place above the reject bin, m, base frame."""
+    rack = job.rack
+    x, y, z = rack.first
+    slots = tuple((x, y + rack.pitch * number, z) for number in range(rack.slots))
+    return Places(job.peg.part.thickness, job.hole, slots, bin_at)
+
+
+def evidence_of(arm: ArmState, hand: GripperState, switch: SwitchState, tip: Vector, theta: float) -> Evidence:
+    """Return what was read of the devices at one time as evidence; `tip` is the end of a peg in the hand, m, base frame."""
+    where = arm.tcp.position if not np.isfinite(tip).all() else tip
+    x, y, z = (float(value) for value in where)
+    return Evidence(hand.width, hand.is_gripping, hand.is_moving, (x, y, z), theta, switch)
+
+
+def at_start(kept: PartState | None, seen: Evidence, places: Places) -> PartState:
+    """Return where the peg is when the program begins.
+
+    Args:
+        kept: As the program before it left it; None where there is no record of it.
+        seen: The first look at the devices.
+        places: Where a peg can be.
+    """
+    if _is_between(seen, places):
+        return _held(seen, places)
+    if kept is None:
+        place = PartPlace.SEATED if seen.switch is SwitchState.CLOSED else PartPlace.RACK
+        return PartState(place, f"no record of a peg; hand empty, switch {seen.switch}")
+    if kept.is_held:
+        return replace(
+            kept,
+            place=PartPlace.UNKNOWN,
+            is_held=False,
+            evidence=f"{_word(kept.place)} when the program ended; the hand is empty now",
+        )
+    return _left_alone(kept, seen)
+
+
+def after(before: PartState, seen: Evidence, places: Places, is_running: bool) -> PartState:
+    """Return where the peg is after one more look at the devices.
+
+    Args:
+        before: Where it was.
+        seen: What the look told.
+        places: Where a peg can be.
+        is_running: A skill moves the cell; else a hand that opens was opened by somebody else.
+    """
+    if _is_between(seen, places):
+        now = _held(seen, places)
+        return replace(now, was_in_hole=now.place in IN_THE_HOLE or (before.is_held and before.was_in_hole))
+    if before.is_held:
+        if seen.is_moving:
+            return before
+        if _is_slack(seen, places):
+            return replace(
+                before,
+                place=PartPlace.UNKNOWN,
+                is_held=False,
+                evidence=f"the hand does not grip, {_mm(seen.width)} open at a peg of {_mm(places.thickness)}",
+            )
+        return _let_go(before, seen, places, is_running)
+    return _left_alone(before, seen) if not is_running else before
+
+
+def after_run(before: PartState, seen: Evidence, places: Places) -> PartState:
+    """Return where the peg is when a run has ended: a seated peg whose switch has opened since came along or jumped out."""
+    now = after(before, seen, places, is_running=True)
+    if now.place is PartPlace.SEATED and not now.is_held and seen.switch is not SwitchState.CLOSED:
+        return replace(now, place=PartPlace.UNKNOWN, evidence=f"was seated and let go; the switch is {seen.switch} now")
+    return now
+
+
+def _is_between(seen: Evidence, places: Places) -> bool:
+    return seen.is_gripping and abs(seen.width - places.thickness) <= WIDTH_TOLERANCE
+
+
+def _is_slack(seen: Evidence, places: Places) -> bool:
+    return not seen.is_gripping and abs(seen.width - places.thickness) <= WIDTH_TOLERANCE
+
+
+def _held(seen: Evidence, places: Places) -> PartState:
+    """Return the state of a peg between the pads."""
+    depth = depth_of(np.array(seen.tip), places.hole)
+    hand = f"hand grips {_mm(seen.width)}"
+    if depth < IN_HOLE_DEPTH or not _is_over_hole(seen.tip, places.hole):
+        return PartState(PartPlace.IN_HAND, f"{hand}, switch {seen.switch}", True, 0.0, seen.tip)
+    is_seated = seen.switch is SwitchState.CLOSED and abs(depth - places.hole.depth) <= CLOSED_TOLERANCE
+    place = PartPlace.SEATED if is_seated else PartPlace.IN_HOLE
+    return PartState(place, f"{hand}, its end {_mm(depth)} deep, switch {seen.switch}", True, depth, seen.tip)
+
+
+def _let_go(before: PartState, seen: Evidence, places: Places, is_running: bool) -> PartState:
+    """Return the state of a peg that was in the hand a scan ago and is not any more."""
+    hand = f"hand {_mm(seen.width)} open"
+    gone = replace(before, is_held=False)
+    if before.place in IN_THE_HOLE:
+        place = PartPlace.SEATED if seen.switch is SwitchState.CLOSED else PartPlace.IN_HOLE
+        return replace(gone, place=place, evidence=f"let go {_mm(before.depth)} deep, {hand}, switch {seen.switch}")
+    if math.dist(before.tip[:2], places.bin[:2]) <= BIN_REACH:
+        return replace(gone, place=PartPlace.BIN, evidence=f"let go above the bin, {hand}")
+    if any(math.dist(before.tip[:2], slot[:2]) <= SLOT_REACH and before.tip[2] < slot[2] for slot in places.slots):
+        return replace(gone, place=PartPlace.RACK, evidence=f"let go in its slot, {hand}")
+    if before.was_in_hole and _is_over_hole(before.tip, places.hole):
+        return replace(gone, place=PartPlace.UNKNOWN, evidence=f"lost over the hole after it stood in it, {hand}")
+    height = _mm(-depth_of(np.array(before.tip), places.hole))
+    if not is_running:
+        return replace(gone, place=PartPlace.UNKNOWN, evidence=f"the hand was opened outside a run, {hand}")
+    return replace(gone, place=PartPlace.ON_PLATE, evidence=f"fell from {height} above the plate, {hand}")
+
+
+def _left_alone(before: PartState, seen: Evidence) -> PartState:
+    """Return the state of a peg that nobody holds while the cell waits: whoever takes a seated one away opens the switch."""
+    if before.place is PartPlace.SEATED and seen.switch is SwitchState.OPEN:
+        return PartState(PartPlace.RACK, "the seated peg was taken away: the switch is open")
+    return before
+
+
+def _is_over_hole(tip: tuple[float, float, float], hole: Hole) -> bool:
+    return all(abs(tip[k] - hole.centre[k]) <= hole.area[k] / 2 + HOLE_MARGIN for k in range(2))
+
+
+def refusal_of(part: PartState, switch: SwitchState, is_rack_empty: bool, recovers_first: bool) -> Refusal:
+    """Return why no fresh peg can be taken now, or NONE.
+
+    Args:
+        part: Where the last peg is.
+        switch: What the switch under the hole says.
+        is_rack_empty: All slots have been emptied.
+        recovers_first: A held peg is cleared away before the program begins.
+    """
+    if part.place in UNRESOLVED and not (recovers_first and part.is_held and part.place in RECOVERED):
+        return Refusal.PART_UNRESOLVED
+    if switch is SwitchState.UNKNOWN:
+        return Refusal.SWITCH_UNKNOWN
+    if switch is SwitchState.CLOSED:
+        return Refusal.HOLE_OCCUPIED
+    return Refusal.RACK_EMPTY if is_rack_empty else Refusal.NONE
+
+
+REMEDIES = {
+    PartPlace.RACK: "ready: the next peg is in the rack",
+    PartPlace.BIN: "ready: the last peg is in the reject bin",
+    PartPlace.SEATED: "the peg is seated: take the workpiece away before the next start",
+    PartPlace.IN_HAND: "the hand holds a peg: run `recover`",
+    PartPlace.IN_HOLE: "a peg stands in the hole: where the hand holds it run `recover`; else draw it out, then give CLEARED",
+    PartPlace.ON_PLATE: "a peg lies on the plate: a person must take it away, then give CLEARED",
+    PartPlace.UNKNOWN: "nobody knows where the peg is: look at hand, hole and plate, take it away, then give CLEARED",
+}
+"""Remedy by the peg's place."""
+
+
+def told(part: PartState) -> str:
+    """Return where the peg is, what tells so, and what to do, as one line for a technician."""
+    depth = f", {_mm(part.depth)} deep" if part.depth > 0.0 else ""
+    return f"peg {_word(part.place)}{depth} ({part.evidence}): {REMEDIES[part.place]}"
+
+
+def _word(place: PartPlace) -> str:
+    return place.name.lower().replace("_", " ")
+
+
+def _mm(length: float) -> str:
+    return f"{1e3 * length:.1f} mm"

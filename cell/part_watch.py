@@ -1,0 +1,161 @@
+"""Watches the peg of a cell through its devices: the state, the report's fields of it, conditions of a start, and proof of success."""
+
+import logging
+import math
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+from cell.assembly import Cell
+from cell.config import CellConfig
+from cell.custody import Custody
+from cell.part_state import UNRESOLVED, Evidence, Places, evidence_of, places_of, told
+from cell.record import Ending
+from cell.success import LastLook, Proof, judged
+from drivers.errors import CellError
+from drivers.frames import end_point
+from drivers.quantities import ArmState, GripperState, SwitchState
+from plc_bridge.messages import PartPlace, Refusal, Report
+from skills.catalogue import RECOVER
+from skills.contract import Observation, SkillContext
+from skills.entry import Claim, Entry
+from skills.flow import StageRecord
+
+logger = logging.getLogger(__name__)
+
+
+class PartWatch:
+    """Where the peg of one cell is; for the scan thread."""
+
+    def __init__(self, cell: Cell, context: SkillContext, folder: Path) -> None:
+        """Take the opened cell, the context of its skills, and the journal's folder."""
+        self._cell, self._context = cell, context
+        self._custody = Custody(folder, cell.config.arm.kind)
+        self._places = _places(cell.config)
+        self._proof, self._is_running, self._has_looked = Proof(), False, False
+        self._hole, self._peak_force = (0.0, 0.0), 0.0
+
+    # What is seen.
+
+    def begin(self, config: CellConfig) -> None:
+        """A run with this config begins."""
+        self._places, self._is_running = _places(config), True
+        self._proof, self._hole, self._peak_force = Proof(), (0.0, 0.0), 0.0
+
+    def see(self, seen: Observation) -> None:
+        """Take one scan, in a run or outside one."""
+        evidence = evidence_of(seen.arm, seen.gripper, seen.switch, seen.tip, seen.peg.theta)
+        self._tell(self._custody.see(evidence, self._places, self._is_running))
+        if not self._is_running:
+            return
+        self._proof = self._proof.after(seen)
+        self._peak_force = max(self._peak_force, math.hypot(*seen.arm.wrench.force))
+        part = self._custody.part
+        if part.is_held and part.place in (PartPlace.IN_HOLE, PartPlace.SEATED):
+            self._hole = part.tip[:2]
+
+    def look(self) -> None:
+        """Look at arm, hand and switch outside a run; whatever does not answer, the peg is where it was."""
+        with suppress(Exception):
+            self._see_now(*self._devices())
+
+    def judge(self, claim: Claim, ending: Ending, records: Sequence[StageRecord]) -> Ending:
+        """Return how the run under way ended by the evidence; the arm stands still.
+
+        Raises:
+            CellError: A device does not answer, or the skills say success and the evidence says otherwise.
+        """
+        arm, hand, switch = self._devices()
+        self._end(arm, hand, switch)
+        look = LastLook(hand, arm.tcp.position, switch)
+        return judged(claim, ending, records, self._proof, look, self._custody.part, self._context.job)
+
+    def end(self) -> None:
+        """The run has ended, in whatever way."""
+        if self._is_running:
+            with suppress(Exception):
+                self._end(*self._devices())
+            self._custody.keep(is_lasting=True)
+        self._is_running = False
+
+    def _end(self, arm: ArmState, hand: GripperState, switch: SwitchState) -> None:
+        self._tell(self._custody.end(self._evidence(arm, hand, switch), self._places))
+
+    # What follows from it.
+
+    def refusal(self, entry: Entry, config: CellConfig) -> Refusal:
+        """Return why a program cannot be started with this config now, or NONE."""
+        if not entry.starts_empty:
+            return Refusal.NONE
+        if self._custody.part.place is PartPlace.SEATED and not self._custody.part.is_held:
+            self._cell.exchange()
+        self.look()
+        try:
+            switch = self._cell.switch.read()
+        except CellError:
+            switch = SwitchState.UNKNOWN
+        found = self._custody.refusal(switch, config.rack, config.params(RECOVER).first)
+        if found is not Refusal.NONE:
+            logger.warning("%s refused, %s: %s", entry.name, found.name, told(self._custody.part))
+        return found
+
+    @property
+    def is_resolved(self) -> bool:
+        """Whether the last peg is where it may stay, so that the next one can be taken."""
+        return self._custody.part.place not in UNRESOLVED
+
+    def take(self, config: CellConfig) -> int:
+        """Return the slot that the next peg is taken from."""
+        return self._custody.take(config.rack)
+
+    def refill(self) -> None:
+        """The rack has been filled."""
+        self._custody.refill()
+        self._cell.refill()
+
+    def clear(self) -> None:
+        """A person has taken the peg away."""
+        self._cell.clear()
+        self._custody.clear()
+        self.look()
+
+    def filled(self, report: Report) -> Report:
+        """Return a report with what is known of the peg."""
+        part = self._custody.part
+        # What the run's search says of the hole at the end is better than where the peg went in; a run that is under way
+        # has not found that of the last one.
+        hole = report.hole if any(report.hole) and not self._is_running else self._hole
+        values = (part.place, part.depth, hole, self._peak_force)
+        if values == (report.part, report.part_depth, report.hole, report.peak_force):
+            return report
+        return replace(report, part=values[0], part_depth=values[1], hole=values[2], peak_force=values[3])
+
+    @property
+    def told(self) -> str:
+        """Where the peg is, what tells so, and what to do, as one line."""
+        return told(self._custody.part)
+
+    def _devices(self) -> tuple[ArmState, GripperState, SwitchState]:
+        return self._context.arm.read(), self._cell.gripper.read(), self._cell.switch.read()
+
+    def _see_now(self, arm: ArmState, hand: GripperState, switch: SwitchState) -> None:
+        self._tell(self._custody.see(self._evidence(arm, hand, switch), self._places, self._is_running))
+
+    def _evidence(self, arm: ArmState, hand: GripperState, switch: SwitchState) -> Evidence:
+        in_hand = self._context.in_hand()
+        tip, _ = end_point(arm.tcp, in_hand.theta, in_hand.length)
+        return evidence_of(arm, hand, switch, tip, in_hand.theta)
+
+    def _tell(self, is_new: bool) -> None:
+        if not is_new:
+            return
+        # A peg that is where it belongs when the program begins is no news.
+        level = logging.INFO if self._has_looked else logging.WARNING
+        if self._has_looked or not self.is_resolved:
+            logger.log(level, "%s", self.told)
+        self._has_looked = True
+
+
+def _places(config: CellConfig) -> Places:
+    return places_of(config.job(), config.params(RECOVER).bin)

@@ -1,0 +1,70 @@
+"""Logging that never waits: lines go through a bounded queue to a thread that writes them, and are dropped when nobody reads."""
+
+import logging
+import threading
+from collections import deque
+from typing import TextIO
+
+MOST = 10_000
+"""Lines that may wait."""
+FLUSH_TIME = 1.0
+"""Longest time at the end for what waits, s."""
+
+
+class PatientHandler(logging.Handler):
+    """Writes lines to a stream on a thread of its own; whoever logs never waits for whoever reads the stream."""
+
+    def __init__(self, stream: TextIO) -> None:
+        """Take the stream."""
+        super().__init__()
+        self._stream = stream
+        self._lines: deque[str] = deque()
+        self._changed = threading.Condition()
+        self._is_writing, self._is_closed = False, False
+        self.dropped = 0
+        """Lines that were not written because too many waited."""
+        threading.Thread(target=self._write, name="log", daemon=True).start()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Queue one line."""
+        line = self.format(record)
+        with self._changed:
+            if len(self._lines) >= MOST:
+                self.dropped += 1
+                return
+            self._lines.append(line)
+            self._changed.notify_all()
+
+    def flush(self) -> None:
+        """Wait a moment until what was logged is written."""
+        with self._changed:
+            self._changed.wait_for(lambda: not self._lines and not self._is_writing, FLUSH_TIME)
+
+    def close(self) -> None:
+        """End the thread, after what is queued unless nobody reads it."""
+        super().close()
+        with self._changed:
+            self._is_closed = True
+            self._changed.notify_all()
+
+    def _write(self) -> None:
+        told = 0
+        while True:
+            with self._changed:
+                self._is_writing = False
+                self._changed.notify_all()
+                self._changed.wait_for(lambda: bool(self._lines) or self._is_closed)
+                if not self._lines:
+                    return
+                lines = [*self._lines]
+                self._lines.clear()
+                self._is_writing = True
+                if self.dropped > told:
+                    lines.append(f"{self.dropped - told} lines of the log were dropped: nobody read them")
+                    told = self.dropped
+            try:
+                self._stream.write("".join(f"{line}\n" for line in lines))
+                self._stream.flush()
+            except (OSError, ValueError):
+                # Whoever read has left, or the stream is closed; the cell goes on without a log.
+                continue

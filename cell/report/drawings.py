@@ -1,0 +1,102 @@
+"""The facts of a report as drawings."""
+
+from collections.abc import Callable
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from cell.report.facts import Facts
+
+GOOD, BAD, PLAIN, FAINT = "#228833", "#bb4455", "#4477aa", "#9aa5ad"
+"""Colours that colour-blind readers can tell apart."""
+MOST_LOSSES, MOST_DAYS = 8, 31
+
+
+def draw(facts: Facts) -> Figure:
+    """Return one figure with the drawings of a report, of A4's shape."""
+    figure = Figure(figsize=(11.7, 8.3), layout="constrained")
+    places = figure.subplot_mosaic([["yield", "losses"], ["stages", "losses"], ["forces", "drift"]])
+    kinds: dict[str, Callable[[Axes, Facts], None]] = {
+        "yield": _yield,
+        "losses": _losses,
+        "stages": _stages,
+        "forces": _forces,
+        "drift": _drift,
+    }
+    for name, kind in kinds.items():
+        kind(places[name], facts)
+        places[name].title.set_fontsize(11)
+        places[name].spines[["top", "right"]].set_visible(False)
+    return figure
+
+
+def _yield(axes: Axes, facts: Facts) -> None:
+    days = list(facts.by_day)[-MOST_DAYS:]
+    axes.set_title(f"Yield by day with its 95 % interval, n = {facts.total.runs}")
+    for place, (_, day) in enumerate(days):
+        low, high = day.interval
+        axes.plot([place, place], [100 * low, 100 * high], color=FAINT, lw=4)
+        axes.plot(place, 100 * (day.share or 0.0), "o", color=GOOD)
+    every = max(1, len(days) // 8)
+    axes.set_xticks(range(0, len(days), every), [f"{day[5:]}\n{found.runs}" for day, found in days[::every]])
+    axes.set_ylim(0, 103)
+    axes.set_ylabel("yield (%)")
+    axes.set_xlabel("day, local time, and its runs")
+
+
+def _losses(axes: Axes, facts: Facts) -> None:
+    losses = list(facts.losses)[:MOST_LOSSES]
+    axes.set_title("Why runs did not succeed")
+    if not losses:
+        axes.text(
+            0.5, 0.5, "every run succeeded" if facts.total.runs else "no runs", ha="center", transform=axes.transAxes
+        )
+        axes.set_axis_off()
+        return
+    rows = range(len(losses))
+    axes.barh(rows, [loss.count for loss in losses], color=BAD, height=0.6)
+    for row, loss in zip(rows, losses, strict=True):
+        axes.text(0.02 * losses[0].count, row - 0.42, loss.what, fontsize=8, va="center")
+        axes.text(loss.count, row, f" {loss.count}, together {100 * loss.cumulative:.0f} %", fontsize=8, va="center")
+    axes.set_xlim(0, 1.5 * losses[0].count)
+    axes.set_ylim(len(losses) - 0.4, -0.7)
+    axes.set_yticks([])
+    axes.set_xlabel("runs")
+
+
+def _stages(axes: Axes, facts: Facts) -> None:
+    axes.set_title("Time by stage, median and 95th percentile of successful runs")
+    names = []
+    for row, stage in enumerate(facts.stages):
+        names.append(f"{stage.name.replace('_', ' ')}, n = {stage.n}")
+        for times, colour, shift in ((stage.whole, FAINT, 0.14), (stage.counted, PLAIN, -0.14)):
+            if times is not None:
+                axes.barh(row + shift, times["median"], height=0.26, color=colour)
+                axes.plot([times["median"], times["p95"]], [row + shift] * 2, color="#333333", lw=1)
+    axes.set_yticks(range(len(names)), names, fontsize=8)
+    axes.invert_yaxis()
+    axes.set_xlabel("s; blue the stage alone, grey with the way to its place")
+
+
+def _forces(axes: Axes, facts: Facts) -> None:
+    axes.set_title(f"Largest force of each run, n = {len(facts.forces)}")
+    if facts.forces:
+        axes.hist(facts.forces, bins=min(30, max(5, len(facts.forces) // 3)), color=PLAIN)
+        axes.axvline(float(np.median(facts.forces)), color="#333333", lw=1, ls="--", label="median")
+        axes.legend(fontsize=8)
+    axes.set_xlabel("N")
+    axes.set_ylabel("runs")
+
+
+def _drift(axes: Axes, facts: Facts) -> None:
+    axes.set_title("Residual of theta after the grasp")
+    if facts.residuals:
+        time, value = np.array(facts.residuals).T
+        axes.plot(time, value, ".", color=FAINT, ms=4)
+        if facts.drift is not None:
+            middle = value.mean() + facts.drift.per_day * (time - time.mean())
+            axes.plot(time, middle, color=BAD if facts.drift.is_shown else PLAIN, lw=1.5)
+    axes.set_ylim(bottom=0)
+    axes.set_xlabel("days since the first run; pads that wear let it rise")
+    axes.set_ylabel("residual (0 to 1)")

@@ -1,0 +1,56 @@
+"""The choice of runs that a question is about, from words to the index's own language; pure."""
+
+import re
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+
+from drivers.errors import ConfigError
+
+OUTCOMES = ("success", "failure", "aborted", "fault", "lost", "running")
+"""Outcomes that a run on record can have, the one of a running run included."""
+_SPAN = re.compile(r"(\d{1,6})([mhdw])")
+_UNITS = {"m": "minutes", "h": "hours", "d": "days", "w": "weeks"}
+
+
+@dataclass(frozen=True, slots=True)
+class RunQuery:
+    """Conditions on runs, all of which have to hold; None sets no condition."""
+
+    since: str = ""
+    """Earliest start of a run, wall time, ISO 8601 UTC."""
+    outcome: str | None = None
+    fault: int | None = None
+    serial: str | None = None
+    """Serial number of the part."""
+    program: str | None = None
+    recipe: int | None = None
+
+    def where(self) -> tuple[str, list[object]]:
+        """Return a condition on the table `runs` and the values of its marks."""
+        wanted = {
+            "outcome": self.outcome,
+            "fault": self.fault,
+            "serial": self.serial,
+            "program": self.program,
+            "recipe": self.recipe,
+        }
+        given = {name: value for name, value in wanted.items() if value is not None}
+        text = " AND ".join(["started >= ?", *(f"{name} = ?" for name in given)])
+        return text, [self.since, *given.values()]
+
+
+def since_text(text: str, now: datetime) -> str:
+    """Return the wall time that a span back from `now`, as in 7d, or a date and time names, as records have it.
+
+    Raises:
+        ConfigError: It is neither.
+    """
+    span = _SPAN.fullmatch(text)
+    try:
+        back = timedelta(**{_UNITS[span[2]]: int(span[1])}) if span else timedelta()
+        moment = now - back if span else datetime.fromisoformat(text)
+    except (ValueError, OverflowError):
+        raise ConfigError(
+            f"--since {text}: 30m, 12h, 7d, 4w or a date as 2025-01-31 or 2025-01-31T06:00 in local time allowed"
+        ) from None
+    return moment.astimezone(UTC).isoformat(timespec="milliseconds")

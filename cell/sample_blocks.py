@@ -1,0 +1,124 @@
+"""The samples of a second of scans as arrays: filled by the scan, written elsewhere."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from drivers import frames
+from drivers.quantities import FINGERS, TAXELS, ImpedanceSetpoint, Pose, SwitchState, Vector
+from drivers.scene_facts import Sight
+from skills.contract import Observation
+
+COLUMNS: tuple[str, ...] = (
+    "stamp",
+    "stage",
+    "tip_x",
+    "tip_y",
+    "tip_z",
+    "axis_x",
+    "axis_y",
+    "axis_z",
+    "theta",
+    "theta_stamp",
+    "tcp_x",
+    "tcp_y",
+    "tcp_z",
+    "force_x",
+    "force_y",
+    "force_z",
+    "setpoint_x",
+    "setpoint_y",
+    "setpoint_z",
+    "width",
+    "switch",
+    "frame",
+    "true_peg_x",
+    "true_peg_y",
+    "true_peg_z",
+    "true_peg_qw",
+    "true_peg_qx",
+    "true_peg_qy",
+    "true_peg_qz",
+    "true_hole_x",
+    "true_hole_y",
+    "true_hole_z",
+    "true_hole_qw",
+    "true_hole_qx",
+    "true_hole_qy",
+    "true_hole_qz",
+)
+"""Columns in SI units, base frame; `switch` is 1 closed, 0 open, -1 unknown; `frame` is the taxel frame's sequence
+number.
+
+Columns that begin with `true_` are known to no sensor: a simulated cell records them for pictures, a physical one
+leaves them NaN. The peg's frame is in the peg's middle with z from its end upward, the hole's in the middle of its
+mouth with z outward.
+"""
+TAXEL_COLUMNS = tuple(f"taxel_{finger}_{taxel}" for finger in ("left", "right") for taxel in range(TAXELS))
+"""Columns of `taxels` in CSV, counts, one for each taxel."""
+BATCH = 100
+"""Number of rows that are written at once; one second at the usual scan rate."""
+_SWITCH = {SwitchState.CLOSED: 1.0, SwitchState.OPEN: 0.0, SwitchState.UNKNOWN: -1.0}
+_TRUTH = COLUMNS.index("true_peg_x")
+_NO_SETPOINT, _NO_SIGHT = np.full(3, np.nan), np.full(14, np.nan)
+
+
+@dataclass(slots=True, eq=False)
+class SampleBlock:
+    """Samples of up to `BATCH` scans."""
+
+    values: Vector = field(default_factory=lambda: np.empty((len(COLUMNS), BATCH)))
+    """Values of `COLUMNS`, shape (columns, BATCH)."""
+    taxels: Vector = field(default_factory=lambda: np.empty((BATCH, FINGERS * TAXELS)))
+    """Readings of the taxels, counts, shape (BATCH, 40)."""
+    joints: list[list[float]] = field(default_factory=list)
+    """Joint positions of each scan, rad."""
+    used: int = 0
+    """Number of scans in the block."""
+
+    @property
+    def is_full(self) -> bool:
+        """Whether it holds `BATCH` scans."""
+        return self.used == BATCH
+
+    def add(self, seen: Observation, setpoint: ImpedanceSetpoint | None, stage: int, sight: Sight | None) -> None:
+        """Add one scan with the setpoint that was held, the stage's number, and where peg and hole really were."""
+        row = self.values[:, self.used]
+        row[0], row[1] = seen.stamp, stage
+        row[2:5], row[5:8] = seen.tip, seen.axis
+        row[8], row[9] = seen.peg.theta, seen.peg.stamp
+        row[10:13], row[13:16] = seen.arm.tcp.position, seen.arm.wrench.force
+        row[16:19] = _NO_SETPOINT if setpoint is None else setpoint.tip
+        row[19], row[20], row[21] = seen.gripper.width, _SWITCH[seen.switch], seen.frame.sequence
+        row[_TRUTH : _TRUTH + 14] = _NO_SIGHT if sight is None else (*_seven(sight.peg), *_seven(sight.hole))
+        self.taxels[self.used] = seen.frame.values.reshape(-1)
+        self.joints.append(seen.arm.q.tolist())
+        self.used += 1
+
+
+class SampleStream:
+    """Collects the scans of one run, and hands over every block that is full."""
+
+    def __init__(self, write: Callable[[SampleBlock], None]) -> None:
+        """Take who is given each block; it is not touched afterwards."""
+        self._write = write
+        self._block = SampleBlock()
+
+    def add(
+        self, seen: Observation, setpoint: ImpedanceSetpoint | None, stage: int, sight: Sight | None = None
+    ) -> None:
+        """Add one scan with the setpoint that was held, the stage's number, and where peg and hole really were."""
+        self._block.add(seen, setpoint, stage, sight)
+        if self._block.is_full:
+            self._write(self.rest())
+
+    def rest(self) -> SampleBlock:
+        """Return the block that is not full yet, and begin another."""
+        block, self._block = self._block, SampleBlock()
+        return block
+
+
+def _seven(pose: Pose) -> tuple[float, ...]:
+    """Return position and quaternion, wxyz, of a pose."""
+    return (*pose.position.tolist(), *frames.quaternion(pose.rotation))

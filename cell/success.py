@@ -1,0 +1,156 @@
+"""The one gate for success: what a run must have shown before the supervisor calls it one; pure."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cell.part_state import UNRESOLVED, WIDTH_TOLERANCE, PartState
+from cell.record import Ending
+from drivers.errors import CellError, SuccessUnprovenError, SwitchDisagreesError
+from drivers.parts import Job
+from drivers.quantities import GripperState, SwitchState, Vector
+from plc_bridge.messages import PartPlace
+from skills.contract import Observation, Outcome, Reason
+from skills.entry import Claim
+from skills.flow import StageRecord
+from skills.seating import CLOSED_TOLERANCE
+from skills.surface import Plane, nominal
+
+SEATED_TOLERANCE = 0.002
+"""Largest difference between the depth of a seated peg, from the surface that its search has felt, and the hole's, m."""
+PLANE_TOLERANCE = 0.005
+"""Largest distance of a felt surface from where the job says that the plate is, m."""
+AWAY = 0.03
+"""Least distance between the hand and where it held the peg, once the hand has let go and drawn back, m."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Proof:
+    """What a run has shown so far."""
+
+    was_open: bool = False
+    """The switch was open at some time of the run."""
+    seated_tip: Vector | None = None
+    """End of the held peg where the switch closed after that, shape (3,), m, base frame."""
+    seated_hand: Vector | None = None
+    """Where the hand was then, shape (3,), m, base frame."""
+
+    def after(self, seen: Observation) -> "Proof":
+        """Return what is shown after one more scan; a switch that opens again takes its proof back while the peg is held."""
+        if seen.switch is SwitchState.OPEN and seen.gripper.is_gripping:
+            return Proof(was_open=True)
+        if seen.switch is SwitchState.OPEN:
+            return replace(self, was_open=True)
+        is_new = self.was_open and self.seated_tip is None and seen.gripper.is_gripping
+        if is_new and seen.switch is SwitchState.CLOSED:
+            return Proof(True, seen.tip.copy(), seen.arm.tcp.position.copy())
+        return self
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LastLook:
+    """The devices when the arm stands still after a run."""
+
+    hand: GripperState
+    tcp: Vector
+    """Shape (3,), m, base frame."""
+    switch: SwitchState
+
+
+def judged(
+    claim: Claim,
+    ending: Ending,
+    records: Sequence[StageRecord],
+    proof: Proof,
+    look: LastLook,
+    part: PartState,
+    job: Job,
+) -> Ending:
+    """Return how a run ended by the evidence.
+
+    Args:
+        claim: What a success of the program says.
+        ending: How it ended by the word of its skills.
+        records: Its stages.
+        proof: What the run has shown.
+        look: The devices at its end.
+        part: Where the peg is at its end.
+        job: The part and its place.
+
+    Raises:
+        SuccessUnprovenError: The skills say success, and what it needs is not there.
+        SwitchDisagreesError: The switch closed with the peg's end elsewhere than seated.
+    """
+    if ending.outcome is not Outcome.SUCCESS:
+        return ending
+    if claim is Claim.FREED:
+        return _freed(ending, look, part, job)
+    if claim is Claim.HELD and not part.is_held:
+        raise _unproven(f"the hand is to hold a peg; found {part.evidence}")
+    if claim in (Claim.SEATED, Claim.INSERTED):
+        _require_seated(_plane(records, job), proof, look, job)
+    if claim is Claim.INSERTED:
+        _require_gone(proof, look, job)
+    if claim is Claim.LEFT and part.place is not PartPlace.SEATED:
+        return Ending(Outcome.FAILURE, ending.stage, Reason.NOT_SEATED)
+    return ending
+
+
+def _freed(ending: Ending, look: LastLook, part: PartState, job: Job) -> Ending:
+    if not _is_open(look.hand, job):
+        return Ending(Outcome.FAILURE, ending.stage, Reason.STILL_HELD)
+    if part.place in UNRESOLVED:
+        return Ending(Outcome.FAILURE, ending.stage, Reason.PART_LEFT)
+    return ending
+
+
+def _require_seated(plane: Plane | None, proof: Proof, look: LastLook, job: Job) -> None:
+    if not proof.was_open:
+        raise _unproven("the switch was never open in this run")
+    if look.switch is not SwitchState.CLOSED:
+        raise _unproven(f"the switch is {look.switch} at the end of the run; closed needed")
+    if proof.seated_tip is None:
+        raise _unproven("the switch did not close while the hand held the peg")
+    surface, tolerance = (plane, SEATED_TOLERANCE) if plane is not None else (nominal(job.hole), CLOSED_TOLERANCE)
+    depth = surface.depth(proof.seated_tip)
+    if not abs(depth - job.hole.depth) <= tolerance:
+        raise SwitchDisagreesError(
+            f"switch closed with the tip {1e3 * depth:.1f} mm deep; {1e3 * job.hole.depth:.1f} mm"
+            f" +- {1e3 * tolerance:.0f} mm expected"
+        )
+
+
+def _require_gone(proof: Proof, look: LastLook, job: Job) -> None:
+    if not _is_open(look.hand, job):
+        raise _unproven(
+            f"the hand is {1e3 * look.hand.width:.1f} mm open at the end of the run and must be open and empty"
+        )
+    assert proof.seated_hand is not None
+    away = math.dist(look.tcp, proof.seated_hand)
+    if not away >= AWAY:
+        raise _unproven(
+            f"the hand is {1e3 * away:.0f} mm from where it held the peg; at least {1e3 * AWAY:.0f} mm needed"
+        )
+
+
+def _is_open(hand: GripperState, job: Job) -> bool:
+    is_wide = hand.width > job.peg.part.thickness + WIDTH_TOLERANCE
+    return is_wide and not hand.is_gripping and not hand.is_moving
+
+
+def _plane(records: Sequence[StageRecord], job: Job) -> Plane | None:
+    """Return the surface that the run's last search has felt, where it can be the plate's."""
+    felt = [plane for record in records if isinstance(plane := getattr(record.result, "plane", None), Plane)]
+    if not felt:
+        return None
+    plane = felt[-1]
+    off = abs(plane.depth(np.array(job.hole.centre)))
+    if not off <= PLANE_TOLERANCE:
+        raise _unproven(f"the surface that was felt is {1e3 * off:.1f} mm off; {1e3 * PLANE_TOLERANCE:.0f} mm allowed")
+    return plane
+
+
+def _unproven(what: str) -> CellError:
+    return SuccessUnprovenError(f"success is not proven: {what}")

@@ -1,0 +1,140 @@
+"""Whether the scan keeps its time by the wall clock: late scans are counted, and one that does not come halts the arm."""
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+
+from drivers.errors import ScanOverrunError
+
+LATE = 0.2
+"""A scan that is later than this by the wall clock is taken for blocked, s."""
+GIVEN_UP = 2.0
+"""A scan that is this late when the program shall end is not waited for, s."""
+LOOK_PERIOD = 0.02
+"""Time between two looks of the watchdog, s."""
+WINDOW = 100
+"""Scans that lateness is counted over."""
+WARNED, ALLOWED = 5, 50
+"""Late scans of the window that are warned of, and that are allowed: a cell with more does not run in real time."""
+
+
+class LateScans:
+    """Counts the scans that took longer than two periods of wall time; pure, time is passed in."""
+
+    def __init__(self, period: float) -> None:
+        """Begin with none."""
+        self._period = period
+        self._before: float | None = None
+        self._late: deque[bool] = deque(maxlen=WINDOW)
+        self.count = 0
+        """Late scans since the start."""
+
+    @property
+    def is_warned(self) -> bool:
+        """Whether too many of the last scans were late."""
+        return sum(self._late) > WARNED
+
+    def rest(self) -> None:
+        """Count nothing until the next scan: what was done since the last one has no period."""
+        self._before = None
+
+    def take(self, now: float) -> None:
+        """Take the start of a scan by the wall clock, s.
+
+        Raises:
+            ScanOverrunError: More than half of the last scans were late.
+        """
+        before, self._before = self._before, now
+        if before is None:
+            return
+        is_late = now - before > 2.0 * self._period
+        self._late.append(is_late)
+        self.count += is_late
+        if sum(self._late) > ALLOWED:
+            late, self._late = sum(self._late), deque(maxlen=WINDOW)
+            raise ScanOverrunError(
+                f"scan: {late} of the last {WINDOW} took longer than {2e3 * self._period:g} ms by the wall clock; "
+                f"{ALLOWED} allowed: stop other programs, or lower scan_rate"
+            )
+
+
+def older(age: float, passed: float, *, is_simulated: bool) -> float:
+    """Return the age of the last scan, s, after `passed` seconds between two looks at it.
+
+    A watchdog that wakes late was starved together with the scan. A simulated arm stood still meanwhile, and only the
+    time that the watchdog itself was awake counts against the scan; a real arm moved on.
+    """
+    return age + (min(passed, 2.0 * LOOK_PERIOD) if is_simulated else passed)
+
+
+class Watchdog:
+    """Looks at the scan from a thread of its own while a program runs."""
+
+    def __init__(
+        self,
+        period: float,
+        *,
+        is_simulated: bool,
+        halt: Callable[[str], None],
+        stop: threading.Event,
+        give_up: Callable[[str], None],
+    ) -> None:
+        """Take what the watchdog does when a scan does not come.
+
+        Args:
+            period: Of the scan, s.
+            is_simulated: The arm stands still while the scan waits.
+            halt: Halts the arm, and is told why.
+            stop: Set where the program shall end.
+            give_up: Ends the program without the scan, and is told why.
+        """
+        self._period, self._is_simulated = period, is_simulated
+        self._halt, self._stop, self._give_up = halt, stop, give_up
+        self._thread: threading.Thread | None = None
+        self._end = threading.Event()
+        self._beats = 0
+        self._is_watching = False
+        self._blocked = ""
+
+    def start(self) -> None:
+        """Begin to look."""
+        self._end.clear()
+        self._thread = threading.Thread(target=self._look, name="watchdog", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Look no more; harmless when repeated."""
+        self._end.set()
+        if self._thread is not None:
+            self._thread.join()
+            self._thread = None
+
+    def watch(self, is_watching: bool) -> None:
+        """Say whether scans have to come now."""
+        self._beats += 1
+        self._is_watching, self._blocked = is_watching, ""
+
+    def beat(self, skill: str) -> None:
+        """Take the start of a scan of a skill.
+
+        Raises:
+            ScanOverrunError: It came so late that the arm was halted meanwhile.
+        """
+        self._beats += 1
+        if self._blocked:
+            raise ScanOverrunError(f"{skill or 'skill'}: {self._blocked}")
+
+    def _look(self) -> None:
+        age, beats, before = 0.0, -1, time.monotonic()
+        while not self._end.wait(LOOK_PERIOD):
+            now = time.monotonic()
+            age = older(age, now - before, is_simulated=self._is_simulated)
+            before = now
+            if beats != self._beats or not self._is_watching:
+                age, beats = 0.0, self._beats
+            elif age > self._period + LATE and not self._blocked:
+                self._blocked = f"no scan for {age:.2f} s; {LATE} s allowed: it computes or waits too long"
+                self._halt(self._blocked)
+            elif age > GIVEN_UP and self._stop.is_set():
+                self._give_up(self._blocked)

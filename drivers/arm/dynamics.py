@@ -1,0 +1,177 @@
+"""An arm's inertia inside the torque loop, and the damping that is critical for it; pure and compiled.
+
+`drivers.arm.inertia` answers the same question in plain numpy, for whoever asks once; the law asks a hundred times a
+second.
+"""
+
+import math
+
+import numpy as np
+
+from drivers import frames
+from drivers.arm.model import JOINTS, ArmModel
+from drivers.compiled import njit
+from drivers.quantities import Vector
+
+BODY = 10
+"""Words of one body, in the frame of its joint: mass, kg; centre of mass, m; inertia about it, xx, yy, zz, xy, xz, yz, kg·m²."""
+ROTORS = BODY * JOINTS
+WORDS = ROTORS + JOINTS
+"""Words of all seven bodies, the last with the hand, and of the rotors' inertias, kg·m²."""
+ROUNDS = 20
+"""Most rounds in which the mean of two matrices is approached; six are usual."""
+SLACK = 1e-3
+"""Least stiffness that a damping is worked out for, N/m and N·m/rad."""
+LEAST_MOBILITY = 1e-12
+"""Added to what the arm gives way to a force or torque, 1/kg and 1/(kg·m²)."""
+ALIKE = 1e-6
+"""Relative difference of the two means at which they count as one."""
+
+
+def masses(arm: ArmModel) -> Vector:
+    """Return an arm's masses as the words that the compiled functions read, shape (WORDS,)."""
+    hand, turn = arm.hand, frames.rotation_about(np.array([0.0, 0.0, 1.0]), arm.hand.turn)
+    bodies = [(link.mass, np.array(link.com), link.tensor()) for link in arm.link]
+    # The fingers count as points at the hand's centre of mass, as in `drivers.arm.inertia`.
+    at = turn @ np.array(hand.body.com) + np.array([0.0, 0.0, arm.kinematics.flange])
+    bodies[-1] = _joined(bodies[-1], (hand.body.mass + 2.0 * hand.finger.mass, at, turn @ hand.body.tensor() @ turn.T))
+    words = [(mass, *com, *np.diag(tensor), tensor[0, 1], tensor[0, 2], tensor[1, 2]) for mass, com, tensor in bodies]
+    return np.concatenate([*words, arm.joints.rotor_inertia])
+
+
+def _joined(one: tuple[float, Vector, Vector], other: tuple[float, Vector, Vector]) -> tuple[float, Vector, Vector]:
+    """Return two bodies as one: mass, centre of mass and inertia about it, shape (3, 3)."""
+    mass = one[0] + other[0]
+    com: Vector = (one[0] * one[1] + other[0] * other[1]) / mass
+    tensor = np.zeros((3, 3))
+    for part, at, own in (one, other):
+        way = at - com
+        tensor += own + part * (float(way @ way) * np.eye(3) - np.outer(way, way))
+    return mass, com, tensor
+
+
+@njit(cache=True)
+def joint_inertia(masses: Vector, rotations: Vector, origins: Vector) -> Vector:  # pragma: no cover
+    """Return the mass matrix of the arm with an empty hand, rotors included, shape (7, 7), kg·m².
+
+    Args:
+        masses: Words of the arm, from `masses`.
+        rotations: Axes of the joints' frames as columns, shape (7, 3, 3), base frame.
+        origins: Origins of those frames, shape (7, 3), m, base frame.
+    """
+    M = np.zeros((JOINTS, JOINTS))
+    com, moved, turned = np.empty(3), np.empty((JOINTS, 3)), np.empty((JOINTS, 3))
+    for body in range(JOINTS):
+        words, R = masses[BODY * body : BODY * (body + 1)], rotations[body]
+        for k in range(3):
+            com[k] = origins[body, k] + R[k, 0] * words[1] + R[k, 1] * words[2] + R[k, 2] * words[3]
+        tensor = product(product(R, _tensor(words)), R.T)
+        for i in range(body + 1):
+            ax, ay, az = rotations[i, 0, 2], rotations[i, 1, 2], rotations[i, 2, 2]
+            rx, ry, rz = com[0] - origins[i, 0], com[1] - origins[i, 1], com[2] - origins[i, 2]
+            moved[i, 0], moved[i, 1], moved[i, 2] = ay * rz - az * ry, az * rx - ax * rz, ax * ry - ay * rx
+            for k in range(3):
+                turned[i, k] = tensor[k, 0] * ax + tensor[k, 1] * ay + tensor[k, 2] * az
+        for i in range(body + 1):
+            for j in range(body + 1):
+                for k in range(3):
+                    M[i, j] += words[0] * moved[i, k] * moved[j, k] + rotations[i, k, 2] * turned[j, k]
+    for i in range(JOINTS):
+        M[i, i] += masses[ROTORS + i]
+    return M
+
+
+@njit(cache=True)
+def _tensor(words: Vector) -> Vector:  # pragma: no cover
+    """Return a body's inertia about its centre of mass, shape (3, 3), kg·m², from its words."""
+    xx, yy, zz, xy, xz, yz = words[4], words[5], words[6], words[7], words[8], words[9]
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+@njit(cache=True)
+def product(A: Vector, B: Vector) -> Vector:  # pragma: no cover
+    """Return the product of two matrices; the compiler's own would need a library of linear algebra."""
+    C = np.zeros((A.shape[0], B.shape[1]))
+    for i in range(A.shape[0]):
+        for j in range(B.shape[1]):
+            for k in range(B.shape[0]):
+                C[i, j] += A[i, k] * B[k, j]
+    return C
+
+
+@njit(cache=True)
+def inverse(A: Vector) -> Vector:  # pragma: no cover
+    """Return the inverse of a symmetric positive definite matrix, shape (n, n), by Gauss-Jordan elimination."""
+    B = A.copy()
+    n = B.shape[0]
+    for i in range(n):
+        pivot = 1.0 / B[i, i]
+        B[i, i] = 1.0
+        for j in range(n):
+            B[i, j] *= pivot
+        for k in range(n):
+            if k != i:
+                factor = B[k, i]
+                B[k, i] = 0.0
+                for j in range(n):
+                    B[k, j] -= factor * B[i, j]
+    return B
+
+
+@njit(cache=True)
+def geometric_mean(A: Vector, B: Vector) -> Vector:  # pragma: no cover
+    """Return the geometric mean of two symmetric positive definite matrices, each shape (n, n).
+
+    It is the matrix G with G A⁻¹ G = B, the common limit of the means (A + B)/2 and 2 (A⁻¹ + B⁻¹)⁻¹, taken in turns.
+    """
+    n = A.shape[0]
+    high, low = A.copy(), B.copy()
+    for _ in range(ROUNDS):
+        a, b = inverse(high), inverse(low)
+        high = 0.5 * (high + low)
+        low = inverse(0.5 * (a + b))
+        apart = 0.0
+        for i in range(n):
+            apart = max(apart, abs(high[i, i] - low[i, i]) / high[i, i])
+        if apart < ALIKE:
+            break
+    mean = 0.5 * (high + low)
+    return 0.5 * (mean + mean.T)
+
+
+@njit(cache=True)
+def inertia_at(M: Vector, J: Vector) -> Vector:  # pragma: no cover
+    """Return the inertia that a point of the hand shows, (J M⁻¹ Jᵀ)⁻¹, shape (6, 6), base frame: kg, kg·m and kg·m².
+
+    Args:
+        M: Mass matrix, shape (7, 7), kg·m².
+        J: Jacobian of the point, shape (6, 7), base frame.
+    """
+    mobility = product(product(J, inverse(M)), J.T)
+    for k in range(mobility.shape[0]):
+        # A stretched arm does not move along every direction at all: there it counts as heavy, not as infinitely so.
+        mobility[k, k] += LEAST_MOBILITY
+    L: Vector = inverse(mobility)
+    return L
+
+
+@njit(cache=True)
+def critical_damping(L: Vector, stiffness: Vector) -> Vector:  # pragma: no cover
+    """Return the damping with which every mode of an inertia on springs is critically damped, shape (6, 6).
+
+    L x'' + D x' + K x = 0 falls apart into modes in which L is one, K the squares of their rates and D twice the rates when
+    D = 2 (L # K), # the geometric mean: the double diagonalisation of [albu], for one damping ratio.
+
+    Args:
+        L: Inertia, shape (6, 6).
+        stiffness: K's diagonal, shape (6,), N/m and N·m/rad; below `SLACK` it is taken for that.
+    """
+    K = np.zeros((6, 6))
+    scale = 0.0
+    for k in range(6):
+        K[k, k] = max(stiffness[k], SLACK)
+        scale += math.log(K[k, k] / L[k, k]) / 6.0
+    # Of about one size, the two meet within a few rounds; the mean of s L and K is sqrt(s) (L # K).
+    scale = math.exp(scale)
+    D: Vector = 2.0 / math.sqrt(scale) * geometric_mean(scale * L, K)
+    return D

@@ -1,0 +1,157 @@
+"""What an arm's joints take or give beside the commanded torque, learnt while the hand moves freely; pure and compiled.
+
+A momentum observer ([deluca]) tells each joint's disturbance: the torque that was commanded and did not become motion.
+While nothing touches the hand, that is friction, what the arm's own compensation of gravity leaves over, and the inertia
+of the rotors that the model lacks:
+
+    disturbance = dry · tanh(dq / DRY_RATE) + smooth · tanh(dq / SMOOTH_RATE) + offset + rotor · ddq
+
+Recursive least squares find the four figures of each joint, from what was believed before and as sure as that was. The
+law feeds the offset forward, and friction along the motion that is commanded: a sign that comes from the setpoint closes
+no loop, as one taken from a measured velocity would.
+"""
+
+import math
+
+import numpy as np
+
+from drivers.arm.model import JOINTS, ArmModel
+from drivers.compiled import njit
+from drivers.quantities import Vector
+
+FIGURES = 4
+DRY, SMOOTH, OFFSET, ROTOR = 0, 1, 2, 3
+"""What is learnt of each joint: dry friction, friction that grows with velocity, and offset, N·m; rotor inertia beyond the
+model's, kg·m²."""
+
+DRY_RATE = 0.02
+"""Velocity at which dry friction has three quarters of its level, rad/s."""
+SMOOTH_RATE = 0.25
+"""Velocity at which smooth friction has three quarters of its level, rad/s; 0.1 to 0.4 in the published sigmoids."""
+ROTOR_DEVIATION = 0.1
+"""Standard deviation of a rotor's inertia about the model's before anything is learnt, kg·m²."""
+
+CYCLES = 5
+"""Control cycles between two updates: nothing learnt here changes faster."""
+BANDWIDTH = 30.0
+"""Rate of the observer, 1/s."""
+NOISE = 0.1
+"""Standard deviation of a disturbance that the four figures do not explain, over the observer's time, N·m."""
+MOVING = 0.03
+"""Velocity below which a joint teaches nothing, rad/s: dry friction at rest may have any value."""
+MEMORY = 60.0
+"""Time of free motion in which what is known grows as doubtful again as it was at first, s: joints warm up."""
+
+FRICTION_SHARE = 0.8
+"""Share of the learnt friction that is fed forward: more than there is would drive the arm on."""
+MOST_OFFSET = 5.0
+"""Largest offset that is fed forward, N·m: a payload of 0.7 kg at arm's length."""
+
+COUNT, IS_BEGUN, COMMANDED, INTEGRAL, RESIDUAL = 0, 1, 2, 9, 16
+"""Cycles since the last update, whether there was one, mean of the torques commanded since, and the observer."""
+PASSED = 23
+"""Three for each joint, behind the observer's low-pass: dry and smooth friction of level one, and velocity."""
+PRIOR = PASSED + 3 * JOINTS
+"""Standard deviations before anything is learnt."""
+LEARNT = PRIOR + FIGURES * JOINTS
+COVARIANCE = LEARNT + FIGURES * JOINTS
+WORDS = COVARIANCE + FIGURES * FIGURES * JOINTS
+
+
+def doubts(arm: ArmModel) -> Vector:
+    """Return the standard deviation of each figure before anything is learnt of an arm, shape (7, 4)."""
+    friction, offset = np.array(arm.joints.friction), np.array(arm.joints.offset)
+    return np.column_stack([friction, friction, offset, np.full(JOINTS, ROTOR_DEVIATION)])
+
+
+def begin(state: Vector, figures: Vector, deviations: Vector) -> None:
+    """Start anew from figures that are known so well, each shape (7, 4); `state` has shape (WORDS,)."""
+    state[:] = 0.0
+    state[PRIOR:LEARNT] = deviations.flatten()
+    state[LEARNT:COVARIANCE] = figures.flatten()
+    for joint in range(JOINTS):
+        place = COVARIANCE + FIGURES * FIGURES * joint
+        state[place : place + FIGURES * FIGURES] = np.diag(deviations[joint] ** 2).flatten()
+
+
+def pause(state: Vector) -> None:
+    """Let the observer begin anew with the next update, with all that was learnt; `state` has shape (WORDS,)."""
+    state[:PRIOR] = 0.0
+
+
+def figures_of(state: Vector) -> tuple[Vector, Vector]:
+    """Return what is known of each joint and how well, its standard deviations, each shape (7, 4)."""
+    covariance = state[COVARIANCE:WORDS].reshape(JOINTS, FIGURES, FIGURES)
+    return state[LEARNT:COVARIANCE].reshape(JOINTS, FIGURES).copy(), np.sqrt(np.einsum("ijj->ij", covariance))
+
+
+@njit(cache=True)
+def observe(state: Vector, M: Vector, dq: Vector, period: float, is_free: bool) -> None:  # pragma: no cover
+    """Take what was commanded since the last update.
+
+    Args:
+        state: What is known, shape (WORDS,); updated.
+        M: Mass matrix, shape (7, 7), kg·m².
+        dq: Joint velocities, shape (7,), rad/s.
+        period: Time since the last update, s.
+        is_free: Nothing touches the hand, so that the disturbance is the joints' own.
+    """
+    share = period * BANDWIDTH / (1.0 + period * BANDWIDTH)
+    for i in range(JOINTS):
+        momentum = 0.0
+        for j in range(JOINTS):
+            momentum += M[i, j] * dq[j]
+        if state[IS_BEGUN] == 0.0:
+            state[INTEGRAL + i] = momentum
+        state[INTEGRAL + i] += period * (state[COMMANDED + i] + state[RESIDUAL + i])
+        state[COMMANDED + i] = 0.0
+        state[RESIDUAL + i] = BANDWIDTH * (momentum - state[INTEGRAL + i])
+        dry, smooth, speed = PASSED + 3 * i, PASSED + 3 * i + 1, PASSED + 3 * i + 2
+        before = state[speed]
+        state[dry] += share * (math.tanh(dq[i] / DRY_RATE) - state[dry])
+        state[smooth] += share * (math.tanh(dq[i] / SMOOTH_RATE) - state[smooth])
+        state[speed] += share * (dq[i] - before)
+        if is_free and abs(state[speed]) > MOVING and abs(state[dry]) > 0.9:
+            explains = np.array([state[dry], state[smooth], 1.0, (state[speed] - before) / period])
+            _learn(state, i, explains, -state[RESIDUAL + i], period)
+    state[COUNT], state[IS_BEGUN] = 0.0, 1.0
+
+
+@njit(cache=True)
+def _learn(state: Vector, joint: int, explains: Vector, disturbance: float, period: float) -> None:  # pragma: no cover
+    """Take one disturbance of one joint into what is known of it: recursive least squares that forget."""
+    known = state[LEARNT + FIGURES * joint : LEARNT + FIGURES * (joint + 1)]
+    place = COVARIANCE + FIGURES * FIGURES * joint
+    P = state[place : place + FIGURES * FIGURES].reshape((FIGURES, FIGURES))
+    towards = np.zeros(FIGURES)
+    # Disturbances within the observer's time repeat each other.
+    spread, error = NOISE**2 / (period * BANDWIDTH), disturbance
+    for k in range(FIGURES):
+        first = state[PRIOR + FIGURES * joint + k] ** 2
+        P[k, k] = min(P[k, k] + first * period / MEMORY, first)
+        error -= explains[k] * known[k]
+    for k in range(FIGURES):
+        for j in range(FIGURES):
+            towards[k] += P[k, j] * explains[j]
+        spread += explains[k] * towards[k]
+    for k in range(FIGURES):
+        known[k] += towards[k] / spread * error
+        for j in range(FIGURES):
+            P[k, j] -= towards[k] * towards[j] / spread
+
+
+@njit(cache=True)
+def feed_forward(state: Vector, joint: int, wanted: float) -> float:  # pragma: no cover
+    """Return the torque that makes up for what is known of a joint, N·m.
+
+    Args:
+        state: What is known, shape (WORDS,).
+        joint: Which, from 0.
+        wanted: Velocity that is commanded, rad/s.
+    """
+    place = LEARNT + FIGURES * joint
+    friction = max(state[place + DRY], 0.0) * math.tanh(wanted / DRY_RATE)
+    friction += max(state[place + SMOOTH], 0.0) * math.tanh(wanted / SMOOTH_RATE)
+    offset = min(max(state[place + OFFSET], -MOST_OFFSET), MOST_OFFSET)
+    torque: float = offset + FRICTION_SHARE * friction
+    return torque

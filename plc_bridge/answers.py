@@ -1,0 +1,103 @@
+"""The answers that links read about their commands: the report's answer and result, and the discrete inputs; pure."""
+
+from dataclasses import dataclass, replace
+
+from plc_bridge.dispatch import Dispatch
+from plc_bridge.lease import CellLease
+from plc_bridge.links import Link
+from plc_bridge.messages import Command, Control, LeaseState, Refusal, Report, Result
+from plc_bridge.orders import Order
+
+IDLE, COMPLETE = 4, 17
+"""States of PackML in which a start is taken."""
+_ERRORS = (Result.FAILURE, Result.FAULT, Result.REFUSED)
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """Part of the report that tells one link about its own command."""
+
+    sequence: int
+    result: Result
+    answered: int
+    refusal: Refusal
+    refusal_detail: int
+    answered_result: Result
+    code: int
+    is_busy: bool
+    lease: LeaseState
+    report: Report
+    """State of the cell as published last, with the details of the run that `sequence` belongs to."""
+
+
+@dataclass(frozen=True, slots=True)
+class Inputs:
+    """The discrete inputs of one link, by name; done, error and command_aborted are held until acknowledged."""
+
+    busy: bool
+    done: bool
+    error: bool
+    command_aborted: bool
+    ready: bool
+    """Whether a start of this link would be taken now; the one input that needs no acknowledgement."""
+
+
+def answer_for(link: Link, dispatch: Dispatch, lease: CellLease) -> Answer:
+    """Return the answer that `link` reads; a link that never spoke sees the run of whoever runs."""
+    if link.has_spoken:
+        shown, answered, is_busy = link.shown, link.answered, link.shown is not None and link.shown.is_under_way
+    else:
+        shown, answered, is_busy = dispatch.run or dispatch.seen, dispatch.latest, dispatch.run is not None
+    command = shown.command if shown is not None else Command(0, Control.NONE)
+    return Answer(
+        sequence=command.sequence,
+        result=shown.told_to(link) if shown is not None else Result.NONE,
+        answered=answered.sequence if answered is not None else 0,
+        refusal=answered.refusal if answered is not None else Refusal.NONE,
+        refusal_detail=answered.detail if answered is not None else 0,
+        answered_result=answered.result if answered is not None else Result.NONE,
+        code=command.code,
+        is_busy=is_busy,
+        lease=lease.state_for(link),
+        report=_report_of(shown, dispatch.report, lease),
+    )
+
+
+def inputs_for(link: Link, dispatch: Dispatch, lease: CellLease, stops_held: int) -> Inputs:
+    """Return the discrete inputs of `link`: they tell of what its coils asked for, or of its last number.
+
+    Args:
+        link: The link that reads.
+        dispatch: Orders that are and were under way in the cell.
+        lease: The lease of the cell.
+        stops_held: Number of links that hold their stop coil at 1.
+    """
+    order = link.executed or link.shown
+    if order is None or not (order.is_under_way or order.shown_result is not Result.NONE):
+        order = link.resetting
+    result = order.told_to(link) if order is not None else Result.NONE
+    is_waiting = dispatch.report.state in (IDLE, COMPLETE)
+    return Inputs(
+        busy=order is not None and order.is_under_way,
+        done=order is not None and order.is_program and result is Result.SUCCESS,
+        error=result in _ERRORS,
+        command_aborted=result is Result.ABORTED,
+        ready=is_waiting and dispatch.run is None and not stops_held and lease.is_open_to(link),
+    )
+
+
+def _report_of(order: Order | None, cell: Report, lease: CellLease) -> Report:
+    """Return the state of the cell with the details of the run `order`; those of another run are left out."""
+    told = order.report if order is not None else Report()
+    return replace(
+        cell,
+        holder=lease.holder.source if lease.holder is not None else "",
+        stage=told.stage,
+        reason=told.reason,
+        progress=told.progress,
+        run=told.run,
+        stage_times=told.stage_times,
+        total_time=told.total_time,
+        hole=told.hole,
+        peak_force=told.peak_force,
+    )

@@ -1,0 +1,212 @@
+"""The function block for the PLC's side as data: named types, variables and body, with every address filled in.
+
+Structured Text, PLCopen XML and Siemens SCL are three ways to write it down, each in its own module.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from plc_bridge.function_block_body import BODY
+from plc_bridge.messages import Control, Result
+from plc_bridge.registers import PARAMETERS, STAGES, VERSION, VERSION_MAJOR, VERSION_MINOR, Register
+
+NAME = "FB_InsertionCell"
+NO_CELL, WRONG_VERSION, STOP_PENDING = 0xFF01, 0xFF02, 0xFF03
+"""ErrorID of the block's own errors."""
+FAILURE_BASE = 256
+"""First ErrorID of failures, to which the reason is added; refusals lie below it, and fault codes from 1000 on."""
+EXECUTE, HELD = 6, 11
+"""PackML state numbers in which a run can be held, and in which it goes on."""
+
+COMMAND, REPORT, SERIAL, PARAMETER, STAGE_TIMES, NAMES = (
+    "T_CellCommand",
+    "T_CellReport",
+    "T_CellSerial",
+    "T_CellParameters",
+    "T_CellStageTimes",
+    "T_CellNames",
+)
+"""Named types, because some compilers assign no arrays of anonymous types."""
+
+_DECODED = {
+    "state": "State",
+    "stage": "Stage",
+    "reason": "Reason",
+    "progress": "Progress",
+    "fault": "Fault",
+    "refusal_detail": "RefusalDetail",
+    "lease": "LeaseState",
+    "transition": "LastTransition",
+    "part": "Part",
+}
+_BOOLS = ("IsSilent", "IsReady", "IsWhole", "IsStopping", "IsHolding", "HoldSent", "WasExecute", "WasStop")
+_COUNTERS = ("Life", "Sequence", "RunNumber", "StopNumber", "HoldNumber", "SentCode", "Acknowledge", "SeenLife")
+
+
+@dataclass(frozen=True, slots=True)
+class Variable:
+    """One variable of the block."""
+
+    name: str
+    type: str
+    meaning: str = ""
+    initial: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class ArrayType:
+    """A named type: an array of an elementary type."""
+
+    name: str
+    low: int
+    high: int
+    of: str
+
+
+@dataclass(frozen=True, slots=True)
+class FunctionBlock:
+    """The parts of the function block that all three languages write down."""
+
+    about: str
+    arrays: tuple[ArrayType, ...]
+    names: Mapping[str, int]
+    """Members of the type `T_CellNames`, each with its number as initial value."""
+    inputs: tuple[Variable, ...]
+    outputs: tuple[Variable, ...]
+    locals: tuple[Variable, ...]
+    body: str
+    registers: Mapping[str, Mapping[str, Register]]
+    """Entries of the blocks "Command" and "Report" by their short names."""
+
+
+def function_block(registers: Sequence[Register], names: Mapping[str, int]) -> FunctionBlock:
+    """Return the block for this map.
+
+    Args:
+        registers: The whole map.
+        names: Names of its numbers, see `plc_names`.
+    """
+    blocks = {"Command": _block(registers, "command_"), "Report": _block(registers, "report_")}
+    command, report = blocks["Command"], blocks["Report"]
+    return FunctionBlock(
+        about=_about(command, report),
+        arrays=(
+            ArrayType(COMMAND, 0, _words(command) - 1, "WORD"),
+            ArrayType(REPORT, 0, _words(report) - 1, "WORD"),
+            ArrayType(SERIAL, 0, 2 * command["serial"].words - 1, "BYTE"),
+            ArrayType(PARAMETER, 1, PARAMETERS, "DINT"),
+            ArrayType(STAGE_TIMES, 1, STAGES, "TIME"),
+        ),
+        names=names,
+        inputs=_inputs(command),
+        outputs=_outputs(report),
+        locals=(
+            *(Variable(name, "UINT") for name in _COUNTERS),
+            *(Variable(name, "BOOL") for name in _BOOLS),
+            Variable("Silence", "TON"),
+            Variable("Index", "INT"),
+        ),
+        body=_body(command, report),
+        registers=blocks,
+    )
+
+
+def _inputs(command: Mapping[str, Register]) -> tuple[Variable, ...]:
+    def said(name: str) -> str:
+        return _meaning(command[name])
+
+    notes = "; ".join(f"[{n}] {said(f'parameter_{n}')}" for n in range(1, PARAMETERS + 1))
+    return (
+        Variable("Execute", "BOOL", "a rising edge starts, falling acknowledges"),
+        Variable("Stop", "BOOL", "a rising edge stops the cell, whoever runs it"),
+        Variable("Hold", "BOOL", "while TRUE the own run waits where it is"),
+        Variable("Code", "UINT", said("code")),
+        Variable("Recipe", "UINT", said("recipe")),
+        Variable("SerialNumber", SERIAL, said("serial")),
+        Variable("Parameters", PARAMETER, notes),
+        Variable("ParameterMask", "UINT", said("parameter_mask")),
+        Variable("Lease", "UINT", said("lease")),
+        Variable("SilentTime", "TIME", "time without a new report after which the cell counts as gone", "T#1s"),
+        Variable("Report", REPORT, "input registers of the cell, as the Modbus client has read them"),
+    )
+
+
+def _outputs(report: Mapping[str, Register]) -> tuple[Variable, ...]:
+    return (
+        *(Variable(name, "BOOL") for name in ("Busy", "Done", "Error", "CommandAborted")),
+        Variable("ErrorID", "UINT", "see the head"),
+        *(Variable(shown, "UINT", _meaning(report[name])) for name, shown in _DECODED.items()),
+        Variable("Run", "UDINT", _meaning(report["run"])),
+        Variable("TotalTime", "TIME", report["total_time"].meaning),
+        Variable("StageTime", STAGE_TIMES, "time spent in each stage of the run"),
+        Variable("Names", NAMES, "what the numbers are called"),
+        Variable("Command", COMMAND, "holding registers of the cell, for the Modbus client to write"),
+    )
+
+
+def _body(command: Mapping[str, Register], report: Mapping[str, Register]) -> str:
+    indices = {f"c_{name}": entry.address - command["life"].address for name, entry in command.items()}
+    indices.update({f"r_{name}": entry.address - report["life"].address for name, entry in report.items()})
+    decoding = [f"    {shown} := WORD_TO_UINT(Report[{indices[f'r_{name}']}]);" for name, shown in _DECODED.items()]
+    decoding.append(f"    Run := {_wide(indices['r_run'])};")
+    decoding.append(f"    TotalTime := T#1ms * UDINT_TO_DINT({_wide(indices['r_total_time'])});")
+    decoding.append(f"    FOR Index := 1 TO {STAGES} DO")
+    first = indices["r_stage_time_1"]
+    place = f"{first} + 2 * (Index - 1)"
+    decoding.append(f"        StageTime[Index] := T#1ms * UDINT_TO_DINT({_wide(place)});")
+    decoding.append("    END_FOR;")
+    return BODY.format(
+        major=VERSION_MAJOR,
+        version=VERSION,
+        no_cell=NO_CELL,
+        wrong_version=WRONG_VERSION,
+        stop_pending=STOP_PENDING,
+        failure=FAILURE_BASE,
+        failure_result=Result.FAILURE.value,
+        none=Result.NONE.value,
+        success=Result.SUCCESS.value,
+        aborted=Result.ABORTED.value,
+        fault=Result.FAULT.value,
+        stop=Control.STOP.value,
+        hold=Control.HOLD.value,
+        unhold=Control.UNHOLD.value,
+        execute_state=EXECUTE,
+        held_state=HELD,
+        last_serial_word=command["serial"].words - 1,
+        parameters=PARAMETERS,
+        decoding="\n".join(decoding),
+        **indices,
+    )
+
+
+def _wide(place: int | str) -> str:
+    """Return the expression for two words of the report, the high one first."""
+    low = place + 1 if isinstance(place, int) else f"{place} + 1"
+    return f"DWORD_TO_UDINT(SHL(WORD_TO_DWORD(Report[{place}]), 16) OR WORD_TO_DWORD(Report[{low}]))"
+
+
+def _about(command: Mapping[str, Register], report: Mapping[str, Register]) -> str:
+    return f"""\
+Register map {VERSION_MAJOR}.{VERSION_MINOR}, made by `cell map`.
+Call the block once in every cycle. Between two calls the Modbus client of the PLC writes Command to the holding
+registers from {command["life"].address} on, in one request (FC16), and reads Report from the input registers from
+{report["life"].address} on, in one request (FC4). Nothing else may write Command.
+ErrorID: 1 to 255 refused, as report_refusal; {FAILURE_BASE} + reason failed; from 1000 on fault code;
+16#{NO_CELL:04X} no answer from the cell; 16#{WRONG_VERSION:04X} the cell has another map;
+16#{STOP_PENDING:04X} a stop is still on its way.
+Like every block in PLCopen manner: a rising edge of Execute starts and takes the inputs over, another one while
+Busy does nothing; exactly one of Busy, Done, Error and CommandAborted is TRUE from then on, the last three until
+Execute falls but for one cycle at least."""
+
+
+def _words(block: Mapping[str, Register]) -> int:
+    return sum(entry.words for entry in block.values())
+
+
+def _block(registers: Sequence[Register], prefix: str) -> dict[str, Register]:
+    words = [r for r in registers if r.table in ("holding", "input")]
+    return {r.name.removeprefix(prefix): r for r in words if r.name.startswith(prefix)}
+
+
+def _meaning(entry: Register) -> str:
+    return entry.meaning + (f"; in {entry.scale:g} {entry.unit}" if entry.scale != 1.0 else "")

@@ -1,0 +1,155 @@
+"""The work of the function block in one cycle, in Structured Text: one statement a line, addresses left open.
+
+It keeps to IEC 61131-3 without pointers or libraries but for the standard timer TON. Whatever Modbus client the PLC has
+moves the two blocks of words.
+"""
+
+BODY = """\
+(* what was shown for one cycle may go *)
+IF NOT Execute AND NOT Busy THEN
+    Done := FALSE;
+    Error := FALSE;
+    CommandAborted := FALSE;
+    ErrorID := 0;
+END_IF;
+
+(* is there a cell, and is the report whole? *)
+IsWhole := Report[{r_life}] = Report[{r_life_tail}] AND Report[{r_version}] <> 0;
+Silence(IN := WORD_TO_UINT(Report[{r_life}]) = SeenLife, PT := SilentTime);
+SeenLife := WORD_TO_UINT(Report[{r_life}]);
+IsSilent := Silence.Q;
+
+(* the cell has seen this block's number; go on from what it says the last command was *)
+IF IsWhole AND NOT IsReady AND WORD_TO_UINT(Report[{r_answered}]) = Sequence THEN
+    Sequence := WORD_TO_UINT(Report[{r_sequence}]);
+    IsReady := TRUE;
+END_IF;
+
+IF Execute AND NOT WasExecute AND NOT Busy THEN
+    Done := FALSE;
+    Error := FALSE;
+    CommandAborted := FALSE;
+    ErrorID := 0;
+    IF NOT IsReady OR IsSilent THEN
+        Error := TRUE;
+        ErrorID := {no_cell};
+    ELSIF IsStopping THEN
+        Error := TRUE;
+        ErrorID := {stop_pending};
+    ELSIF WORD_TO_UINT(Report[{r_version}]) / 256 <> {major} THEN
+        Error := TRUE;
+        ErrorID := {wrong_version};
+    ELSE
+        IF Sequence = 65535 THEN
+            Sequence := 0;
+        ELSE
+            Sequence := Sequence + 1;
+        END_IF;
+        RunNumber := Sequence;
+        SentCode := Code;
+        Busy := TRUE;
+        Command[{c_recipe}] := UINT_TO_WORD(Recipe);
+        Command[{c_parameter_mask}] := UINT_TO_WORD(ParameterMask);
+        FOR Index := 0 TO {last_serial_word} DO
+            Command[{c_serial} + Index] := SHL(BYTE_TO_WORD(SerialNumber[2 * Index]), 8) OR BYTE_TO_WORD(SerialNumber[2 * Index + 1]);
+        END_FOR;
+        FOR Index := 1 TO {parameters} DO
+            Command[{c_parameter_1} + 2 * (Index - 1)] := DWORD_TO_WORD(SHR(DINT_TO_DWORD(Parameters[Index]), 16));
+            Command[{c_parameter_1} + 2 * (Index - 1) + 1] := DWORD_TO_WORD(DINT_TO_DWORD(Parameters[Index]) AND 16#FFFF);
+        END_FOR;
+    END_IF;
+ELSIF Busy AND IsWhole THEN
+    IF WORD_TO_UINT(Report[{r_sequence}]) = RunNumber AND WORD_TO_UINT(Report[{r_result}]) <> {none} THEN
+        Busy := FALSE;
+        Acknowledge := RunNumber;
+        IF WORD_TO_UINT(Report[{r_result}]) = {success} THEN
+            Done := TRUE;
+        ELSIF WORD_TO_UINT(Report[{r_result}]) = {aborted} THEN
+            CommandAborted := TRUE;
+        ELSIF WORD_TO_UINT(Report[{r_result}]) = {failure_result} THEN
+            Error := TRUE;
+            ErrorID := {failure} + WORD_TO_UINT(Report[{r_reason}]);
+        ELSIF WORD_TO_UINT(Report[{r_result}]) = {fault} THEN
+            Error := TRUE;
+            ErrorID := WORD_TO_UINT(Report[{r_fault}]);
+        ELSE
+            Error := TRUE;
+            ErrorID := WORD_TO_UINT(Report[{r_refusal}]);
+        END_IF;
+    ELSIF WORD_TO_UINT(Report[{r_answered}]) = RunNumber AND WORD_TO_UINT(Report[{r_refusal}]) <> 0 THEN
+        Busy := FALSE;
+        Error := TRUE;
+        ErrorID := WORD_TO_UINT(Report[{r_refusal}]);
+    ELSIF IsStopping AND WORD_TO_UINT(Report[{r_sequence}]) = StopNumber THEN
+        (* the stop overtook the command, which the cell has never seen *)
+        Busy := FALSE;
+        CommandAborted := TRUE;
+    END_IF;
+END_IF;
+IF Busy AND IsSilent THEN
+    Busy := FALSE;
+    Error := TRUE;
+    ErrorID := {no_cell};
+END_IF;
+
+(* hold and unhold: once each, when the cell is where they are permitted; they end with the run *)
+IF NOT Busy THEN
+    IsHolding := FALSE;
+    HoldSent := FALSE;
+ELSIF IsHolding AND IsWhole AND WORD_TO_UINT(Report[{r_answered}]) = HoldNumber THEN
+    SentCode := 0;
+    IsHolding := FALSE;
+END_IF;
+IF Busy AND IsWhole AND NOT IsHolding AND NOT IsStopping AND Hold <> HoldSent AND WORD_TO_UINT(Report[{r_sequence}]) = RunNumber THEN
+    IF (Hold AND WORD_TO_UINT(Report[{r_state}]) = {execute_state}) OR (HoldSent AND WORD_TO_UINT(Report[{r_state}]) = {held_state}) THEN
+        IF Sequence = 65535 THEN
+            Sequence := 0;
+        ELSE
+            Sequence := Sequence + 1;
+        END_IF;
+        HoldNumber := Sequence;
+        HoldSent := Hold;
+        IsHolding := TRUE;
+        IF Hold THEN
+            SentCode := {hold};
+        ELSE
+            SentCode := {unhold};
+        END_IF;
+    END_IF;
+END_IF;
+
+(* a stop stays in the block until it is answered, and no longer: a new connection must not stop again *)
+IF IsStopping AND IsWhole AND WORD_TO_UINT(Report[{r_answered}]) = StopNumber THEN
+    SentCode := 0;
+    IsStopping := FALSE;
+END_IF;
+IF Stop AND NOT WasStop THEN
+    IF Sequence = 65535 THEN
+        Sequence := 0;
+    ELSE
+        Sequence := Sequence + 1;
+    END_IF;
+    StopNumber := Sequence;
+    SentCode := {stop};
+    IsStopping := TRUE;
+END_IF;
+IF NOT Busy AND NOT IsStopping THEN
+    SentCode := 0;
+END_IF;
+WasExecute := Execute;
+WasStop := Stop;
+
+(* the block goes out with its life counter at both ends *)
+Life := Life MOD 65535 + 1;
+Command[{c_life}] := UINT_TO_WORD(Life);
+Command[{c_sequence}] := UINT_TO_WORD(Sequence);
+Command[{c_code}] := UINT_TO_WORD(SentCode);
+Command[{c_acknowledge}] := UINT_TO_WORD(Acknowledge);
+Command[{c_lease}] := UINT_TO_WORD(Lease);
+Command[{c_version}] := 16#{version:04X};
+Command[{c_life_tail}] := UINT_TO_WORD(Life);
+
+IF IsWhole THEN
+{decoding}
+END_IF;
+"""

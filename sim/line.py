@@ -1,0 +1,80 @@
+"""What stands around a simulated cell: a rack whose slots empty, a line that brings workpieces, and whoever clears up.
+
+Nothing is taken away because a run begins: a peg that fell lies where it fell, and while it lies about nothing else
+stands in the rack's next slot, since the world has one peg.
+"""
+
+import math
+
+from drivers.parts import Job, Point
+from drivers.protocols import Clock
+from sim.situation import Peg
+from sim.world import World
+
+BIN_REACH = 0.08
+"""Distance from the middle of the reject bin within which a peg that was let go above it is in the bin, m."""
+EXCHANGE_TIME = 0.05
+"""Time in which the line exchanges a workpiece, s: the switch's board must notice."""
+EXCHANGE_STEPS = 5
+"""Steps of the clock in that time: an emulated board looks at its lever once in each, and tells of it in the next."""
+UNTOUCHED = 2e-3
+"""A peg whose middle is so close to where it was stood has not left its slot, m."""
+
+
+class SimLine:
+    """The line around one simulated cell."""
+
+    def __init__(self, world: World, clock: Clock, bin_at: Point) -> None:
+        """Take the world, the cell's clock, and the place above the reject bin, m, base frame."""
+        self._world, self._clock, self._bin = world, clock, bin_at
+        self._emptied: set[int] = set()
+        self._stood = world.peg_pose().position
+        self._slot = world.job.slot % world.job.rack.slots
+
+    def stock(self, job: Job, seed: int) -> None:
+        """Set up what the run with this seed finds: its workpiece, and a peg in the job's slot where one still stands."""
+        if self.lies_about():
+            return
+        if not self._is_in_slot():
+            self._emptied.add(self._slot)
+        if job.rack.refill == "feeder":
+            self._emptied.clear()
+        self._world.restock(job, seed)
+        self._slot, self._stood = job.slot % job.rack.slots, self._world.peg_pose().position
+        if self._slot in self._emptied:
+            self._world.take_away()
+
+    def exchange(self) -> None:
+        """Take the workpiece away, with the peg in its hole, as the line does once it has read that the peg is seated."""
+        if self._world.peg is Peg.FREE and self._world.truth().is_in_hole:
+            self._leave_slot()
+            self._world.take_away()
+        for _ in range(EXCHANGE_STEPS):
+            self._clock.wait_until(self._clock.now() + EXCHANGE_TIME / EXCHANGE_STEPS)
+
+    def refill(self) -> None:
+        """Fill every slot of the rack."""
+        self._emptied.clear()
+
+    def clear(self) -> None:
+        """Take away a peg that is in the hand, in the hole or lies about, as a person does."""
+        if not self._is_in_slot():
+            self._leave_slot()
+            self._world.take_away()
+
+    def lies_about(self) -> bool:
+        """Whether the peg is in the hand, in the hole or where it fell; neither in its slot nor in the bin nor gone."""
+        if self._world.peg is Peg.GONE or self._is_in_slot():
+            return False
+        return self._world.peg is Peg.HELD or not self._is_in_bin()
+
+    def _leave_slot(self) -> None:
+        self._emptied.add(self._slot)
+
+    def _is_in_slot(self) -> bool:
+        if self._world.peg is not Peg.FREE:
+            return False
+        return math.dist(self._world.peg_pose().position, self._stood) <= UNTOUCHED
+
+    def _is_in_bin(self) -> bool:
+        return math.dist(self._world.peg_pose().position[:2], self._bin[:2]) <= BIN_REACH

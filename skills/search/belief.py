@@ -1,0 +1,39 @@
+"""What a search begins with: where the hole is likely, and what earlier attempts of the same run have left to look at; pure."""
+
+import math
+from dataclasses import dataclass, replace
+
+from skills.search.tour import Left, Likely
+
+FOUND = 0.2
+"""Standard deviation of the hole's middle about the lowest point of the peg that has fallen in, share of the hole's width."""
+TRIES = 2
+"""Number of tries at one place, after which the next attempt looks where no attempt has been yet."""
+
+
+@dataclass(frozen=True, slots=True)
+class Belief:
+    """Where a search begins and how it goes on."""
+
+    likely: Likely | None = None
+    """Where the hole is likely; None is anywhere in the area."""
+    left: Left | None = None
+    """What earlier attempts of the run have left of their way over the area; None where there was none."""
+    failed: tuple[tuple[float, float], ...] = ()
+    """Places where the peg was tried and did not go in, in turn, m, base frame."""
+
+    def after(self, place: tuple[float, float], width: float, left: Left | None) -> "Belief":
+        """Return what the next attempt begins with, after the peg that fell at a place did not go in.
+
+        The peg did fall there, so that it is tried there again: a lost hole is more likely than no hole. Once it has failed there
+        `TRIES` times, the next attempt goes on with what is left of the area.
+
+        Args:
+            place: Lowest point of the peg when it had fallen in, shape (2,), m, base frame.
+            width: Diameter of the largest circle inside the hole, m.
+            left: What the attempt has left of its way over the area.
+        """
+        failed = (*self.failed, place)
+        here = sum(math.dist(place, other) < width for other in failed)
+        again = Likely(place, (FOUND * width, FOUND * width))
+        return replace(self, likely=again if here % TRIES else None, left=left, failed=failed)

@@ -1,0 +1,215 @@
+"""A way over the area that begins where the hole is likely and ends up everywhere; pure."""
+
+import math
+from bisect import bisect_right
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from drivers.quantities import Vector
+from skills.paths import TURN_TIME
+
+GATE = 3.0
+"""The hole is looked for first within so many standard deviations of where it is likely."""
+
+Point = tuple[float, float]
+Stroke = tuple[Point, Point]
+"""First and last point of a straight piece that is swept at one speed, m."""
+
+
+class Path(Protocol):
+    """A way in the plane of the area."""
+
+    def at(self, time: float) -> tuple[Vector, Vector]:
+        """Return the point, m, and its velocity, m/s, at `time`, s, each shape (2,), from the middle of the area."""
+
+
+@dataclass(frozen=True, slots=True)
+class Likely:
+    """Where the hole is likely: a normal distribution."""
+
+    mean: Point
+    """Shape (2,), m, base frame."""
+    deviation: Point
+    """Standard deviations along x and y, m."""
+
+
+@dataclass(frozen=True, slots=True)
+class Left:
+    """What is left of a way: all of it from a time on."""
+
+    path: Path
+    since: float
+    """Time along the path, s."""
+
+
+@dataclass(frozen=True, slots=True)
+class Leg:
+    """One piece of a way: a cubic between two points with given velocities, a straight line where they agree."""
+
+    began: float
+    """Time along the way, s."""
+    duration: float
+    """Duration, s, > 0."""
+    points: tuple[Point, Point]
+    """First and last, m."""
+    velocities: tuple[Point, Point]
+    """Velocities at the first and the last point, m/s."""
+
+    def at(self, time: float) -> tuple[Vector, Vector]:
+        """Return point and velocity at a time along the way; Hermite's cubic."""
+        s, span = (time - self.began) / self.duration, self.duration
+        (p, q), (u, v) = np.array(self.points), np.array(self.velocities)
+        point = p + s * s * (3.0 - 2.0 * s) * (q - p) + span * s * (1.0 - s) * ((1.0 - s) * u - s * v)
+        rate = 6.0 * s * (1.0 - s) * (q - p) / span + (1.0 - s) * (1.0 - 3.0 * s) * u + s * (3.0 * s - 2.0) * v
+        return point, rate
+
+
+@dataclass(frozen=True, slots=True)
+class Tour:
+    """Straight strokes one after the other, joined by turns, and behind them another way."""
+
+    legs: tuple[Leg, ...]
+    then: Left
+    """The way that follows."""
+
+    @property
+    def duration(self) -> float:
+        """Time of the strokes, s."""
+        return _end(self.legs)
+
+    def at(self, time: float) -> tuple[Vector, Vector]:
+        """Return the point, m, and its velocity, m/s, at `time`, each shape (2,), from the middle of the area."""
+        if time >= self.duration:
+            return self.then.path.at(time - self.duration + self.then.since)
+        return self.legs[max(bisect_right([leg.began for leg in self.legs], time) - 1, 0)].at(time)
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """How an area is swept."""
+
+    half: Point
+    """Half the extents of what is swept, m."""
+    fast: int
+    """Axis of the strokes, 0 or 1."""
+    pitch: float
+    """Largest distance between neighbouring strokes, m."""
+    speed: float
+    """Speed along a stroke, m/s."""
+
+    def place(self, along: float, across: float) -> Point:
+        """Return a point by its coordinates along and across the strokes."""
+        return (along, across) if self.fast == 0 else (across, along)
+
+    def order(self, across: float, near: int) -> list[float]:
+        """Return where all strokes lie, the one next to `across` first, `near` on either side in turn, the nearer border's before the rest, m."""
+        edge = self.half[1 - self.fast]
+        count = max(math.ceil(2.0 * edge / self.pitch), 1)
+        first = min(max(math.floor((across + edge) / (2.0 * edge) * count), 0), count - 1)
+        turns = (first + (n + 1) // 2 * (1 if n % 2 else -1) for n in range(2 * near + 1))
+        below, above = range(first - 1, -1, -1), range(first + 1, count)
+        numbers = [*turns, *below, *above] if len(below) < len(above) else [*turns, *above, *below]
+        return [edge * ((2 * n + 1) / count - 1.0) for n in dict.fromkeys(numbers) if 0 <= n < count]
+
+
+def first_look(likely: Likely, middle: Point, rows: Rows, width: float, outside: float, way: float) -> list[Stroke]:
+    """Return strokes over where the hole is likely, the most likely one first.
+
+    Args:
+        likely: Where the hole is likely.
+        middle: Of the area, shape (2,), m, base frame.
+        rows: How the area is swept.
+        width: Diameter of the largest circle inside the hole, m.
+        outside: Distance from the hole at which the peg comes down outside of it, m.
+        way: Direction of the first stroke along its axis, -1 or 1.
+    """
+    along, across = _clipped(likely, middle, rows)
+    reach = GATE * likely.deviation[rows.fast]
+    strokes: list[Stroke] = []
+    for n in range(2 * beside(likely, rows) + 1):
+        place = across + rows.pitch * ((n + 1) // 2) * (1.0 if n % 2 else -1.0)
+        if abs(place) <= rows.half[1 - rows.fast]:
+            begin, end = reach + (width / 2 if strokes else outside), reach + width / 2
+            strokes.append((rows.place(along - way * begin, place), rows.place(along + way * end, place)))
+            way = -way
+    return strokes
+
+
+def outwards(likely: Likely, middle: Point, rows: Rows, start: float, way: float) -> list[Stroke]:
+    """Return strokes over the whole area: those where the hole is likely first, then to the nearer border, then to the other.
+
+    Args:
+        likely: Where the hole is likely.
+        middle: Of the area, shape (2,), m, base frame.
+        rows: How the area is swept.
+        start: Where the first stroke begins along its axis, from the middle, m; what lies before it comes last.
+        way: Direction of the first stroke along its axis, -1 or 1.
+    """
+    edge = rows.half[rows.fast]
+    start = way * min(way * start, edge)
+    first, *others = rows.order(_clipped(likely, middle, rows)[1], beside(likely, rows))
+    spans = [(start, way * edge, first)]
+    for n, place in enumerate(others):
+        turned = way if n % 2 else -way
+        spans.append((-turned * edge, turned * edge, place))
+    if way * start > -edge:
+        spans.append((-way * edge, start, first))
+    return [(rows.place(begin, at), rows.place(end, at)) for begin, end, at in spans if begin != end]
+
+
+def beside(likely: Likely, rows: Rows) -> int:
+    """Return how many strokes on either side of the first it takes to cover where the hole is likely."""
+    return max(math.ceil(GATE * likely.deviation[1 - rows.fast] / rows.pitch - 0.5), 0)
+
+
+def _clipped(likely: Likely, middle: Point, rows: Rows) -> Point:
+    """Return where the hole is likely along and across the strokes, from the middle of the area and within it, m."""
+    place = [min(max(m - c, -h), h) for m, c, h in zip(likely.mean, middle, rows.half, strict=True)]
+    return place[rows.fast], place[1 - rows.fast]
+
+
+def tour(strokes: Sequence[Stroke], speed: float, then: Left) -> Tour:
+    """Return strokes at one speed, joined by turns, and behind them another way from some time of it on."""
+    legs: list[Leg] = []
+    here: tuple[Point, Point] | None = None
+    for begin, end in strokes:
+        span = max(math.dist(begin, end) / speed, 1e-3)
+        velocity = ((end[0] - begin[0]) / span, (end[1] - begin[1]) / span)
+        if here is not None and here != (begin, velocity):
+            legs += _joined(_end(legs), here, (begin, velocity), speed)
+        legs.append(Leg(_end(legs), span, (begin, end), (velocity, velocity)))
+        here = end, velocity
+    if here is not None:
+        point, rate = then.path.at(then.since)
+        legs += _joined(_end(legs), here, (_pair(point), _pair(rate)), speed)
+    return Tour(tuple(legs), then)
+
+
+def _joined(began: float, here: tuple[Point, Point], there: tuple[Point, Point], speed: float) -> Iterator[Leg]:
+    """Yield what leads from one point and velocity to another: one turn, or a stop, a way and a start where it is far."""
+    span = 1.5 * math.dist(here[0], there[0]) / speed
+    if span <= 2.0 * TURN_TIME:
+        yield Leg(began, max(span, TURN_TIME), (here[0], there[0]), (here[1], there[1]))
+        return
+    stop, still = TURN_TIME / 2, (0.0, 0.0)
+    left, reached = _ahead(here, stop / 2), _ahead(there, -stop / 2)
+    span = max(1.5 * math.dist(left, reached) / speed, TURN_TIME)
+    yield Leg(began, stop, (here[0], left), (here[1], still))
+    yield Leg(began + stop, span, (left, reached), (still, still))
+    yield Leg(began + stop + span, stop, (reached, there[0]), (still, there[1]))
+
+
+def _ahead(place: tuple[Point, Point], time: float) -> Point:
+    (x, y), (u, v) = place
+    return x + u * time, y + v * time
+
+
+def _end(legs: Sequence[Leg]) -> float:
+    return legs[-1].began + legs[-1].duration if legs else 0.0
+
+
+def _pair(vector: Vector) -> Point:
+    return float(vector[0]), float(vector[1])

@@ -1,0 +1,83 @@
+"""A real browser without a screen, driven through its own driver; tests that need it skip, with the reason, where there is none."""
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import pytest
+from selenium import webdriver
+from selenium.webdriver.support.ui import WebDriverWait
+
+from cell.lab.page import browser
+
+PATIENCE = 15.0  # s
+
+
+@contextmanager
+def browsing() -> Iterator[webdriver.Chrome]:
+    """Yield a browser that reaches this computer alone, or skip."""
+    if not browser.is_there():
+        pytest.skip(browser.MISSING)
+    with browser.browsing() as opened:
+        yield opened
+
+
+class PageView:
+    """One tab that shows the page of a cell."""
+
+    def __init__(self, opened: webdriver.Chrome, url: str) -> None:
+        self._browser = opened
+        opened.switch_to.new_window("tab")
+        self._handle = opened.current_window_handle
+        opened.get(url)
+
+    def front(self) -> webdriver.Chrome:
+        """Return the browser with this tab in front."""
+        self._browser.switch_to.window(self._handle)
+        return self._browser
+
+    def text(self, name: str) -> str:
+        """Return the text of an element as it is shown."""
+        return self.front().find_element("id", name).text
+
+    def press(self, ask: str) -> None:
+        """Press one of the controls."""
+        self.front().find_element("css selector", f"[data-ask={ask}]").click()
+
+    def is_enabled(self, ask: str) -> bool:
+        """Tell whether a control can be pressed."""
+        button = self.front().find_element("css selector", f"[data-ask={ask}]")
+        return button.get_attribute("aria-disabled") == "false"
+
+    def until(self, is_met: Callable[[], bool]) -> None:
+        """Wait until something holds."""
+        WebDriverWait(self.front(), PATIENCE, 0.02).until(lambda _: is_met())
+
+    def until_text(self, name: str, part: str) -> None:
+        """Wait until an element shows a text."""
+        try:
+            self.until(lambda: part in self.text(name))
+        except Exception as error:
+            raise AssertionError(f"{name}: {self.text(name)!r} has no {part!r}") from error
+
+    def script(self, source: str) -> object:
+        """Return what a line of JavaScript returns in this tab."""
+        return self.front().execute_script(source)
+
+    def complaints(self) -> list[str]:
+        """Return what the browser's console has had to say since the last call."""
+        return [entry["message"] for entry in self.front().get_log("browser")]
+
+    def close(self) -> None:
+        """Close the tab."""
+        self.front().close()
+        self._browser.switch_to.window(self._browser.window_handles[0])
+
+
+def patience(is_met: Callable[[], bool]) -> None:
+    """Wait, letting other threads work, until something holds."""
+    for _ in range(int(PATIENCE / 0.01)):
+        if is_met():
+            return
+        threading.Event().wait(0.01)
+    raise AssertionError("in vain")

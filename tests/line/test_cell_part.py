@@ -1,0 +1,173 @@
+"""The simulated cell and its peg: what is dropped lies there, starts are refused, `recover` frees what it can, nothing is torn out."""
+
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from cell.assembly import Cell, assemble, opened
+from cell.config import load
+from cell.custody import Custody
+from cell.journal import Journal
+from cell.line import PARAMETERS, PROGRAMS
+from cell.states import State
+from cell.supervisor import Supervisor
+from drivers.quantities import SwitchState
+from plc_bridge.bridge import Bridge
+from plc_bridge.messages import Control, PartPlace, Refusal, Result
+from sim.situation import Peg
+from sim.world import World
+from skills.catalogue import CATALOGUE
+from skills.contract import Reason
+from tests.fakes import FakePlc
+from tests.line.test_cell_controls import ScanClock
+
+INSERT, GRASP, RELEASE, RECOVER = (
+    CATALOGUE[name].code for name in ("insert_peg", "grasp_from_rack", "release_and_retract", "recover")
+)
+
+
+SEARCH_STAGE = 2
+
+
+@dataclass
+class Line:
+    """A simulated cell, its supervisor and a PLC in the cell's own time."""
+
+    cell: Cell
+    world: World
+    supervisor: Supervisor
+    plc: FakePlc
+
+    def command(self, code, **changes):
+        """Let the cell obey to the end, and return what the PLC reads then."""
+        self.plc.trigger(code, **changes)
+        for _ in range(3):
+            self.supervisor.scan()
+        return self.plc.report
+
+    def stop_when(self, is_due):
+        """Stop the run, once, when the report is so."""
+
+        def stop():
+            if is_due(self.plc.report):
+                self.cell.clock.every.remove(stop)
+                self.plc.stop()
+
+        self.cell.clock.every.append(stop)
+
+    def wait(self, scans):
+        for _ in range(scans):
+            self.supervisor.scan()
+
+
+@contextmanager
+def line(folder, *sets, seed=1, **devices):
+    """Yield a line; `devices` makes a device out of the one that the cell has, by name."""
+    loaded = load(sets=["sim.pace=max", "reality.scale=0.0", f"sim.seed={seed}", *sets])
+    with opened(assemble(loaded.cell)) as cell, Journal(folder) as journal:
+        world = cell.clock
+        clock = ScanClock(world)
+        cell = replace(cell, clock=clock, **{name: make(cell) for name, make in devices.items()})
+        bridge = Bridge(loaded.cell.plc, PROGRAMS, PARAMETERS, now=clock.now)
+        yield Line(cell, world, Supervisor(cell, loaded, bridge, journal), FakePlc(bridge, clock))
+
+
+@pytest.mark.xfail(
+    strict=True, reason="known shortfall: beyond plate and rack there is no table, and a dropped peg falls on"
+)
+def test_a_dropped_peg_lies_where_it_fell_until_a_person_takes_it_away(tmp_path):
+    with line(tmp_path) as made:
+        made.stop_when(lambda report: report.stage == SEARCH_STAGE and report.progress > 0)
+        assert made.command(INSERT).part == PartPlace.IN_HAND
+        assert made.command(Control.RESET).state == State.IDLE
+        report = made.command(RELEASE)
+        assert (report.result, report.reason, report.part) == (Result.FAILURE, Reason.NOT_SEATED, PartPlace.ON_PLATE)
+        lies_at = made.world.peg_pose().position
+        refused = made.command(INSERT)
+        assert (refused.refusal, refused.state) == (Refusal.PART_UNRESOLVED, State.COMPLETE)
+        report = made.command(RECOVER)
+        assert (report.result, report.reason, report.part) == (Result.FAILURE, Reason.PART_LEFT, PartPlace.ON_PLATE)
+        np.testing.assert_allclose(made.world.peg_pose().position, lies_at, atol=0.02)
+        assert made.world.peg is Peg.FREE
+        assert made.command(Control.CLEARED).part == PartPlace.RACK
+        assert made.world.peg is Peg.GONE
+        assert made.command(GRASP).result == Result.SUCCESS
+
+
+def test_a_peg_in_the_hand_goes_to_the_bin_and_the_next_one_is_taken(tmp_path):
+    with line(tmp_path) as made:
+        made.command(GRASP)
+        assert made.command(GRASP).refusal == Refusal.PART_UNRESOLVED
+        report = made.command(RECOVER)
+        assert (report.result, report.part) == (Result.SUCCESS, PartPlace.BIN)
+        assert made.command(GRASP).result == Result.SUCCESS
+
+
+def test_a_start_recovers_first_where_the_config_says_so(tmp_path):
+    with line(tmp_path, "recover.first=true") as made:
+        made.command(GRASP)
+        report = made.command(GRASP)
+        assert (report.result, report.part) == (Result.SUCCESS, PartPlace.IN_HAND)
+        times = dict(
+            zip(("grasp", "search", "insert", "adjust", "release", "recover"), report.stage_times, strict=False)
+        )
+        assert times["recover"] > 1.0
+
+
+def test_the_rack_empties_slot_by_slot(tmp_path):
+    with line(tmp_path, 'rack.refill="asked"', "rack.slots=2") as made:
+        for _ in range(2):
+            assert made.command(GRASP).result == Result.SUCCESS
+            made.command(RECOVER)
+        assert made.command(GRASP).refusal == Refusal.RACK_EMPTY
+        assert made.command(Control.REFILLED).refusal == Refusal.NONE
+        assert made.command(GRASP).result == Result.SUCCESS
+
+
+def test_a_slot_that_is_empty_although_the_cell_believes_it_full_is_a_missed_grasp(tmp_path):
+    with line(tmp_path, 'rack.refill="asked"', "rack.slots=1") as made:
+        made.command(GRASP)
+        made.command(RECOVER)
+        made.supervisor._part._custody.refill()  # told so, and nobody has filled it
+        report = made.command(GRASP)
+        assert (report.result, report.reason) == (Result.FAILURE, Reason.MISSED_GRASP)
+
+
+def test_the_next_program_is_told_what_the_hand_of_the_last_one_held(tmp_path):
+    with line(tmp_path) as made:
+        made.command(GRASP)
+    with line(tmp_path) as made:
+        made.wait(2)
+        assert made.plc.report.part == PartPlace.UNKNOWN  # a new world, in which the hand is empty
+        assert made.command(INSERT).refusal == Refusal.PART_UNRESOLVED
+        made.command(Control.CLEARED)
+        assert made.command(GRASP).result == Result.SUCCESS
+    assert Custody(tmp_path, "sim")._kept.place is PartPlace.IN_HAND
+
+
+class Says:
+    """A switch that says what it is told to say."""
+
+    def __init__(self, state):
+        self.state = state
+
+    def open(self): ...
+
+    def close(self): ...
+
+    def read(self):
+        return self.state
+
+
+@pytest.mark.parametrize(
+    ("state", "refusal"),
+    [(SwitchState.CLOSED, Refusal.HOLE_OCCUPIED), (SwitchState.UNKNOWN, Refusal.SWITCH_UNKNOWN)],
+)
+def test_a_switch_that_is_closed_or_unknown_refuses_a_start_before_anything_moves(tmp_path, state, refusal):
+    with line(tmp_path, switch=lambda cell: Says(state)) as made:
+        before = made.world.q
+        report = made.command(INSERT)
+        assert (report.refusal, report.result) == (refusal, Result.REFUSED)
+        np.testing.assert_allclose(made.world.q, before, atol=1e-3)

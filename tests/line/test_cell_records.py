@@ -1,0 +1,64 @@
+"""What a run of the whole cell of fakes leaves in the journal."""
+
+import json
+
+from cell.journal_schema import EventKind
+from cell.states import State
+from drivers.errors import FaultCode, SkinSilentError
+from plc_bridge.messages import Control, Result
+from plc_bridge.registers import Warnings
+from skills.catalogue import CATALOGUE
+from tests.trouble import full_disk, until
+
+GRASP, RELEASE = CATALOGUE["grasp_from_rack"].code, CATALOGUE["release_and_retract"].code
+
+
+def test_a_run_says_what_it_was_made_with_and_how_long_it_took(rig):
+    before = rig.clock.now()
+    row = rig.journal.find(rig.command(GRASP, parameters=((1, 250),)).run)
+    assert 0.0 < row.cycle_time < rig.clock.now() - before
+    assert json.loads(row.parameters) == {"search.speed": 0.025}
+    assert json.loads(rig.journal.config(row.config_hash))["search"]["speed"] == 0.025
+    assert (row.is_simulated, row.seed, row.retries) == (1, rig.loaded.cell.sim.seed, 0)
+    assert row.ended >= row.started
+
+
+def test_a_stage_says_what_its_scans_saw(rig):
+    row = rig.journal.find(rig.command(GRASP).run)
+    (stage,) = rig.journal.stages(row.run)
+    assert (stage.name, stage.outcome, stage.place) == ("grasp_from_rack", "success", 1)
+    assert 0.0 <= stage.began < stage.ended <= row.cycle_time
+    assert stage.peak_force == row.peak_force
+
+
+def test_a_fault_leaves_the_stage_it_broke_off(rig):
+    rig.at(0.2, lambda: setattr(rig.skin, "fault", SkinSilentError("skin: silent")))
+    row = rig.journal.find(rig.command(GRASP).run)
+    assert [(stage.name, stage.outcome) for stage in rig.journal.stages(row.run)] == [("grasp_from_rack", "fault")]
+
+
+def test_states_commands_refusals_and_faults_are_events(rig):
+    rig.command(GRASP)
+    rig.command(Control.HOLD)
+    rig.skin.fault = SkinSilentError("skin: silent")
+    rig.scan()
+    told = {kind: [] for kind in EventKind}
+    for event in rig.journal.events():
+        told[event.kind].append((event.name, event.code, event.source, event.run))
+    assert told["command"] == [("grasp_from_rack", GRASP, "plc", 0), ("hold", Control.HOLD, "plc", 0)]
+    assert [name for name, *_ in told["refusal"]] == ["not_ready"]
+    assert told["fault"] == [("SKIN_SILENT", FaultCode.SKIN_SILENT, "", 0)]
+    assert ("EXECUTE", State.EXECUTE, "", 1) in told["state"]
+    assert told["state"][-1] == ("ABORTED", State.ABORTED, "", 0)
+
+
+def test_a_run_on_a_full_disk_goes_on_and_the_plc_reads_the_warning(rig):
+    with full_disk():
+        report = rig.command(GRASP)
+        until(lambda: rig.journal.trouble)
+        assert (report.result, rig.scan().warnings) == (Result.SUCCESS, Warnings.NOT_RECORDED)
+    assert rig.command(RELEASE).fault == FaultCode.NONE
+    until(lambda: not rig.journal.trouble)
+    assert rig.scan().warnings == 0
+    warned = [event.name for event in rig.journal.events() if event.kind == EventKind.WARNING]
+    assert warned == ["not recorded", "not recorded is over"]

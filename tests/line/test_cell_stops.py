@@ -1,0 +1,156 @@
+"""Whatever ends the program, the arm stands still and the record of the run is closed first."""
+
+import threading
+from contextlib import closing
+
+import numpy as np
+import pytest
+
+from cell.assembly import assemble, opened
+from cell.config import load
+from cell.journal import Journal
+from cell.line import TerminalLine
+from cell.states import State
+from cell.supervisor import REST_SPEED, Supervisor
+from drivers.errors import FaultCode, SimulationUnstableError
+from plc_bridge.messages import Command, Control, Result
+from plc_bridge.peer import Peer
+from sim.world import World
+from skills.catalogue import CATALOGUE
+from skills.contract import Outcome, Reason, SkillResult
+from skills.entry import Program
+from skills.flow import run_stage
+
+PATIENCE = 10.0  # s
+GRASP = CATALOGUE["grasp_from_rack"].code
+
+
+class Ended(TerminalLine):
+    """A terminal that gives one command and notes what is reported; `at` is called with every report."""
+
+    def __init__(self, at):
+        super().__init__(Command(1, GRASP), at)
+
+
+@pytest.fixture
+def world(tmp_path, monkeypatch):
+    """Yield config, opened cell and journal of the simulated cell as fast as it goes."""
+    monkeypatch.chdir(tmp_path)  # the physics engine leaves a log where it runs
+    loaded = load(sets=["sim.pace=max"])
+    with Journal(tmp_path) as journal, opened(assemble(loaded.cell)) as cell:
+        yield loaded, cell, journal
+
+
+def moving(cell):
+    """Return the speed of the fastest joint, rad/s."""
+    return float(np.max(np.abs(cell.arm.read().dq)))
+
+
+def test_the_arm_stands_still_before_a_program_that_shall_end_ends(world):
+    loaded, cell, journal = world
+    stop, fastest = threading.Event(), []
+
+    def at(report):
+        if report.state == State.EXECUTE and moving(cell) > 0.3 and not stop.is_set():
+            fastest.append(moving(cell))
+            stop.set()
+
+    Supervisor(cell, loaded, Ended(at), journal, stop).serve()
+    assert fastest[0] > 0.3
+    assert moving(cell) < REST_SPEED
+    assert (journal.find(1).outcome, journal.find(1).reason) == ("aborted", "stopped")
+
+
+def test_an_error_in_the_supervisor_itself_is_a_fault_with_the_record_closed(world, monkeypatch):
+    loaded, cell, journal = world
+
+    def at(report):
+        if report.fault:
+            supervisor.quit()
+
+    def broken(outcome):
+        raise RuntimeError(f"nobody thought of {outcome}")
+
+    supervisor = Supervisor(cell, loaded, Ended(at), journal)
+    monkeypatch.setattr(supervisor, "_settle", broken)
+    supervisor.serve()
+    assert moving(cell) < REST_SPEED
+    assert (supervisor.report.state, supervisor.report.fault) == (State.ABORTED, FaultCode.SOFTWARE)
+    assert journal.find(1).outcome == "success"
+    assert [event.text for event in journal.events() if event.kind == "fault"] == [
+        "RuntimeError: nobody thought of success"
+    ]
+
+
+def test_an_error_of_the_line_outside_a_run_ends_the_program_with_the_arm_at_rest(world):
+    loaded, cell, journal = world
+
+    def at(report):
+        if report.state in (State.COMPLETE, State.ABORTED):
+            raise RuntimeError("the line is broken")
+
+    with pytest.raises(RuntimeError, match="the line is broken"):
+        Supervisor(cell, loaded, Ended(at), journal).serve()
+    assert moving(cell) < REST_SPEED
+    assert journal.find(1).outcome == "success"
+
+
+def test_an_error_of_the_line_in_a_run_is_a_fault_on_record(world):
+    loaded, cell, journal = world
+    seen = []
+
+    def at(report):
+        seen.append(report)
+        if report.state == State.EXECUTE and len(seen) > 100 and report.fault == 0:
+            raise RuntimeError("the line is broken")
+        if report.result is Result.FAULT:
+            supervisor.quit()
+
+    supervisor = Supervisor(cell, loaded, Ended(at), journal)
+    supervisor.serve()
+    assert moving(cell) < REST_SPEED
+    assert (journal.find(1).outcome, journal.find(1).fault) == ("fault", FaultCode.SOFTWARE)
+
+
+def test_physics_that_diverge_end_the_program_with_the_run_on_record(world):
+    loaded, cell, journal = world
+    physics = cell.arm._world
+    assert isinstance(physics, World)
+
+    def at(report):
+        if report.state == State.EXECUTE and report.fault == 0:
+            physics.physics()[1].qvel[:7] = np.inf
+
+    with pytest.raises(SimulationUnstableError):
+        Supervisor(cell, loaded, Ended(at), journal).serve()
+    assert journal.find(1).outcome == "fault"
+    assert [event.code for event in journal.events() if event.kind == "fault"][-1] == FaultCode.SIMULATION_UNSTABLE
+
+
+def test_a_skill_that_blocks_halts_the_arm_and_is_told_by_its_name(served, monkeypatch):
+    goes_on = threading.Event()
+
+    def block(ctx):
+        for _ in ctx.scan(1e9):
+            goes_on.wait()
+        return SkillResult(Outcome.SUCCESS, Reason.NONE, 0.0)
+
+    program = Program(name="stuck", code=GRASP, run=lambda skills, ctx: [run_stage("grasp_from_rack", block, ctx)])
+    monkeypatch.setitem(CATALOGUE.by_code, GRASP, program)
+    with closing(Peer(*served.bridge.address)) as plc:
+        plc.connect()
+        plc.trigger(GRASP)
+        blocked = until(plc.cycle, lambda report: report.fault == FaultCode.SCAN_OVERRUN)
+        assert blocked.state == State.ABORTING
+        goes_on.set()
+        ended = until(plc.cycle, lambda report: report.result != Result.NONE)
+        assert (ended.result, ended.fault) == (Result.FAULT, FaultCode.SCAN_OVERRUN)
+        assert served.record(ended.run).message.startswith("grasp_from_rack: no scan for 0.2")
+        assert plc.run(Control.RESET, timeout=PATIENCE).result == Result.SUCCESS
+
+
+def until(ask, is_met):
+    """Return the first answer for which `is_met` holds."""
+    while not is_met(answer := ask()):
+        pass
+    return answer

@@ -1,0 +1,160 @@
+"""Whole insertions whose evidence is wrong, whose skills lie, or whose peg does not come out: none is called a success."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from cell.states import State
+from drivers.errors import FaultCode
+from drivers.quantities import SwitchState
+from plc_bridge.messages import Control, PartPlace, Refusal, Result
+from skills import catalogue, spiral_adjust, spray_search, tactile_insert
+from skills.catalogue import RELEASE
+from skills.contract import Outcome, Reason
+from skills.release_and_retract import ReleaseAndRetractResult
+from skills.spiral_adjust import SpiralAdjustResult
+from skills.spray_search import SpraySearchResult
+from skills.tactile_insert import TactileInsertResult
+from tests.line.test_cell_part import INSERT, RECOVER, Says, line
+
+ADJUST_STAGE = 4
+
+
+class EarlySwitch:
+    """A switch that closes 4 mm before the peg is seated."""
+
+    def __init__(self, cell):
+        self._truth, self._depth = cell.truth, cell.config.hole.depth - 0.004
+
+    def open(self): ...
+
+    def close(self): ...
+
+    def read(self):
+        truth = self._truth()
+        return SwitchState.CLOSED if truth.is_in_hole and truth.depth >= self._depth else SwitchState.OPEN
+
+
+class StuckHand:
+    """A hand that opens as long as it is empty, and never lets go of a peg."""
+
+    def __init__(self, cell):
+        self._hand = cell.gripper
+        self.is_stuck = True
+
+    def open(self): ...
+
+    def close(self): ...
+
+    def grip(self, force):
+        self._hand.grip(force)
+
+    def release(self, width):
+        if not (self.is_stuck and self._hand.read().is_gripping):
+            self._hand.release(width)
+
+    def read(self):
+        return self._hand.read()
+
+
+def test_an_insertion_tells_every_bus_where_the_peg_is_and_the_next_one_finds_a_new_workpiece(tmp_path):
+    with line(tmp_path) as made:
+        report = made.command(INSERT)
+        truth = made.world.truth()
+        assert (report.result, report.part) == (Result.SUCCESS, PartPlace.SEATED)
+        assert report.part_depth == pytest.approx(made.cell.config.hole.depth, abs=2e-3)
+        assert math.dist((report.hole_x, report.hole_y), truth.hole[:2]) < 1e-3
+        assert 0.0 < report.peak_force < made.cell.config.limits.force
+        made.plc.acknowledge()
+        made.wait(3)
+        assert made.command(INSERT).part == PartPlace.SEATED
+        assert made.world.truth().hole[:2] != truth.hole[:2]
+
+
+def test_a_switch_that_closes_4_mm_early_makes_no_success(tmp_path):
+    with line(tmp_path, switch=EarlySwitch) as made:
+        report = made.command(INSERT)
+        assert (report.result, report.fault) == (Result.FAULT, FaultCode.SWITCH_DISAGREES)
+
+
+def test_a_hand_that_does_not_open_is_never_drawn_away_from_the_seated_peg(tmp_path):
+    with line(tmp_path, gripper=StuckHand) as made:
+        report = made.command(INSERT)
+        assert (report.result, report.reason, report.part) == (Result.FAILURE, Reason.STILL_HELD, PartPlace.SEATED)
+        report = made.command(RECOVER)
+        assert (report.result, report.reason, report.part) == (Result.FAILURE, Reason.STILL_HELD, PartPlace.SEATED)
+        truth = made.world.truth()
+        assert truth.switch_closed
+        assert report.peak_force < 0.75 * made.cell.config.limits.force
+        made.cell.gripper.is_stuck = False
+        report = made.command(RECOVER)
+        assert (report.result, report.part) == (Result.SUCCESS, PartPlace.SEATED)
+        assert made.world.truth().switch_closed
+
+
+def stopped_in_the_hole(made, depth):
+    """Stop an insertion while the peg is so deep in the hole, m, and reset."""
+    made.stop_when(lambda report: report.stage == ADJUST_STAGE and made.world.truth().depth > depth)
+    report = made.command(INSERT)
+    assert (report.state, report.part) == (State.STOPPED, PartPlace.IN_HOLE)
+    assert made.command(Control.RESET).state == State.IDLE
+
+
+def test_a_held_peg_in_the_hole_is_pulled_out_and_binned(tmp_path):
+    with line(tmp_path) as made:
+        stopped_in_the_hole(made, 0.008)
+        assert made.command(INSERT).refusal == Refusal.PART_UNRESOLVED
+        report = made.command(RECOVER)
+        assert (report.result, report.part) == (Result.SUCCESS, PartPlace.BIN)
+        assert report.peak_force < made.cell.config.limits.force
+
+
+def test_a_peg_that_does_not_come_out_is_no_success_and_told_as_what_it_is(tmp_path):
+    with line(tmp_path) as made:
+        stopped_in_the_hole(made, 0.008)
+        running = made.world.stepper.running
+        running.data.xfrc_applied[running.peg_body, 2] -= 80.0  # what holds it down, N
+        report = made.command(RECOVER)
+        # The hand lets go of it, or it slips through the pads before the pull has reached its bound.
+        assert report.result == Result.FAILURE
+        assert report.reason in (Reason.JAMMED, Reason.PART_LEFT)
+        assert report.part in (PartPlace.IN_HOLE, PartPlace.SEATED, PartPlace.UNKNOWN)  # once let go, it is drawn in
+        assert made.world.truth().is_in_hole or report.part == PartPlace.UNKNOWN
+        assert not made.cell.gripper.read().is_gripping
+
+
+@pytest.fixture
+def liars(monkeypatch):
+    """Let every skill after the grasp say that it is done, and do nothing."""
+    done = (Outcome.SUCCESS, Reason.NONE, 0.0)
+    for module, said in (
+        (spray_search, SpraySearchResult(*done, (0.5, 0.0, 0.1), (0.5, 0.0), 0, 0, None)),
+        (tactile_insert, TactileInsertResult(*done, 0.0, 0.0)),
+        (spiral_adjust, SpiralAdjustResult(*done, 0.0, 0.02)),
+    ):
+        monkeypatch.setattr(module, "run", lambda *given, said=said, **named: said)
+    release = replace(RELEASE, perform=lambda params, ctx: ReleaseAndRetractResult(*done, True))
+    monkeypatch.setattr(catalogue, "RELEASE", release)
+
+
+@pytest.mark.usefixtures("liars")
+def test_skills_that_lie_make_no_success(tmp_path):
+    with line(tmp_path) as made:
+        report = made.command(INSERT)
+        assert (report.result, report.fault) == (Result.FAULT, FaultCode.SUCCESS_UNPROVEN)
+        assert report.part == PartPlace.IN_HAND
+
+
+@pytest.mark.usefixtures("liars")
+def test_skills_that_lie_make_no_success_with_a_switch_that_closes_for_nothing(tmp_path):
+    with line(tmp_path, switch=lambda cell: Says(SwitchState.OPEN)) as made:
+        made.cell.clock.every.append(
+            lambda: setattr(
+                made.cell.switch,
+                "state",
+                SwitchState.CLOSED if made.cell.gripper.read().is_gripping else SwitchState.OPEN,
+            )
+        )
+        report = made.command(INSERT)
+        assert (report.result, report.fault) == (Result.FAULT, FaultCode.SWITCH_DISAGREES)

@@ -1,0 +1,145 @@
+"""Commissioning: a PLC goes through every step on a real socket, or does what it shall not, and the record says so."""
+
+import threading
+
+import pytest
+
+from cell.commands.check import _sheet
+from cell.commissioning import MOTION, Moment, Walk, WatchedLine, record
+from cell.states import State
+from plc_bridge.config import ModbusConfig, PlcConfig
+from plc_bridge.handshake import PlcSight
+from plc_bridge.messages import Command, Control, Report, Result
+from plc_bridge.peer import Peer
+from plc_bridge.registers import VERSION, Lease
+from tests.plc_wire import until
+from tests.quick_cell import quick_cell
+
+HOST = "127.0.0.1"
+CONFIG = PlcConfig(life_timeout=3.0, lease_timeout=20.0, modbus=ModbusConfig(port=0))
+
+
+class Commissioned:
+    """A cell under commissioning, and a PLC that does what the technician is asked for."""
+
+    def __init__(self, served, walk, asked):
+        self.served, self.walk, self._asked = served, walk, asked
+
+    def peer(self):
+        return Peer(*self.served.bridge.address, wait=threading.Event().wait)
+
+    def passed(self, peer, count):
+        """Cycle until so many steps have passed."""
+        until(lambda: (peer.cycle(), len(self.walk.findings) >= count)[1])
+        assert all(finding.passed for finding in self.walk.findings), self.walk.findings
+
+    def go(self):
+        peer = self.peer()
+        peer.connect()
+        self.passed(peer, 2)
+        peer.trigger(Control.STOP)
+        self.passed(peer, 3)
+        peer.trigger(Control.RESET)
+        self.passed(peer, 4)
+        assert peer.take()
+        self.passed(peer, 5)
+        peer.trigger(MOTION)
+        self.passed(peer, 6)
+        peer.acknowledge()
+        self.passed(peer, 7)
+        self.served.program.may_end.clear()
+        peer.trigger(MOTION)
+        until(lambda: peer.cycle().state == State.EXECUTE)
+        peer.trigger(Control.HOLD)
+        until(lambda: peer.cycle().state == State.HELD)
+        peer.close()
+        until(lambda: len(self.walk.findings) == 8)
+        again = self.peer()
+        again.connect()
+        again.trigger(Control.CLEAR)
+        until(lambda: again.cycle().state == State.STOPPED)
+        again.trigger(Control.RESET)
+        until(lambda: self.walk.is_over)
+        again.close()
+
+
+@pytest.fixture
+def commissioned(loaded, tmp_path):
+    asked, stop = [], threading.Event()
+    walk = Walk(HOST, CONFIG.life_timeout, 60.0, asked.append)
+
+    def watched(bridge):
+        line = WatchedLine(bridge, walk, stop)
+        line.begin()
+        return line
+
+    with quick_cell(loaded, CONFIG, tmp_path, MOTION, watched) as served:
+        yield Commissioned(served, walk, asked)
+
+
+def test_a_plc_that_does_all_that_is_asked_is_signed_off(commissioned):
+    commissioned.go()
+    found = record(commissioned.walk, "A. Technician", "2026-11-22T09:00:00+00:00", "0.1.0")
+    assert found["passed"]
+    assert [each["step"] for each in found["steps"]] == [step.name for step in commissioned.walk.steps()]
+    assert found["map"] == "2.0"
+    sheet = _sheet(found)
+    assert "PASSED\nsigned: " in sheet
+    assert "ABORTED" in next(line for line in sheet.splitlines() if " loss: " in line)
+
+
+def walk(host=HOST):
+    return Walk(host, 1.0, 60.0, lambda text: None)
+
+
+def moment(time=0.0, holder="", state=State.IDLE, command=None, plc=None, **report):
+    return Moment(time, plc, holder, Report(state=state, **report), command)
+
+
+def sight(changes=1, gap=0.02, version=VERSION):
+    return PlcSight(f"{HOST}:5", version, changes, gap, 0.0, True)
+
+
+def run_to(name, way):
+    """Let a walk stand before a step."""
+    from cell.commissioning import Finding
+
+    for step in way.steps():
+        if step.name == name:
+            return way
+        way.findings.append(Finding(step.name, True, ""))
+    raise AssertionError(name)
+
+
+@pytest.mark.parametrize(
+    ("step", "moments", "said"),
+    [
+        ("connection", [moment(plc=sight(version=0x0100))], "has map 1.0"),
+        ("life counter", [moment(plc=sight(1)), moment(5.0, plc=sight(51, 0.6))], "half of plc.life_timeout allowed"),
+        ("lease", [moment(holder="terminal")], "terminal holds it"),
+        ("motion", [moment(command=Command(2, 100))], "code 100 was started"),
+        (
+            "motion",
+            [moment(command=Command(2, MOTION)), moment(sequence=2, result=Result.FAILURE, run=4)],
+            "run 4 ended in FAILURE",
+        ),
+        ("stop", [moment(), moment(61.0)], "not seen within 60 s"),
+    ],
+)
+def test_what_a_plc_shall_not_do_fails_its_step_and_ends_the_walk(step, moments, said):
+    way = run_to(step, walk())
+    for each in moments:
+        way.look(each)
+    assert not way.findings[-1].passed
+    assert said in way.findings[-1].measured
+    assert way.is_over
+
+
+def test_a_lease_of_another_identity_at_the_same_address_counts():
+    way = run_to("lease", walk())
+    way.look(moment(holder=f"Operator@{HOST}:4000"))
+    assert way.findings[-1].passed
+
+
+def test_wish_for_the_lease_is_the_number_that_the_step_names():
+    assert f"command_lease {Lease.TAKE}" in next(step.asks for step in walk().steps() if step.name == "lease")

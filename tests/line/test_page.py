@@ -1,0 +1,211 @@
+"""The page in a real browser: a run watched, held and let go on, faults, leases, two pages, a server that comes back."""
+
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+
+import pytest
+
+from cell.journal import Journal
+from cell.page.server import PageServer
+from cell.states import State
+from drivers.errors import SkinSilentError
+from plc_bridge.messages import Refusal
+from plc_bridge.peer import Peer
+from tests.browser import PageView, browsing
+from tests.plc_wire import Wire
+from tests.quick_cell import CODE, QuickCell
+
+WIRE_CUT = "skin: no frame for 0.5 s"
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with browsing() as opened:
+        yield opened
+
+
+@pytest.fixture
+def server(served: QuickCell, loaded) -> Iterator[PageServer]:
+    made = PageServer(("127.0.0.1", 0), served.bridge, served.live, loaded, served.folder)
+    made.start()
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def open_page(browser, server) -> Iterator[Callable[..., PageView]]:
+    opened = []
+
+    def open_page(token: str = "") -> PageView:
+        opened.append(view(browser, server.address, token))
+        opened[-1].until_text("link", "live")
+        return opened[-1]
+
+    yield open_page
+    for page in opened:
+        page.close()
+
+
+def view(browser, address, token=""):
+    return PageView(browser, f"http://{address[0]}:{address[1]}/" + (f"#token={token}" if token else ""))
+
+
+@pytest.fixture
+def page(open_page, server) -> PageView:
+    page = open_page(server.token)
+    page.until(lambda: page.is_enabled("start"))
+    return page
+
+
+def test_a_run_is_held_let_go_on_and_ended_from_the_page(served, page):
+    served.program.may_end.clear()
+    page.press("start")
+    page.until_text("state", "Execute")
+    page.press("hold")
+    page.until_text("state", "Held")
+    assert not page.is_enabled("hold")
+    page.press("unhold")
+    page.until_text("state", "Execute")
+    served.program.may_end.set()
+    page.until_text("state", "Complete")
+    page.until_text("run-rows", "success")
+    assert served.record(1).source.startswith("page 127.0.0.1")
+    assert page.complaints() == []
+
+
+def test_a_fault_says_what_to_do_and_is_reset_from_the_page(served, page):
+    served.program.may_end.clear()
+    served.program.fault = SkinSilentError(WIRE_CUT)
+    page.press("start")
+    page.until_text("state", "Aborted")
+    assert page.text("fault-title") == "Fault 1001: no taxel frame arrived in time"
+    assert page.text("fault-message") == WIRE_CUT
+    assert "check the board's supply and cable" in page.text("fault-remedy")
+    page.until_text("fault-list", "1001")
+    page.until_text("age", "no news for")
+    page.press("reset")
+    page.until_text("state", "Idle")
+    page.until(lambda: not page.text("fault-title"))
+
+
+def test_while_a_plc_holds_the_lease_the_page_may_only_stop(served, page, plc: Wire):
+    served.program.may_end.clear()
+    plc.order((1, 0), (2, CODE))
+    page.until_text("state", "Execute")
+    page.until_text("lease", "127.0.0.1:")
+    assert not page.is_enabled("hold")
+    page.press("hold")
+    page.until_text("answer", "holds the lease")
+    page.press("stop")
+    page.until_text("state", "Stopped")
+    assert served.record(1).outcome == "aborted"
+
+
+def test_a_page_that_forges_its_buttons_is_refused_like_any_link(served, page, plc: Wire):
+    served.program.may_end.clear()
+    plc.order((1, 0), (2, CODE))
+    page.until_text("state", "Execute")
+    page.script(
+        "const s = new WebSocket(`ws://${location.host}/live`); window.heard = [];"
+        "s.onmessage = (e) => { const d = JSON.parse(e.data); window.heard.push(d.kind + ':' + (d.refusal || d.why || ''));"
+        " if (d.kind === 'hello') s.send(JSON.stringify({ask: 'hold'})), s.send(JSON.stringify({ask: 'unlock', token:"
+        " sessionStorage.getItem('cell-token')})), s.send(JSON.stringify({ask: 'hold'})); }"
+    )
+    page.until(lambda: any("somebody else holds the lease" in text for text in page.script("return window.heard")))
+    assert "refused:this page may only look; show the token first" in page.script("return window.heard")
+    assert plc.report().state == State.EXECUTE
+    served.program.may_end.set()
+
+
+def test_a_page_without_the_token_may_only_look(served, open_page):
+    page = open_page()
+    assert "may only look" in page.text("locked")
+    page.press("start")
+    page.until_text("answer", "unlock the controls first")
+    wrong = open_page("wrong")
+    wrong.until_text("answer", "not the token of this cell")
+    assert served.bridge.run == 0
+
+
+def test_two_pages_show_the_same_and_one_of_them_holds_the_lease(served, page, open_page, server):
+    other = open_page(server.token)
+    served.program.may_end.clear()
+    page.press("start")
+    for seen in (page, other):
+        seen.until_text("state", "Execute")
+    other.until(lambda: other.is_enabled("stop") and not other.is_enabled("hold"))
+    page.press("hold")
+    other.until_text("state", "Held")
+    served.program.may_end.set()
+
+
+def test_everything_is_reached_by_keyboard_and_has_a_name(page):
+    nameless = page.script(
+        "return [...document.querySelectorAll('button,input,select,canvas,progress,[tabindex]')].filter((e) =>"
+        " !(e.textContent.trim() || e.getAttribute('aria-label') || e.getAttribute('aria-labelledby') ||"
+        " (e.labels && e.labels.length))).map((e) => e.outerHTML)"
+    )
+    assert nameless == []
+    assert (
+        page.script("document.querySelector('[data-ask=hold]').focus(); return document.activeElement.textContent")
+        == "Hold"
+    )
+
+
+def test_the_page_loads_from_the_cell_alone_and_fits_a_phone(page):
+    page.front().execute_cdp_cmd(
+        "Emulation.setDeviceMetricsOverride", {"width": 360, "height": 740, "deviceScaleFactor": 1, "mobile": True}
+    )
+    hosts = page.script(
+        "return [...new Set(performance.getEntriesByType('resource').map((e) => new URL(e.name).host))]"
+    )
+    assert hosts == [page.script("return location.host")]
+    assert page.script("return document.documentElement.scrollWidth") <= 360
+    assert page.complaints() == []
+
+
+@contextmanager
+def process(folder, port=0):
+    """Yield the process of a cell that is served with its page, and the page's port."""
+    command = [sys.executable, "-m", "cell", "serve", "--journal", str(folder), "--page", f"127.0.0.1:{port}"]
+    command += ["--set", "plc.modbus.port=0", "--set", "sim.pace=max"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as running:
+        try:
+            assert running.stdout is not None
+            modbus = running.stdout.readline().split()[-1]
+            yield running, int(running.stdout.readline().split()[2].rsplit(":", 1)[1].strip("/")), modbus
+        finally:
+            running.kill()
+
+
+def test_a_real_run_is_watched_and_a_page_outlives_a_killed_server(browser, tmp_path):
+    with process(tmp_path) as (running, port, _):
+        page = view(browser, ("127.0.0.1", port), (tmp_path / "page-token").read_text())
+        page.until(lambda: page.is_enabled("start"))
+        page.press("start")
+        page.until_text("doing", "spray search")
+        page.until_text("state", "Complete")
+        page.until_text("run-rows", "success")
+        assert page.text("yield") == "100.0 %"
+        assert page.script("return document.getElementById('percent').textContent") == "100 %"
+        page.front().find_element("link text", "Run 1").click()
+        page.until_text("stage-rows", "spiral adjust")
+        page.until(lambda: page.script("return document.getElementById('picture').naturalWidth") > 1000)
+        assert page.complaints() == []
+        page.front().back()
+        page.until_text("link", "live")
+        running.send_signal(signal.SIGKILL)
+        page.until_text("lost", "No connection to the cell")
+    with process(tmp_path, port) as (_, _, modbus):
+        page.until_text("link", "live")
+        page.until_text("state", "Idle")
+        page.until(lambda: page.is_enabled("start"))
+        host, number = modbus.rsplit(":", 1)
+        with closing(Peer(host, int(number))) as peer:
+            assert peer.look().refusal == Refusal.NONE
+    page.close()
+    with Journal(tmp_path) as journal:
+        assert [row.outcome for row in journal.runs(5)] == ["success"]

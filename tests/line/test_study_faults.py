@@ -1,0 +1,80 @@
+"""The campaign of faults, with one case of it: what must hold on any computer holds."""
+
+import csv
+import math
+from dataclasses import replace
+
+import pytest
+
+from cell.config import load
+from cell.lab.faults import charts, tables
+from cell.lab.faults.bench import KEYS
+from cell.lab.faults.kinds import KINDS
+from cell.lab.faults.measure import Case, cases, measure, write
+from drivers.errors import FaultCode
+
+KIND = next(kind for kind in KINDS if kind.name == "skin: unplugged")
+SOUND = Case(
+    kind="arm: reflex",
+    stage="spray_search",
+    moment=0.3,
+    outcome="fault",
+    reason="none",
+    fault=2002,
+    state="ABORTED",
+    part="in_hand",
+    detection=0.01,
+    rest=0.1,
+    rest_after=0.11,
+    peak_force=20.0,
+    wrong_success=False,
+    record=True,
+    reset="success",
+    actions=0,
+    following="success",
+)
+COUNTED = ("wrong successes", "late rest", "over force", "part unknown", "no record", "not back")
+
+
+def test_an_unplugged_skin_ends_the_run_at_rest_on_record_and_production_goes_on():
+    seen = []
+    (case,) = measure(
+        load(sets=[*KEYS, "reality.scale=0.0", "sim.pace=max"]), [(KIND, "grasp_from_rack", 0.3)], seen.append
+    )
+    assert seen == [case]
+    assert (case.outcome, case.fault, case.state) == ("fault", FaultCode.SKIN_SILENT, "ABORTED")
+    assert case.rest < tables.REST_LIMIT
+    assert (case.record, case.wrong_success, case.is_back) == (True, False, True)
+
+
+@pytest.mark.parametrize(
+    ("change", "column"),
+    [
+        ({"wrong_success": True}, "wrong successes"),
+        ({"rest": 0.31}, "late rest"),
+        ({"peak_force": 73.0}, "over force"),
+        ({"part": "unknown"}, "part unknown"),
+        ({"record": False}, "no record"),
+        ({"following": "fault"}, "not back"),
+        ({"actions": 2}, "not back"),
+    ],
+)
+def test_each_shortfall_is_counted_in_its_own_column(change, column):
+    line = tables.lines([replace(SOUND, **change)], force_limit=60.0)[-1]
+    assert {name: line[name] for name in COUNTED} == {name: int(name == column) for name in COUNTED}
+
+
+def test_a_run_that_ended_before_the_fault_is_not_counted():
+    assert tables.lines([replace(SOUND, outcome="not reached")], 60.0)[-1]["n"] == 0
+
+
+def test_every_kind_is_tried_at_every_stage():
+    assert len(cases(KINDS, is_quick=False)) == 12 * len(KINDS)
+
+
+def test_table_and_chart_are_written(tmp_path):
+    charts.draw([SOUND, replace(SOUND, kind="skin: frozen", rest_after=math.nan)], tmp_path / charts.CHART)
+    with write([SOUND], tmp_path).open() as file:
+        (row,) = csv.DictReader(file)
+    assert row["kind"] == "arm: reflex"
+    assert (tmp_path / charts.CHART).stat().st_size > 10_000

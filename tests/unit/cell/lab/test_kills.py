@@ -1,0 +1,22 @@
+from dataclasses import replace
+
+import pytest
+
+from cell.lab.faults.kills import Kill
+
+SOUND = Kill("SIGKILL", 1.0, -9, told=3, outcome="lost", samples=100, still_running=0, twice=0)
+
+
+@pytest.mark.parametrize(
+    "kill", [SOUND, replace(SOUND, told=0, outcome=""), replace(SOUND, signal="SIGTERM", status=0)]
+)
+def test_an_end_that_lost_nothing_is_sound(kill):
+    assert kill.is_sound
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"outcome": ""}, {"outcome": "running"}, {"still_running": 1}, {"twice": 1}, {"status": 0}, {"signal": "SIGTERM"}],
+)
+def test_what_is_lost_untrue_or_rude_is_not(change):
+    assert not replace(SOUND, **change).is_sound

@@ -1,0 +1,166 @@
+"""What the page shows and takes, without a browser and without a cell."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from cell.journal_schema import RunRow
+from cell.line import CONTROLS
+from cell.live import KEPT, Live, Look
+from cell.page import telling
+from cell.page.commands import BadAskError, parse
+from cell.page.guard import is_own_host
+from cell.page.records import shift
+from cell.page.token import FILE, is_token, page_token
+from cell.page.traces import NAMES, POINTS, STEP, Traces, touch
+from cell.states import TRANSITIONS, Event, State
+from drivers.errors import FAULTS, ConfigError, FaultCode
+from plc_bridge.images import ReportImage
+from plc_bridge.messages import Control, PartPlace, Refusal
+from plc_bridge.registers import Lease
+from skills.catalogue import CATALOGUE
+from tests.fakes import Rig
+
+
+@pytest.fixture
+def look(rig: Rig) -> Look:
+    return Look(rig.cell.context(0).observe(), "spray_search", 1, 0.1)
+
+
+def later(look: Look, time: float, **what) -> Look:
+    return replace(look, seen=replace(look.seen, stamp=look.seen.stamp + time), **what)
+
+
+def row(outcome: str) -> RunRow:
+    return RunRow(1, "2025-01-01T00:00:00.000+00:00", "insert_peg", 0, "", "", 1, outcome=outcome)
+
+
+def test_a_full_slot_drops_the_oldest_look_and_never_grows(look):
+    live = Live()
+    for number in range(KEPT + 5):
+        live.show(replace(look, run=number))
+    assert [taken.run for taken in live.take()] == list(range(5, KEPT + 5))
+    assert live.take() == []
+
+
+def test_a_trace_is_thinned_out_and_bounded(look):
+    traces = Traces()
+    points = traces.add(later(look, 0.01 * number) for number in range(101))
+    assert [point[0] for point in points] == pytest.approx([STEP * number for number in range(21)])
+    traces.add(later(look, STEP * number) for number in range(100, POINTS + 200))
+    assert len(traces.points) == POINTS
+
+
+def test_another_run_begins_another_trace_at_time_zero(look):
+    traces = Traces()
+    traces.add([look, later(look, 1.0)])
+    assert [point[0] for point in traces.add([later(look, 9.0, run=2)])] == [0.0]
+    assert (traces.run, len(traces.points)) == (2, 1)
+
+
+def test_depth_is_told_only_of_stages_that_work_at_the_hole(look):
+    depth = NAMES.index("depth")
+    searching, grasping = (
+        Traces().add([replace(look, stage=name)])[0][depth] for name in ("spray_search", "grasp_from_rack")
+    )
+    assert searching == pytest.approx(0.1 - look.seen.tip[2], abs=1e-6)
+    assert grasping is None
+
+
+def test_what_is_not_known_is_said_as_nothing_because_json_knows_no_infinity(look):
+    blind = replace(look.seen, peg=replace(look.seen.peg, healthy=False, sigma=math.inf, stamp=-math.inf))
+    told = touch(replace(look, seen=blind))
+    assert (told["theta"], told["sigma"], told["theta_age"]) == (None, None, None)
+
+
+@pytest.mark.parametrize("state", list(State))
+def test_every_state_permits_what_the_table_of_states_permits(state):
+    asked = {event for (before, event) in TRANSITIONS if before is state and event is not Event.FINISHED}
+    if state is State.ABORTED:
+        asked.add(Event.RESET)
+    if state is State.COMPLETE:
+        asked.add(Event.START)
+    by_person = set(telling.BY_PERSON) if state in telling.WAITING else set()
+    assert set(telling.permitted(state)) == {event.value for event in asked} | by_person
+
+
+def test_what_a_person_may_say_are_controls_of_the_line():
+    assert set(telling.BY_PERSON) <= set(CONTROLS)
+
+
+def test_a_peg_that_lies_on_the_plate_is_part_of_the_next_step():
+    told = telling.told(ReportImage(state=State.IDLE, part=PartPlace.ON_PLATE), "")
+    assert "a person must take it away" in told["next"]
+    assert "Peg taken away" in told["next"]
+    assert "part" not in telling.told(ReportImage(state=State.EXECUTE, part=PartPlace.ON_PLATE), "")["next"]
+
+
+@pytest.mark.parametrize("code", [code for code in FAULTS if code is not FaultCode.NONE])
+def test_every_fault_comes_with_meaning_cause_and_remedy(code):
+    fault = telling.told(ReportImage(state=State.ABORTED, fault=code), "skin: silent")["fault"]
+    assert (fault["message"], fault["remedy"]) == ("skin: silent", FAULTS[code].remedy)
+
+
+def test_every_refusal_that_a_page_can_meet_has_words():
+    met = set(Refusal) - {Refusal.NONE, Refusal.VERSION, Refusal.TORN, Refusal.ADOPTED, Refusal.LATE}
+    assert set(telling.REFUSED) == met
+
+
+def test_the_yield_counts_runs_that_have_ended():
+    told = shift([row("running"), row("success"), row("failure")])
+    assert (told["runs"], told["yield"]) == (2, 0.5)
+    assert told["counts"] == {"success": 1, "failure": 1, "aborted": 0, "fault": 0}
+    assert shift([])["yield"] is None
+
+
+def test_a_start_becomes_the_command_block_of_a_plc():
+    image = parse('{"ask": "start", "program": "insert_peg", "recipe": 1, "serial": "PN7[a]-[/x]"}').command
+    assert (image.code, image.recipe, image.serial) == (CATALOGUE["insert_peg"].code, 1, "PN7[a]-[/x]")
+    assert parse('{"ask": "hold"}').command.code == Control.HOLD
+    assert parse('{"ask": "release"}').lease == Lease.RELEASE
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        (b"\xff", "not JSON"),
+        ("[1]", "an object"),
+        ('{"ask": ["hold"]}', "unlock, take, release, start"),
+        ('{"ask": "acknowledge"}', "unlock, take, release, start"),
+        ('{"ask": "start", "program": "dance"}', "insert_peg"),
+        ('{"ask": "start", "program": "insert_peg", "recipe": true}', "a whole number from 0 to 65535"),
+        ('{"ask": "start", "program": "insert_peg", "recipe": 65536}', "a whole number from 0 to 65535"),
+        ('{"ask": "start", "program": "insert_peg", "serial": "\\u00e4"}', "printable ASCII"),
+        ('{"ask": "start", "program": "insert_peg", "serial": 7}', "serial: a text"),
+        ('{"ask": "unlock", "token": null}', "token: a text"),
+    ],
+)
+def test_what_cannot_be_understood_is_answered_with_what_is_allowed(text, why):
+    with pytest.raises(BadAskError, match=why.replace("(", "\\(")):
+        parse(text)
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1:8080", "localhost", "[::1]:8080", "192.168.0.7:80", "[fe80::1]"])
+def test_addresses_and_own_names_are_answered(host):
+    assert is_own_host(host)
+
+
+@pytest.mark.parametrize("host", ["", "evil.example", "evil.example:8080", "127.0.0.1.evil.example", "[::1", "[x]:1"])
+def test_names_that_anybody_may_lead_here_are_not(host):
+    assert not is_own_host(host)
+
+
+def test_the_token_is_made_once_for_its_owner_alone(tmp_path):
+    token = page_token(tmp_path / "journal")
+    assert page_token(tmp_path / "journal") == token
+    assert (tmp_path / "journal" / FILE).stat().st_mode & 0o777 == 0o600
+    assert is_token(token, token)
+    assert not any(is_token(other, token) for other in ("", token[:-1], None, 7, "ä"))
+
+
+def test_a_token_that_others_can_read_is_refused(tmp_path):
+    page_token(tmp_path)
+    (tmp_path / FILE).chmod(0o644)
+    with pytest.raises(ConfigError, match="only its owner allowed"):
+        page_token(tmp_path)

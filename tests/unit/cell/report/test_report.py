@@ -1,0 +1,159 @@
+"""Questions to the records: which runs, what they say together, two side by side, and files for other tools."""
+
+import json
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+import pytest
+
+from cell.journal import Journal
+from cell.journal_schema import ConfigRow, RunRow, StageRow
+from cell.report.comparison import compared
+from cell.report.document import tables, write
+from cell.report.facts import LEAST_DRIFT, drift_of, facts_of
+from cell.run_query import RunQuery, since_text
+from drivers.errors import ConfigError
+from skills.catalogue import ADJUST, CATALOGUE, GRASP, SEARCH
+
+NOW = datetime(2025, 6, 15, 12, tzinfo=UTC)
+EVIL = "PN7[a]-[/x]<script>"
+SUCCESS = {"outcome": "success", "stage": "release_and_retract", "cycle_time": 20.0, "peak_force": 15.0}
+
+
+def row(number: int, days_ago: float = 0.0, **what) -> RunRow:
+    started = (NOW - timedelta(days=days_ago)).isoformat(timespec="milliseconds")
+    told = {"serial": f"A-{number}", **(what or SUCCESS)}
+    return RunRow(number, started, "insert_peg", 0, source="10.0.0.5:4711", sequence=number, **told)
+
+
+def stage(run: int, name: str, counted: float, **what) -> StageRow:
+    return StageRow(run, what.pop("place", 1), name, 0.0, counted + 4.0, counted=counted, **what)
+
+
+@pytest.fixture
+def journal(tmp_path):
+    with Journal(tmp_path / "records") as opened:
+        for asked in (
+            row(1, 9.0),
+            row(2, 2.0, outcome="fault", stage="spray_search", fault=2004, message="gains"),
+            row(3, 1.0, outcome="failure", stage="spray_search", reason="no_hole", serial=EVIL),
+            row(4, 0.1),
+        ):
+            begun = opened.begin(replace(asked, outcome="running"))
+            opened.finish(replace(asked, run=begun.run), [stage(begun.run, SEARCH.name, 5.0)])
+        yield opened
+
+
+@pytest.mark.parametrize(
+    ("query", "found"),
+    [
+        (RunQuery(), [4, 3, 2, 1]),
+        (RunQuery(since=since_text("7d", NOW)), [4, 3, 2]),
+        (RunQuery(outcome="failure"), [3]),
+        (RunQuery(fault=2004), [2]),
+        (RunQuery(serial=EVIL), [3]),
+        (RunQuery(since=since_text("36h", NOW), outcome="success"), [4]),
+        (RunQuery(program="recover"), []),
+        (RunQuery(recipe=0), [4, 3, 2, 1]),
+    ],
+)
+def test_a_question_finds_its_runs_and_their_stages(journal, query, found):
+    assert [run.run for run in journal.select(query)] == found
+    assert sorted(stage.run for stage in journal.stages_of(query)) == sorted(found)
+
+
+@pytest.mark.parametrize("text", ["7", "d7", "yesterday", "9999999w", "999999w", "2025-13-01"])
+def test_a_time_that_is_none_is_answered_with_what_is_allowed(text):
+    with pytest.raises(ConfigError, match="12h, 7d, 4w or a date"):
+        since_text(text, NOW)
+
+
+def test_a_date_is_in_local_time_and_a_span_ends_now():
+    local = datetime.fromisoformat("2025-01-31T06:00").astimezone(UTC)
+    assert since_text("2025-01-31T06:00", NOW) == local.isoformat(timespec="milliseconds")
+    assert since_text("30m", NOW) == "2025-06-15T11:30:00.000+00:00"
+
+
+def test_yield_counts_ended_runs_and_says_how_sure_it_is(journal):
+    facts = facts_of(journal.select(RunQuery()), [])
+    assert (facts.total.good, facts.total.runs, facts.total.share) == (2, 4, 0.5)
+    low, high = facts.total.interval
+    assert (low, high) == pytest.approx((0.150, 0.850), abs=1e-3)  # [wilson] of 2 in 4
+    assert facts.outcomes == {"success": 2, "fault": 1, "failure": 1}
+
+
+def test_reasons_come_in_order_of_their_number_and_add_up():
+    lost = [row(n, outcome="failure", stage="spray_search", reason="no_hole") for n in (1, 2, 3)]
+    facts = facts_of([*lost, row(4, outcome="fault", stage="tactile_insert", fault=1001)], [])
+    assert [(loss.what, loss.count, loss.cumulative) for loss in facts.losses] == [
+        ("no hole in spray search", 3, 0.75),
+        ("fault 1001: no taxel frame arrived in time", 1, 1.0),
+    ]
+
+
+def test_times_tell_the_stage_alone_from_the_stage_with_its_transfer():
+    tries = [stage(1, SEARCH.name, 2.0), stage(1, SEARCH.name, 3.0, place=2), stage(2, SEARCH.name, 9.0)]
+    (found,) = facts_of([row(2, outcome="aborted"), row(1)], tries).stages
+    assert (found.n, found.counted["median"], found.whole["median"]) == (1, 5.0, 13.0)
+
+
+def test_the_insertion_is_the_sum_that_the_published_table_counts():
+    times = json.dumps([(GRASP.name, 4.0), (SEARCH.name, 5.0), ("tactile_insert", 1.0), (ADJUST.name, 2.0)])
+    assert facts_of([row(1, **SUCCESS, stage_times=times)], []).insertion["mean"] == pytest.approx(8.0)
+    assert len(CATALOGUE.counted) == 3
+
+
+def test_a_pad_that_wears_shows_and_one_that_does_not_stays_quiet():
+    rng = np.random.default_rng(1)
+    days = np.linspace(0.0, 10.0, 60)
+    worn, sound = ([(day, 0.1 + slope * day + rng.normal(0.0, 0.01)) for day in days] for slope in (0.01, 0.0))
+    assert drift_of(worn).is_shown
+    assert drift_of(worn).per_day == pytest.approx(0.01, abs=0.002)
+    assert not drift_of(sound).is_shown
+    assert drift_of(worn[: LEAST_DRIFT - 1]) is None
+    assert drift_of([(1.0, 0.1)] * LEAST_DRIFT) is None
+
+
+def test_no_runs_are_no_error(tmp_path):
+    facts = facts_of([], [])
+    write(facts, tmp_path / "none.html")
+    assert ("yield", "no runs, 95 % interval 0.0 to 100.0 %") in tables(facts)[0][2]
+
+
+def test_a_report_is_one_file_that_asks_nobody_and_prints_what_comes_from_outside_as_it_is(journal, tmp_path):
+    lost = row(9, outcome="failure", stage="spray_search", reason=EVIL)
+    facts = facts_of([lost, *journal.select(RunQuery())], journal.stages_of(RunQuery()))
+    write(facts, tmp_path / "report.html")
+    write(facts, tmp_path / "report.pdf")
+    text = (tmp_path / "report.html").read_text()
+    assert "<script" not in text
+    assert "&lt;script&gt;" in text
+    assert "http" not in text
+    assert (tmp_path / "report.pdf").read_bytes().startswith(b"%PDF")
+
+
+@pytest.mark.parametrize("name", ["report.docx", "report"])
+def test_another_ending_is_refused(tmp_path, name):
+    with pytest.raises(ConfigError, match=r"\*\.html, \*\.pdf allowed"):
+        write(facts_of([], []), tmp_path / name)
+
+
+def test_two_runs_differ_where_their_configs_do():
+    first, second = row(1), row(2, outcome="failure", reason="no_hole", stage="spray_search")
+    configs = [
+        ConfigRow("a", '{"search": {"speed": 0.05}, "retries": 1}'),
+        ConfigRow("b", '{"search": {"speed": 0.06}, "retries": 1}'),
+    ]
+    tried = [[stage(1, SEARCH.name, 5.0, outcome="success")], [stage(2, SEARCH.name, 9.0, reason="no_hole")]]
+    found = dict(compared([first, second], tried, [config.config for config in configs]))
+    assert found["config key that differs"] == [("search.speed", "0.05", "0.06")]
+    assert found["stage, without and with transfer"] == [
+        ("spray search", "5.00 / 9.00 s success", "9.00 / 13.00 s no_hole")
+    ]
+    assert ("outcome", "success", "failure") in found["record"]
+
+
+def test_a_config_that_was_not_kept_is_said():
+    found = dict(compared([row(1), row(2)], [[], []], [None, "{}"]))
+    assert found["config"] == [("config on record", "not kept", "kept")]

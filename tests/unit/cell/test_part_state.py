@@ -1,0 +1,205 @@
+"""Where the peg is by the evidence: every place, every way in and out, and what a start makes of it."""
+
+from dataclasses import replace
+
+import pytest
+
+from cell.part_state import (
+    IN_HOLE_DEPTH,
+    REMEDIES,
+    UNRESOLVED,
+    WIDTH_TOLERANCE,
+    Evidence,
+    PartState,
+    after,
+    after_run,
+    at_start,
+    places_of,
+    refusal_of,
+    told,
+)
+from drivers.quantities import SwitchState
+from plc_bridge.messages import PartPlace, Refusal
+
+OPEN, CLOSED, UNKNOWN = SwitchState.OPEN, SwitchState.CLOSED, SwitchState.UNKNOWN
+EMPTY = PartState(PartPlace.RACK, "in the rack")
+
+
+@pytest.fixture
+def places(loaded):
+    return places_of(loaded.cell.job(), loaded.cell.recover.bin)
+
+
+def seen(places, tip, *, gripping=True, width=None, moving=False, switch=OPEN):
+    thickness = places.thickness if gripping else 0.04
+    return Evidence(thickness if width is None else width, gripping, moving, tip, 0.0, switch)
+
+
+def at_depth(places, depth, aside=0.0):
+    x, y, z = places.hole.centre
+    return (x + aside, y, z - depth)
+
+
+def held_at(places, depth, switch=OPEN):
+    return after(EMPTY, seen(places, at_depth(places, depth), switch=switch), places, is_running=True)
+
+
+@pytest.mark.parametrize(
+    ("depth", "switch", "place"),
+    [
+        (-0.1, OPEN, PartPlace.IN_HAND),
+        (IN_HOLE_DEPTH - 1e-5, OPEN, PartPlace.IN_HAND),
+        (IN_HOLE_DEPTH + 1e-5, OPEN, PartPlace.IN_HOLE),
+        (0.02, OPEN, PartPlace.IN_HOLE),
+        (0.02, CLOSED, PartPlace.SEATED),
+        (0.0159, CLOSED, PartPlace.IN_HOLE),
+        (0.02, UNKNOWN, PartPlace.IN_HOLE),
+    ],
+)
+def test_a_held_peg_is_where_depth_and_switch_say(places, depth, switch, place):
+    state = held_at(places, depth, switch)
+    assert (state.place, state.is_held) == (place, True)
+    assert state.depth == pytest.approx(depth if place is not PartPlace.IN_HAND else 0.0)
+
+
+def test_a_held_peg_beside_the_hole_s_area_is_in_no_hole_however_deep(places):
+    aside = places.hole.area[0] / 2 + 0.006
+    state = after(EMPTY, seen(places, at_depth(places, 0.02, aside)), places, is_running=True)
+    assert state.place is PartPlace.IN_HAND
+
+
+@pytest.mark.parametrize(("off", "is_held"), [(WIDTH_TOLERANCE - 1e-5, True), (WIDTH_TOLERANCE + 1e-5, False)])
+def test_the_hand_holds_what_is_as_wide_as_the_peg(places, off, is_held):
+    look = seen(places, at_depth(places, -0.1), width=places.thickness + off)
+    assert after(EMPTY, look, places, is_running=True).is_held == is_held
+
+
+@pytest.mark.parametrize(
+    ("depth", "switch", "place"),
+    [
+        (-0.1, OPEN, PartPlace.ON_PLATE),
+        (0.001, OPEN, PartPlace.ON_PLATE),
+        (0.012, OPEN, PartPlace.IN_HOLE),
+        (0.02, CLOSED, PartPlace.SEATED),
+    ],
+)
+def test_a_peg_that_is_let_go_is_where_it_was_held_or_fell(places, depth, switch, place):
+    held = held_at(places, depth, switch)
+    state = after(held, seen(places, held.tip, gripping=False, switch=switch), places, is_running=True)
+    assert (state.place, state.is_held) == (place, False)
+
+
+def test_a_peg_that_is_lost_from_a_closed_hand_fell(places):
+    held = held_at(places, -0.1)
+    state = after(held, seen(places, held.tip, gripping=False, width=0.0), places, is_running=True)
+    assert state.place is PartPlace.ON_PLATE
+    assert "fell from 100.0 mm above the plate" in state.evidence
+
+
+def test_a_peg_that_is_let_go_above_the_bin_is_in_it_and_in_its_slot_in_the_rack(places):
+    for tip, place in (
+        ((*places.bin[:2], 0.2), PartPlace.BIN),
+        ((*places.slots[1][:2], places.slots[1][2] - 0.001), PartPlace.RACK),
+        ((*places.slots[1][:2], places.slots[1][2] + 0.001), PartPlace.ON_PLATE),
+    ):
+        held = after(EMPTY, seen(places, tip), places, is_running=True)
+        assert after(held, seen(places, tip, gripping=False), places, is_running=True).place is place
+
+
+def test_a_peg_that_is_lost_over_the_hole_after_it_stood_in_it_may_have_slipped_out_of_the_hand(places):
+    drawn = after(held_at(places, 0.012), seen(places, at_depth(places, -0.02)), places, is_running=True)
+    assert drawn.place is PartPlace.IN_HAND
+    lost = after(drawn, seen(places, drawn.tip, gripping=False, width=0.0), places, is_running=True)
+    assert lost.place is PartPlace.UNKNOWN
+    taken_again = after(lost, seen(places, at_depth(places, -0.02)), places, is_running=True)
+    lost = after(taken_again, seen(places, drawn.tip, gripping=False, width=0.0), places, is_running=True)
+    assert lost.place is PartPlace.ON_PLATE
+
+
+def test_while_the_fingers_move_the_peg_is_where_it_was(places):
+    held = held_at(places, -0.1)
+    assert after(held, seen(places, held.tip, gripping=False, moving=True), places, is_running=True) is held
+
+
+def test_a_hand_that_neither_grips_nor_opens_leaves_nobody_knowing(places):
+    held = held_at(places, -0.1)
+    slack = seen(places, held.tip, gripping=False, width=places.thickness)
+    assert after(held, slack, places, is_running=True).place is PartPlace.UNKNOWN
+
+
+def test_a_hand_that_is_opened_outside_a_run_leaves_nobody_knowing(places):
+    held = held_at(places, -0.1)
+    assert after(held, seen(places, held.tip, gripping=False), places, is_running=False).place is PartPlace.UNKNOWN
+
+
+def test_a_seated_peg_is_taken_away_where_the_switch_opens_while_the_cell_waits(places):
+    seated = PartState(PartPlace.SEATED, "seated", False, 0.02)
+    look = seen(places, (0.0, 0.0, 0.5), gripping=False, switch=OPEN)
+    assert after(seated, look, places, is_running=False).place is PartPlace.RACK
+    assert after(seated, replace(look, switch=CLOSED), places, is_running=False) is seated
+    assert after(seated, replace(look, switch=UNKNOWN), places, is_running=False) is seated
+
+
+def test_a_seated_peg_whose_switch_has_opened_when_the_run_ends_came_along(places):
+    seated = PartState(PartPlace.SEATED, "seated", False, 0.02)
+    look = seen(places, (0.0, 0.0, 0.5), gripping=False, switch=OPEN)
+    assert after_run(seated, look, places).place is PartPlace.UNKNOWN
+    assert after_run(seated, replace(look, switch=CLOSED), places).place is PartPlace.SEATED
+
+
+@pytest.mark.parametrize(
+    ("kept", "gripping", "switch", "place"),
+    [
+        (None, False, OPEN, PartPlace.RACK),
+        (None, False, CLOSED, PartPlace.SEATED),
+        (None, True, OPEN, PartPlace.IN_HAND),
+        (PartState(PartPlace.IN_HAND, "", True), False, OPEN, PartPlace.UNKNOWN),
+        (PartState(PartPlace.IN_HAND, "", True), True, OPEN, PartPlace.IN_HAND),
+        (PartState(PartPlace.ON_PLATE, ""), False, OPEN, PartPlace.ON_PLATE),
+        (PartState(PartPlace.IN_HOLE, "", False, 0.01), False, OPEN, PartPlace.IN_HOLE),
+        (PartState(PartPlace.SEATED, ""), False, CLOSED, PartPlace.SEATED),
+        (PartState(PartPlace.SEATED, ""), False, OPEN, PartPlace.RACK),
+        (PartState(PartPlace.UNKNOWN, ""), False, OPEN, PartPlace.UNKNOWN),
+    ],
+)
+def test_a_program_that_begins_believes_the_devices_first_and_then_the_record(places, kept, gripping, switch, place):
+    look = seen(places, (0.45, 0.0, 0.3), gripping=gripping, switch=switch)
+    assert at_start(kept, look, places).place is place
+
+
+@pytest.mark.parametrize("place", PartPlace)
+def test_a_start_wants_the_last_peg_where_it_may_stay(place):
+    refused = refusal_of(PartState(place, ""), OPEN, is_rack_empty=False, recovers_first=False)
+    assert refused is (Refusal.PART_UNRESOLVED if place in UNRESOLVED else Refusal.NONE)
+
+
+@pytest.mark.parametrize(
+    ("place", "is_held", "is_refused"),
+    [
+        (PartPlace.IN_HAND, True, False),
+        (PartPlace.IN_HOLE, True, False),
+        (PartPlace.IN_HOLE, False, True),
+        (PartPlace.ON_PLATE, False, True),
+        (PartPlace.UNKNOWN, False, True),
+    ],
+)
+def test_what_the_hand_holds_is_recovered_first_where_the_config_says_so(place, is_held, is_refused):
+    refused = refusal_of(PartState(place, "", is_held), OPEN, is_rack_empty=False, recovers_first=True)
+    assert (refused is Refusal.PART_UNRESOLVED) == is_refused
+
+
+@pytest.mark.parametrize(("switch", "refusal"), [(CLOSED, Refusal.HOLE_OCCUPIED), (UNKNOWN, Refusal.SWITCH_UNKNOWN)])
+def test_a_start_wants_an_open_switch(switch, refusal):
+    assert refusal_of(EMPTY, switch, is_rack_empty=False, recovers_first=False) is refusal
+
+
+def test_a_start_wants_a_peg_in_the_rack():
+    assert refusal_of(EMPTY, OPEN, is_rack_empty=True, recovers_first=False) is Refusal.RACK_EMPTY
+
+
+@pytest.mark.parametrize("place", PartPlace)
+def test_every_place_is_told_with_what_to_do_in_one_line(place):
+    line = told(PartState(place, "hand grips 8.0 mm", depth=0.012))
+    assert line.startswith(f"peg {place.name.lower().replace('_', ' ')}, 12.0 mm deep (hand grips 8.0 mm): ")
+    assert line.endswith(REMEDIES[place])
+    assert "\n" not in line

@@ -1,0 +1,58 @@
+import io
+import logging
+import os
+
+import pytest
+
+from cell.patient_log import MOST, PatientHandler
+
+
+@pytest.fixture
+def log():
+    """Return a logger of its own."""
+    logger = logging.Logger("patient")
+    yield logger
+    for handler in logger.handlers:
+        handler.close()
+
+
+def test_lines_are_written_in_order(log):
+    stream = io.StringIO()
+    handler = PatientHandler(stream)
+    log.addHandler(handler)
+    for number in range(3):
+        log.error("line %d", number)
+    handler.flush()
+    assert stream.getvalue() == "line 0\nline 1\nline 2\n"
+
+
+def test_whoever_logs_goes_on_where_nobody_reads_and_what_was_dropped_is_told_later(log):
+    reading, writing = os.pipe()
+    with os.fdopen(writing, "w") as stream, os.fdopen(reading, encoding="utf-8") as reader:
+        handler = PatientHandler(stream)
+        log.addHandler(handler)
+        first = 2 * MOST
+        for _ in range(first):
+            log.error("x" * 100)
+        assert handler.dropped > 0
+        lines = [reader.readline() for _ in range(first - handler.dropped)]
+        log.error("read on")
+        while not lines[-1].startswith("read on"):
+            lines.append(reader.readline())
+    assert f"{handler.dropped} lines of the log were dropped: nobody read them\n" in lines
+
+
+class Left(io.StringIO):
+    """A stream whose reader has left."""
+
+    def write(self, text):
+        raise BrokenPipeError(32, "Broken pipe")
+
+
+def test_a_reader_who_has_left_stops_nobody(log):
+    handler = PatientHandler(Left())
+    log.addHandler(handler)
+    for _ in range(2):
+        log.error("anybody?")
+        handler.flush()
+    assert handler.dropped == 0

@@ -1,0 +1,167 @@
+"""What proves a success, each part of it at its limit and one beyond it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cell.part_state import PartState
+from cell.record import Ending
+from cell.success import AWAY, PLANE_TOLERANCE, SEATED_TOLERANCE, LastLook, Proof, judged
+from drivers.errors import SuccessUnprovenError, SwitchDisagreesError
+from drivers.frames import UP
+from drivers.quantities import GripperState, SwitchState
+from plc_bridge.messages import PartPlace
+from skills.contract import Outcome, Reason
+from skills.entry import Claim
+from skills.flow import StageRecord
+from skills.spray_search import SpraySearchResult
+from skills.surface import Plane
+
+OPEN, CLOSED = SwitchState.OPEN, SwitchState.CLOSED
+WIDE, CLOSED_HAND = GripperState(0.04, False, False), GripperState(0.008, True, False)
+SUCCESS = Ending(Outcome.SUCCESS, "release_and_retract", Reason.NONE)
+SEATED = PartState(PartPlace.SEATED, "let go 20.0 mm deep", False, 0.02)
+NOWHERE = (0.0, 0.0, 0.0)
+
+
+@pytest.fixture
+def job(loaded):
+    return loaded.cell.job()
+
+
+def found(plane):
+    result = SpraySearchResult(Outcome.SUCCESS, Reason.NONE, 1.0, NOWHERE, NOWHERE[:2], 0, 0, plane)
+    return [StageRecord("spray_search", result, 0.0, 1.0)]
+
+
+def proven(job, depth=0.02):
+    tip = np.array(job.hole.centre) - depth * UP
+    return Proof(True, tip, tip + job.peg.length * UP)
+
+
+def away(proof, distance=0.08, hand=WIDE, switch=CLOSED):
+    return LastLook(hand, proof.seated_hand + distance * UP, switch)
+
+
+def judge(job, *, claim=Claim.INSERTED, proof=None, look=None, records=None, part=SEATED, ending=SUCCESS):
+    proof = proven(job) if proof is None else proof
+    plane = Plane(np.array(job.hole.centre), UP)
+    look = away(proven(job)) if look is None else look
+    return judged(claim, ending, found(plane) if records is None else records, proof, look, part, job)
+
+
+def test_a_peg_seated_let_go_and_left_is_a_success(job):
+    assert judge(job) is SUCCESS
+
+
+@pytest.mark.parametrize("outcome", [Outcome.FAILURE, Outcome.ABORTED])
+def test_what_is_no_success_stays_what_it_is(job, outcome):
+    ending = Ending(outcome, "spiral_adjust", Reason.NOT_SEATED)
+    assert judge(job, ending=ending, proof=Proof()) is ending
+
+
+@pytest.mark.parametrize(("beyond", "is_seated"), [(-1e-5, True), (1e-5, False)])
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_the_depth_is_that_of_a_seated_peg(job, side, beyond, is_seated):
+    proof = proven(job, job.hole.depth + side * (SEATED_TOLERANCE + beyond))
+    if is_seated:
+        assert judge(job, proof=proof) is SUCCESS
+        return
+    with pytest.raises(SwitchDisagreesError, match="switch closed with the tip"):
+        judge(job, proof=proof)
+
+
+def test_a_switch_that_closes_4_mm_early_disagrees(job):
+    with pytest.raises(SwitchDisagreesError, match=r"16\.0 mm deep; 20\.0 mm \+- 2 mm expected"):
+        judge(job, proof=proven(job, job.hole.depth - 0.004))
+
+
+def test_the_depth_is_counted_from_the_surface_that_the_search_felt(job):
+    plane = Plane(np.array(job.hole.centre) + 0.003 * UP, UP)
+    assert judge(job, records=found(plane), proof=proven(job, job.hole.depth - 0.003)) is SUCCESS
+
+
+@pytest.mark.parametrize(("off", "is_plate"), [(PLANE_TOLERANCE - 1e-5, True), (PLANE_TOLERANCE + 1e-5, False)])
+def test_a_felt_surface_that_is_not_the_plate_s_proves_nothing(job, off, is_plate):
+    plane = Plane(np.array(job.hole.centre) + off * UP, UP)
+    proof = proven(job, job.hole.depth - off)
+    if is_plate:
+        assert judge(job, records=found(plane), proof=proof) is SUCCESS
+        return
+    with pytest.raises(SuccessUnprovenError, match=r"the surface that was felt is 5\.0 mm off"):
+        judge(job, records=found(plane), proof=proof)
+
+
+def test_a_switch_that_was_never_open_proves_nothing(job):
+    with pytest.raises(SuccessUnprovenError, match="never open"):
+        judge(job, proof=replace(proven(job), was_open=False))
+
+
+def test_a_switch_that_is_open_at_the_end_proves_nothing(job):
+    with pytest.raises(SuccessUnprovenError, match="switch is open at the end"):
+        judge(job, look=away(proven(job), switch=OPEN))
+
+
+def test_a_switch_that_closed_without_a_peg_in_the_hand_proves_nothing(job):
+    with pytest.raises(SuccessUnprovenError, match="while the hand held the peg"):
+        judge(job, proof=Proof(True))
+
+
+@pytest.mark.parametrize("hand", [CLOSED_HAND, GripperState(0.04, False, True), GripperState(0.008, False, False)])
+def test_a_hand_that_is_not_open_proves_nothing(job, hand):
+    with pytest.raises(SuccessUnprovenError, match="must be open and empty"):
+        judge(job, look=away(proven(job), hand=hand))
+
+
+@pytest.mark.parametrize(("distance", "is_gone"), [(AWAY + 1e-5, True), (AWAY - 1e-5, False)])
+def test_the_hand_is_gone_from_the_peg(job, distance, is_gone):
+    if is_gone:
+        assert judge(job, look=away(proven(job), distance)) is SUCCESS
+        return
+    with pytest.raises(SuccessUnprovenError, match="at least 30 mm needed"):
+        judge(job, look=away(proven(job), distance))
+
+
+def test_a_release_of_a_peg_that_is_not_seated_is_a_failure(job):
+    dropped = PartState(PartPlace.ON_PLATE, "fell from 100.0 mm above the plate")
+    ending = judge(job, claim=Claim.LEFT, part=dropped)
+    assert (ending.outcome, ending.reason) == (Outcome.FAILURE, Reason.NOT_SEATED)
+    assert judge(job, claim=Claim.LEFT) is SUCCESS
+
+
+def test_a_grasp_holds_a_peg(job):
+    held = PartState(PartPlace.IN_HAND, "hand grips 8.0 mm", True)
+    assert judge(job, claim=Claim.HELD, part=held) is SUCCESS
+    with pytest.raises(SuccessUnprovenError, match="is to hold a peg"):
+        judge(job, claim=Claim.HELD, part=SEATED)
+
+
+@pytest.mark.parametrize(
+    ("place", "hand", "reason"),
+    [
+        (PartPlace.BIN, WIDE, Reason.NONE),
+        (PartPlace.RACK, WIDE, Reason.NONE),
+        (PartPlace.SEATED, WIDE, Reason.NONE),
+        (PartPlace.ON_PLATE, WIDE, Reason.PART_LEFT),
+        (PartPlace.IN_HOLE, WIDE, Reason.PART_LEFT),
+        (PartPlace.UNKNOWN, WIDE, Reason.PART_LEFT),
+        (PartPlace.IN_HAND, CLOSED_HAND, Reason.STILL_HELD),
+    ],
+)
+def test_a_cell_is_free_with_an_open_hand_and_the_peg_where_it_may_stay(job, place, hand, reason):
+    ending = judge(job, claim=Claim.FREED, part=PartState(place, ""), look=away(proven(job), hand=hand))
+    assert ending.reason == reason
+    assert ending.outcome is (Outcome.SUCCESS if reason is Reason.NONE else Outcome.FAILURE)
+
+
+def test_a_switch_that_opens_again_takes_its_proof_back_while_the_hand_holds_the_peg(rig):
+    ctx = rig.cell.context(0)
+    rig.gripper.grip(30.0)
+    proof = Proof()
+    for switch, is_proven in ((CLOSED, False), (OPEN, False), (CLOSED, True), (OPEN, False), (CLOSED, True)):
+        rig.switch.state = switch
+        proof = proof.after(ctx.observe())
+        assert (proof.seated_tip is not None) == is_proven
+    rig.gripper.release(0.04)
+    assert proof.after(ctx.observe()).seated_tip is not None

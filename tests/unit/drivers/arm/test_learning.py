@@ -1,0 +1,95 @@
+"""What is learnt of joints that move as a hand does on its way to the rack."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cell.config import arm_file
+from drivers.arm import learning
+from drivers.arm.model import JOINTS, read_arm
+
+PANDA = read_arm(arm_file("panda"))
+M = np.diag([1.5, 1.4, 0.9, 1.0, 0.2, 0.15, 0.1])
+PERIOD = 5e-3
+DRY = np.array([0.3, 0.5, 0.3, 0.6, 0.4, 0.15, 0.3])
+SMOOTH = np.array([0.2, 0.3, 0.2, 0.5, 0.3, 0.1, 0.2])
+OFFSET = np.array([0.05, -0.6, 0.3, 0.8, -0.1, 0.15, 0.02])
+ROTOR = np.array([0.08, 0.02, 0.1, -0.03, 0.03, 0.02, 0.04])
+
+
+def begun():
+    state = np.zeros(learning.WORDS)
+    learning.begin(state, np.zeros((JOINTS, learning.FIGURES)), learning.doubts(PANDA))
+    return state
+
+
+def moved(state, seconds, is_free=True, pushed=0.0, dry=DRY):
+    """Swing every joint to and fro, as minimum-jerk moves of a second and a half do, against its friction."""
+    for k in range(round(seconds / PERIOD)):
+        phase = math.pi * k * PERIOD / 1.5 + np.linspace(0.0, 1.0, JOINTS)
+        dq = 0.5 * np.sin(phase)
+        ddq = 0.5 * math.pi / 1.5 * np.cos(phase)
+        friction = dry * np.tanh(dq / learning.DRY_RATE) + SMOOTH * np.tanh(dq / learning.SMOOTH_RATE)
+        state[learning.COMMANDED : learning.COMMANDED + JOINTS] = M @ ddq + ROTOR * ddq + friction + OFFSET + pushed
+        learning.observe(state, M, dq, PERIOD, is_free)
+    return learning.figures_of(state)
+
+
+def test_friction_offset_and_rotor_are_found_within_two_moves():
+    figures, deviations = moved(begun(), 3.0)
+    assert np.abs(figures[:, learning.OFFSET] - OFFSET).max() < 0.1
+    assert np.abs(figures[:, learning.ROTOR] - ROTOR).max() < 0.05
+    together = figures[:, learning.DRY] + figures[:, learning.SMOOTH]
+    assert np.abs(together - DRY - SMOOTH).max() < 0.1
+    assert (deviations < learning.doubts(PANDA)).all()
+
+
+def test_what_is_learnt_lies_within_its_own_interval():
+    figures, deviations = moved(begun(), 20.0)
+    truth = np.column_stack([DRY, SMOOTH, OFFSET, ROTOR])
+    assert (np.abs(figures - truth) < 3.0 * deviations + 0.02).all()
+
+
+def test_a_push_teaches_nothing_while_the_hand_is_not_said_to_be_free():
+    state = begun()
+    before = moved(state, 3.0)[0]
+    after = moved(state, 3.0, is_free=False, pushed=4.0)[0]
+    np.testing.assert_array_equal(after, before)
+
+
+def test_an_arm_at_rest_teaches_nothing():
+    state = begun()
+    for _ in range(400):
+        state[learning.COMMANDED : learning.COMMANDED + JOINTS] = 0.4
+        learning.observe(state, M, np.zeros(JOINTS), PERIOD, True)
+    assert (learning.figures_of(state)[0] == 0.0).all()
+
+
+def test_joints_that_warm_up_are_learnt_anew():
+    state = begun()
+    moved(state, 60.0)
+    figures, _ = moved(state, 120.0, dry=0.5 * DRY)
+    together = figures[:, learning.DRY] + figures[:, learning.SMOOTH]
+    np.testing.assert_allclose(together, 0.5 * DRY + SMOOTH, atol=0.08)
+
+
+def test_friction_is_fed_forward_along_the_commanded_motion_and_an_offset_always():
+    state = begun()
+    figures, _ = moved(state, 3.0)
+    at_rest, there, back = (learning.feed_forward(state, 1, wanted) for wanted in (0.0, 0.5, -0.5))
+    assert at_rest == pytest.approx(figures[1, learning.OFFSET])
+    made_up_for = 0.5 * (there - back) / (DRY[1] + SMOOTH[1] * math.tanh(2.0))
+    assert 0.7 < made_up_for < 0.9
+    assert 0.5 * (there + back) == pytest.approx(at_rest)
+
+
+def test_an_arm_of_which_nothing_is_known_is_left_alone():
+    assert learning.feed_forward(begun(), 3, 0.7) == 0.0
+
+
+def test_what_was_learnt_outlasts_a_restart_of_the_loop():
+    state = begun()
+    before = moved(state, 3.0)
+    learning.pause(state)
+    np.testing.assert_array_equal(learning.figures_of(state), before)

@@ -1,0 +1,195 @@
+"""Every setpoint and every reading at the gate, at its limit and one beyond it."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from drivers.errors import NotFiniteError, SetpointError, TrackingError
+from drivers.quantities import ArmState, ImpedanceSetpoint, InHandTip, Pose, TaxelFrame, Twist, Wrench
+from skills.scan_guards import require_finite_skin, require_finite_theta
+from skills.setpoint_gate import MOST_ASKEW, STEP_SLACK, GatedArm, Handed, Limits, require_finite, require_sound
+from skills.tactile.pose import NO_PEG
+from tests.fakes import HAND_DOWN, FakeArm, FakeClock
+
+LIMITS = Limits(force=60.0, low=(0.2, -0.5, 0.05), high=(0.8, 0.45, 0.8))
+SPEED, STIFF, PERIOD = 3.0, 1500.0, 0.01
+HERE = np.array([0.5, 0.0, 0.3])
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def arm_at(position=HERE, stamp=0.0):
+    return ArmState(
+        stamp, np.zeros(7), np.zeros(7), Pose(position, HAND_DOWN), Wrench(np.zeros(3), np.zeros(3)), 2, 0.0
+    )
+
+
+def setpoint(tip=HERE, **changes):
+    made = ImpedanceSetpoint(1, tip, UP, np.array([STIFF] * 3 + [40.0] * 3), np.full(6, 50.0), 0.1)
+    return replace(made, **changes)
+
+
+def judge(asked, arm=None, before=None):
+    require_sound(asked, arm or arm_at(), before, LIMITS, SPEED)
+
+
+def off(size):
+    return HERE + np.array([size, 0.0, 0.0])
+
+
+def test_where_the_arm_is_it_may_stay():
+    judge(setpoint())
+
+
+@pytest.mark.parametrize("share", [0.999, -0.999])
+def test_a_setpoint_may_press_up_to_the_force_limit(share):
+    judge(setpoint(off(share * LIMITS.force / STIFF)))
+
+
+def test_a_step_of_90_mm_is_refused_with_the_force_that_it_would_press_with():
+    with pytest.raises(SetpointError, match=r"90 mm away presses with 135 N; limits\.force = 60 N allowed"):
+        judge(setpoint(off(0.09)))
+
+
+def test_the_force_is_that_at_the_end_of_the_peg_in_the_hand():
+    in_hand = InHandTip(0.0, 0.05, 0.0)
+    judge(setpoint(HERE - 0.05 * UP, in_hand=in_hand))
+    with pytest.raises(SetpointError, match="50 mm away"):
+        judge(setpoint(HERE, in_hand=in_hand))
+
+
+def test_an_arm_that_stays_behind_its_setpoint_is_blocked():
+    before = Handed(setpoint(off(0.039)), 0.0)
+    with pytest.raises(TrackingError, match="blocked"):
+        judge(setpoint(off(0.041)), arm_at(stamp=PERIOD), before)
+
+
+@pytest.mark.parametrize(("beyond", "is_sound"), [(-1e-4, True), (1e-4, False)])
+def test_a_setpoint_moves_no_faster_than_the_arm_s_tool(beyond, is_sound):
+    step = SPEED * PERIOD + STEP_SLACK + beyond
+    soft = np.array([100.0] * 3 + [40.0] * 3)
+    before = Handed(setpoint(HERE, stiffness=soft), 0.0)
+    asked = setpoint(off(step), stiffness=soft)
+    if is_sound:
+        judge(asked, arm_at(stamp=PERIOD), before)
+        return
+    with pytest.raises(SetpointError, match="step of 31 mm; at most 31 mm allowed"):
+        judge(asked, arm_at(stamp=PERIOD), before)
+
+
+@pytest.mark.parametrize(("speed", "is_sound"), [(SPEED, True), (1.01 * SPEED, False)])
+def test_no_faster_twist_is_fed_forward(speed, is_sound):
+    asked = setpoint(twist=Twist(np.array([0.0, speed, 0.0]), np.zeros(3)))
+    if is_sound:
+        judge(asked)
+        return
+    with pytest.raises(SetpointError, match=r"speed 3\.03 m/s"):
+        judge(asked)
+
+
+@pytest.mark.parametrize(("askew", "is_sound"), [(MOST_ASKEW - 0.01, True), (MOST_ASKEW + 0.01, False)])
+def test_no_setpoint_turns_the_hand_away_at_once(askew, is_sound):
+    asked = setpoint(axis=np.array([math.sin(askew), 0.0, math.cos(askew)]))
+    if is_sound:
+        judge(asked)
+        return
+    with pytest.raises(SetpointError, match=r"axis 1\.01 rad"):
+        judge(asked)
+
+
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("side", ["low", "high"])
+def test_the_hand_is_asked_to_stay_in_the_workspace(axis, side):
+    edge = np.array(getattr(LIMITS, side))
+    outward = 1.0 if side == "high" else -1.0
+    place = HERE.copy()
+    place[axis] = edge[axis] + outward * 0.0009
+    hand = place.copy()
+    hand[axis] = edge[axis] - outward * 0.01
+    judge(setpoint(place), arm_at(hand))
+    place[axis] += outward * 0.0002
+    with pytest.raises(SetpointError, match=f"{'xyz'[axis]} = "):
+        judge(setpoint(place), arm_at(hand))
+
+
+def test_a_hand_outside_the_workspace_is_led_back_and_no_further_out():
+    outside = np.array([LIMITS.high[0] + 0.02, 0.0, 0.3])
+    judge(setpoint(outside - np.array([0.005, 0.0, 0.0])), arm_at(outside))
+    with pytest.raises(SetpointError, match=r"x = 0\.825"):
+        judge(setpoint(outside + np.array([0.005, 0.0, 0.0])), arm_at(outside))
+
+
+NO_NUMBERS = {
+    "tip 2 of 3": {"tip": np.array([0.5, math.nan, 0.3])},
+    "axis 1 of 3": {"axis": np.array([math.nan, 0.0, 1.0])},
+    "stiffness 6 of 6": {"stiffness": np.array([1.0, 1.0, 1.0, 1.0, 1.0, math.inf])},
+    "damping ratio 1 of 6": {"damping_ratio": np.array([math.nan, 1.0, 1.0, 1.0, 1.0, 1.0])},
+    "integral 1 of 2": {"integral_gain": math.nan},
+    "theta and length in the hand 1 of 2": {"in_hand": InHandTip(math.nan, 0.05, 0.0)},
+    "roll 3 of 3": {"roll": np.array([0.0, 1.0, math.nan])},
+    "twist 4 of 6": {"twist": Twist(np.zeros(3), np.array([math.nan, 0.0, 0.0]))},
+    "posture 7 of 7": {"posture": np.array([0.0] * 6 + [math.nan])},
+    "valid_until": {"valid_until": math.nan},
+    "axis of length 2.000": {"axis": 2.0 * UP},
+    "negative stiffness": {"stiffness": np.full(6, -1.0)},
+    "negative stiffness or damping ratio": {"damping_ratio": np.full(6, -1.0)},
+}
+
+
+@pytest.mark.parametrize("named", NO_NUMBERS)
+def test_what_is_no_number_or_no_setpoint_is_named(named):
+    with pytest.raises(SetpointError, match=f"setpoint: {named}"):
+        judge(setpoint(**NO_NUMBERS[named]))
+
+
+@pytest.mark.parametrize(
+    ("named", "changes"),
+    [
+        ("joint position 3 of 7", {"q": np.array([0.0, 0.0, math.nan, 0.0, 0.0, 0.0, 0.0])}),
+        ("joint velocity 1 of 7", {"dq": np.full(7, math.inf)}),
+        ("force 2 of 3", {"wrench": Wrench(np.array([0.0, math.nan, 0.0]), np.zeros(3))}),
+        ("torque 1 of 3", {"wrench": Wrench(np.zeros(3), np.full(3, math.nan))}),
+        ("TCP position 1 of 3", {"tcp": Pose(np.full(3, math.nan), HAND_DOWN)}),
+        ("TCP orientation 1 of 9", {"tcp": Pose(HERE, np.full((3, 3), math.nan))}),
+    ],
+)
+def test_a_reading_of_the_arm_that_is_no_number_is_named(named, changes):
+    with pytest.raises(NotFiniteError, match=f"arm: {named}"):
+        require_finite(replace(arm_at(), **changes))
+
+
+def test_a_trusted_taxel_that_is_no_number_is_named_and_an_untrusted_one_is_borne():
+    values, trusted = np.zeros((2, 20)), np.ones((2, 20), dtype=bool)
+    values[1, 7] = math.nan
+    with pytest.raises(NotFiniteError, match="skin: right taxel 7: nan"):
+        require_finite_skin(TaxelFrame(values, trusted, 0.0, 1))
+    trusted[1, 7] = False
+    require_finite_skin(TaxelFrame(values, trusted, 0.0, 1))
+
+
+def test_a_healthy_theta_that_is_no_number_is_a_fault():
+    require_finite_theta(replace(NO_PEG, theta=math.nan))
+    with pytest.raises(NotFiniteError, match="theta: nan"):
+        require_finite_theta(replace(NO_PEG, theta=math.nan, healthy=True))
+
+
+def test_whoever_is_refused_leaves_the_arm_halted_and_what_it_held_untouched():
+    arm = FakeArm(FakeClock())
+    gated = GatedArm(arm, SPEED, LIMITS)
+    before = arm.tcp
+    with pytest.raises(SetpointError):
+        gated.follow(setpoint(arm.tcp.position + np.array([0.0, 0.0, 0.09])))
+    assert arm.is_halted
+    assert arm.tcp is before
+
+
+def test_after_a_halt_a_setpoint_is_judged_from_where_the_arm_is():
+    arm = FakeArm(FakeClock())
+    gated = GatedArm(arm, SPEED, LIMITS)
+    gated.follow(setpoint(arm.tcp.position.copy()))
+    gated.halt()
+    arm.tcp = Pose(np.array([0.6, 0.1, 0.3]), HAND_DOWN)
+    gated.read()
+    gated.follow(setpoint(arm.tcp.position.copy()))
+    assert not arm.is_halted
