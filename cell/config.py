@@ -65,10 +65,13 @@ RECIPE_SECTIONS = frozenset({"preset", "peg", "hole", "rack", "corner", *(skill.
 
 
 class JournalConfig(ConfigModel):
-    """[journal]: where the records of runs go, and how many are kept."""
+    """[journal]: where the records of runs go, and how many are kept.
+
+    Source: chosen, not measured.
+    """
 
     folder: str = ""
-    """Folder that the records of runs go to; empty is the user's own data folder."""
+    """Folder that the records of runs go to; empty is the user's own data folder. Source: set for each cell."""
     days: Annotated[int, Field(ge=0, le=36500)] = 0
     """Days after which runs, their samples and events are deleted; 0 keeps all."""
     bytes: Annotated[int, Field(ge=0)] = 0
@@ -78,7 +81,10 @@ class JournalConfig(ConfigModel):
 
 
 class CalibrationConfig(ConfigModel):
-    """Section [calibration]: files of measured values."""
+    """Section [calibration]: files of measured values.
+
+    Source: measured by `cell calibrate skin`.
+    """
 
     skin: FilePath | None = None
     """File of the skin's measured gains and point spread, written by `cell calibrate skin`."""
@@ -114,11 +120,11 @@ class CellConfig(Catalogued):
     """Config of one cell."""
 
     preset: str = ""
-    """Name of a file of `presets/` that is laid over this one; empty is none."""
+    """Name of a file of `presets/` that is laid over this one; empty is none. Source: set for each cell."""
     scan_rate: Annotated[float, Field(ge=10.0, le=1000.0)]
-    """Rate of the scan, in which a skill senses and decides once, Hz."""
+    """Rate of the scan, in which a skill senses and decides once, Hz. Source: chosen, not measured."""
     retries: Annotated[int, Field(ge=0, le=10)]
-    """Number of times that `insert_peg` searches anew when the peg turns out not to be in the hole."""
+    """Number of times that `insert_peg` searches anew when the peg turns out not to be in the hole. Source: decision 0021."""
     limits: Limits
     """Force and workspace that end a skill at once."""
     peg: Peg
@@ -138,7 +144,7 @@ class CellConfig(Catalogued):
     smoothing: Smoothing = Smoothing()
     """How theta is carried from frame to frame."""
     observer: ObserverParams = ObserverParams()
-    """How theta may move between frames, where `smoothing.method` is "observer". Source: decision 0017."""
+    """How theta may move between frames, where `smoothing.method` is "observer"."""
     switch: Annotated[SimSwitchConfig | SerialSwitchConfig, Field(discriminator="kind")]
     """The success switch under the hole."""
     plc: PlcConfig

@@ -2,7 +2,8 @@
 
 Everything derives from the models: the docstring of a key is its meaning, and its first clause ends in the unit, as in
 "Peak speed of the tip, m/s; 0.1 in [gibbons].". A pure number says what it is instead: "fraction", "ratio", "count".
-The last sentence may say where the figure comes from, as in "Source: decision 0030; measured by `cell trials`.".
+The last sentence says where the figure comes from, as in "Source: decision 0030; measured by `cell trials`.". A key
+without one has the source of its section, which stands in the section's docstring or in that of its model.
 """
 
 import inspect
@@ -33,7 +34,7 @@ _UNIT = re.compile(
 _SENTENCE = re.compile(r"(?<!Sec\.)(?<!Eq\.)(?<!Fig\.)(?<=[.!?])\s+(?=[A-Z0-9`\"\[])")
 _SOURCE = re.compile(r"\s*\bSource: (.+)\.$")
 _CITED = re.compile(r"\[[a-z]+\](?:, (?:Sec|Eq|Table|Fig)\. (?:\(\d+\)|[^ ;:,.()]+))?")
-_STATED = ("assumed", "measured", "data sheet", "derived", "chosen")
+_ASSUMED = "assumed"
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +54,7 @@ class Key:
     default: str | None
     """Default as TOML; None where the key has to be given."""
     sources: tuple[str, ...]
-    """Sources of the figure or the method; empty for a figure that was chosen without one."""
+    """Sources of the figure; a figure without any other is "chosen, not measured", or "set for each cell", part or trial."""
     reader: str
     """Module whose class declares the key and reads it."""
     setters: tuple[str, ...]
@@ -130,13 +131,23 @@ def section_summary(name: str) -> str:
 def split_source(text: str) -> tuple[str, tuple[str, ...]]:
     """Return a docstring without its last sentence "Source: ...", and the sources of a key.
 
-    A docstring without that sentence has for sources the references that it cites, and the words by which it says
-    that a figure is measured or assumed.
+    A docstring without that sentence has for sources the references that it cites, and says by one word that a figure
+    is assumed.
     """
     stated = _SOURCE.search(text)
     if stated:
         return text[: stated.start()], tuple(stated.group(1).split("; "))
-    return text, tuple(dict.fromkeys((*_CITED.findall(text), *(word for word in _STATED if word in text))))
+    return text, tuple(dict.fromkeys((*_CITED.findall(text), *((_ASSUMED,) if _ASSUMED in text else ()))))
+
+
+def _stated(text: str) -> tuple[str, ...]:
+    """Return the sources that the last sentence of a docstring states; none without such a sentence."""
+    return split_source(text)[1] if _SOURCE.search(text) else ()
+
+
+def _of_model(model: type[BaseModel], field: str) -> tuple[str, ...]:
+    """Return the sources that the class which declares a key states for all of its keys."""
+    return _stated(" ".join(inspect.cleandoc(_owner(model, field).__doc__ or "").split()))
 
 
 def first_sentence(text: str) -> str:
@@ -150,23 +161,25 @@ def first_clause(text: str) -> str:
 
 
 def _keys_of(model: type[BaseModel], place: str, kind: str, source: tuple[str, ...] = ()) -> Iterator[Key]:
-    """Yield the keys of a model; `source` is that of its section and stands for keys that have none of their own."""
+    """Yield the keys of a model; `source` is that of its section and stands for keys that have none of their own.
+
+    A key's own docstring goes before that of its section, and that before the docstring of its model.
+    """
     properties = _properties(model)
     for name, field in model.model_fields.items():
         inner = list(_models(field.annotation))
         at = f"{place}{name}"
         if not inner:
             key = _key(at, kind, field, properties[name], model)
-            yield replace(key, sources=key.sources or source)
+            yield replace(key, sources=key.sources or source or _of_model(model, name))
         for each in inner:
             chosen = each.model_fields.get("kind")
             values = get_args(chosen.annotation) if chosen is not None and len(inner) > 1 else ()
-            of_section = _SOURCE.search(properties[name].get("description", ""))
             yield from _keys_of(
                 each,
                 f"{at}.",
                 f'{at}.kind = "{values[0]}"' if values else kind,
-                split_source(of_section.group())[1] if of_section else source,
+                _stated(properties[name].get("description", "")) or source,
             )
 
 
@@ -205,17 +218,16 @@ def _key(name: str, kind: str, field: FieldInfo, schema: Mapping[str, Any], mode
         allowed=allowed(schema),
         default=None if field.is_required() else toml(field.get_default(call_default_factory=True)),
         sources=sources,
-        reader=_owner(model, name.rsplit(".", 1)[-1]),
+        reader=_owner(model, name.rsplit(".", 1)[-1]).__module__,
         setters=tuple(setters),
         is_float=_has_float(field.annotation),
         section=model.__name__,
     )
 
 
-def _owner(model: type[BaseModel], field: str) -> str:
-    """Return the module of the class that declares a key."""
-    owner = next((base for base in model.__mro__ if field in inspect.get_annotations(base)), model)
-    return owner.__module__
+def _owner(model: type[BaseModel], field: str) -> type:
+    """Return the class that declares a key."""
+    return next((base for base in model.__mro__ if field in inspect.get_annotations(base)), model)
 
 
 def _has_float(annotation: Any) -> bool:

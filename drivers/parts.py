@@ -22,11 +22,11 @@ class Peg(ConfigModel):
     """The part to insert."""
 
     shape: Shape = "round"
-    """Shape of the peg's cross-section, and of the hole's; a square is a rectangle with equal sides."""
+    """Shape of the peg's cross-section, and of the hole's; a square is a rectangle with equal sides. Source: set for each part."""
     diameter: Annotated[float, Field(ge=0.002, le=0.03)] | None = None
     """Diameter of a round peg, m; for other shapes see `sides`. Source: [gibbons], Sec. VI."""
     sides: tuple[PegSide, PegSide] | None = None
-    """Sides of a square or rectangular peg, between the pads of the hand and across them, m."""
+    """Sides of a square or rectangular peg, between the pads of the hand and across them, m. Source: set for each part."""
     length: Annotated[float, Field(ge=0.02, le=0.15)]
     """Length from the finger centre to the end point, m; L of [gibbons], Eq. (2). Source: [gibbons], Sec. VI."""
     overhang: Annotated[float, Field(ge=0.005, le=0.05)]
@@ -46,7 +46,10 @@ class Peg(ConfigModel):
 
 
 class HolePrior(ConfigModel):
-    """Where in its area the hole is likely: a normal distribution, its axes those of the base frame."""
+    """Where in its area the hole is likely: a normal distribution, its axes those of the base frame.
+
+    Source: set for each part, or learnt as decision 0047 says.
+    """
 
     mean: tuple[Coordinate, Coordinate]
     """Most likely place of the hole's middle along x and y, m, base frame; within `hole.area` about `hole.centre`."""
@@ -66,22 +69,28 @@ class Hole(ConfigModel):
     diameter: Annotated[float, Field(ge=0.002, le=0.031)] | None = None
     """Diameter of a round hole, m; for other shapes see `sides`. Source: [gibbons], Sec. VI."""
     sides: tuple[HoleSide, HoleSide] | None = None
-    """Sides of the hole of a square or rectangular peg, in the order of `peg.sides`, m."""
+    """Sides of the hole of a square or rectangular peg, in the order of `peg.sides`, m. Source: set for each part."""
     centre: Point
-    """Middle of the area that contains the hole, on the plate's surface, m, base frame."""
+    """Middle of the area that contains the hole, on the plate's surface, m, base frame. Source: set for each cell."""
     area: tuple[Annotated[float, Field(ge=0.0, le=0.2)], Annotated[float, Field(ge=0.0, le=0.2)]]
-    """Extent along x and y of the area that contains the hole, m; the hole is anywhere in it."""
+    """Extent along x and y of the area that contains the hole, m; the hole is anywhere in it. Source: [gibbons], Sec. VI;
+    set for each cell.
+    """
     depth: Annotated[float, Field(ge=0.002, le=0.1)]
-    """Depth of the tip below the surface at which the peg is seated and the switch closes, m."""
+    """Depth of the tip below the surface at which the peg is seated and the switch closes, m. Source: set for each part."""
     tilt: Annotated[float, Field(ge=0.0, le=0.2)] = 0.0
-    """Angle between the real plate's normal and the vertical, rad; the simulation alone reads it, and the skills do not know it."""
+    """Angle between the real plate's normal and the vertical, rad; the simulation alone reads it, and the skills do not
+    know it. Source: set for each trial.
+    """
     yaw: Annotated[float, Field(ge=0.0, le=math.pi / 4)] = math.radians(10.0)
-    """Largest angle by which the hole's sides are turned from the base frame's x and y, rad; a round hole has none."""
+    """Largest angle by which the hole's sides are turned from the base frame's x and y, rad; a round hole has none.
+    Source: assumed; decision 0026.
+    """
     prior: HolePrior | None = None
     """Where in the area the hole is likely, which is searched first; without it the hole is anywhere in the area alike."""
     present: bool = True
-    """Whether the real plate has the hole, as the simulation reads it; without a hole every find is false, and the
-    skills do not know it.
+    """Whether the real plate has the hole, as the simulation reads it; without a hole every find is false, and the skills
+    do not know it. Source: set for each trial.
     """
 
     @property
@@ -110,7 +119,10 @@ class Hole(ConfigModel):
 
 
 class Rack(ConfigModel):
-    """The rack where pegs stand upright until they are taken."""
+    """The rack where pegs stand upright until they are taken.
+
+    Source: set for each cell.
+    """
 
     first: Point
     """Place of the first slot on the rack's surface, m, base frame."""

@@ -17,12 +17,15 @@ Seconds = Annotated[float, Field(ge=0.05, le=3600.0)]
 
 
 class ModbusConfig(ConfigModel):
-    """The Modbus TCP server."""
+    """The Modbus TCP server.
+
+    Source: chosen, not measured.
+    """
 
     host: str = "127.0.0.1"
-    """Network address to listen on; only this computer unless set otherwise."""
+    """Network address to listen on; only this computer unless set otherwise. Source: set for each cell."""
     port: Annotated[int, Field(ge=0, le=65535)] = 5020
-    """TCP port to listen on; 0 takes a free one."""
+    """TCP port to listen on; 0 takes a free one. Source: set for each cell."""
     connections: Annotated[int, Field(ge=1, le=500)] = 64
     """Number of connections at once, TLS handshakes included. A newcomer beyond takes the place of one that has never
     sent a request, else of the one that was idle longest, but never of one that holds the lease or has a run under way.
@@ -32,11 +35,14 @@ class ModbusConfig(ConfigModel):
     idle_timeout: Seconds = 60.0
     """Time without a request after which a connection is closed, s."""
     allow: tuple[IPv4Network | IPv6Network, ...] = ()
-    """Networks or addresses that may connect; none given means every one that can reach the port."""
+    """Networks or addresses that may connect; none given means every one that can reach the port. Source: set for each cell."""
 
 
 class TlsConfig(ModbusConfig):
-    """The Modbus/TCP Security server: mutual TLS, and rights by the role in the client's certificate."""
+    """The Modbus/TCP Security server: mutual TLS, and rights by the role in the client's certificate.
+
+    Source: set for each cell.
+    """
 
     port: Annotated[int, Field(ge=0, le=65535)] = 802
     """TCP port to listen on; 802 is the registered one, below 1024 a user needs permission, 0 takes a free one."""
@@ -53,7 +59,10 @@ class TlsConfig(ModbusConfig):
 
 
 class RtuConfig(ConfigModel):
-    """The Modbus RTU server on a serial line; defaults of Modbus over Serial Line V1.02, 2.5.1, 3.2."""
+    """The Modbus RTU server on a serial line; defaults of Modbus over Serial Line V1.02, 2.5.1, 3.2.
+
+    Source: set for each cell.
+    """
 
     port: Annotated[str, Field(min_length=1)]
     """Name of the serial port, as in /dev/ttyUSB0."""
@@ -64,13 +73,18 @@ class RtuConfig(ConfigModel):
     parity: Parity = "even"
     """Parity of the line. Source: Modbus over Serial Line V1.02, 2.5.1."""
     stop_bits: Literal[1, 2] = 1
-    """Number of stop bits; the standard asks for 2 where there is no parity, and many devices use 1."""
+    """Number of stop bits; the standard asks for 2 where there is no parity, and many devices use 1. Source: Modbus over
+    Serial Line V1.02, 2.5.1; set for each cell.
+    """
     idle_timeout: Seconds = 60.0
-    """Silence after which the next request begins a new conversation, whose first number is adopted, s."""
+    """Silence after which the next request begins a new conversation, whose first number is adopted, s. Source: chosen, not measured."""
 
 
 class CanConfig(ConfigModel):
-    """The CANopen node."""
+    """The CANopen node.
+
+    Source: set for each cell.
+    """
 
     interface: Interface
     """Interface through which the bus is reached."""
@@ -83,9 +97,9 @@ class CanConfig(ConfigModel):
     plc_node: Annotated[int, Field(ge=1, le=127)] = 1
     """Node-ID of the PLC, whose heartbeat is watched and whose commands count."""
     heartbeat: Annotated[float, Field(ge=0.01, le=60.0)] = 0.1
-    """Period of the cell's own heartbeat, s."""
+    """Period of the cell's own heartbeat, s. Source: chosen, not measured."""
     plc_timeout: Annotated[float, Field(ge=0.0, le=60.0)] = 1.0
-    """Time for which the PLC's heartbeat, once heard, may stay away before a run stops, s; 0 is no watch."""
+    """Time for which the PLC's heartbeat, once heard, may stay away before a run stops, s; 0 is no watch. Source: chosen, not measured."""
 
     @model_validator(mode="after")
     def _differ(self) -> Self:
@@ -95,7 +109,10 @@ class CanConfig(ConfigModel):
 
 
 class PlcConfig(ConfigModel):
-    """The PLC's side of the cell."""
+    """The PLC's side of the cell.
+
+    Source: chosen, not measured.
+    """
 
     life_timeout: Seconds = 1.0
     """Time for which the life counter of whoever started a run may stand still before the run stops, s."""

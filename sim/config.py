@@ -61,9 +61,9 @@ class SkinModel(ConfigModel):
     offset: Annotated[float, Field(ge=0.0, le=43e3)] = 5000.0
     """Mean raw reading of an untouched taxel, counts; assumed, [cyskin] has it removed."""
     dead_taxels: Annotated[NonNegativeInt, Field(le=FINGERS * TAXELS)] = 0
-    """Number of taxels, drawn at random, that read zero."""
+    """Number of taxels, drawn at random, that read zero. Source: set for each trial."""
     dead_modules: Annotated[NonNegativeInt, Field(le=FINGERS * TAXELS // MODULE_TAXELS)] = 0
-    """Number of modules, drawn at random, that read zero, as one does in [cyskin]."""
+    """Number of modules, drawn at random, that read zero, as one does in [cyskin]. Source: set for each trial."""
     pad: PadConfig = PadConfig()
     """The elastomer over the taxels."""
 
@@ -72,13 +72,13 @@ class SimSkinConfig(SkinModel):
     """The simulated skin; [gibbons] for rate and layout's pitch."""
 
     kind: Literal["sim"]
-    """Kind of the skin: the simulated one."""
+    """Kind of the skin: the simulated one. Source: set for each cell."""
     rate: Annotated[float, Field(ge=1.0, le=1000.0)] = 10.0
     """Rate of the frames, Hz; [gibbons], Sec. VI."""
     layout: Layout = "parallelogram"
     """Arrangement of the two modules of a finger; [gibbons] does not say which. Source: assumed."""
     silent_frames: Annotated[float, Field(ge=1.5, le=100.0)] = 3.5
-    """Time without a frame after which the skin is silent, multiple of the period."""
+    """Time without a frame after which the skin is silent, multiple of the period. Source: chosen, not measured."""
     health: SkinHealthConfig = SkinHealthConfig()
     """Conditions under which a taxel is not trusted."""
 
@@ -87,7 +87,10 @@ Instant = Annotated[float, Field(ge=0.0, le=1e6)]
 
 
 class WireFaults(ConfigModel):
-    """Faults that a technician may rehearse on the wire of an emulated board; times are the cell's, s."""
+    """Faults that a technician may rehearse on the wire of an emulated board; times are the cell's, s.
+
+    Source: set for each trial.
+    """
 
     drop: Fraction = 0.0
     """Probability that a CAN frame, or a byte, is lost, fraction."""
@@ -144,7 +147,7 @@ class GripConfig(ConfigModel):
     of the pivot. Source: assumed.
     """
     angle: Annotated[float, Field(ge=0.0, le=0.3)]
-    """Largest in-hand angle at which the peg is found in the rack, rad."""
+    """Largest in-hand angle at which the peg is found in the rack, rad. Source: assumed."""
     shear_stiffness: Annotated[float, Field(ge=5e3, le=5e4)] = 5e4
     """Stiffness of both pads in their plane under the closed grip, N/m; assumed: rubber of 60 kPa shear modulus, 180 mm² a pad
     under an 8 mm peg, 0.4 mm of it left."""
@@ -164,14 +167,15 @@ class ModelConfig(ConfigModel):
     with the peg, `boxes` stand in a ring. Source: measured by `cell study contact`.
     """
     facets: Annotated[int, Field(ge=3, le=256)] = 64
-    """Number of facets of the ring of boxes."""
+    """Number of facets of the ring of boxes. Source: measured by `cell study contact`."""
     native_ccd: bool = False
-    """Whether facets collide by MuJoCo's newer path, which makes ghost contacts at seams."""
+    """Whether facets collide by MuJoCo's newer path, which makes ghost contacts at seams. Source: decision 0002."""
     time_constant: Annotated[float, Field(ge=0.1, le=1e3)] = 2.0
     """Time constant of the contacts, multiple of the time step. Source: measured by `cell study contact`."""
     stiffness: Annotated[float, Field(ge=1e2, le=1e10)] | None = None
     """Stiffness of the contacts instead of their time constant, with critical damping, 1/s²; force by penetration and
-    effective mass."""
+    effective mass. Source: set for each trial.
+    """
     long_steps: bool = True
     """Whether steps are twice as long while nothing can touch the hole. Source: decision 0011; measured by `cell study contact`."""
     arm: Literal["full", "inertia"] = "full"
@@ -187,7 +191,10 @@ class ModelConfig(ConfigModel):
 
 
 class FixtureConfig(ConfigModel):
-    """[sim.fixture]: how the plate lies from part to part."""
+    """[sim.fixture]: how the plate lies from part to part.
+
+    Source: set for each trial.
+    """
 
     mean: tuple[float, float] | None = None
     """Place of the hole's middle about which it is drawn for each part, m, base frame; none draws it once for the cell,
@@ -202,9 +209,9 @@ class SimConfig(ConfigModel):
     timestep: Annotated[float, Field(ge=5e-5, le=1e-3)]
     """Time step of the physics, s; the arm's control period must be a multiple of it. Source: decision 0027; measured by `cell study contact`."""
     pace: Annotated[float, Field(gt=0.0, le=100.0)] | Literal["max"] = 1.0
-    """Pace of the cell's clock, multiple of real time; "max" is as fast as it goes."""
+    """Pace of the cell's clock, multiple of real time; "max" is as fast as it goes. Source: set for each command."""
     seed: Annotated[int, Field(ge=0)] = 0
-    """Seed of the first run; every further run of a session takes the next."""
+    """Seed of the first run; every further run of a session takes the next. Source: set for each trial."""
     fixture: FixtureConfig | None = None
     """Fixture that holds the plate about one place; none draws the hole's place anew for every part, evenly over its area."""
     model: ModelConfig = ModelConfig()
@@ -212,7 +219,10 @@ class SimConfig(ConfigModel):
 
 
 class RealityConfig(ConfigModel):
-    """Section [reality]: size of the errors of a simulated cell."""
+    """Section [reality]: size of the errors of a simulated cell.
+
+    Source: set for each trial; the errors and their sources in config/reality.toml.
+    """
 
     scale: Annotated[float, Field(ge=0.0, le=5.0)] = 1.0
     """Size of the errors that are drawn, ratio; 0 is ideal, 1 honest and 2 careless."""
@@ -223,7 +233,10 @@ class RealityConfig(ConfigModel):
 
 
 class SimArmConfig(ConfigModel):
-    """Section [arm] for the simulated arm."""
+    """Section [arm] for the simulated arm.
+
+    Source: set for each cell.
+    """
 
     kind: Literal["sim"]
     """Kind of the arm: the simulated one."""
@@ -232,14 +245,20 @@ class SimArmConfig(ConfigModel):
 
 
 class SimGripperConfig(ConfigModel):
-    """Section [gripper] for the simulated hand."""
+    """Section [gripper] for the simulated hand.
+
+    Source: set for each cell.
+    """
 
     kind: Literal["sim"]
     """Kind of the gripper: the simulated hand."""
 
 
 class SimSwitchConfig(ConfigModel):
-    """Section [switch] for the simulated switch."""
+    """Section [switch] for the simulated switch.
+
+    Source: set for each cell.
+    """
 
     kind: Literal["sim"]
     """Kind of the switch: the simulated one."""

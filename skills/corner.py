@@ -11,7 +11,10 @@ from skills.search.params import SpraySearchParams
 
 
 class CornerParams(ConfigModel):
-    """How a peg with corners is handled; keys that are not given here are those of the round peg's skills."""
+    """How a peg with corners is handled; keys that are not given here are those of the round peg's skills.
+
+    Source: chosen, not measured; reason in decision 0026.
+    """
 
     tilt: Annotated[float, Field(gt=0.0, lt=1.4)]
     """Tilt of the peg in the search, rad; the closing axis lies beside the plane of the tilt, so that an error of theta
@@ -38,9 +41,9 @@ class CornerParams(ConfigModel):
     another middle.
     """
     insert: CornerInsertParams
-    """How the peg is raised and turned in the hole. Source: decision 0026."""
+    """How the peg is raised and turned in the hole."""
     adjust: CornerAdjustParams
-    """How the peg is seated. Source: decision 0026."""
+    """How the peg is seated."""
 
     def searching(self, search: SpraySearchParams) -> SpraySearchParams:
         """Return the parameters of a search with a corner: those of the round peg's search, with `corner` laid over

@@ -18,7 +18,10 @@ from skills.surface import Plane, nominal
 
 
 class CornerAdjustParams(SkillParams):
-    """How to seat a peg with corners. The skill uses no tactile measurements."""
+    """How to seat a peg with corners. The skill uses no tactile measurements.
+
+    Source: chosen, not measured; reason in decision 0026.
+    """
 
     gains: Gains
     """Stiffness and damping ratio along x and y and in rotation. Source: chosen within the margin that `cell check` prints."""

@@ -23,7 +23,10 @@ from skills.surface import Plane, nominal
 
 
 class CornerInsertParams(SkillParams):
-    """How to raise and turn the peg."""
+    """How to raise and turn the peg.
+
+    Source: chosen, not measured; reason in decision 0026.
+    """
 
     gains: Gains
     """Stiffness and damping ratio along x and y and in rotation. Source: chosen within the margin that `cell check` prints."""

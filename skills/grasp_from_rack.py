@@ -43,7 +43,10 @@ DRAWING_TIME = 2.0
 
 
 class GraspFromRackParams(SkillParams):
-    """How to take a peg from the rack."""
+    """How to take a peg from the rack.
+
+    Source: chosen, not measured.
+    """
 
     transfer: Transfer
     """How the hand goes to the slot and away from it."""

@@ -28,7 +28,7 @@ class Gains(ConfigModel):
     rotation: PositiveFloat
     """Rotational stiffness, N·m/rad."""
     damping_ratio: PositiveFloat = 1.0
-    """Damping of every mode, multiple of what is critical at the arm's own inertia."""
+    """Damping of every mode, multiple of what is critical at the arm's own inertia. Source: decision 0050."""
 
     def stiffness(self) -> Vector:
         """Return the stiffness, shape (6,)."""
@@ -40,7 +40,10 @@ class Gains(ConfigModel):
 
 
 class Transfer(ConfigModel):
-    """How the arm moves through free space."""
+    """How the arm moves through free space.
+
+    Source: chosen, not measured.
+    """
 
     gains: Gains
     """Stiffness and damping ratio on the way."""

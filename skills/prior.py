@@ -23,12 +23,15 @@ MEMORY = 20
 
 
 class LearningConfig(ConfigModel):
-    """[learning]: what a served cell takes over from part to part."""
+    """[learning]: what a served cell takes over from part to part.
+
+    Source: chosen, not measured; reason in decision 0047.
+    """
 
     place: bool = True
-    """Whether the cell learns where the hole of each recipe is, and searches there first."""
+    """Whether the cell learns where the hole of each recipe is, and searches there first. Source: decision 0047."""
     scatter: Annotated[float, Field(ge=1e-4, le=0.01)] = 0.001
-    """Standard deviation of the hole's place between parts of one fixture that is assumed before parts have told, m."""
+    """Standard deviation of the hole's place between parts of one fixture that is assumed before parts have told, m. Source: assumed."""
     drift: Annotated[float, Field(ge=0.0, le=0.01)] = 0.0001
     """Standard deviation of the fixture's own move from one part to the next, m."""
     gate: Annotated[float, Field(ge=2.0, le=10.0)] = 4.0

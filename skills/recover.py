@@ -34,20 +34,23 @@ CLEAR = 0.005
 
 
 class RecoverParams(SkillParams):
-    """How to come back."""
+    """How to come back.
+
+    Source: chosen, not measured.
+    """
 
     transfer: Transfer
     """How the hand goes to the bin."""
     height: Annotated[float, Field(gt=0.0, le=0.3)]
     """Distance to draw up first, m."""
     bin: Point
-    """Place above the reject bin where the peg is let go, m, base frame."""
+    """Place above the reject bin where the peg is let go, m, base frame. Source: set for each cell."""
     opening: Annotated[float, Field(gt=0.0, le=0.08)]
     """Distance between the pads that lets the peg go, m."""
     opening_time: Annotated[float, Field(gt=0.0, le=10.0)]
     """Longest time for the fingers to open, s."""
     first: bool = False
-    """Whether a start that finds a peg in the hand clears it away first, instead of being refused."""
+    """Whether a start that finds a peg in the hand clears it away first, instead of being refused. Source: decision 0048."""
 
 
 @dataclass(frozen=True, slots=True)

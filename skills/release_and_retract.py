@@ -12,7 +12,10 @@ from skills.motion import Goal, Transfer, move, stay
 
 
 class ReleaseAndRetractParams(SkillParams):
-    """How to let go."""
+    """How to let go.
+
+    Source: chosen, not measured.
+    """
 
     transfer: Transfer
     """How the hand draws back."""

@@ -31,7 +31,10 @@ UNIT_TOLERANCE = 1e-3
 
 
 class Limits(ConfigModel):
-    """What ends a skill at once; no defaults."""
+    """What ends a skill at once; no defaults.
+
+    Source: set for each cell.
+    """
 
     force: Annotated[float, Field(gt=0.0, le=500.0)]
     """Largest estimated external force at the TCP, N."""

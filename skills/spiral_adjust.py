@@ -20,7 +20,10 @@ ARRIVING = 3.0
 
 
 class SpiralAdjustParams(SkillParams):
-    """How to tilt the peg about its tip along a spiral of the finger centre. The skill uses no tactile measurements."""
+    """How to tilt the peg about its tip along a spiral of the finger centre. The skill uses no tactile measurements.
+
+    Source: chosen, not measured.
+    """
 
     growth: PositiveFloat
     """Growth of the spiral's radius at the finger centre, m/s. Source: derived from [gibbons], Sec. VI, 25 mm in 20 s."""
@@ -29,8 +32,9 @@ class SpiralAdjustParams(SkillParams):
     radius: PositiveFloat
     """Largest radius of the spiral, m; `stall_timeout` may end the spiral before. Source: [gibbons], Sec. VI."""
     stall_timeout: Annotated[float, Field(gt=0.0, le=120.0)]
-    """Stall timeout: time in which a peg that goes no deeper by `jammed` is given up, s; such a peg is not in the hole
-    or will not go in so. Close to the bottom the timeout alone counts. Source: decision 0030.
+    """Stall timeout: time in which a peg that goes no deeper by `jammed` is given up, s; such a peg is not in the hole or
+    will not go in so. Close to the bottom the timeout alone counts. Source: chosen, not measured; reason in decision
+    0030.
     """
     timeout: PositiveFloat
     """Longest adjustment, s; where the radius is largest sooner, the spiral starts again."""
@@ -43,12 +47,12 @@ class SpiralAdjustParams(SkillParams):
     push_offset: NonNegativeFloat
     """Depth of the tip's setpoint below the tip, m."""
     guided_depth: PositiveFloat
-    """Depth of the tip from which the hole guides the peg, m; beyond it a growing spiral would only load the hole's
-    walls. Source: decision 0021.
+    """Depth of the tip from which the hole guides the peg, m; beyond it a growing spiral would only load the hole's walls.
+    Source: chosen, not measured; reason in decision 0021.
     """
     dither_radius: NonNegativeFloat
     """First radius of the dither of the finger centre in the guided peg, m; it fades within each period, because torque
-    that friction holds jams the peg. Source: decision 0030.
+    that friction holds jams the peg. Source: chosen, not measured; reason in decision 0030.
     """
     dither_rate: PositiveFloat
     """Turning rate of the dither, rad/s."""

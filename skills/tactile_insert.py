@@ -17,29 +17,37 @@ from skills.tactile.estimators import EstimatorName
 
 
 class TactileInsertParams(SkillParams):
-    """How to align the peg with the plate's normal."""
+    """How to align the peg with the plate's normal.
+
+    Source: chosen, not measured.
+    """
 
     gains: Gains
-    """Stiffness and damping ratio along x and y and in rotation."""
+    """Stiffness and damping ratio along x and y and in rotation. Source: chosen within the margin that `cell check` prints."""
     integral_gain: NonNegativeFloat
-    """Integral gain on orientation, N·m/(rad·s); K_I of [gibbons], Eq. (6)."""
+    """Integral gain on orientation, N·m/(rad·s); K_I of [gibbons], Eq. (6). Source: chosen, not measured; method of [gibbons], Eq. (6)."""
     integral_limit: NonNegativeFloat
     """Saturation of the integral, N·m."""
     push_offset: NonNegativeFloat
     """Depth of the tip's setpoint below the surface, m; 0.01 in [gibbons]. Source: [gibbons], Sec. V."""
     push_stiffness: tuple[PositiveFloat, PositiveFloat]
-    """Least and largest stiffness along z, N/m; K_min and K_max of [gibbons], Eq. (7)."""
+    """Least and largest stiffness along z, N/m; K_min and K_max of [gibbons], Eq. (7). Source: chosen, not measured;
+    method of [gibbons], Eq. (7).
+    """
     turn_rate: PositiveFloat
     """Rate at which the setpoint of the axis goes from where the peg is to upright, rad/s."""
     turn_run_up: NonNegativeFloat
-    """Time in which the setpoint of the axis gets to its rate, s; the hole's wall bears what sets the arm in motion. Source: decision 0028."""
+    """Time in which the setpoint of the axis gets to its rate, s; the hole's wall bears what sets the arm in motion.
+    Source: chosen, not measured; reason in decision 0028.
+    """
     aligned: Annotated[float, Field(gt=0.0, lt=0.8)]
     """Tilt phi below which the adjustment takes over, rad; 15 degrees in [gibbons]. Source: decision 0032."""
     compliance_rate: NonNegativeFloat
     """Rate at which the tip's setpoint along x and y gives way to where the hole keeps the tip, 1/s; 0 in [gibbons]. Source: decision 0021."""
     forward: NonNegativeFloat
-    """Distance of the tip's setpoint ahead of the tip, towards the side that the peg leans to, m; raising then cannot
-    lift the peg out."""
+    """Distance of the tip's setpoint ahead of the tip, towards the side that the peg leans to, m; raising then cannot lift
+    the peg out. Source: chosen, not measured; reason in decision 0021.
+    """
     timeout: PositiveFloat
     """Longest insertion, s."""
     least_share: Annotated[float, Field(ge=0.0, lt=1.0)]

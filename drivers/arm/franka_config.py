@@ -9,7 +9,10 @@ from drivers.config_model import ConfigModel
 
 
 class FrankaArmConfig(ConfigModel):
-    """[arm] of a Franka arm."""
+    """[arm] of a Franka arm.
+
+    Source: set for each cell.
+    """
 
     kind: Literal["franka"]
     """A Franka arm behind the maker's control interface."""

@@ -8,11 +8,14 @@ from drivers.config_model import ConfigModel
 
 
 class FrankaGripperConfig(ConfigModel):
-    """Section [gripper] for a Franka hand."""
+    """Section [gripper] for a Franka hand.
+
+    Source: set for each cell.
+    """
 
     kind: Literal["franka"]
     """Kind of the gripper: a Franka hand behind the maker's control interface."""
     host: Annotated[str, Field(min_length=1)]
     """Network address of the arm's control interface, which the hand shares."""
     speed: Annotated[float, Field(ge=0.01, le=0.1)] = 0.05
-    """Speed at which the distance between the fingers changes, m/s."""
+    """Speed at which the distance between the fingers changes, m/s. Source: chosen, not measured."""

@@ -22,7 +22,10 @@ FIRST_MODULE = 1
 
 
 class HubConfig(ConfigModel):
-    """A CySkin hub with the modules of both fingers."""
+    """A CySkin hub with the modules of both fingers.
+
+    Source: set for each cell.
+    """
 
     kind: Literal["cyskin"] = "cyskin"
     """A CySkin hub."""
@@ -45,7 +48,10 @@ class HubConfig(ConfigModel):
 
 
 class IcubConfig(ConfigModel):
-    """An iCub skin board with the triangles of both fingers."""
+    """An iCub skin board with the triangles of both fingers.
+
+    Source: set for each cell.
+    """
 
     kind: Literal["icub"]
     """An iCub skin board."""
@@ -65,12 +71,15 @@ class IcubConfig(ConfigModel):
 
 
 class BoardSkinConfig(ConfigModel):
-    """Keys of every skin board."""
+    """Keys of every skin board.
+
+    Source: chosen, not measured.
+    """
 
     rate: Annotated[float, Field(ge=1.0, le=100.0)] = 10.0
     """Rate of the scans that the board is told to make, Hz; boards make 10 to 100. Source: [gibbons], Sec. VI."""
     layout: Layout = "parallelogram"
-    """Arrangement of the two modules of a finger."""
+    """Arrangement of the two modules of a finger. Source: set for each cell."""
     silent_frames: Annotated[float, Field(ge=1.5, le=100.0)] = 3.5
     """Time without a scan after which the skin is silent, multiple of the period."""
     open_timeout: Annotated[float, Field(ge=0.1, le=60.0)] = 3.0
@@ -78,11 +87,14 @@ class BoardSkinConfig(ConfigModel):
     health: SkinHealthConfig = SkinHealthConfig()
     """Conditions under which a taxel is not trusted."""
     record: str = ""
-    """File that records all traffic of the wire; an empty name records nothing."""
+    """File that records all traffic of the wire; an empty name records nothing. Source: set for each cell."""
 
 
 class CanSkinConfig(BoardSkinConfig):
-    """Section [skin] for a board on a CAN bus."""
+    """Section [skin] for a board on a CAN bus.
+
+    Source: set for each cell.
+    """
 
     kind: Literal["can"]
     """Kind of the skin: a board on a CAN bus."""
@@ -97,7 +109,10 @@ class CanSkinConfig(BoardSkinConfig):
 
 
 class SerialSkinConfig(BoardSkinConfig):
-    """Section [skin] for a board on a serial line."""
+    """Section [skin] for a board on a serial line.
+
+    Source: set for each cell.
+    """
 
     kind: Literal["serial"]
     """Kind of the skin: a board on a serial line."""

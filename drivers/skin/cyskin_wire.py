@@ -51,12 +51,17 @@ class WireError(ValueError):
 
 
 class SkinWireConfig(ConfigModel):
-    """Parts of the protocol that differ between firmwares."""
+    """Parts of the protocol that differ between firmwares.
+
+    Source: assumed.
+    """
 
     hub: Byte = 1
-    """Number of the hub, the low byte of its CAN ids."""
+    """Number of the hub, the low byte of its CAN ids. Source: set for each cell."""
     byte_order: Literal["little", "big"] = "little"
-    """Byte order of readings and of the period; modules' records are little-endian in all public firmwares."""
+    """Byte order of readings and of the period; modules' records are little-endian in all public firmwares. Source:
+    assumed; [cyskin_driver] for modules' records.
+    """
     crc: Crc8 = Crc8()
     """Check sum of the messages; the polynomial is not public."""
     values_per_message: Annotated[int, Field(ge=1, le=126)] = 24

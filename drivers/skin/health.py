@@ -23,12 +23,17 @@ BASELINE_FRAMES = 50
 
 
 class SkinHealthConfig(ConfigModel):
-    """Conditions under which a taxel is not trusted."""
+    """Conditions under which a taxel is not trusted.
+
+    Source: chosen, not measured.
+    """
 
     baseline_frames: Annotated[int, Field(ge=BASELINE_FRAMES, le=10_000)] = BASELINE_FRAMES
     """Number of frames without a load that the baseline is the mean of."""
     saturation: Annotated[int, Field(ge=1000, le=ERROR_COUNT)] = 42_900
-    """Reading at which the converter is at its rail, counts; from here on it says "at least"."""
+    """Reading at which the converter is at its rail, counts; from here on it says "at least". Source: chosen just below
+    the error codes of [cyskin].
+    """
     stuck_frames: Annotated[int, Field(ge=5, le=100_000)] = 30
     """Number of equal readings in a row that are no measurement, because noise moves a live taxel."""
     frozen_frames: Annotated[int, Field(ge=2, le=100_000)] = 5

@@ -8,7 +8,10 @@ from drivers.config_model import ConfigModel
 
 
 class SerialSwitchConfig(ConfigModel):
-    """Section [switch] for a board on a serial line."""
+    """Section [switch] for a board on a serial line.
+
+    Source: set for each cell.
+    """
 
     kind: Literal["serial"]
     """Kind of the switch: a board on a serial line."""

@@ -12,7 +12,10 @@ Byte = Annotated[int, Field(ge=0, le=0xFF)]
 
 
 class Crc8(ConfigModel):
-    """A CRC of 8 bits, by the parameters that catalogues of CRCs use."""
+    """A CRC of 8 bits, by the parameters that catalogues of CRCs use.
+
+    Source: assumed.
+    """
 
     polynomial: Byte = 0x07
     """Generator polynomial without its highest term. Source: assumed."""

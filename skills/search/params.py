@@ -14,7 +14,10 @@ TOUCHED_TIME = 0.1
 
 
 class SpraySearchParams(SkillParams):
-    """How to search for the hole."""
+    """How to search for the hole.
+
+    Source: chosen, not measured.
+    """
 
     transfer: Transfer
     """How the hand goes to the first point and down to the surface."""
@@ -23,27 +26,30 @@ class SpraySearchParams(SkillParams):
     push_stiffness: PositiveFloat
     """Stiffness along z, which makes the push, N/m."""
     push_back: Annotated[float, Field(gt=0.0, le=1.0)]
-    """Push-back: share of the push that is kept at every slip of the peg in the hand, fraction; friction at the tip
-    turns the peg there.
+    """Push-back: share of the push that is kept at every slip of the peg in the hand, fraction; friction at the tip turns
+    the peg there. Source: chosen, not measured; reason in decision 0020.
     """
     least_push: Annotated[float, Field(gt=0.0, le=1.0)]
-    """Smallest share of the push that is left after slips, fraction."""
+    """Smallest share of the push that is left after slips, fraction. Source: chosen, not measured; reason in decision 0020."""
     push_offset: NonNegativeFloat
     """Depth of the tip's setpoint below the surface, m; 0.01 in [gibbons]. Source: [gibbons], Sec. IV."""
     tilt: Annotated[float, Field(ge=0.0, lt=1.4)]
     """Tilt of the peg from the vertical, rad; 45 degrees in [gibbons]. Source: [gibbons], Sec. IV."""
     tilt_azimuth: Annotated[float, Field(ge=-math.pi, le=math.pi)]
     """Tilt azimuth: direction in which the peg's upper end stands off the vertical, rad; from the base frame's x axis
-    towards y. For a peg with corners it is the azimuth of the hand's closing axis, and a multiple of the peg's symmetry.
+    towards y. For a peg with corners it is the azimuth of the hand's closing axis, and a multiple of the peg's
+    symmetry. Source: set for each cell.
     """
     fast_axis: Literal["x", "y"]
-    """Axis of the base frame that is swept fast."""
+    """Axis of the base frame that is swept fast. Source: set for each cell."""
     path: Literal["sinusoids", "lanes"]
-    """Path over the plate: sinusoids as in [gibbons], or straight lanes at one speed."""
+    """Path over the plate: sinusoids as in [gibbons], or straight lanes at one speed. Source: decision 0020."""
     speed: Annotated[float, Field(gt=0.0, le=0.5)]
     """Peak speed of the tip, m/s. Source: measured by `cell study frontier`."""
     run_up: NonNegativeFloat
-    """Time in which the tip reaches its speed, s; the edge digs in where it slides off at once. Source: decision 0028."""
+    """Time in which the tip reaches its speed, s; the edge digs in where it slides off at once. Source: chosen, not
+    measured; reason in decision 0028.
+    """
     pitch: Annotated[float, Field(gt=0.0, le=2.0)]
     """Largest distance between neighbouring passes, multiple of the hole's diameter or shorter side. Source: measured by `cell trials`."""
     margin: tuple[Annotated[float, Field(ge=0.0, le=0.01)], Annotated[float, Field(ge=0.0, le=0.01)]]
@@ -63,27 +69,32 @@ class SpraySearchParams(SkillParams):
     friction holds the arm off. Source: decision 0030.
     """
     trim_limit: NonNegativeFloat
-    """Largest move of the setpoint across the lanes, m."""
+    """Largest move of the setpoint across the lanes, m. Source: chosen, not measured; reason in decision 0030."""
     evidence: Literal["skin", "height"]
     """Contact evidence that stops the path: an event of the skin, as in [gibbons], or a dip of the tip, which no frame
     can miss. Source: measured by `cell study events`.
     """
     event: HoleEventParams
-    """How a hole event of the skin is told from noise. Source: decision 0025."""
+    """How a hole event of the skin is told from noise."""
     dip_threshold: PositiveFloat
     """Dip threshold: depth of the tip below the surface estimate that is evidence of an edge, m; the exact fall at 45
     degrees is 2.4 mm. Source: set by hand, its rate of false evidence measured by `cell study events`.
     """
     fall: NonNegativeFloat
-    """Depth below the surface at which the resting tip is in the hole, m; 0 takes the evidence for the hole, as
-    [gibbons] does. Source: decision 0020."""
+    """Depth below the surface at which the resting tip is in the hole, m; 0 takes the evidence for the hole, as [gibbons]
+    does. Source: chosen, not measured; reason in decision 0020.
+    """
     rest: PositiveFloat
-    """Time for which the hand rests before the tip's depth is judged, by a frame of its end, s. Source: decision 0020."""
+    """Time for which the hand rests before the tip's depth is judged, by a frame of its end, s. Source: chosen, not
+    measured; reason in decision 0020.
+    """
     probe_radius: NonNegativeFloat
-    """Radius of the spiral that probes the place of the evidence where the resting tip is not deep enough, m. Source: decision 0020."""
+    """Radius of the spiral that probes the place of the evidence where the resting tip is not deep enough, m. Source:
+    chosen, not measured; reason in decision 0020.
+    """
     probe_speed: PositiveFloat
-    """Speed of the tip along the probing spiral, m/s."""
+    """Speed of the tip along the probing spiral, m/s. Source: chosen, not measured."""
     probe_pitch: PositiveFloat
-    """Distance between the turns of the probing spiral, m."""
+    """Distance between the turns of the probing spiral, m. Source: chosen, not measured."""
     timeout: PositiveFloat
     """Longest search, s; 100 in [gibbons]. Source: [gibbons], Sec. VI."""

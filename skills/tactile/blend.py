@@ -12,7 +12,10 @@ from skills.tactile.pose import NO_PEG, PegPose
 
 
 class Smoothing(ConfigModel):
-    """How theta is carried from frame to frame; unfiltered noise of theta would move the tip at the skin's rate."""
+    """How theta is carried from frame to frame; unfiltered noise of theta would move the tip at the skin's rate.
+
+    Source: chosen, not measured.
+    """
 
     method: Literal["blend", "observer"] = "blend"
     """How theta is kept from frame to frame; `blend` weighs and holds it, `observer` follows it at every scan, see

@@ -39,16 +39,21 @@ class HoleEventParams(ConfigModel):
     [gibbons]; `difference` compares the mean of the newest `span` frames with those before; `cusum` sums all deviations
     beyond half of `step` ([page], two-sided)."""
     threshold: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.2
-    """Fall that counts for `derivative`, fraction of the running average; set by hand."""
+    """Fall that counts for `derivative`, fraction of the running average; set by hand. Source: chosen, not measured;
+    reason in decision 0025.
+    """
     false_alarms: Annotated[float, Field(gt=0.0, le=100.0)] = 1e-3
-    """Events that noise alone may cause in a search that lasts until its timeout, count; for `difference` and `cusum`. Source: measured by `cell study events`.
+    """Events that noise alone may cause in a search that lasts until its timeout, count; for `difference` and `cusum`.
+    Source: chosen, the rate that comes of it measured by `cell study events`.
     """
     span: Annotated[int, Field(ge=1, le=100)] = 3
-    """Number of frames that `difference` takes together."""
+    """Number of frames that `difference` takes together. Source: chosen, not measured; reason in decision 0025."""
     memory: Annotated[int, Field(ge=1, le=1000)] = 20
-    """Number of frames that the running average is made of, the newest not among them."""
+    """Number of frames that the running average is made of, the newest not among them. Source: chosen, not measured;
+    reason in decision 0025.
+    """
     step: Annotated[float, Field(ge=0.5, le=10.0)] = 3.0
-    """Smallest change that `cusum` shall find, standard deviations of the noise."""
+    """Smallest change that `cusum` shall find, standard deviations of the noise. Source: chosen, not measured; reason in decision 0025."""
 
 
 class HoleEvent:

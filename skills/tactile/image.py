@@ -18,14 +18,19 @@ LATTICE_ERROR: dict[Layout, float] = {"parallelogram": 3.2e-6, "base_to_base": 4
 
 
 class ImageParams(ConfigModel):
-    """How the image is made and read."""
+    """How the image is made and read.
+
+    Source: chosen on simulated pads, its effect measured by `cell study tactile`.
+    """
 
     kind: Literal["image"] = "image"
     """The estimator of [gibbons]: an image of the taxels, and the ellipse in it."""
     pixel: Annotated[float, Field(ge=1e-4, le=5e-3)] = 1e-3
     """Side of a pixel, m."""
     full_scale: Annotated[float, Field(ge=100.0, le=1e6)] = 20e3
-    """Reading at which a pixel is saturated, counts; [gibbons], Eq. (1)."""
+    """Reading at which a pixel is saturated, counts; [gibbons], Eq. (1). Source: [cyskin], highest touch peak; method of
+    [gibbons], Eq. (1).
+    """
     threshold: Fraction = 0.5
     """Brightness below which a pixel is background, fraction of the brightest."""
     least_peak: Annotated[float, Field(ge=0.0, le=43e3)] = 2000.0

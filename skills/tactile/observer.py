@@ -29,7 +29,10 @@ STRETCH = 0.1
 
 
 class ObserverParams(ConfigModel):
-    """How theta may move between frames."""
+    """How theta may move between frames.
+
+    Source: chosen, not measured; reason in decision 0017.
+    """
 
     walk: Annotated[float, Field(gt=0.0, le=1.0)] = 8e-3
     """Standard deviation, after one second, of the part of theta that neither motion foresees, rad."""

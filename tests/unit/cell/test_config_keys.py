@@ -56,6 +56,7 @@ def test_the_last_sentence_of_a_docstring_may_state_the_source():
         ("decision 0030", "[gibbons], Sec. IV"),
     )
     assert split_source("Speed, m/s; as in [gibbons], Eq. (7).")[1] == ("[gibbons], Eq. (7)",)
+    assert split_source("Speed, m/s; assumed.")[1] == ("assumed",)
     assert split_source("Speed, m/s.") == ("Speed, m/s.", ())
 
 
@@ -68,8 +69,19 @@ def test_the_source_of_a_section_is_that_of_its_keys():
     )
 
 
+def test_a_source_of_a_model_is_that_of_its_keys_but_for_those_that_have_their_own():
+    assert find("grasp.opening")[0].sources == ("chosen, not measured",)
+    assert find("search.height")[0].sources == ("chosen, not measured",)
+    assert find("search.tilt")[0].sources == ("[gibbons], Sec. IV",)
+
+
+@pytest.mark.parametrize("key", keys(), ids=lambda key: f"{key.name}-{key.kind}")
+def test_every_key_says_where_its_figure_comes_from(key):
+    assert key.sources
+
+
 def test_every_source_can_be_looked_up():
-    """A source is a reference, a decision, a command of this program, or says that the figure is assumed or derived."""
+    """A source is a reference, a decision, a command of this program, or says plainly that there is none to look up."""
     known = re.findall(r"^- (\[\w+\])", Path("docs/references.md").read_text(encoding="utf-8"), re.MULTILINE)
     decisions = {path.name[:4] for path in Path("docs/decisions").glob("[0-9]*.md")}
     for key in keys():
@@ -77,7 +89,9 @@ def test_every_source_can_be_looked_up():
             assert all(each in known for each in re.findall(r"\[[a-z_]+\]", source)), (key.name, source)
             assert set(re.findall(r"decision (\d{4})", source)) <= decisions, (key.name, source)
             assert re.search(
-                r"\[|decision \d|`cell \w+|data sheet|assumed|derived|config/|measured|RFC|Modbus|EN |CiA|IEC", source
+                r"\[|decision \d|`cell \w+|data sheet|config/|RFC|Modbus|EN |CiA|IEC"
+                r"|^(assumed$|chosen, not measured$|derived (from|for) |set for each (cell|part|trial|command)$)",
+                source,
             ), (
                 key.name,
                 source,
