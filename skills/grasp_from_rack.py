@@ -117,7 +117,12 @@ class Centring:
         assert ctx.held is not None
         self._ctx, self._grip_at, self._trims = ctx, grip_at, [TRIM] * 3
         self._held = replace(
-            ctx.held, id=ctx.new_id(), twist=None, integral_gain=INTEGRAL_GAIN, integral_limit=INTEGRAL_LIMIT
+            ctx.held,
+            id=ctx.new_id(),
+            twist=None,
+            is_free=False,  # from here to the end of the slot, peg and rack may touch
+            integral_gain=INTEGRAL_GAIN,
+            integral_limit=INTEGRAL_LIMIT,
         )
         self._off, self._aslant, self._speed = np.full(3, math.inf), math.inf, math.inf
 

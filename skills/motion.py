@@ -89,7 +89,8 @@ def move(
         ctx: The skill's context.
         in_hand: The peg as it is held, or None for the empty hand.
         settle: Time allowed to settle at the end, s.
-        limited: Keep to the limits of force and workspace.
+        limited: Keep to the limits of force and workspace; a motion that may begin in contact does not, and teaches the arm
+            nothing about its joints.
     """
     first = ctx.observe()
     if in_hand is None:
@@ -124,7 +125,7 @@ def move(
                 valid_until=seen.stamp + VALIDITY,
                 in_hand=in_hand,
                 posture=seen.arm.posture(transfer.elbow),
-                is_free=True,
+                is_free=limited,
                 twist=Twist(way * (rate / duration), omega),
             )
         )
