@@ -113,6 +113,7 @@ class Cell:
             limits=config.limits,
             scan_period=1.0 / config.scan_rate,
             rng=choices(seed),
+            scan_limits=config.scan,
             tracker=make_tracker(config),
         )
 

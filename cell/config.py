@@ -41,6 +41,7 @@ from skills.entry import Skill, SkillSet
 from skills.handling import WAYS, Handling, Sections, handling
 from skills.motion import Gains
 from skills.prior import LearningConfig
+from skills.scan_guards import ScanLimits
 from skills.search.params import TOUCHED_TIME
 from skills.setpoint_gate import Limits
 from skills.tactile.blend import Smoothing
@@ -125,6 +126,8 @@ class CellConfig(Catalogued):
     """Rate of the scan, in which a skill senses and decides once, Hz. Source: chosen, not measured."""
     retries: Annotated[int, Field(ge=0, le=10)]
     """Number of times that `insert_peg` searches anew when the peg turns out not to be in the hole. Source: decision 0021."""
+    scan: ScanLimits = ScanLimits()
+    """How late the scan may come. Source: decision 0054."""
     limits: Limits
     """Force and workspace that end a skill at once."""
     peg: Peg
@@ -198,6 +201,14 @@ class CellConfig(Catalogued):
         for low, high, axis in zip(self.limits.low, self.limits.high, "xyz", strict=True):
             if low >= high:
                 raise ValueError(f"limits.low = {low} along {axis}: less than limits.high = {high} allowed")
+        return self
+
+    @model_validator(mode="after")
+    def _has_time_for_scans(self) -> Self:
+        if self.scan.longest < 2.0 / self.scan_rate:
+            raise ValueError(
+                f"scan.longest = {self.scan.longest}: less than two periods of the scan; at least {2.0 / self.scan_rate:g} allowed"
+            )
         return self
 
     @model_validator(mode="after")

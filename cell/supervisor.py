@@ -91,9 +91,13 @@ class Supervisor:
         self._quit = stop or ThreadEvent()
         period, is_simulated = self._context.scan_period, cell.config.sim is not None
         self._watchdog = Watchdog(
-            period, is_simulated=is_simulated, halt=self._say_blocked, stop=self._quit, give_up=self._end_blocked
+            cell.config.scan.longest,
+            is_simulated=is_simulated,
+            halt=self._say_blocked,
+            stop=self._quit,
+            give_up=self._end_blocked,
         )
-        self._late, self._is_timed = LateScans(period), False
+        self._late, self._is_timed = LateScans(period, cell.config.scan), False
         self._request = Request.RUN
         self._since = 0.0
         """When the arm began to be halted or led back, s."""

@@ -6,25 +6,23 @@ from collections import deque
 from collections.abc import Callable
 
 from drivers.errors import ScanOverrunError
+from skills.scan_guards import OVERRUN_WINDOW as WINDOW
+from skills.scan_guards import ScanLimits
 
-LATE = 0.2
-"""A scan that is later than this by the wall clock is taken for blocked, s."""
 GIVEN_UP = 2.0
 """A scan that is this late when the program shall end is not waited for, s."""
 LOOK_PERIOD = 0.02
 """Time between two looks of the watchdog, s."""
-WINDOW = 100
-"""Scans that lateness is counted over."""
-WARNED, ALLOWED = 5, 50
-"""Late scans of the window that are warned of, and that are allowed: a cell with more does not run in real time."""
+WARNED = 5
+"""Late scans of the window that are warned of."""
 
 
 class LateScans:
     """Counts the scans that took longer than two periods of wall time; pure, time is passed in."""
 
-    def __init__(self, period: float) -> None:
-        """Begin with none."""
-        self._period = period
+    def __init__(self, period: float, limits: ScanLimits) -> None:
+        """Begin with none; the period is that of the scan, s."""
+        self._period, self._allowed = period, round(limits.late * WINDOW)
         self._before: float | None = None
         self._late: deque[bool] = deque(maxlen=WINDOW)
         self.count = 0
@@ -43,7 +41,7 @@ class LateScans:
         """Take the start of a scan by the wall clock, s.
 
         Raises:
-            ScanOverrunError: More than half of the last scans were late.
+            ScanOverrunError: More of the last scans were late than the limits allow.
         """
         before, self._before = self._before, now
         if before is None:
@@ -51,11 +49,11 @@ class LateScans:
         is_late = now - before > 2.0 * self._period
         self._late.append(is_late)
         self.count += is_late
-        if sum(self._late) > ALLOWED:
+        if sum(self._late) > self._allowed:
             late, self._late = sum(self._late), deque(maxlen=WINDOW)
             raise ScanOverrunError(
                 f"scan: {late} of the last {WINDOW} took longer than {2e3 * self._period:g} ms by the wall clock; "
-                f"{ALLOWED} allowed: stop other programs, or lower scan_rate"
+                f"{self._allowed} allowed by scan.late: stop other programs, or lower scan_rate"
             )
 
 
@@ -73,7 +71,7 @@ class Watchdog:
 
     def __init__(
         self,
-        period: float,
+        longest: float,
         *,
         is_simulated: bool,
         halt: Callable[[str], None],
@@ -83,13 +81,13 @@ class Watchdog:
         """Take what the watchdog does when a scan does not come.
 
         Args:
-            period: Of the scan, s.
+            longest: Time without a scan beyond which it is taken for blocked, s.
             is_simulated: The arm stands still while the scan waits.
             halt: Halts the arm, and is told why.
             stop: Set where the program shall end.
             give_up: Ends the program without the scan, and is told why.
         """
-        self._period, self._is_simulated = period, is_simulated
+        self._longest, self._is_simulated = longest, is_simulated
         self._halt, self._stop, self._give_up = halt, stop, give_up
         self._thread: threading.Thread | None = None
         self._end = threading.Event()
@@ -133,8 +131,8 @@ class Watchdog:
             before = now
             if beats != self._beats or not self._is_watching:
                 age, beats = 0.0, self._beats
-            elif age > self._period + LATE and not self._blocked:
-                self._blocked = f"no scan for {age:.2f} s; {LATE} s allowed: it computes or waits too long"
+            elif age > self._longest and not self._blocked:
+                self._blocked = f"no scan for {age:.2f} s; {self._longest:g} s allowed: it computes or waits too long"
                 self._halt(self._blocked)
             elif age > GIVEN_UP and self._stop.is_set():
                 self._give_up(self._blocked)

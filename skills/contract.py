@@ -1,5 +1,6 @@
 """What a skill is: typed parameters and a context in, a typed result out."""
 
+from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from enum import Enum, IntEnum, StrEnum
@@ -14,7 +15,15 @@ from drivers.parts import Job
 from drivers.protocols import Arm, Clock, Gripper, Skin, SuccessSwitch
 from drivers.quantities import ArmState, GripperState, ImpedanceSetpoint, InHandTip, SwitchState, TaxelFrame, Vector
 from skills.passivity import SOFTENED, STOP, PassivityGuard, PassivityVerdict
-from skills.scan_guards import Overruns, require_finite_skin, require_finite_theta, require_tracking, way_back
+from skills.scan_guards import (
+    ScanLimits,
+    ScanTiming,
+    new_window,
+    require_finite_skin,
+    require_finite_theta,
+    require_tracking,
+    way_back,
+)
 from skills.setpoint_gate import Limits
 from skills.tactile.blend import Blend, Smoothing
 from skills.tactile.pose import NO_PEG, Estimator, PegPose, Tracker
@@ -72,7 +81,11 @@ class Observation:
     stamp: float
     """Start of the scan, s."""
     elapsed: float
-    """Time that the skill's scan has been running, s; time on hold does not count."""
+    """Time along the skill's path, s: late scans slow it, and time on hold does not count."""
+    step: float
+    """Time by which the path has gone on since the scan before, s."""
+    running: float
+    """Time that the skill's scan has been running on the cell's clock, s; time on hold does not count."""
     arm: ArmState
     gripper: GripperState
     frame: TaxelFrame
@@ -135,6 +148,8 @@ class SkillContext:
     scan_period: float
     rng: np.random.Generator
     """Random generator of a skill's choices, such as the start of a search."""
+    scan_limits: ScanLimits = field(default_factory=ScanLimits)
+    """How late the scan may come."""
     tracker: Tracker = field(default_factory=lambda: Blend(Smoothing()))
     poll: Callable[[], Request] = lambda: Request.RUN
     """Asked once a scan."""
@@ -150,6 +165,8 @@ class SkillContext:
     """Time since which a peg has to be held that the skin has never seen, s; None where none has to be."""
     _sequence: int = field(default=-1, init=False)
     _next_id: int = field(default=0, init=False)
+    _late: deque[bool] = field(default_factory=new_window, init=False)
+    """Lateness of the last scans."""
     _soft: tuple[int, Vector] | None = field(default=None, init=False)
     """Id of the setpoint that is followed softly, and the most stiffness, shape (6,)."""
 
@@ -169,8 +186,8 @@ class SkillContext:
         """Return where the end point is in the hand, as far as is known."""
         return InHandTip(self._peg.theta, self.job.peg.length, self._peg.stamp)
 
-    def observe(self, elapsed: float = 0.0) -> Observation:
-        """Read every sensor once; `elapsed` is what the observation shall say of the scan's running time, s.
+    def observe(self, elapsed: float = 0.0, step: float = 0.0, running: float = 0.0) -> Observation:
+        """Read every sensor once; the three times are what the observation shall say of the scan, s.
 
         Raises:
             CellError: A device is silent, stopped or not to be believed.
@@ -200,6 +217,8 @@ class SkillContext:
         return Observation(
             stamp=arm.stamp,
             elapsed=elapsed,
+            step=step,
+            running=running,
             arm=arm,
             gripper=self.gripper.read(),
             frame=frame,
@@ -211,9 +230,10 @@ class SkillContext:
         )
 
     def scan(self, timeout: float, holding: bool = False, limited: bool = True) -> Iterator[Observation]:
-        """Yield one observation a scan until `timeout` seconds of running have passed; the only loop of a skill.
+        """Yield one observation a scan until `timeout` seconds have passed on the cell's clock; the only loop of a skill.
 
-        A hold request halts the arm and stops the count of the timeout until the arm is back at its setpoint.
+        A hold request halts the arm and stops the count of the timeout until the arm is back at its setpoint. A scan that comes
+        late slows the path, whose time is `Observation.elapsed`; beyond `scan_limits` it is a fault.
 
         Args:
             timeout: Longest time to go on, s; time on hold does not count.
@@ -225,16 +245,21 @@ class SkillContext:
             NotPassiveError: The held setpoint pumps energy into the arm; the arm is halted.
             CellError: A device is silent, stopped or not to be believed.
         """
-        elapsed, paused = 0.0, None
-        overruns, guard = Overruns(self.scan_period), PassivityGuard(self.limits.force)
-        while elapsed < timeout:
+        elapsed = running = 0.0
+        paused, timing, guard = (
+            None,
+            ScanTiming(self.scan_period, self.scan_limits, self._late),
+            PassivityGuard(self.limits.force),
+        )
+        timing.take(self.clock.now())
+        while running < timeout:
             request = self.poll()
+            timing.require_kept()
             if request is Request.STOP:
                 self._interrupt(Reason.STOPPED)
             if request is Request.HOLD:
                 self.arm.halt()
-            seen = self.observe(elapsed)
-            due = overruns.due_after(seen.stamp)
+            seen = self.observe(elapsed, timing.step, running)
             paused = seen.arm if request in (Request.HOLD, Request.STAY) else paused
             self._keep_to_setpoint(seen, request, paused)
             if limited:
@@ -247,8 +272,10 @@ class SkillContext:
                 self._unseen_since = None
             if request is Request.RUN:
                 yield seen
-                elapsed += self.scan_period
-            self.clock.wait_until(due)
+            self.clock.wait_until(timing.due)
+            timing.take(self.clock.now())
+            if request is Request.RUN:
+                elapsed, running = elapsed + timing.step, running + timing.passed
 
     def _keep_to_setpoint(self, seen: Observation, request: Request, paused: ArmState | None) -> None:
         """Make sure that the arm is about where it shall be, or lead it back to there from where it `paused`."""

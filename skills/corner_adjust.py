@@ -78,7 +78,7 @@ def run(params: CornerAdjustParams, ctx: SkillContext, plane: Plane | None = Non
         # Theta is frozen: an estimate that is fed back while the peg is wedged would follow its own bias.
         tip, axis = end_point(seen.arm.tcp, in_hand.theta, in_hand.length)
         if is_seated(seen.switch, tip, hole):
-            return CornerAdjustResult(Outcome.SUCCESS, Reason.NONE, seen.elapsed, depth_of(tip, hole))
+            return CornerAdjustResult(Outcome.SUCCESS, Reason.NONE, seen.running, depth_of(tip, hole))
         upright, soon = (axis_at(seen.elapsed + later) for later in (0.0, ctx.scan_period))
         share = (seen.elapsed / params.turn_period) % 1.0
         turn = params.turn if share < 0.5 else -params.turn

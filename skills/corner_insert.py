@@ -168,18 +168,18 @@ def run(
     for seen in ctx.scan(params.timeout, holding=True):
         phi, elapsed = angle_between(seen.axis, plane.normal), seen.elapsed
         if is_seated(seen.switch, seen.tip, ctx.job.hole):
-            return CornerInsertResult(Outcome.SUCCESS, Reason.NONE, elapsed, yaw, phi)
+            return CornerInsertResult(Outcome.SUCCESS, Reason.NONE, seen.running, yaw, phi)
         depth = plane.depth(seen.tip)
         if depth < -params.lost_height - ctx.job.peg.part.widest * math.sin(phi):
-            return CornerInsertResult(Outcome.FAILURE, Reason.NOT_ALIGNED, elapsed, yaw, phi)
+            return CornerInsertResult(Outcome.FAILURE, Reason.NOT_ALIGNED, seen.running, yaw, phi)
         yaw = sweep.yaw(elapsed, raised.settled, params)
         if elapsed >= raised.settled:
             sweep = sweep.after(seen.tip, depth)
             if sweep.distance(seen.tip) > params.strayed:
-                return CornerInsertResult(Outcome.FAILURE, Reason.NOT_ALIGNED, elapsed, yaw, phi)
+                return CornerInsertResult(Outcome.FAILURE, Reason.NOT_ALIGNED, seen.running, yaw, phi)
             turn = turned_by(seen.arm.tcp.rotation[:, 2], raised.roll, plane.normal)
             if abs(yaw - turn) > params.felt or sweep.highest + depth > params.sunk:
-                return CornerInsertResult(Outcome.SUCCESS, Reason.NONE, elapsed, yaw, phi)
+                return CornerInsertResult(Outcome.SUCCESS, Reason.NONE, seen.running, yaw, phi)
         ctx.progress(elapsed / params.timeout)
         ctx.follow(_setpoint(params, ctx, seen, raised, sweep, identity))
     return CornerInsertResult(Outcome.FAILURE, Reason.NOT_ALIGNED, params.timeout, yaw, phi)

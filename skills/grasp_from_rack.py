@@ -130,11 +130,9 @@ class Centring:
         """Take one scan; return whether the hand rests as near as `near`, m and rad."""
         hand, before = seen.arm.tcp, self._off
         self._off = self._grip_at - hand.position
-        self._speed = float(np.abs(self._off - before).max()) / self._ctx.scan_period
+        self._speed = float(np.abs(self._off - before).max()) / seen.step
         self._aslant = max(angle_between(-hand.rotation[:, 0], UP), angle_between(hand.rotation[:, 2], ACROSS_RACK))
-        self._trims = [
-            trim.after(float(error), self._ctx.scan_period) for trim, error in zip(self._trims, self._off, strict=True)
-        ]
+        self._trims = [trim.after(float(error), seen.step) for trim, error in zip(self._trims, self._off, strict=True)]
         tip = self._grip_at + np.array([trim.value for trim in self._trims])
         self._held = replace(self._held, tip=tip, valid_until=seen.stamp + VALIDITY)
         self._ctx.follow(self._held)

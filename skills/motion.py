@@ -16,6 +16,9 @@ from skills.contract import Observation, SkillContext
 VALIDITY = 0.1
 """A setpoint outlives this many seconds without a new one, then the arm holds still."""
 
+PATIENCE = 10.0
+"""A move is over when its path is, or after this multiple of its time on the cell's clock, where scans come late."""
+
 STRAY = 4e-3
 """Distance from where the hole was found that a setpoint may follow the tip to, m: a hole keeps its place."""
 
@@ -108,7 +111,9 @@ def move(
     )
     identity = ctx.new_id()
     stiffness, damping_ratio = transfer.gains.stiffness(), transfer.gains.damping_ratios()
-    for seen in ctx.scan(duration + settle, limited=limited):
+    for seen in ctx.scan(PATIENCE * (duration + settle), limited=limited):
+        if seen.elapsed >= duration + settle:
+            break
         share, rate = minimum_jerk(seen.elapsed / duration)
         turned = rotation_about(swing_axis, swing * share)
         axis_now = turned @ axis

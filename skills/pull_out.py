@@ -35,7 +35,7 @@ def pull_out(height: float, gains: Gains, ctx: SkillContext, limited: bool = Tru
         tip = seen.tip
         if tip[2] >= height:
             return None
-        target[2] = min(target[2] + SPEED * ctx.scan_period, tip[2] + most)
+        target[2] = min(target[2] + SPEED * seen.step, tip[2] + most)
         offset = dither(seen.elapsed, *SHAKEN)
         ctx.follow(
             ImpedanceSetpoint(

@@ -168,11 +168,11 @@ def run(params: SpiralAdjustParams, ctx: SkillContext, plane: Plane | None = Non
     hole, plane = ctx.job.hole, plane or nominal(ctx.job.hole)
     first = ctx.observe()
     aim, stall, guide = Aim(ctx.in_hand(), plane.normal), Stall(), Guide()
-    identity, offset, tip, elapsed = ctx.new_id(), np.zeros(2), first.tip, 0.0
+    identity, offset, tip, running = ctx.new_id(), np.zeros(2), first.tip, 0.0
     for seen in ctx.scan(params.timeout, holding=True):
-        elapsed, tip = seen.elapsed, aim.tip(seen.arm.tcp)
+        elapsed, running, tip = seen.elapsed, seen.running, aim.tip(seen.arm.tcp)
         if is_seated(seen.switch, tip, hole):
-            return _result(Outcome.SUCCESS, Reason.NONE, elapsed, offset, depth_of(tip, hole))
+            return _result(Outcome.SUCCESS, Reason.NONE, running, offset, depth_of(tip, hole))
         depth = plane.depth(tip)
         stall = stall.after(depth, elapsed, params.jammed)
         if elapsed - stall.since > params.stall_timeout and depth_of(tip, hole) < hole.depth - OPEN_TOLERANCE:
@@ -202,7 +202,7 @@ def run(params: SpiralAdjustParams, ctx: SkillContext, plane: Plane | None = Non
             )
         )
     require_short_of_bottom(tip, hole)
-    return _result(Outcome.FAILURE, Reason.NOT_SEATED, elapsed, offset, depth_of(tip, hole))
+    return _result(Outcome.FAILURE, Reason.NOT_SEATED, running, offset, depth_of(tip, hole))
 
 
 def _compliance(params: SpiralAdjustParams, is_arriving: bool) -> tuple[Vector, Vector]:

@@ -68,7 +68,7 @@ def run(
     for seen in ctx.scan(params.timeout, holding=True):
         tip = seen.tip
         if sweep.finds(seen):
-            plane, elapsed = evidence.plane(tip), seen.elapsed
+            plane, elapsed = evidence.plane(tip), seen.running
             return SpraySearchResult(
                 outcome=Outcome.SUCCESS,
                 reason=Reason.NONE,

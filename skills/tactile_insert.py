@@ -84,7 +84,7 @@ def run(params: TactileInsertParams, ctx: SkillContext, plane: Plane | None = No
     peg, bore = ctx.job.peg.part, ctx.job.hole
     least = params.least_share * min(allowed_depth(params.aligned, peg.thickness, bore.part.thickness), bore.depth)
     for seen in ctx.scan(params.timeout, holding=True):
-        elapsed = seen.elapsed
+        elapsed = seen.running
         phi = angle_between(seen.axis, normal)
         if is_seated(seen.switch, seen.tip, ctx.job.hole):
             return TactileInsertResult(Outcome.SUCCESS, Reason.NONE, elapsed, first_phi, phi)
@@ -95,10 +95,10 @@ def run(params: TactileInsertParams, ctx: SkillContext, plane: Plane | None = No
         if plane.depth(seen.tip) < -params.lost_height - peg.reach * math.sin(phi):
             return TactileInsertResult(Outcome.FAILURE, Reason.NOT_ALIGNED, elapsed, first_phi, phi)
         ctx.progress(1.0 - min(phi / max(first_phi, 1e-6), 1.0))
-        hole[:2] += min(params.compliance_rate * ctx.scan_period, 1.0) * (anchored(seen.tip, first.tip) - hole)[:2]
+        hole[:2] += min(params.compliance_rate * seen.step, 1.0) * (anchored(seen.tip, first.tip) - hole)[:2]
         tip = hole + params.forward * _ahead(seen.axis)
         stiffness[2] = push_stiffness(phi, first_phi, *params.push_stiffness)
-        axis, spin = _on_the_way(first.axis, normal, *turned(elapsed, params.turn_rate, params.turn_run_up))
+        axis, spin = _on_the_way(first.axis, normal, *turned(seen.elapsed, params.turn_rate, params.turn_run_up))
         ctx.follow(
             ImpedanceSetpoint(
                 id=identity,

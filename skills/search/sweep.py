@@ -84,9 +84,9 @@ class Sweep:
             assert self._resting is not None
             return replace(self._resting, valid_until=seen.stamp + VALIDITY)
         back = phase.detour.left(seen.elapsed)
-        target, velocity = self._way(phase, seen.elapsed, back)
+        target, velocity = self._way(phase, seen, back)
         slow = 1 - self._course.fast
-        self._trim = self._trim.after(target[slow] - seen.tip[slow], self._ctx.scan_period)
+        self._trim = self._trim.after(target[slow] - seen.tip[slow], seen.step)
         target[slow] += self._trim.value
         stiffness, damping_ratio = self._compliance()
         return ImpedanceSetpoint(
@@ -128,22 +128,22 @@ class Sweep:
             is_edge=is_edge,
         )
 
-    def _way(self, phase: ComingDown | Sliding | Probing, elapsed: float, back: float) -> tuple[Vector, Vector]:
+    def _way(self, phase: ComingDown | Sliding | Probing, seen: Observation, back: float) -> tuple[Vector, Vector]:
         """Return the setpoint of the tip, shape (3,), m, and its velocity, shape (3,), m/s, and go on along the course."""
         params, course = self._params, self._course
         depth = self._ctx.job.hole.centre[2] - params.push_offset
         target, velocity = np.array([0.0, 0.0, depth]), np.zeros(3)
         if isinstance(phase, Probing):
-            target[:2] = phase.place + phase.looked(elapsed, params) + back * phase.detour.offset
+            target[:2] = phase.place + phase.looked(seen.elapsed, params) + back * phase.detour.offset
         elif isinstance(phase, Sliding):
             # Under a smaller push the peg falls less far in the same time.
-            run_up = min((elapsed - phase.detour.since) / max(params.run_up, 1e-6), 1.0)
+            run_up = min((seen.elapsed - phase.detour.since) / max(params.run_up, 1e-6), 1.0)
             pace = self._push.stiffness / params.push_stiffness * run_up
-            self._along += pace * self._ctx.scan_period
+            self._along += pace * seen.step
             target[:2] = course.middle + self._point + back * phase.detour.offset
             velocity[:2] = pace * self._velocity
         else:
-            share = min(elapsed * params.descent / (course.first[2] - depth), 1.0)
+            share = min(seen.elapsed * params.descent / (course.first[2] - depth), 1.0)
             target[:2], target[2] = course.middle + self._point, course.first[2] + (depth - course.first[2]) * share
         return target, velocity
 
