@@ -30,8 +30,14 @@ def packages() -> list[PackageLine]:
         for requirement in requires(PROGRAM) or []
         if "extra ==" not in requirement
     )
-    pins = dict(line.split("==", 1) for line in PINS.read_text(encoding="utf-8").splitlines() if "==" in line)
-    return [PackageLine(name, installed(name), pins.get(name, "not pinned")) for name in names]
+    lines = [line.split("==", 1) for line in PINS.read_text(encoding="utf-8").splitlines() if "==" in line]
+    pins = {_normalised(name): pinned for name, pinned in lines}
+    return [PackageLine(name, installed(name), pins.get(_normalised(name), "not pinned")) for name in names]
+
+
+def _normalised(name: str) -> str:
+    """Return the name by which package indexes compare names: PyPA, Names and normalization."""
+    return re.sub(r"[-_.]+", "-", name).lower()
 
 
 def installed(name: str) -> str:
