@@ -10,7 +10,8 @@ from selenium.webdriver.support.ui import WebDriverWait
 
 from cell.lab.page import browser
 
-PATIENCE = 15.0  # s
+PATIENCE = 60.0
+"""Longest wait for what a page shall show, s: pictures are made by another process of low priority."""
 
 
 @contextmanager
