@@ -61,7 +61,7 @@ SEARCH_STREAM = 3
 
 
 def _nothing() -> None:
-    """Leave it to the people and machines around a real cell."""
+    """Do nothing: the people and machines around a real cell do it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,13 +75,13 @@ class Cell:
     skin: Skin
     switch: SuccessSwitch
     restock: Callable[[Job, int], None]
-    """Set up what the run with this seed finds: simulated cells do, on hardware it is the line's affair."""
+    """Function that sets up the workpiece and pegs of the run with this seed; on hardware the line does it."""
     exchange: Callable[[], None] = _nothing
-    """Take the workpiece with the seated peg away, as the line does; on hardware the line does it itself."""
+    """Function that takes the workpiece with the seated peg away; on hardware the line does it."""
     refill: Callable[[], None] = _nothing
-    """Fill the rack; on hardware whoever says so has done it."""
+    """Function that fills the rack; on hardware the person who says so has done it."""
     clear: Callable[[], None] = _nothing
-    """Take the peg away from wherever it is; on hardware whoever says so has done it."""
+    """Function that takes the peg away from wherever it is; on hardware the person who says so has done it."""
     errors: Mapping[str, str] = field(default_factory=dict)
     """Errors drawn for a simulated cell, by name, for records."""
     truth: "Callable[[], Truth] | None" = None

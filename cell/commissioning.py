@@ -21,7 +21,7 @@ BEATS = 50
 MOST_OF_TIMEOUT = 0.5
 """Largest gap between two changes of the life counter, fraction of `plc.life_timeout`."""
 MOTION = CATALOGUE["recover"].code
-"""Name of the cell's motion that needs no part."""
+"""Command code of a motion of the cell that needs no part."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -54,7 +54,7 @@ class Evidence:
 
 @dataclass(frozen=True, slots=True)
 class PartState:
-    """Place of the peg, and what tells so."""
+    """Place of the peg, and the evidence of it."""
 
     place: PartPlace
     evidence: str
@@ -100,9 +100,9 @@ def at_start(kept: PartState | None, seen: Evidence, places: Places) -> PartStat
     """Return where the peg is when the program begins.
 
     Args:
-        kept: As the program before it left it; None where there is no record of it.
+        kept: State that the earlier program left; None where there is no record of it.
         seen: The first look at the devices.
-        places: Where a peg can be.
+        places: Places where a peg can be.
     """
     if _is_between(seen, places):
         return _held(seen, places)
@@ -123,10 +123,10 @@ def after(before: PartState, seen: Evidence, places: Places, is_running: bool) -
     """Return where the peg is after one more look at the devices.
 
     Args:
-        before: Where it was.
-        seen: What the look told.
-        places: Where a peg can be.
-        is_running: A skill moves the cell; else a hand that opens was opened by somebody else.
+        before: Place of the peg before the look.
+        seen: Evidence of the look.
+        places: Places where a peg can be.
+        is_running: Whether a skill moves the cell; otherwise a hand that opens was opened by somebody else.
     """
     if _is_between(seen, places):
         now = _held(seen, places)
@@ -206,10 +206,10 @@ def refusal_of(part: PartState, switch: SwitchState, is_rack_empty: bool, recove
     """Return why no fresh peg can be taken now, or NONE.
 
     Args:
-        part: Where the last peg is.
-        switch: What the switch under the hole says.
-        is_rack_empty: All slots have been emptied.
-        recovers_first: A held peg is cleared away before the program begins.
+        part: Place of the last peg.
+        switch: State of the switch under the hole.
+        is_rack_empty: Whether all slots have been emptied.
+        recovers_first: Whether a held peg is cleared away before the program begins.
     """
     if part.place in UNRESOLVED and not (recovers_first and part.is_held and part.place in RECOVERED):
         return Refusal.PART_UNRESOLVED
@@ -233,7 +233,7 @@ REMEDIES = {
 
 
 def told(part: PartState) -> str:
-    """Return where the peg is, what tells so, and what to do, as one line for a technician."""
+    """Return the place of the peg, the evidence of it, and what to do, as one line for a technician."""
     depth = f", {_mm(part.depth)} deep" if part.depth > 0.0 else ""
     return f"peg {_word(part.place)}{depth} ({part.evidence}): {REMEDIES[part.place]}"
 

@@ -36,10 +36,8 @@ class PartWatch:
         self._proof, self._is_running, self._has_looked = Proof(), False, False
         self._hole, self._peak_force = (0.0, 0.0), 0.0
 
-    # What is seen.
-
     def begin(self, config: CellConfig) -> None:
-        """A run with this config begins."""
+        """Note that a run with this config begins."""
         self._places, self._is_running = _places(config), True
         self._proof, self._hole, self._peak_force = Proof(), (0.0, 0.0), 0.0
 
@@ -72,7 +70,7 @@ class PartWatch:
         return judged(claim, ending, records, self._proof, look, self._custody.part, self._context.job)
 
     def end(self) -> None:
-        """The run has ended, in whatever way."""
+        """Note that the run has ended, in whatever way."""
         if self._is_running:
             with suppress(Exception):
                 self._end(*self._devices())
@@ -81,8 +79,6 @@ class PartWatch:
 
     def _end(self, arm: ArmState, hand: GripperState, switch: SwitchState) -> None:
         self._tell(self._custody.end(self._evidence(arm, hand, switch), self._places))
-
-    # What follows from it.
 
     def refusal(self, entry: Entry, config: CellConfig) -> Refusal:
         """Return why a program cannot be started with this config now, or NONE."""
@@ -102,7 +98,7 @@ class PartWatch:
 
     @property
     def is_resolved(self) -> bool:
-        """Whether the last peg is where it may stay, so that the next one can be taken."""
+        """Whether the last peg lies where it may stay, so that the next one can be taken."""
         return self._custody.part.place not in UNRESOLVED
 
     def take(self, config: CellConfig) -> int:
@@ -110,12 +106,12 @@ class PartWatch:
         return self._custody.take(config.rack)
 
     def refill(self) -> None:
-        """The rack has been filled."""
+        """Note that the rack has been filled."""
         self._custody.refill()
         self._cell.refill()
 
     def clear(self) -> None:
-        """A person has taken the peg away."""
+        """Note that a person has taken the peg away."""
         self._cell.clear()
         self._custody.clear()
         self.look()
@@ -133,7 +129,7 @@ class PartWatch:
 
     @property
     def told(self) -> str:
-        """Where the peg is, what tells so, and what to do, as one line."""
+        """Place of the peg, the evidence of it, and what to do, as one line."""
         return told(self._custody.part)
 
     def _devices(self) -> tuple[ArmState, GripperState, SwitchState]:

@@ -6,9 +6,9 @@ from collections import deque
 from typing import TextIO
 
 MOST = 10_000
-"""Lines that may wait."""
+"""Number of lines that may wait."""
 FLUSH_TIME = 1.0
-"""Longest time at the end for what waits, s."""
+"""Longest time at the end in which waiting lines are still written, s."""
 
 
 class PatientHandler(logging.Handler):
@@ -22,7 +22,7 @@ class PatientHandler(logging.Handler):
         self._changed = threading.Condition()
         self._is_writing, self._is_closed = False, False
         self.dropped = 0
-        """Lines that were not written because too many waited."""
+        """Number of lines that were not written because too many waited."""
         threading.Thread(target=self._write, name="log", daemon=True).start()
 
     def emit(self, record: logging.LogRecord) -> None:

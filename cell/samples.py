@@ -36,7 +36,7 @@ class SampleFile:
 
         Args:
             path: A new file, or an empty one.
-            facts: What a picture of the run has to know.
+            facts: Facts of the scene for pictures of the run.
             row: The run's row as it begins, JSON, from which a lost index is made again.
 
         Raises:

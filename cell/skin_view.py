@@ -23,7 +23,8 @@ from drivers.transport.traffic import TrafficEndedError
 
 BRIGHT = 15_000.0
 """Reading at which a taxel is shown brightest, counts."""
-_CELL = 5  # characters
+_CELL = 5
+"""Width of one taxel in the terminal, characters."""
 _MM_PER_CHARACTER = 1.5
 """Length that one character stands for, mm; both fingers fit into 80 columns."""
 

@@ -31,14 +31,14 @@ class Proof:
     """What a run has shown so far."""
 
     was_open: bool = False
-    """The switch was open at some time of the run."""
+    """Whether the switch was open at some time of the run."""
     seated_tip: Vector | None = None
     """End of the held peg where the switch closed after that, shape (3,), m, base frame."""
     seated_hand: Vector | None = None
-    """Where the hand was then, shape (3,), m, base frame."""
+    """Place of the hand at that time, shape (3,), m, base frame."""
 
     def after(self, seen: Observation) -> "Proof":
-        """Return what is shown after one more scan; a switch that opens again takes its proof back while the peg is held."""
+        """Return the proof after one more scan; a switch that opens again while the peg is held revokes it."""
         if seen.switch is SwitchState.OPEN and seen.gripper.is_gripping:
             return Proof(was_open=True)
         if seen.switch is SwitchState.OPEN:
@@ -55,7 +55,7 @@ class LastLook:
 
     hand: GripperState
     tcp: Vector
-    """Shape (3,), m, base frame."""
+    """Position of the finger centre, shape (3,), m, base frame."""
     switch: SwitchState
 
 
@@ -71,12 +71,12 @@ def judged(
     """Return how a run ended by the evidence.
 
     Args:
-        claim: What a success of the program says.
-        ending: How it ended by the word of its skills.
-        records: Its stages.
-        proof: What the run has shown.
-        look: The devices at its end.
-        part: Where the peg is at its end.
+        claim: Claim of a success of the program.
+        ending: Ending as the skills reported it.
+        records: Stages of the run.
+        proof: Evidence that the run has shown.
+        look: Readings of the devices at the end.
+        part: Place of the peg at the end.
         job: The part and its place.
 
     Raises:

@@ -138,7 +138,7 @@ class Supervisor:
 
     @property
     def where_the_peg_is(self) -> str:
-        """Where the peg is, what tells so, and what to do, as one line."""
+        """Place of the peg, the evidence of it, and what to do, as one line."""
         return self._part.told
 
     def scan(self) -> None:

@@ -10,11 +10,11 @@ from skills.scan_guards import OVERRUN_WINDOW as WINDOW
 from skills.scan_guards import ScanLimits
 
 GIVEN_UP = 2.0
-"""A scan that is this late when the program shall end is not waited for, s."""
+"""Delay of a scan beyond which a program that shall end does not wait for it, s."""
 LOOK_PERIOD = 0.02
 """Time between two looks of the watchdog, s."""
 WARNED = 5
-"""Late scans of the window that are warned of."""
+"""Number of late scans in the window beyond which there is a warning."""
 
 
 class LateScans:
@@ -81,11 +81,11 @@ class Watchdog:
         """Take what the watchdog does when a scan does not come.
 
         Args:
-            longest: Time without a scan beyond which it is taken for blocked, s.
-            is_simulated: The arm stands still while the scan waits.
-            halt: Halts the arm, and is told why.
-            stop: Set where the program shall end.
-            give_up: Ends the program without the scan, and is told why.
+            longest: Time without a scan beyond which it counts as blocked, s.
+            is_simulated: Whether the arm stands still while the scan waits.
+            halt: Function that halts the arm, and is told why.
+            stop: Event that is set when the program shall end.
+            give_up: Function that ends the program without the scan, and is told why.
         """
         self._longest, self._is_simulated = longest, is_simulated
         self._halt, self._stop, self._give_up = halt, stop, give_up

@@ -1,4 +1,4 @@
-"""Where compiled functions are kept: numba's `njit` and `cfunc` with a cache that is neither stale nor another user's.
+"""Numba's `njit` and `cfunc` with a cache on disk that is never stale and never another user's.
 
 Numba stores a compiled function under the content of its own source file. A function that calls into another file is then
 not compiled anew when the other file changes, and silently runs the old law. Here a function is kept in a folder
@@ -49,7 +49,7 @@ def sources(path: Path) -> frozenset[Path]:
 
 
 def _imported(text: str) -> list[Path]:
-    """Return where the modules may be that a source imports: of `from a import b`, both a and a.b."""
+    """Return the names of the modules that a source may import; `from a import b` may mean the modules a and a.b."""
     places = []
     for package, names, module in _IMPORT.findall(text):
         at = PROJECT.joinpath(*(package or module).split("."))

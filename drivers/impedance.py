@@ -4,11 +4,11 @@ It is evaluated at 1 kHz with x_p, v and J_p from the current joint positions an
 so that only theta is as old as the last tactile frame. A setpoint crosses into the torque loop as a
 fixed block of words, `pack`, which a real-time process can read as well.
 
-Three places differ from the printed equations:
+Four places differ from the printed equations:
 - the orientation error is (v* x v)·phi / |v* x v|: with the printed order, -K e would turn the peg away from v*;
 - phi is atan2(|v x v*|, v·v*), exact near alignment;
 - damping acts on the tip's twist less the setpoint's, or the tip would lag by D·v/K along a path;
-- D is no figure of the setpoint's: a damping ratio is, and D follows from the arm's inertia at the tip as it is there.
+- the setpoint holds a damping ratio instead of D, which follows from the arm's inertia at the tip in its present pose.
 """
 
 import math
@@ -33,7 +33,7 @@ STATE_WORDS = LEARNING + learning.WORDS
 """State of the law between steps: the integral's torque, the id it belongs to, the last torque, whether it holds still, when
 the damping was worked out, s, the damping at the tip, shape (6, 6), and the words of `drivers.arm.learning`."""
 DAMPING_PERIOD = 0.01
-"""The damping is worked out anew after this time, s, in which an arm at 1 rad/s changes its inertia by about a hundredth."""
+"""Time between two computations of the damping, s; at 1 rad/s the arm's inertia changes by about 1 % in it."""
 
 NULL_STIFFNESS = 10.0
 """Stiffness of the null space towards the posture, N·m/rad."""
@@ -41,7 +41,7 @@ NULL_DAMPING = 3.0
 """Damping of the null space, N·m·s/rad."""
 
 HALT_STIFFNESS = (400.0, 400.0, 400.0, 20.0, 20.0, 20.0)
-"""Stiffness, N/m and N·m/rad, of an arm that holds still, compliant; it is critically damped."""
+"""Stiffness of an arm that holds still, compliant, N/m and N·m/rad; its damping is critical."""
 
 MASSES = 45
 FIGURES = MASSES + dynamics.WORDS
@@ -75,7 +75,7 @@ def pack(setpoint: ImpedanceSetpoint, stamp: float) -> Vector:
     """Return a setpoint as the words that the torque loop reads, shape (WORDS,).
 
     Args:
-        setpoint: What the arm shall realise.
+        setpoint: Setpoint for the arm.
         stamp: When it was handed over, s.
     """
     words = np.zeros(WORDS)
@@ -113,17 +113,17 @@ def new_state(arm: ArmModel) -> Vector:
 
 
 def restart(state: Vector) -> None:
-    """Begin anew with what was learnt of the joints; torques begin at zero."""
+    """Reset the state except for what was learnt of the joints; the torques start from zero."""
     state[:LEARNING] = 0.0
     learning.pause(state[LEARNING:])
 
 
 @njit(cache=True)
 def links(arm: Vector, q: Vector) -> tuple[Vector, Vector]:  # pragma: no cover
-    """Return where the frames of the joints are, base frame.
+    """Return the frames of the joints, base frame.
 
     Args:
-        arm: Its figures, from `figures`.
+        arm: Figures of the arm, from `figures`.
         q: Joint positions, shape (7,), rad.
 
     Returns:
@@ -148,12 +148,12 @@ def links(arm: Vector, q: Vector) -> tuple[Vector, Vector]:  # pragma: no cover
 
 @njit(cache=True)
 def finger_of(arm: Vector, rotation: Vector, origin: Vector) -> tuple[Vector, Vector]:  # pragma: no cover
-    """Return the finger frame that goes with the frame of the last joint, base frame.
+    """Return the finger frame that belongs to a frame of the last joint, base frame.
 
     Args:
-        arm: The arm's figures, from `figures`.
-        rotation: Axes of the last joint's frame, shape (3, 3).
-        origin: Its origin, shape (3,), m.
+        arm: Figures of the arm, from `figures`.
+        rotation: Axes of the last joint's frame as columns, shape (3, 3).
+        origin: Origin of that frame, shape (3,), m.
 
     Returns:
         Position of the finger centre, shape (3,), m; its axes as columns, shape (3, 3), x out of the hand, z along the
@@ -175,7 +175,7 @@ def forward(arm: Vector, q: Vector) -> tuple[Vector, Vector, Vector, Vector]:  #
     """Return the finger frame and the joints' axes, base frame.
 
     Args:
-        arm: Its figures, from `figures`.
+        arm: Figures of the arm, from `figures`.
         q: Joint positions, shape (7,), rad.
 
     Returns:
@@ -216,16 +216,16 @@ def torque(  # noqa: C901, PLR0915  the whole law at 1 kHz, compiled as one: a c
 ) -> Vector:  # pragma: no cover
     """Return the joint torques of one control step, within the arm's limits of torque and torque rate.
 
-    Gravity and Coriolis torques are the robot controller's affair, as on the real arm.
+    The robot's own controller adds the torques of gravity and Coriolis forces, as on the real arm.
 
     Args:
-        arm: Its figures, from `figures`.
+        arm: Figures of the arm, from `figures`.
         words: The held setpoint, from `pack`; past its validity it is overwritten by "hold still here".
-        state: What the law remembers, shape (STATE_WORDS,), updated.
+        state: State of the law, shape (STATE_WORDS,), updated.
         q: Joint positions, shape (7,), rad.
         dq: Joint velocities, shape (7,), rad/s.
         now: Time on the cell's clock, s.
-        period: Of the control loop, s.
+        period: Period of the control loop, s.
 
     Returns:
         Torques, shape (7,), N·m.
@@ -316,7 +316,8 @@ def torque(  # noqa: C901, PLR0915  the whole law at 1 kHz, compiled as one: a c
             for i in range(7):
                 A[k, j] += J[k, i] * J[j, i]
     A = dynamics.inverse(A)
-    # What the null torques would do at the tip, and the joints' velocities that the setpoint's twist asks for.
+    # By J's pseudo-inverse: the part of the null-space torques that acts on the tip, and the joint velocities of the
+    # setpoint's twist.
     felt, wanted = np.zeros(6), np.zeros(6)
     for k in range(6):
         for i in range(7):

@@ -1,4 +1,4 @@
-"""The contracts of the devices: what each can do, without a word on how."""
+"""The contracts of the devices: what each device can do, independent of its maker."""
 
 from typing import Protocol
 

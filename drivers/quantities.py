@@ -126,7 +126,7 @@ class ImpedanceSetpoint:
     integral_limit: float = 0.0
     """Saturation of each component of the integral's torque, N·m."""
     is_free: bool = False
-    """Nothing touches the hand or what it holds: the arm may learn its joints' friction from the motion."""
+    """Whether nothing touches the hand or what it holds, so that the arm may learn its joints' friction from the motion."""
     posture: Vector | None = None
     """Joint positions towards which the null space is drawn, shape (7,), rad; None only damps it."""
 

@@ -140,7 +140,7 @@ class CanopenServer:
         self._bus.close()
 
     def open(self) -> None:
-        """Open the bus and bring the node up; without a thread, `step` is the caller's affair.
+        """Open the bus and bring the node up; without a thread, the caller calls `step`.
 
         Raises:
             DeviceNotOpenedError: There is no such interface or port, no permission, or it is in use.

@@ -85,7 +85,7 @@ class Board(Protocol[T]):
 
 
 class EmulatedHub:
-    """A CySkin hub: it answers the host and sends scans; how its messages travel is left to others."""
+    """A CySkin hub: it answers the host and sends scans; `CanBoard` and `SerialBoard` carry its messages."""
 
     def __init__(self, config: HubConfig, measure: Callable[[], Counts]) -> None:
         """Build a hub whose modules are those of `config`, and whose taxels read what `measure` returns."""

@@ -111,7 +111,7 @@ def _model(job: Job, axis: Vector, inertia: Vector, breakaway: float, timestep: 
 def _press(
     model: int, views: Views, down: float, sweep: float, timestep: float, meters: Vector, path: Vector
 ) -> None:  # pragma: no cover
-    """Hold the tip, turning about the finger centre apart, and note its path."""
+    """Hold the tip by springs, with the hand's turn held separately, and record the tip's path."""
     state, tip, axes, centre = views.state, views.tip, views.axes, views.centre
     qpos, qvel, qfrc, window = state.qpos, state.qvel, state.qfrc, engine.window(timestep)
     F = np.empty(3)

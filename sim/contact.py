@@ -40,13 +40,14 @@ PLATE = np.dtype(
         ("half_y", "f8"),
     ]
 )
-"""A plate's `geom_user`, see `plate_user`."""
+"""Record that lies in a plate's `geom_user`; `plate_user` fills it in."""
 PLATE_BYTES = PLATE.itemsize
 USER = PLATE_BYTES // 8
-"""Its length."""
+"""Length of a plate's `geom_user`, words of 8 bytes."""
 EXACT, UNPREDICTED, PROBE, NONE = 0, 1, 2, 3
-"""Modes: contacts in closed form; the same without those that are still apart; no contacts, only the penetration is
-told; nothing."""
+"""Modes of a plate: contacts in closed form, including those still apart; only those that touch; no contacts, but the
+penetration is metered; nothing at all.
+"""
 PENETRATION = 80
 """Index in `userdata` of the deepest penetration in the bore or at its rim since it was last set to 0, m."""
 SURFACE = 81
@@ -55,29 +56,40 @@ SURFACE = 81
 NEAR = 1e-3
 """Features further apart than this cannot meet in a step, m."""
 FEATURE_BAND = 3e-4
-"""Gap below which a feature is a contact whatever its speed, m: the pivot's friction can give the light peg's tip
-0.25 m/s within a step of 0.5 ms, and a constraint that is not there cannot stop it."""
+"""Gap below which a feature becomes a contact at any approach speed, m: the pivot's friction can accelerate the light
+peg's tip to 0.25 m/s within a step of 0.5 ms, and only a contact that exists before the step can stop it.
+"""
 SAMPLE_BAND = 2e-5
-"""The same for a sample, which only spreads the load of nearly conformal surfaces, m."""
+"""Gap below which a sample becomes a contact at any approach speed, m; samples only spread the load of nearly conformal
+surfaces.
+"""
 DEEPEST = 1e-3
-"""A point deeper in the plate came from its side, which is not modelled, or through it, m: it touches nothing, and is judged."""
+"""Depth in the plate beyond which a point makes no contact, m: it came in from the plate's side, which is not modelled,
+or through the plate. Such a penetration makes a trial void.
+"""
 ENDLESS = (0.0, 0.0, 0.1, 0.1)
 """Outline of a plate that ends out of reach: its middle and half its extents along x and y, m, plate frame."""
 ABOVE = 2e-3
-"""A peg whose lowest point is higher over the surface meets nothing in a step, m."""
+"""Height of the peg's lowest point over the surface above which it can touch nothing in one step, m."""
 IMPEDANCE = 0.9999
-"""Largest that MuJoCo allows."""
+"""Constraint impedance of the contacts, the largest that MuJoCo allows, fraction."""
 FRICTION_LAG = 4.0
-"""Friction answers a change of the sliding speed so many times more slowly than the normal force one of the approach; by as
-much less a peg that slides hovers (see `put`), and by as much less it sinks in where its speed changes within a step."""
+"""Time in which friction responds to a change of the sliding speed, multiple of the time in which the normal force
+responds to the approach. The larger it is, the less a sliding peg hovers (see `put`), and the less it sinks in where
+its speed changes within a step.
+"""
 SOLID = -1.0
-"""Half the extents of a hole that is not there, m: for every point of the peg's end the plane is nearer than such a wall."""
+"""Half the extents that stand for a plate without a hole, m: the plane is then nearer to every point of the peg's end
+than a wall.
+"""
 FRICTION_FLOOR = 1e-5
-"""A contact with friction 0 vanishes in MuJoCo's elliptic cone."""
+"""Least friction of a contact, ratio; a contact with friction 0 vanishes in MuJoCo's elliptic cone."""
 
 
 class Meeting(NamedTuple):
-    """A plate and a peg while the places are looked for where they may touch; plain numbers, which compiled code passes fast."""
+    """A plate and a peg in the search for places where they may touch; it holds plain numbers, which compiled code
+    passes fast.
+    """
 
     model: int
     """Address of the mjModel."""
@@ -104,7 +116,7 @@ class Meeting(NamedTuple):
     velocity: tuple[float, float, float]
     """Velocity of the peg at `centre`, m/s, base frame."""
     reach: float
-    """A gap wider than this by the band cannot close in time whatever point of the peg it belongs to, m."""
+    """Largest gap that any point of the peg's end can close in the coming steps, m; `put` adds the feature's own band."""
 
 
 def plate_user(
@@ -123,7 +135,7 @@ def plate_user(
         half: Half the extents of the hole along x and y, m.
         hole_depth: Depth of the floor under the surface, m.
         friction: Coulomb coefficient between plate and peg.
-        timestep: Of the model, s; contacts look ahead by it.
+        timestep: Time step of the model, s; contacts look ahead by it.
         solref: Stiffness of the contacts in MuJoCo's terms; without it the stiffest that its standard form allows.
         mode: EXACT, UNPREDICTED, PROBE or NONE.
         has_flats: Whether the boxes of `sim.flats` follow the plate's geom.
@@ -154,11 +166,11 @@ def plate_at(address):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def peg_end(data, geom_plate, geom_peg, half):  # type: ignore[no-untyped-def]
-    """Return where the end of a peg, of half the length `half`, m, is beside a plate.
+    """Return the pose of a peg's end relative to a plate; `half` is half the peg's length, m.
 
     Returns:
-        In the plate's frame: the axes e1 and e2 in the end face, v away from the end, and the middle c of the end, m.
-        Then c from the plate's origin, m, base frame.
+        The axes e1 and e2 in the end face, v away from the end, and the middle c of the end, m, all in the plate's
+        frame; then c from the plate's origin, m, base frame.
     """
     last = max(geom_plate, geom_peg) + 1
     places = native.array(data + native.DATA_GEOM_XPOS, (last, 3))
@@ -192,9 +204,9 @@ def meeting(model, data, geom_plate, geom_peg, g, lever):  # type: ignore[no-unt
         geom_plate: The plate's geom.
         geom_peg: The peg's geom.
         g: Middle of the peg's end from the plate's origin, m, base frame.
-        lever: Furthest that a point that may touch is from the middle of the peg's end, m.
+        lever: Largest distance from the middle of the peg's end of a point that may touch, m.
     """
-    # MuJoCo finds contacts before it computes velocities: without, they would be those of the last step.
+    # MuJoCo finds contacts before it computes velocities; without this call they would be those of the last step.
     native.update_velocities(model, data)
     body = carray(native.pointer(native.load(model + native.MODEL_GEOM_BODYID)), (geom_peg + 1,), np.int32)[geom_peg]
     root = carray(native.pointer(native.load(model + native.MODEL_BODY_ROOTID)), (body + 1,), np.int32)[body]
@@ -249,22 +261,23 @@ def _prepare(contact, plate, geom_plate, geom_peg):  # type: ignore[no-untyped-d
 
 @njit(cache=True)
 def _reach(cvel, com, origin, g, lever, timestep):  # type: ignore[no-untyped-def]
-    """Return how wide a gap may be, m, that a point `lever` from the middle of the peg's end approaches fast enough.
+    """Return the largest gap, m, that a point at the distance `lever` from the middle of the peg's end can close in the
+    coming steps.
 
     Args:
-        cvel: Angular, then linear velocity of the peg at `com`.
-        com: m, base frame.
-        origin: Of the plate, m, base frame.
-        g: The middle of the peg's end from there, m, base frame.
-        lever: m.
-        timestep: s.
+        cvel: Angular, then linear velocity of the peg at `com`, rad/s and m/s.
+        com: Point that `cvel` refers to, m, base frame.
+        origin: Origin of the plate, m, base frame.
+        g: Middle of the peg's end from the plate's origin, m, base frame.
+        lever: Distance of the point from the middle of the peg's end, m.
+        timestep: Time step of the model, s.
     """
     r0, r1, r2 = g[0] + origin[0] - com[0], g[1] + origin[1] - com[1], g[2] + origin[2] - com[2]
     x = cvel[3] + cvel[1] * r2 - cvel[2] * r1
     y = cvel[4] + cvel[2] * r0 - cvel[0] * r2
     z = cvel[5] + cvel[0] * r1 - cvel[1] * r0
     turning = math.sqrt(cvel[0] * cvel[0] + cvel[1] * cvel[1] + cvel[2] * cvel[2])
-    # Some more, for rounding.
+    # The addition allows for rounding.
     return 4.001 * timestep * (math.sqrt(x * x + y * y + z * z) + turning * lever) + 1e-9
 
 
@@ -273,12 +286,12 @@ def put(meeting, gap, p, n, judged, band):  # type: ignore[no-untyped-def]
     """Add a contact where the coming steps could close a gap.
 
     Args:
-        meeting: Of plate and peg.
+        meeting: Pair of plate and peg.
         gap: Distance of the two features, m, negative when they penetrate.
         p: Point of the peg, m, plate frame.
         n: Normal from plate to peg, plate frame.
         judged: Whether a penetration here is one of the bore or its rim, which can make a trial void.
-        band: Gap below which it is a contact whatever its speed, m.
+        band: Gap below which it is a contact at any approach speed, m.
     """
     plate = plate_at(meeting.plate)
     deepest = carray(native.pointer(meeting.userdata), (native.NUSERDATA,), np.float64)
@@ -303,7 +316,7 @@ def put(meeting, gap, p, n, judged, band):  # type: ignore[no-untyped-def]
     v1 = v[1] + omega[2] * r0 - omega[0] * r2
     v2 = v[2] + omega[0] * r1 - omega[1] * r0
     speed = N0 * v0 + N1 * v1 + N2 * v2
-    # With solref (2 dt, 1) the constraint bites where the approach is faster than a quarter of the gap a step.
+    # With solref (2 dt, 1) the constraint acts where the approach is faster than a quarter of the gap in a step.
     if gap > band - 4.0 * plate.timestep * min(speed, 0.0):
         return
     # Any tangent serves, the friction cone is isotropic.
@@ -317,8 +330,8 @@ def put(meeting, gap, p, n, judged, band):  # type: ignore[no-untyped-def]
     t0, t1, t2 = t0 * scale, t1 * scale, t2 * scale
     contact = _contact_at(meeting.userdata)
     sliding = math.sqrt(max(v0 * v0 + v1 * v1 + v2 * v2 - speed * speed, 0.0))
-    # A sliding contact of MuJoCo's convex friction cone hovers by `lift` times mu times its speed; told that much further
-    # away, it lies on the surface. Not on rim and wall, where a peg that is braked would sink in by some of that.
+    # MuJoCo's convex friction cone lifts a sliding contact by `lift` times mu times its speed. The gap is reported
+    # larger by as much, so that the peg lies on the surface; not on rim and wall, where a braked peg would sink in.
     upward = 0.0 if judged else max(n[2], 0.0)
     contact.dist = gap + plate.lift * plate.friction * sliding * upward * upward
     pos, frame = contact.pos, contact.frame

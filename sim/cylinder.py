@@ -35,11 +35,11 @@ from sim.contact import (
 )
 
 PEG_TYPE = mujoco.mjtGeom.mjGEOM_CYLINDER
-"""Against `PLATE_TYPE` a pair that nothing else in the scene uses."""
+"""Geom type of the peg; against `PLATE_TYPE` no other pair in the scene uses it."""
 SCAN = 48
-"""Points of the peg's rim, and of the hole's edge, that are scanned for minima."""
+"""Number of points of the peg's rim, and of the hole's edge, that are scanned for minima."""
 SAMPLE_EVERY = 3
-"""Every third of these points is also a contact where surfaces are nearly conformal."""
+"""Interval of the scanned points that are also contacts where surfaces are nearly conformal: every third."""
 UP = (0.0, 0.0, 1.0)
 
 _ANGLE = 2.0 * math.pi / SCAN
@@ -66,7 +66,7 @@ class End(NamedTuple):
 
 @njit(cache=True)
 def _rim(end, cosine, sine):  # type: ignore[no-untyped-def]
-    """Return a point of the peg's rim and how it changes with the angle, plate frame."""
+    """Return a point of the peg's rim and its derivative by the angle, plate frame."""
     c, e1, e2, r = end.c, end.e1, end.e2, end.r
     p = (
         c[0] + r * (cosine * e1[0] + sine * e2[0]),
@@ -111,7 +111,7 @@ def collide(model, data, geom_plate, geom_peg):  # type: ignore[no-untyped-def]
         _collide_plane(meet, end)
     else:
         _collide_rim(meet, end)
-    # The hole's edge is nowhere above the end face, or everywhere far from the peg's axis.
+    # The hole's edge can only be touched where it reaches above the end face and comes near the peg's side.
     along = -c[0] * v[0] - c[1] * v[1] - c[2] * v[2]
     beside = math.sqrt(max(away * away - along * along, 0.0))
     if along + hole * end.tilt > -1e-9 and beside <= hole + r + max(NEAR, FEATURE_BAND + meet.reach):
@@ -173,7 +173,7 @@ def _collide_rim(meet, end):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _rim_on_wall(meet, end, angle):  # type: ignore[no-untyped-def]
-    """Add the point of the rim near `angle` that is nearest the wall, unless the plane decides there: then it is no minimum."""
+    """Add the point of the rim near `angle` that is nearest the wall, unless the plane is nearer there: then it is no minimum."""
     hole, c = meet.hole, end.c
     # Newton on d(rho^2)/d(angle).
     for _ in range(4):
@@ -194,10 +194,10 @@ def _edge_on_edge(meet, end, angles, values):  # type: ignore[no-untyped-def]
     """Add the point of the rim between two angles where plane and wall are equally far, by regula falsi (Illinois).
 
     Args:
-        meet: Of plate and peg.
-        end: Of the peg.
-        angles: Of the rim, rad.
-        values: How much nearer the wall is there than the plane, m; of unequal signs.
+        meet: Pair of plate and peg.
+        end: End of the peg.
+        angles: Angles of the rim on either side of the point, rad.
+        values: Distance to the plane less distance to the wall at those angles, m; of unequal signs.
     """
     hole = meet.hole
     (lo, hi), (flo, fhi) = angles, values
@@ -253,7 +253,7 @@ def _clearance(end, x, y):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _nearest_the_axis(end, hole, angle):  # type: ignore[no-untyped-def]
-    """Return where the hole's edge is nearest the peg's axis, starting from `angle`, rad."""
+    """Return the point of the hole's edge that is nearest the peg's axis, searched from `angle`, rad."""
     c, v = end.c, end.v
     # Newton on the squared distance from the axis.
     for _ in range(4):

@@ -96,7 +96,7 @@ def in_fixture(drawn: Draw, fixture: FixtureConfig, job: Job, first_seed: int, s
 
     Args:
         drawn: The world of the trial without a fixture.
-        fixture: How the plate lies from part to part.
+        fixture: Places of the plate from part to part.
         job: The part and its believed places.
         first_seed: Seed of the cell's first run, from which a fixture without a stated place is placed.
         seed: Seed of the trial.

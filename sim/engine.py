@@ -97,7 +97,7 @@ class PegView(NamedTuple):
 
 
 class Watch(NamedTuple):
-    """What the meters look at, and what ends the stepping."""
+    """Bodies that the meters look at, and the condition that ends the stepping."""
 
     peg: PegView
     pivot: Vector
@@ -132,7 +132,7 @@ class Control(NamedTuple):
 
 
 class Span(NamedTuple):
-    """A span of time."""
+    """A span of time that is stepped at once."""
 
     start: float
     """Time before its first tick, s."""
@@ -140,9 +140,9 @@ class Span(NamedTuple):
     """Length of a tick, s."""
     ticks: int
     law_every: int
-    """Ticks in a control period."""
+    """Number of ticks in a control period."""
     phase: int
-    """Ticks since the last control period began."""
+    """Number of ticks since the last control period began."""
     noise: Vector
     """Standard normal numbers for the span's control periods, a row each, see `sim.arm_senses`; one row where none are needed."""
 
@@ -186,11 +186,11 @@ def pad_gap(
     """Return a lower bound of the distance between the pads and the peg, m; negative where they may touch.
 
     Args:
-        pads: The two geoms, boxes.
-        sizes: Half the extents of all geoms, shape (n, 3), m; likewise `places` and `axes`, shape (n, 9).
-        places: Their middles, m, base frame.
-        axes: Their axes.
-        peg: The peg.
+        pads: Indices of the pads' geoms, which are boxes.
+        sizes: Half the extents of all geoms, shape (n, 3), m.
+        places: Middles of all geoms, shape (n, 3), m, base frame.
+        axes: Axes of all geoms, shape (n, 9).
+        peg: Size and pose of the peg.
     """
     size, middle, turned = peg.size, peg.middle, peg.axes
     least = math.inf
@@ -216,7 +216,7 @@ def advance(
     Args:
         models: The model, and its twin for where nothing can touch the hole.
         state: State of both models; updated.
-        watch: What the meters look at.
+        watch: Bodies that the meters look at.
         control: Commands and figures of the devices.
         meters: Meters, see the indices of this module; updated.
         span: The span of time.
@@ -356,7 +356,7 @@ def _clear(userdata: Vector) -> None:  # pragma: no cover
 
 @njit(cache=True)
 def judge(meters: Vector, userdata: Vector, ticks: int) -> None:  # pragma: no cover
-    """Meter one tick's penetrations: the least one of the newest `ticks` has lasted that long."""
+    """Meter one tick's penetrations; the least one of the newest `ticks` is the depth that has lasted so long."""
     at = int(meters[RING_AT])
     meters[RING + at] = userdata[contact.PENETRATION]
     meters[SURFACE_RING + at] = userdata[contact.SURFACE]

@@ -45,9 +45,9 @@ def words_of(truth: ArmTruth, period: float, steps: tuple[float, float]) -> Vect
     """Return the words of a drive at rest, shape (WORDS,).
 
     Args:
-        truth: The arm as it is.
+        truth: True arm.
         period: Control period, s.
-        steps: A tick and a long step, s.
+        steps: Lengths of a tick and of a long step, s.
     """
     words = np.zeros(WORDS)
     path, friction, hand = truth.path, truth.friction, truth.model.hand
@@ -93,7 +93,7 @@ def stiffest(truth: ArmTruth, q: Vector, step: float) -> float:
     """Return the largest relative change of a velocity by smooth friction in one step; the step is unstable at 2.
 
     Args:
-        truth: The arm as it is.
+        truth: True arm.
         q: Joint positions, shape (7,), rad.
         step: Time step, s.
     """

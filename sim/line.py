@@ -1,4 +1,4 @@
-"""What stands around a simulated cell: a rack whose slots empty, a line that brings workpieces, and whoever clears up.
+"""Surroundings of a simulated cell: a rack whose slots empty, a line that exchanges workpieces, and a person who clears up.
 
 Nothing is taken away because a run begins: a peg that fell lies where it fell, and while it lies about nothing else
 stands in the rack's next slot, since the world has one peg.
@@ -8,7 +8,7 @@ import math
 
 from drivers.parts import Job, Point
 from drivers.protocols import Clock
-from sim.situation import Peg
+from sim.situation import PegSituation
 from sim.world import World
 
 BIN_REACH = 0.08
@@ -16,9 +16,9 @@ BIN_REACH = 0.08
 EXCHANGE_TIME = 0.05
 """Time in which the line exchanges a workpiece, s: the switch's board must notice."""
 EXCHANGE_STEPS = 5
-"""Steps of the clock in that time: an emulated board looks at its lever once in each, and tells of it in the next."""
+"""Number of clock steps in that time; an emulated board reads its lever once in each step and reports it in the next."""
 UNTOUCHED = 2e-3
-"""A peg whose middle is so close to where it was stood has not left its slot, m."""
+"""Largest distance of the peg's middle from where it was placed at which it has not left its slot, m."""
 
 
 class SimLine:
@@ -46,7 +46,7 @@ class SimLine:
 
     def exchange(self) -> None:
         """Take the workpiece away, with the peg in its hole, as the line does once it has read that the peg is seated."""
-        if self._world.peg is Peg.FREE and self._world.truth().is_in_hole:
+        if self._world.peg is PegSituation.FREE and self._world.truth().is_in_hole:
             self._leave_slot()
             self._world.take_away()
         for _ in range(EXCHANGE_STEPS):
@@ -64,15 +64,15 @@ class SimLine:
 
     def lies_about(self) -> bool:
         """Whether the peg is in the hand, in the hole or where it fell; neither in its slot nor in the bin nor gone."""
-        if self._world.peg is Peg.GONE or self._is_in_slot():
+        if self._world.peg is PegSituation.GONE or self._is_in_slot():
             return False
-        return self._world.peg is Peg.HELD or not self._is_in_bin()
+        return self._world.peg is PegSituation.HELD or not self._is_in_bin()
 
     def _leave_slot(self) -> None:
         self._emptied.add(self._slot)
 
     def _is_in_slot(self) -> bool:
-        if self._world.peg is not Peg.FREE:
+        if self._world.peg is not PegSituation.FREE:
             return False
         return math.dist(self._world.peg_pose().position, self._stood) <= UNTOUCHED
 

@@ -73,7 +73,7 @@ def lie(  # noqa: C901  one Newton iteration, compiled, whose loops share its ar
         if np.abs(missing).max() < enough:
             break
         move = solve(matrix, missing.copy())
-        # A step covers at most most of the way to the solid pad.
+        # A step covers at most the share `FURTHEST` of the way to the solid pad.
         share, gain = 0.0, 0.0
         for k in range(n):
             change[k] = 0.0

@@ -39,7 +39,9 @@ class PadLoad:
     across: float
     """Force on the peg along z of the finger frame, towards the left pad, N."""
     tilting: float
-    """Moment of such forces about the finger centre, each times its lever s along the peg, L at the tip; N·m."""
+    """Moment of the forces across the pads about the finger centre, the sum of force times lever s along the peg, N·m;
+    at the tip s is L.
+    """
     reach_tip: float
     """Length of the peg from the finger centre towards its tip, m."""
     reach_back: float
@@ -109,7 +111,7 @@ def _span(
 
 
 class GripLimits(NamedTuple):
-    """The most that friction of the two pads bears in their plane before the peg slips, force and moment each alone."""
+    """Largest loads that friction of the two pads bears in their plane before the peg slips, force and moment each alone."""
 
     force: float
     """Largest force along the pads, in any direction, N."""
@@ -150,7 +152,8 @@ def grip_limits(
     friction: float,
     flat: float = 0.0,
 ) -> GripLimits:
-    """Return what friction in the pads bears, from Coulomb's law for a line, or a face, under uniform pressure.
+    """Return the largest force and moment that friction in the pads bears, by Coulomb's law for a line or face under
+    uniform pressure.
 
     The two pads' normal forces add up to twice the grip force N, so that a force slides the peg at 2·mu·N. A moment turns
     it about the middle of the contact, and each pad resists with mu·N·(integral of |r| ds)/l: for a line of length l that is
@@ -158,9 +161,9 @@ def grip_limits(
 
     Args:
         theta: In-hand angle, rad.
-        offset: Of the peg's axis from the finger centre along (-sin t, cos t, 0), m.
-        grip_force: Of the hand, N.
-        reach: How far the peg reaches from the finger centre towards its tip and the other way, m.
+        offset: Distance of the peg's axis from the finger centre along (-sin t, cos t, 0), m.
+        grip_force: Grip force of the hand, N.
+        reach: Lengths of the peg from the finger centre towards its tip and the other way, m.
         half: Half the length and half the width of a pad, m.
         friction: Coulomb coefficient of peg on pad.
         flat: Width of a flat face, m; 0 is the line of a round peg.
@@ -215,7 +218,7 @@ class Pads:
 
         Args:
             config: Elastomer and taxels.
-            layout: How the two modules of a finger sit.
+            layout: Layout of the two modules of a finger.
             misplaced: Offset of each taxel from its place in the layout, shape (2, 20, 2), m; None for no offsets.
         """
         self.length, self.width = pad_size(layout)

@@ -33,7 +33,7 @@ class Plate:
     rotation: Vector
     """Axes of the plate, z outward, x and y along the sides of a hole that has any, shape (3, 3)."""
     half: tuple[float, float]
-    """Half the extents of the hole along x and y: its radius, twice, or half its sides, m."""
+    """Half the extents of the hole along x and y, m: the radius for both, or half of each side."""
     depth: float
     """Depth of the floor, m."""
 
@@ -64,11 +64,11 @@ def geoms(
     """Return the plate as geoms in MuJoCo's XML, the one of the closed form first.
 
     Args:
-        name: Of the first geom.
-        plate: Where it is, and its hole.
+        name: Name of the first geom.
+        plate: Pose of the plate, and its hole.
         friction: Coulomb coefficient against the peg.
-        timestep: s.
-        model: How the hole is modelled.
+        timestep: Time step of the physics, s.
+        model: Model of the hole.
         is_judged: Whether the penetration is told also where facets make the contacts.
     """
     solref = stiffness(model, timestep)

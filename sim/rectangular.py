@@ -39,9 +39,11 @@ ROUNDING = 1e-6
 PARALLEL = 1e-6
 """Sine of the angle below which two edges have no common normal; their ends and the edges across then stand for them."""
 BEYOND = 1e-3
-"""A rim edge counts so far beyond its ends, m. An edge of the peg that crosses its line there is over solid, so it may not be
-below it anyway; without, one that slides past a corner of the hole would meet the next rim edge only once it is in it, for where
-the two cross moves by more than a tenth of a millimetre in a step."""
+"""Length by which a rim edge is extended beyond its ends, m. An edge of the peg that crosses the extension is over
+solid plate and must not be below it either. Without the extension, an edge of the peg that slides past a corner of the
+hole would meet the next rim edge only after it has entered it, because the crossing point moves by more than a tenth of
+a millimetre in a step.
+"""
 
 
 @njit(cache=True)
@@ -110,7 +112,8 @@ def _outward(e1, e2, n):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _depth(p, inward, half):  # type: ignore[no-untyped-def]
-    """Return how little a corner within the solid behind one wall is in it, m, not above 0; far below 0 for one that is not.
+    """Return the clearance of a corner that is in the solid behind one wall, m, at most 0: the smaller penetration, of
+    plane or wall, with a minus sign; -1 for a corner that is not in the solid.
 
     Where the corner is in the solid less deep than its edge passes below the rim, the corner is what touches.
     """

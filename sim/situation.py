@@ -13,24 +13,24 @@ from drivers.quantities import Vector
 from sim import scene
 
 SETTLED_GRIP = 0.05
-"""The pads must have held the peg clear of the rack for so long before it is taken for held, s."""
+"""Time for which the pads must have held the peg clear of the rack before it counts as held, s."""
 SQUEEZED_SHARE = 0.5
-"""Both pads must press the peg with this share of the closing force."""
+"""Share of the closing force with which both pads must press the peg, fraction."""
 CLEAR_OF_RACK = 1e-3
 """Height of the peg's lowest point over the rack from which on it is clear, m."""
 LOST_TURN = scene.HINGE_RANGE - math.radians(2.0)
 """Hinge angle at which the peg meets the palm and drops out, rad."""
 LEAST_CONTACT = 2e-3
-"""A peg of which less lies between the pads drops out, m."""
+"""Least length of the peg between the pads, m; a peg that is held by less drops out."""
 SETTLING = 0.02
-"""A peg in nobody's hand must have had so much time to settle before it is left at rest, s."""
+"""Time for which a free peg must have settled before it is left at rest, s."""
 AT_REST = (1e-4, 1e-2)
 """Speeds of a peg that lies still, m/s and rad/s; one that fell would be at 0.2 m/s by then."""
 OUT_OF_REACH = 0.01
 """Gap between pads and peg that no hand closes in the 10 ms until it is looked at again, m."""
 
 
-class Peg(Enum):
+class PegSituation(Enum):
     """Where the peg is."""
 
     FREE = "free"
@@ -42,7 +42,7 @@ def has_fallen_out(turn: float, contact: float) -> bool:
     """Whether the pads have lost a held peg.
 
     Args:
-        turn: Of the hinge, rad.
+        turn: Angle of the hinge, rad.
         contact: Length of the peg between the pads, m.
     """
     return abs(turn) > LOST_TURN or contact < LEAST_CONTACT
@@ -54,7 +54,7 @@ def is_in_grip(pad_force: float, grip_force: float, height: float) -> bool:
     Args:
         pad_force: Smaller of the forces between the pads and the peg, N.
         grip_force: Closing force commanded, N.
-        height: Of the peg's lowest point over the rack, m.
+        height: Height of the peg's lowest point over the rack, m.
     """
     return pad_force > SQUEEZED_SHARE * grip_force > 0.0 and height > CLEAR_OF_RACK
 
@@ -63,9 +63,9 @@ def may_rest(is_resting: bool, gap: float, loose_for: float, speeds: Vector) -> 
     """Whether a free peg can be left out of the physics because it lies still and no pad can reach it.
 
     Args:
-        is_resting: Whether it is left out already.
+        is_resting: Whether the peg is left out already.
         gap: Distance that no pad is nearer than, m.
-        loose_for: Time since it was let go or was last in reach, s.
+        loose_for: Time since the peg was let go or was last in reach, s.
         speeds: Linear, then angular velocity of the peg, shape (6,), m/s and rad/s.
     """
     if gap <= OUT_OF_REACH:

@@ -54,7 +54,7 @@ def bear(words: Vector, limits: GripLimits, beside: float, shear: float, carried
 
     Args:
         words: The grip; updated.
-        limits: Of friction.
+        limits: Limits of friction.
         beside: Place of the peg's axis beside the finger centre, m.
         shear: Stiffness of both pads in their plane, N/m.
         carried: Mass of the peg, kg, and its inertia about the closing axis at the finger centre, kg·m².

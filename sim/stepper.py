@@ -14,7 +14,7 @@ from sim.arm_truth import ArmTruth
 from sim.config import GripConfig, SimConfig
 from sim.pace import Pace
 from sim.pads import GripLimits, grip_limits
-from sim.situation import Peg
+from sim.situation import PegSituation
 from sim.trial_scene import Mechanism, TrialScene
 
 NOWHERE: Vector = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0, -math.inf])
@@ -22,7 +22,9 @@ NOWHERE: Vector = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0, -math.inf])
 FINGERS, PEG = slice(7, 9), slice(9, 15)
 """Degrees of freedom of the free model after the arm's seven."""
 HINGE, ALONG, BESIDE = 7, 8, 9
-"""Those of the held model: the peg turns about the closing axis, and moves along and beside its own."""
+"""Degrees of freedom of the held model after the arm's seven: the peg's turn about the closing axis, and its places
+along and beside its own axis.
+"""
 LEAST_AXIS = 1e-6
 """Square of the horizontal share below which an axis counts as upright."""
 LYING_GAP = 1e-4
@@ -48,7 +50,7 @@ class Stepper:
             slip.new_words(),
         )
         self.meters = engine.new_meters()
-        self.peg, self.peg_length = Peg.FREE, math.nan
+        self.peg, self.peg_length = PegSituation.FREE, math.nan
         self._running: Mechanism | None = None
         self._q, self._dq = np.array(arm.home), np.zeros(JOINTS)
         self._in_grip_since = self._loose_since = self._load = 0.0
@@ -93,7 +95,7 @@ class Stepper:
 
     def enter_free(self, width: float, peg: Pose) -> None:
         """Let the peg be a body of its own, its middle at a pose, between fingers `width` m apart."""
-        self._run(Peg.FREE, self.scene.free)
+        self._run(PegSituation.FREE, self.scene.free)
         data = self.running.data
         data.qpos[7] = data.qpos[8] = width / 2
         data.qpos[9:12] = peg.position
@@ -108,7 +110,7 @@ class Stepper:
         axis = tcp.rotation.T @ pose.rotation[:, 2]
         # The nearest point of the peg's axis to the finger centre is where the pads hold it.
         reach = float((tcp.position - pose.position) @ pose.rotation[:, 2]) + self.scene.size.half
-        self._run(Peg.HELD, self.scene.held)
+        self._run(PegSituation.HELD, self.scene.held)
         self.peg_length = reach - self._grip.slip
         for model in self._steppers:
             model.geom("peg").pos[2] = model.body("peg").ipos[2] = self.scene.size.half - self.peg_length
@@ -134,8 +136,8 @@ class Stepper:
     def fall(self) -> None:
         """Lay a peg that the pads have lost flat on the plate, below where it was, or leave it standing in its hole.
 
-        The fall itself is left out: where it ends is what anybody can see. A peg that lies has no weight, since only its
-        end and its edge meet the plate: its back end would sink in.
+        The fall itself is not simulated, only where it ends. A lying peg has no weight, because only its end and the
+        edge of that end have contacts with the plate: its back end would sink in.
         """
         plate, pose, (depth, is_in_hole) = self.scene.plate, self.peg_pose(), self.depth()
         up, size = plate.rotation[:, 2], self.scene.size
@@ -155,14 +157,14 @@ class Stepper:
         """Take the peg out of play."""
         self.enter_free(self.scene.job.peg.part.thickness, Pose(np.array([0.0, 0.0, -1.0]), np.eye(3)))
         self.running.data.xfrc_applied[self.running.peg_body, 2] = 0.0
-        self.peg = Peg.GONE
+        self.peg = PegSituation.GONE
 
-    def _run(self, peg: Peg, mechanism: Mechanism) -> None:
+    def _run(self, peg: PegSituation, mechanism: Mechanism) -> None:
         """Let a mechanism run on from the arm's present state."""
         if self._running is not None:
             self._q, self._dq = self.q, self.dq
         self.peg, self._running = peg, mechanism
-        is_held = peg is Peg.HELD
+        is_held = peg is PegSituation.HELD
         self._steppers = [mechanism.model]
         if is_held and mechanism.twin is not None:
             self._steppers.append(mechanism.twin)
@@ -173,7 +175,7 @@ class Stepper:
     def _begin(self, weight: float) -> None:
         """Complete the state after its positions have been set; the peg's weight is in N."""
         mechanism, now = self.running, self._pace.now()
-        data, is_held = mechanism.data, self.peg is Peg.HELD
+        data, is_held = mechanism.data, self.peg is PegSituation.HELD
         data.xfrc_applied[mechanism.peg_body, 2] = -weight
         mujoco.mj_forward(mechanism.model, data)
         size = self.scene.size
@@ -211,7 +213,7 @@ class Stepper:
         Raises:
             SimulationUnstableError: The state is no longer finite.
         """
-        if self.peg is Peg.HELD:
+        if self.peg is PegSituation.HELD:
             shear, carried = self._grip.shear_stiffness, self._carried
             slip.bear(self.control.grip, self.grip_limits(), self._place(BESIDE), shear, carried)
         else:
@@ -263,12 +265,12 @@ class Stepper:
     def _pass_on(self) -> None:
         """Change the peg's situation when the last ticks ask for it."""
         grip_force = float(self.control.drive[engine.DRIVE_FORCE])
-        if self.peg is Peg.HELD:
+        if self.peg is PegSituation.HELD:
             if situation.has_fallen_out(self.theta(), self.grip_limits().length):
                 self.fall()
             elif grip_force <= 0.0:
                 self.enter_free(self.scene.job.peg.part.thickness, self.peg_pose())
-        elif self.peg is Peg.FREE:
+        elif self.peg is PegSituation.FREE:
             height = self.lowest() - self.scene.rack.position[2]
             if not situation.is_in_grip(self.pad_force(), grip_force, height):
                 self._in_grip_since = self._pace.now()
@@ -335,16 +337,16 @@ class Stepper:
 
     def pad_force(self) -> float:
         """Return the smaller of the forces between the pads and the peg, N."""
-        if self.peg is Peg.HELD:
+        if self.peg is PegSituation.HELD:
             return float(self.control.drive[engine.DRIVE_FORCE])
-        if self.peg is Peg.GONE:
+        if self.peg is PegSituation.GONE:
             return 0.0
         squeezed: float = engine.pad_force(self.running.data._address, *self.scene.pads)
         return squeezed
 
     def feels_plates(self) -> bool:
         """Whether the peg is in the hand, so that forces on it are felt by the arm."""
-        return self.peg is Peg.HELD or (self.peg is Peg.FREE and self._model_of.grip == "pads")
+        return self.peg is PegSituation.HELD or (self.peg is PegSituation.FREE and self._model_of.grip == "pads")
 
     def grip_limits(self) -> GripLimits:
         """Return the most that friction of the pads bears of the held peg as it lies now."""
@@ -361,5 +363,5 @@ class Stepper:
         )
 
     def _place(self, index: int) -> float:
-        """Return where the held peg is in the hand, m, along or beside its axis."""
+        """Return the place of the held peg in the hand, m, along or beside its own axis."""
         return float(self.running.data.qpos[index])

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from sim.situation import Peg
+from sim.situation import PegSituation
 
 VOID_PENETRATION = 10e-6
 VOID_SHARE = 0.2
@@ -14,7 +14,7 @@ class Truth:
     """The true state of the world."""
 
     stamp: float
-    peg: Peg
+    peg: PegSituation
     theta: float
     """In-hand angle, rad; NaN when the peg is not held."""
     tip: tuple[float, float, float]

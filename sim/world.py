@@ -16,7 +16,7 @@ from sim.pace import Pace
 from sim.pads import PadLoad, load_of
 from sim.plate import Plate
 from sim.reality import NO_ERRORS, Errors
-from sim.situation import Peg
+from sim.situation import PegSituation
 from sim.stepper import Stepper
 from sim.trial_scene import TrialScene
 from sim.truth import Truth, is_void
@@ -97,14 +97,14 @@ class World:
         return self.stepper.meters
 
     @property
-    def peg(self) -> Peg:
+    def peg(self) -> PegSituation:
         """Situation of the peg."""
         return self.stepper.peg
 
     @property
     def is_held(self) -> bool:
         """Whether the peg hangs in the hand."""
-        return self.peg is Peg.HELD
+        return self.peg is PegSituation.HELD
 
     @property
     def plate(self) -> Plate:
@@ -143,7 +143,7 @@ class World:
 
     def pad_load(self) -> PadLoad | None:
         """Return the present load of the pads; None when nothing is between them."""
-        if self.peg is Peg.GONE or (self.peg is Peg.FREE and self.pad_force() <= 0.0):
+        if self.peg is PegSituation.GONE or (self.peg is PegSituation.FREE and self.pad_force() <= 0.0):
             return None
         return load_of(
             self.job.peg, self.tcp(), self.peg_pose(), self.pad_force(), self.contact_force(), self.contact_torque()

@@ -30,7 +30,7 @@ from skills.tactile.pose import NO_PEG, Estimator, PegPose, Tracker
 
 
 class SkillParams(ConfigModel):
-    """How a skill shall work; every skill derives its own."""
+    """Parameters of a skill; every skill derives a model of its own."""
 
 
 class Outcome(StrEnum):
@@ -39,9 +39,11 @@ class Outcome(StrEnum):
     SUCCESS = "success"
     FAILURE = "failure"
     ABORTED = "aborted"
-    """Somebody stopped it."""
+    """A person or the PLC stopped the run."""
     FAULT = "fault"
-    """Something is broken; no skill returns this, the supervisor says it of a run in which a `CellError` was raised."""
+    """A device or the program failed; no skill returns this, the supervisor says it of a run in which a `CellError` was
+    raised.
+    """
 
 
 class Reason(IntEnum):
@@ -60,7 +62,7 @@ class Reason(IntEnum):
     JAMMED = 10
     """A peg did not come out of the hole; the hand has let it go."""
     PART_LEFT = 11
-    """A peg is where a person must take it away."""
+    """A peg lies where a person must take it away."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +92,7 @@ class Observation:
     gripper: GripperState
     frame: TaxelFrame
     is_new_frame: bool
-    """The skin delivered `frame` in this scan."""
+    """Whether the skin delivered `frame` in this scan."""
     peg: PegPose
     """What is known of the peg now; its stamp is that of the newest frame in it and tells the age."""
     tip: Vector
@@ -123,11 +125,11 @@ class Interrupted(Exception):  # noqa: N818  a way to end, not an error
 
 
 LONGEST_BLIND = 1.0
-"""A skill that holds a peg goes on without a new healthy frame for so long, s."""
+"""Longest time for which a skill that holds a peg goes on without a new healthy frame, s."""
 LATEST_STATE = 0.1
-"""Largest age of the arm's state, s: a device that tells an old one again is as good as silent."""
+"""Largest age of the arm's state, s; a device that repeats an old state counts as silent."""
 LEAST_TRUSTED = 20
-"""Taxels of both fingers without which no skill goes on: half of them, one module of each finger."""
+"""Least number of trusted taxels of both fingers with which a skill goes on: half of all, one module of each finger."""
 
 
 Recorder = Callable[[Observation, ImpedanceSetpoint | None], None]
@@ -135,7 +137,7 @@ Recorder = Callable[[Observation, ImpedanceSetpoint | None], None]
 
 @dataclass(slots=True)
 class SkillContext:
-    """A skill's whole world: devices, the job, the limits, and the scan."""
+    """Everything that a skill works with: devices, the job, the limits, and the scan."""
 
     clock: Clock
     arm: Arm
@@ -152,11 +154,11 @@ class SkillContext:
     """How late the scan may come."""
     tracker: Tracker = field(default_factory=lambda: Blend(Smoothing()))
     poll: Callable[[], Request] = lambda: Request.RUN
-    """Asked once a scan."""
+    """Function that is asked once a scan what the skill shall do."""
     progress: Callable[[float], None] = lambda fraction: None
-    """Told how much of the skill is done, 0 to 1."""
+    """Function that is told how much of the skill is done, 0 to 1."""
     record: Recorder = lambda seen, setpoint: None
-    """Given every observation with the setpoint that was held while it was made."""
+    """Function that is given every observation with the setpoint that was held while it was made."""
     stage: str = ""
     """Name of the skill under way."""
     held: ImpedanceSetpoint | None = field(default=None, init=False)
@@ -176,7 +178,9 @@ class SkillContext:
         return self._next_id
 
     def follow(self, setpoint: ImpedanceSetpoint) -> None:
-        """Hand `setpoint` to the arm and remember it for the record; softly once its motion was found to pump."""
+        """Hand `setpoint` to the arm and remember it for the record, with less stiffness once the passivity guard has
+        softened its motion.
+        """
         if self._soft is not None and setpoint.id == self._soft[0]:
             setpoint = replace(setpoint, stiffness=np.minimum(setpoint.stiffness, self._soft[1]))
         self.held = setpoint
@@ -237,8 +241,8 @@ class SkillContext:
 
         Args:
             timeout: Longest time to go on, s; time on hold does not count.
-            holding: The hand must hold something all the while.
-            limited: Keep to the limits of force and workspace; only a way out of a violation may not.
+            holding: Whether the hand must hold something all the while.
+            limited: Whether the limits of force and workspace hold; only a way out of a violation may go without.
 
         Raises:
             Interrupted: Stop request, force limit, workspace limit or a lost grasp; the arm is halted.
@@ -278,7 +282,7 @@ class SkillContext:
                 elapsed, running = elapsed + timing.step, running + timing.passed
 
     def _keep_to_setpoint(self, seen: Observation, request: Request, paused: ArmState | None) -> None:
-        """Make sure that the arm is about where it shall be, or lead it back to there from where it `paused`."""
+        """Make sure that the arm is close to its setpoint, or after a hold lead it back there from where it `paused`."""
         if self.held is None:
             return
         if request is Request.RUN:

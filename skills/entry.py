@@ -15,7 +15,7 @@ P = TypeVar("P", bound=SkillParams)
 
 
 class Claim(Enum):
-    """What a success says, which the cell holds against the evidence before it believes it."""
+    """Claim of a success, which the cell compares with the evidence of its devices before it reports the success."""
 
     NOTHING = "nothing"
     HELD = "held"
@@ -27,7 +27,7 @@ class Claim(Enum):
     INSERTED = "inserted"
     """A peg was seated in this run, let go, and stayed."""
     FREED = "freed"
-    """The hand is open, and no peg is where it would be in the way."""
+    """The hand is open, and no peg blocks the next run."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

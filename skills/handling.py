@@ -46,7 +46,7 @@ class Handling:
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """Recipe for the handling of one kind of part."""
+    """Functions and section that make up the handling of one kind of part."""
 
     section: str
     """Section of the config that the handling needs; empty where it needs none of its own."""
@@ -76,7 +76,7 @@ def _over_a_corner(sections: Sections) -> Handling:
 
 
 WAYS: Mapping[str, Way] = {"round": Way("insert", _over_the_edge), "rectangular": Way("corner", _over_a_corner)}
-"""Recipe of each kind of part."""
+"""Handling of each kind of part."""
 
 
 def handling(part: Part, sections: Sections) -> Handling:

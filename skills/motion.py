@@ -14,17 +14,17 @@ from drivers.quantities import ImpedanceSetpoint, InHandTip, Twist, Vector
 from skills.contract import Observation, SkillContext
 
 VALIDITY = 0.1
-"""A setpoint outlives this many seconds without a new one, then the arm holds still."""
+"""Time for which a setpoint is valid, s; without a newer one the arm then holds still."""
 
-PATIENCE = 10.0
-"""A move is over when its path is, or after this multiple of its time on the cell's clock, where scans come late."""
+LONGEST_MOVE = 10.0
+"""Time on the cell's clock after which a move is over although late scans keep it from its end, multiple of its own time."""
 
 STRAY = 4e-3
-"""Distance from where the hole was found that a setpoint may follow the tip to, m: a hole keeps its place."""
+"""Largest distance from where the hole was found at which a setpoint still follows the tip, m; a hole keeps its place."""
 
 
 class Gains(ConfigModel):
-    """How stiffly the arm follows."""
+    """Stiffness and damping ratio with which the arm follows a setpoint."""
 
     translation: PositiveFloat
     """Translational stiffness, N/m."""
@@ -55,12 +55,12 @@ class Transfer(ConfigModel):
     turn_speed: PositiveFloat
     """Largest turning rate, rad/s."""
     elbow: Annotated[float, Field(ge=-math.pi, le=math.pi)]
-    """Position of the elbow's joint that the null space is drawn to, rad; without, it would wander from run to run."""
+    """Position of the elbow's joint that the null space is drawn to, rad; without it the elbow would wander from run to run."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Goal:
-    """Where the controlled point shall be, and how the peg and the closing axis shall point."""
+    """Goal of a move: place of the controlled point, m, and directions of the peg's axis and of the closing axis, base frame."""
 
     tip: Vector
     axis: Vector
@@ -87,13 +87,13 @@ def move(
     forward.
 
     Args:
-        goal: Where to.
-        transfer: How fast and how stiffly.
+        goal: Goal of the move.
+        transfer: Speeds and gains of the move.
         ctx: The skill's context.
         in_hand: The peg as it is held, or None for the empty hand.
         settle: Time allowed to settle at the end, s.
-        limited: Keep to the limits of force and workspace; a motion that may begin in contact does not, and teaches the arm
-            nothing about its joints.
+        limited: Whether the limits of force and workspace hold; a motion that may begin in contact goes without them, and
+            the arm learns nothing about its joints from it.
     """
     first = ctx.observe()
     if in_hand is None:
@@ -111,7 +111,7 @@ def move(
     )
     identity = ctx.new_id()
     stiffness, damping_ratio = transfer.gains.stiffness(), transfer.gains.damping_ratios()
-    for seen in ctx.scan(PATIENCE * (duration + settle), limited=limited):
+    for seen in ctx.scan(LONGEST_MOVE * (duration + settle), limited=limited):
         if seen.elapsed >= duration + settle:
             break
         share, rate = minimum_jerk(seen.elapsed / duration)
@@ -159,7 +159,7 @@ def stay(ctx: SkillContext, stamp: float) -> None:
 
 
 def between(goal: Vector, start: Vector, share: float) -> Vector:
-    """Return the unit vector that stands by `share` of the way at `start` and for the rest at `goal`, shape (3,)."""
+    """Return the unit vector between `start` and `goal`, shape (3,); `share` is the weight of `start`, 0 to 1."""
     mixed: Vector = (1.0 - share) * goal + share * start
     return mixed / math.sqrt(float(mixed @ mixed))
 

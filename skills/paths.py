@@ -160,8 +160,8 @@ def spiral_at_speed(time: float, speed: float, pitch: float) -> Vector:
 
     Args:
         time: Time since the start, s, >= 0.
-        speed: Along the spiral, m/s, > 0.
-        pitch: Between neighbouring turns, m, > 0.
+        speed: Speed along the spiral, m/s, > 0.
+        pitch: Distance between neighbouring turns, m, > 0.
 
     Returns:
         Point in the plane of the spiral, shape (2,), m, from its centre.
@@ -180,9 +180,9 @@ def dither(time: float, radius: float, turn_rate: float, period: float) -> Vecto
 
     Args:
         time: Time since the start, s, >= 0.
-        radius: Largest, m.
+        radius: Largest radius, m.
         turn_rate: Angular rate, rad/s.
-        period: From nothing to nothing, s.
+        period: Time in which the circles grow and fade once, s.
 
     Returns:
         Point in the plane of the circles, shape (2,), m, from their centre.

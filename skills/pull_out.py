@@ -19,10 +19,10 @@ def pull_out(height: float, gains: Gains, ctx: SkillContext, limited: bool = Tru
     """Pull the peg straight up until its tip stands at `height`, m, base frame, without moving it aside before.
 
     Args:
-        height: Where the tip shall stand, m, base frame.
-        gains: How stiffly the arm pulls; the setpoint's lead over the tip bounds the force.
+        height: Height to which the tip is pulled, m, base frame.
+        gains: Stiffness with which the arm pulls; the setpoint's lead over the tip bounds the force.
         ctx: The skill's context.
-        limited: Keep to the limits of force and workspace; only a way out of a violation may not.
+        limited: Whether the limits of force and workspace hold; only a way out of a violation may go without.
 
     Returns:
         None where it came out; else the tip where it is stuck, shape (3,), m, base frame.

@@ -86,13 +86,13 @@ def run(params: RecoverParams, ctx: SkillContext) -> RecoverResult:
 def _pull(params: RecoverParams, ctx: SkillContext) -> Vector | None:
     """Pull the peg up until its end is clear of the plate; return where it is stuck, or None.
 
-    The limits do not count: what the failure left pressed must first be free to give way, and the pull is bounded.
+    The limits do not count here: what the failure left pressed must first be able to give way, and the pull is bounded.
     """
     return pull_out(ctx.job.hole.centre[2] + CLEAR, params.transfer.gains, ctx, limited=False)
 
 
 def _relax(ctx: SkillContext) -> None:
-    """Let the arm hold still where it is: the hand of an arm that pulls would leap when it lets go."""
+    """Let the arm hold still where it is; the hand of an arm that pulls would leap when it lets go."""
     ctx.arm.halt()
     ctx.held = None
 

@@ -79,7 +79,7 @@ def require_sound(
         setpoint: What a skill asks for.
         arm: The newest state of the arm.
         before: The setpoint before it, if any.
-        limits: Of force and workspace.
+        limits: Limits of force and workspace.
         most: Largest speed of the arm's tool, m/s.
 
     Raises:
@@ -208,7 +208,7 @@ class GatedArm:
 
         Raises:
             NotFiniteError: Something in it is no number; the arm is halted.
-            CellError: As the arm's own `read`.
+            CellError: The arm's own `read` raised it.
         """
         state = self._arm.read()
         try:

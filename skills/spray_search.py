@@ -50,11 +50,11 @@ def run(
     A surface estimate that turns out to have been learnt in the wrong place is replaced by a fresh one.
 
     Args:
-        params: How to search.
+        params: Parameters of the search.
         ctx: The skill's context.
         surface: Estimate of the plate's surface to start from; None starts from one that knows nothing.
         event: Detector of hole events on the skin; None makes one as `params.event` says.
-        belief: Where the hole is likely, which is searched first, and what earlier attempts have not searched yet.
+        belief: Likely place of the hole, which is searched first, and what earlier attempts have not searched yet.
 
     Returns:
         Where the tip fell in, or why the search ended without a fall.

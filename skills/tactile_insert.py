@@ -118,7 +118,8 @@ def run(params: TactileInsertParams, ctx: SkillContext, plane: Plane | None = No
 
 
 def allowed_depth(phi: float, peg: float, hole: float) -> float:
-    """Return how deep the lowest point of a peg that leans by `phi` > 0, rad, fits into a hole; diameters and depth in m.
+    """Return the largest depth of the lowest point of a peg that is tilted by `phi` > 0, rad, in a hole; diameters and
+    depth in m.
 
     In the plane of the tilt, which is exact to 1 um below 8 degrees: the side of the peg lies in the hole by s, where
     s sin(phi) + peg cos(phi) = hole.
@@ -138,7 +139,7 @@ def push_stiffness(phi: float, first_phi: float, low: float, high: float) -> flo
 
     Args:
         phi: Angle between the peg and the normal, rad, >= 0.
-        first_phi: Upon contact, rad.
+        first_phi: Angle phi_0 upon contact, rad.
         low: K_min, N/m.
         high: K_max, N/m.
     """

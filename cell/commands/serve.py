@@ -20,7 +20,7 @@ STOPS_ITSELF = True
 PAGE = "127.0.0.1:8080"
 """Where the page is, unless told otherwise: only this computer sees it there."""
 METRICS = "127.0.0.1:9464"
-"""The same of the figures; the port that exporters of Prometheus use by default."""
+"""Address of the figures, unless told otherwise; the port is the one that exporters of Prometheus use by default."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

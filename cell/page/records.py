@@ -20,22 +20,22 @@ from plc_bridge.messages import FIRST_PROGRAM
 from skills.contract import Outcome
 
 LAST = 12
-"""Runs that the page lists."""
+"""Number of runs that the page lists."""
 PRODUCT = PROGRAMS[FIRST_PROGRAM]
 """Program whose runs make a product, so that they count for the yield."""
 SHIFT = timedelta(hours=8)
-"""The yield is that of the runs which began in this time."""
+"""Time back from now; the yield is that of the runs which began in it."""
 RECENT = 200
-"""Runs that are looked through for the last faults."""
+"""Number of runs that are searched for the last faults."""
 MOST = 20_000
-"""Runs that are looked through for the yield: one in less than two seconds for a whole shift."""
+"""Number of runs that are searched for the yield; a shift of one run in two seconds has fewer."""
 OUTCOMES = tuple(str(each) for each in Outcome)
 FILES = {"picture.png": "show", "film.mp4": "film"}
 """What is made of a run when somebody asks for it, and by which command."""
 WAITING = 8
-"""Requests for files that may wait for each other; further ones are turned away."""
+"""Number of requests for files that may wait for each other; further ones are turned away."""
 LONGEST = 600.0
-"""Making one file is given up after this time, s."""
+"""Longest time to make one file, s."""
 
 
 class Records:

@@ -10,7 +10,7 @@ from drivers.errors import ConfigError
 FILE = "page-token"
 """Name of the token's file in the folder of the records; only the user of the cell may read it."""
 BYTES = 18
-"""Random bytes of a new token."""
+"""Number of random bytes of a new token."""
 
 
 def page_token(folder: Path) -> str:

@@ -1,1 +1,1 @@
-"""The arm: the model that law and margins are given, and the maker's arm behind its client."""
+"""Arms: the figures of each type, kinematics, dynamics, and the driver of a Franka arm."""

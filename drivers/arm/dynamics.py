@@ -1,7 +1,6 @@
 """An arm's inertia inside the torque loop, and the damping that is critical for it; pure and compiled.
 
-`drivers.arm.inertia` answers the same question in plain numpy, for whoever asks once; the law asks a hundred times a
-second.
+`drivers.arm.inertia` computes the same in plain numpy for callers that need it once; the law needs it a hundred times a second.
 """
 
 import math
@@ -14,25 +13,27 @@ from drivers.compiled import njit
 from drivers.quantities import Vector
 
 BODY = 10
-"""Words of one body, in the frame of its joint: mass, kg; centre of mass, m; inertia about it, xx, yy, zz, xy, xz, yz, kg·m²."""
+"""Number of words for one body, in the frame of its joint: mass, kg; centre of mass, m; inertia about it, xx, yy, zz,
+xy, xz, yz, kg·m².
+"""
 ROTORS = BODY * JOINTS
 WORDS = ROTORS + JOINTS
-"""Words of all seven bodies, the last with the hand, and of the rotors' inertias, kg·m²."""
+"""Number of words for an arm: seven bodies, the last with the hand, then the rotors' inertias, kg·m²."""
 ROUNDS = 20
-"""Most rounds in which the mean of two matrices is approached; six are usual."""
+"""Largest number of rounds for the mean of two matrices; six usually suffice."""
 SLACK = 1e-3
-"""Least stiffness that a damping is worked out for, N/m and N·m/rad."""
+"""Smallest stiffness for which the damping is computed, N/m and N·m/rad; smaller ones count as this."""
 LEAST_MOBILITY = 1e-12
-"""Added to what the arm gives way to a force or torque, 1/kg and 1/(kg·m²)."""
+"""Mobility that is added along every direction, 1/kg and 1/(kg·m²), so that the inertia of an outstretched arm stays finite."""
 ALIKE = 1e-6
-"""Relative difference of the two means at which they count as one."""
+"""Relative difference of the two means below which they count as equal."""
 
 
 def masses(arm: ArmModel) -> Vector:
     """Return an arm's masses as the words that the compiled functions read, shape (WORDS,)."""
     hand, turn = arm.hand, frames.rotation_about(np.array([0.0, 0.0, 1.0]), arm.hand.turn)
     bodies = [(link.mass, np.array(link.com), link.tensor()) for link in arm.link]
-    # The fingers count as points at the hand's centre of mass, as in `drivers.arm.inertia`.
+    # The fingers are point masses at the hand's centre of mass, as in `drivers.arm.inertia`.
     at = turn @ np.array(hand.body.com) + np.array([0.0, 0.0, arm.kinematics.flange])
     bodies[-1] = _joined(bodies[-1], (hand.body.mass + 2.0 * hand.finger.mass, at, turn @ hand.body.tensor() @ turn.T))
     words = [(mass, *com, *np.diag(tensor), tensor[0, 1], tensor[0, 2], tensor[1, 2]) for mass, com, tensor in bodies]
@@ -141,7 +142,7 @@ def geometric_mean(A: Vector, B: Vector) -> Vector:  # pragma: no cover
 
 @njit(cache=True)
 def inertia_at(M: Vector, J: Vector) -> Vector:  # pragma: no cover
-    """Return the inertia that a point of the hand shows, (J M⁻¹ Jᵀ)⁻¹, shape (6, 6), base frame: kg, kg·m and kg·m².
+    """Return the inertia of the arm as seen at a point of the hand, (J M⁻¹ Jᵀ)⁻¹, shape (6, 6), base frame: kg, kg·m and kg·m².
 
     Args:
         M: Mass matrix, shape (7, 7), kg·m².
@@ -149,7 +150,7 @@ def inertia_at(M: Vector, J: Vector) -> Vector:  # pragma: no cover
     """
     mobility = product(product(J, inverse(M)), J.T)
     for k in range(mobility.shape[0]):
-        # A stretched arm does not move along every direction at all: there it counts as heavy, not as infinitely so.
+        # An outstretched arm cannot move along every direction; the added mobility keeps its inertia finite there.
         mobility[k, k] += LEAST_MOBILITY
     L: Vector = inverse(mobility)
     return L
@@ -160,18 +161,19 @@ def critical_damping(L: Vector, stiffness: Vector) -> Vector:  # pragma: no cove
     """Return the damping with which every mode of an inertia on springs is critically damped, shape (6, 6).
 
     L x'' + D x' + K x = 0 falls apart into modes in which L is one, K the squares of their rates and D twice the rates when
-    D = 2 (L # K), # the geometric mean: the double diagonalisation of [albu], for one damping ratio.
+    D = 2 (L # K), where # is the geometric mean: the double diagonalisation of [albu], for one damping ratio.
 
     Args:
         L: Inertia, shape (6, 6).
-        stiffness: K's diagonal, shape (6,), N/m and N·m/rad; below `SLACK` it is taken for that.
+        stiffness: K's diagonal, shape (6,), N/m and N·m/rad; smaller values count as `SLACK`.
     """
     K = np.zeros((6, 6))
     scale = 0.0
     for k in range(6):
         K[k, k] = max(stiffness[k], SLACK)
         scale += math.log(K[k, k] / L[k, k]) / 6.0
-    # Of about one size, the two meet within a few rounds; the mean of s L and K is sqrt(s) (L # K).
+    # L is scaled by s to the size of K, so that the iteration needs few rounds; the mean of s L and K is sqrt(s) (L #
+    # K).
     scale = math.exp(scale)
     D: Vector = 2.0 / math.sqrt(scale) * geometric_mean(scale * L, K)
     return D

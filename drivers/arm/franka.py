@@ -17,7 +17,7 @@ import numpy as np
 
 from drivers import impedance
 from drivers.arm.franka_config import FrankaArmConfig
-from drivers.arm.link import CYCLES_KEPT, SIZE, Link, Phase, holding_words
+from drivers.arm.link import CYCLES_KEPT, SIZE, LoopLink, LoopPhase, holding_words
 from drivers.arm.loop_figures import LoopFigures
 from drivers.arm.model import ArmModel
 from drivers.errors import ArmReflexError, ArmSilentError, ArmStoppedError, CellError, DeviceNotOpenedError
@@ -25,17 +25,17 @@ from drivers.protocols import Clock
 from drivers.quantities import ArmState, ImpedanceSetpoint, Pose, Vector, Wrench
 
 SILENT = 0.1
-"""Longest time without a new state, s on the cell's clock: the arm gives one every millisecond."""
+"""Longest time without a new state, s on the cell's clock; the arm sends one every millisecond."""
 CONNECT_TIME = 20.0
 """Longest time until the loop runs, s of wall time: the interpreter, the compiled law, the network."""
 RESET_TIME = 5.0
 """Longest time for the arm's own error recovery, s of wall time."""
 POLL_PERIOD = 0.005
-"""s of wall time."""
-_ERRORS: dict[Phase, type[CellError]] = {
-    Phase.REFLEX: ArmReflexError,
-    Phase.STOPPED: ArmStoppedError,
-    Phase.LOST: ArmSilentError,
+"""Time between two looks at the shared block while something is awaited, s of wall time."""
+_ERRORS: dict[LoopPhase, type[CellError]] = {
+    LoopPhase.REFLEX: ArmReflexError,
+    LoopPhase.STOPPED: ArmStoppedError,
+    LoopPhase.LOST: ArmSilentError,
 }
 
 
@@ -47,7 +47,7 @@ class FrankaArm:
         self._config, self._clock = config, clock
         self._arm, self._figures = arm, impedance.figures(arm)
         self._process: subprocess.Popen[bytes] | None = None
-        self._link: Link | None = None
+        self._link: LoopLink | None = None
         self._is_open = False
         self._handed = self._valid_until = -math.inf
         self._seen, self._seen_at = -1, -math.inf
@@ -79,7 +79,7 @@ class FrankaArm:
         handle = os.memfd_create("arm")
         try:
             os.ftruncate(handle, SIZE)
-            self._link = Link(handle)
+            self._link = LoopLink(handle)
             self._process = subprocess.Popen(
                 [sys.executable, "-m", "drivers.arm.loop", str(handle), json.dumps(options)],
                 stdin=subprocess.PIPE,
@@ -87,8 +87,8 @@ class FrankaArm:
             )
         finally:
             os.close(handle)
-        self._wait_while(Phase.CONNECTING, CONNECT_TIME)
-        if self.phase in (Phase.CONNECTING, Phase.LOST):
+        self._wait_while(LoopPhase.CONNECTING, CONNECT_TIME)
+        if self.phase in (LoopPhase.CONNECTING, LoopPhase.LOST):
             text = self._text() or "no answer"
             self._end()
             raise DeviceNotOpenedError(
@@ -133,11 +133,11 @@ class FrankaArm:
         link = self._opened()
         self.halt()
         before = self.phase
-        if before is not Phase.RUNNING:
+        if before is not LoopPhase.RUNNING:
             link["resets"][0] += 1
             end = time.monotonic() + RESET_TIME
             while time.monotonic() < end and self._is_alive():
-                if link["resets_done"][0] == link["resets"][0] and self.phase is Phase.RUNNING:
+                if link["resets_done"][0] == link["resets"][0] and self.phase is LoopPhase.RUNNING:
                     break
                 time.sleep(POLL_PERIOD)
         self._require_running()
@@ -174,9 +174,9 @@ class FrankaArm:
         )
 
     @property
-    def phase(self) -> Phase:
-        """What the loop does."""
-        return Phase.LOST if self._link is None else Phase(int(self._link["phase"][0]))
+    def phase(self) -> LoopPhase:
+        """Phase of the torque loop."""
+        return LoopPhase.LOST if self._link is None else LoopPhase(int(self._link["phase"][0]))
 
     @property
     def time(self) -> float:
@@ -213,7 +213,7 @@ class FrankaArm:
             self._link["words"][0] = words
             self._link.end("setpoint_sequence")
 
-    def _opened(self) -> Link:
+    def _opened(self) -> LoopLink:
         if self._link is None:
             raise ArmSilentError("arm: not open")
         return self._link
@@ -230,7 +230,7 @@ class FrankaArm:
     def _text(self) -> str:
         return bytes(self._opened()["text"][0]).decode("ascii")
 
-    def _wait_while(self, phase: Phase, longest: float) -> None:
+    def _wait_while(self, phase: LoopPhase, longest: float) -> None:
         end = time.monotonic() + longest
         while self.phase is phase and time.monotonic() < end and self._is_alive():
             time.sleep(POLL_PERIOD)

@@ -1,6 +1,7 @@
-"""Where an arm's links, hand and tip are at given joint positions, and at which ones the tip is somewhere; pure numpy.
+"""Forward and inverse kinematics of an arm's links, hand and tip; pure numpy.
 
-The torque loop has its own compiled kinematics, `drivers.impedance.forward`; these are for questions asked once.
+The torque loop has its own compiled kinematics, `drivers.impedance.forward`; these functions are for callers that need
+a pose once.
 """
 
 import math
@@ -15,9 +16,9 @@ _X, _Z = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
 LONGEST_STEP = 0.2
 """Largest change of a joint in one step towards a solution, rad."""
 STEPS = 100
-"""Steps after which there is none."""
+"""Number of steps after which the search for a solution is given up."""
 CLOSE = 1e-9
-"""Distance at which a solution is found, m and rad."""
+"""Error below which a solution counts as found, m and rad."""
 DAMPING = 1e-6
 """Damping of the least-squares step, which keeps it finite at a singular pose."""
 
@@ -49,9 +50,9 @@ def jacobian(point: Vector, axes: Vector, origins: Vector, joints: int = JOINTS)
 
     Args:
         point: Shape (3,), m.
-        axes: Of the joints, shape (7, 3).
-        origins: Points on them, shape (7, 3), m.
-        joints: How many of them move the point.
+        axes: Axes of the joints, shape (7, 3).
+        origins: Points on those axes, shape (7, 3), m.
+        joints: Number of joints, counted from the base, that move the point.
     """
     J = np.zeros((6, JOINTS))
     J[:3, :joints] = np.cross(axes, point - origins)[:joints].T
@@ -75,20 +76,20 @@ def largest_push(arm: ArmModel, q: Vector, length: float) -> float:
 
 
 def joints_at(arm: ArmModel, tip: Vector, axis: Vector, closing: Vector, length: float, elbow: float) -> Vector | None:
-    """Return the joint positions at which a peg that sits straight in the hand has its end point and axis somewhere.
+    """Return the joint positions that bring a peg which sits straight in the hand to a goal.
 
     Newton's method from the arm's home, the elbow's joint held, the joints kept within their limits.
 
     Args:
         arm: The arm.
-        tip: Where the end point shall be, shape (3,), m, base frame.
-        axis: Axis of the peg from its tip to the finger, unit, shape (3,), base frame.
+        tip: Goal of the end point, shape (3,), m, base frame.
+        axis: Goal of the peg's axis from its tip to the finger, unit, shape (3,), base frame.
         closing: Closing axis of the hand, unit, normal to `axis`, shape (3,), base frame.
         length: Distance from the finger centre to the end point, m.
         elbow: Position of the elbow's joint, rad.
 
     Returns:
-        Shape (7,), rad; None where the arm does not reach.
+        Shape (7,), rad; None where the arm cannot reach the goal.
     """
     wanted = np.column_stack([-axis, np.cross(closing, -axis), closing])
     low, high = np.array(arm.joints.q_min), np.array(arm.joints.q_max)

@@ -1,4 +1,4 @@
-"""What an arm's joints take or give beside the commanded torque, learnt while the hand moves freely; pure and compiled.
+"""Torques on an arm's joints beside the commanded ones, learnt while the hand moves freely; pure and compiled.
 
 A momentum observer ([deluca]) tells each joint's disturbance: the torque that was commanded and did not become motion.
 While nothing touches the hand, that is friction, what the arm's own compensation of gravity leaves over, and the inertia
@@ -21,8 +21,9 @@ from drivers.quantities import Vector
 
 FIGURES = 4
 DRY, SMOOTH, OFFSET, ROTOR = 0, 1, 2, 3
-"""What is learnt of each joint: dry friction, friction that grows with velocity, and offset, N·m; rotor inertia beyond the
-model's, kg·m²."""
+"""Indices of the figures that are learnt of each joint: dry friction, friction that grows with velocity, and offset,
+N·m; rotor inertia beyond the model's, kg·m².
+"""
 
 DRY_RATE = 0.02
 """Velocity at which dry friction has three quarters of its level, rad/s."""
@@ -32,27 +33,29 @@ ROTOR_DEVIATION = 0.1
 """Standard deviation of a rotor's inertia about the model's before anything is learnt, kg·m²."""
 
 CYCLES = 5
-"""Control cycles between two updates: nothing learnt here changes faster."""
+"""Number of control cycles between two updates; the learnt figures change more slowly."""
 BANDWIDTH = 30.0
-"""Rate of the observer, 1/s."""
+"""Bandwidth of the momentum observer, 1/s."""
 NOISE = 0.1
 """Standard deviation of a disturbance that the four figures do not explain, over the observer's time, N·m."""
 MOVING = 0.03
-"""Velocity below which a joint teaches nothing, rad/s: dry friction at rest may have any value."""
+"""Velocity below which a joint's figures are not updated, rad/s: dry friction at rest may have any value."""
 MEMORY = 60.0
-"""Time of free motion in which what is known grows as doubtful again as it was at first, s: joints warm up."""
+"""Time of free motion in which the variance of a learnt figure grows back to its first value, s; joints warm up."""
 
 FRICTION_SHARE = 0.8
-"""Share of the learnt friction that is fed forward: more than there is would drive the arm on."""
+"""Share of the learnt friction that is fed forward, fraction; more than the real friction would drive the arm on."""
 MOST_OFFSET = 5.0
-"""Largest offset that is fed forward, N·m: a payload of 0.7 kg at arm's length."""
+"""Largest offset that is fed forward, N·m; a payload of 0.7 kg at arm's length causes as much."""
 
 COUNT, IS_BEGUN, COMMANDED, INTEGRAL, RESIDUAL = 0, 1, 2, 9, 16
-"""Cycles since the last update, whether there was one, mean of the torques commanded since, and the observer."""
+"""Indices of the number of cycles since the last update, of whether there was one, of the mean torques commanded since,
+and of the observer's integrals and residuals.
+"""
 PASSED = 23
-"""Three for each joint, behind the observer's low-pass: dry and smooth friction of level one, and velocity."""
+"""Index of three words for each joint behind the observer's low-pass: dry and smooth friction of level one, and velocity."""
 PRIOR = PASSED + 3 * JOINTS
-"""Standard deviations before anything is learnt."""
+"""Index of the standard deviations of all figures before anything is learnt."""
 LEARNT = PRIOR + FIGURES * JOINTS
 COVARIANCE = LEARNT + FIGURES * JOINTS
 WORDS = COVARIANCE + FIGURES * FIGURES * JOINTS
@@ -65,7 +68,7 @@ def doubts(arm: ArmModel) -> Vector:
 
 
 def begin(state: Vector, figures: Vector, deviations: Vector) -> None:
-    """Start anew from figures that are known so well, each shape (7, 4); `state` has shape (WORDS,)."""
+    """Start anew from figures and their standard deviations, each shape (7, 4); `state` has shape (WORDS,)."""
     state[:] = 0.0
     state[PRIOR:LEARNT] = deviations.flatten()
     state[LEARNT:COVARIANCE] = figures.flatten()
@@ -75,26 +78,26 @@ def begin(state: Vector, figures: Vector, deviations: Vector) -> None:
 
 
 def pause(state: Vector) -> None:
-    """Let the observer begin anew with the next update, with all that was learnt; `state` has shape (WORDS,)."""
+    """Restart the observer at the next update and keep all that was learnt; `state` has shape (WORDS,)."""
     state[:PRIOR] = 0.0
 
 
 def figures_of(state: Vector) -> tuple[Vector, Vector]:
-    """Return what is known of each joint and how well, its standard deviations, each shape (7, 4)."""
+    """Return the learnt figures of each joint and their standard deviations, each shape (7, 4)."""
     covariance = state[COVARIANCE:WORDS].reshape(JOINTS, FIGURES, FIGURES)
     return state[LEARNT:COVARIANCE].reshape(JOINTS, FIGURES).copy(), np.sqrt(np.einsum("ijj->ij", covariance))
 
 
 @njit(cache=True)
 def observe(state: Vector, M: Vector, dq: Vector, period: float, is_free: bool) -> None:  # pragma: no cover
-    """Take what was commanded since the last update.
+    """Update the observer by the torques commanded since the last update, and learn where the hand moves freely.
 
     Args:
-        state: What is known, shape (WORDS,); updated.
+        state: State of the learning, shape (WORDS,); updated.
         M: Mass matrix, shape (7, 7), kg·m².
         dq: Joint velocities, shape (7,), rad/s.
         period: Time since the last update, s.
-        is_free: Nothing touches the hand, so that the disturbance is the joints' own.
+        is_free: Whether nothing touches the hand, so that the disturbance is the joints' own.
     """
     share = period * BANDWIDTH / (1.0 + period * BANDWIDTH)
     for i in range(JOINTS):
@@ -119,12 +122,12 @@ def observe(state: Vector, M: Vector, dq: Vector, period: float, is_free: bool) 
 
 @njit(cache=True)
 def _learn(state: Vector, joint: int, explains: Vector, disturbance: float, period: float) -> None:  # pragma: no cover
-    """Take one disturbance of one joint into what is known of it: recursive least squares that forget."""
+    """Update a joint's figures by one disturbance: recursive least squares with forgetting."""
     known = state[LEARNT + FIGURES * joint : LEARNT + FIGURES * (joint + 1)]
     place = COVARIANCE + FIGURES * FIGURES * joint
     P = state[place : place + FIGURES * FIGURES].reshape((FIGURES, FIGURES))
     towards = np.zeros(FIGURES)
-    # Disturbances within the observer's time repeat each other.
+    # Disturbances closer together than the observer's time constant repeat each other and count for less.
     spread, error = NOISE**2 / (period * BANDWIDTH), disturbance
     for k in range(FIGURES):
         first = state[PRIOR + FIGURES * joint + k] ** 2
@@ -142,12 +145,12 @@ def _learn(state: Vector, joint: int, explains: Vector, disturbance: float, peri
 
 @njit(cache=True)
 def feed_forward(state: Vector, joint: int, wanted: float) -> float:  # pragma: no cover
-    """Return the torque that makes up for what is known of a joint, N·m.
+    """Return the torque that compensates a joint's learnt offset and friction, N·m.
 
     Args:
-        state: What is known, shape (WORDS,).
-        joint: Which, from 0.
-        wanted: Velocity that is commanded, rad/s.
+        state: State of the learning, shape (WORDS,).
+        joint: Number of the joint, from 0.
+        wanted: Commanded velocity, rad/s.
     """
     place = LEARNT + FIGURES * joint
     friction = max(state[place + DRY], 0.0) * math.tanh(wanted / DRY_RATE)

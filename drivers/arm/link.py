@@ -11,7 +11,7 @@ from drivers import impedance
 from drivers.quantities import Vector
 
 CYCLES_KEPT = 60_000
-"""The loop's last cycles whose times are kept: one minute."""
+"""Number of the loop's newest cycles whose times are kept; they last one minute."""
 TEXT = 400
 """Longest message, bytes."""
 
@@ -40,8 +40,8 @@ _LAYOUT = np.dtype(
 SIZE = _LAYOUT.itemsize
 
 
-class Phase(IntEnum):
-    """What the loop does."""
+class LoopPhase(IntEnum):
+    """Phase of the torque loop."""
 
     CONNECTING = 0
     RUNNING = 1
@@ -63,7 +63,7 @@ def holding_words() -> Vector:
     return words
 
 
-class Link:
+class LoopLink:
     """One end of the shared block.
 
     Writer and reader are one process each. A writer makes its counter odd, writes, and makes it even; a reader
@@ -87,7 +87,9 @@ class Link:
         self._fields[counter][0] += 1
 
     end = begin
-    """Both count up: odd while under way, even when done."""
+    """`begin` and `end` both add one to the counter: it is odd while a record is being written, and even when the
+    record is whole.
+    """
 
     def is_settled(self, counter: str) -> int | None:
         """Return the count when nobody is writing, else None."""

@@ -20,7 +20,7 @@ import numpy as np
 import pylibfranka
 
 from drivers import impedance
-from drivers.arm.link import CYCLES_KEPT, TEXT, Link, Phase, holding_words
+from drivers.arm.link import CYCLES_KEPT, TEXT, LoopLink, LoopPhase, holding_words
 from drivers.arm.model import JOINTS
 from drivers.quantities import Vector
 
@@ -33,7 +33,7 @@ LOOK_EVERY = 50
 RATE_USED = 0.98
 """Share of the permitted torque rate that is used: at the limit itself, rounding would be a violation."""
 RECONNECT_PERIOD = 0.1
-"""s, while the connection is gone."""
+"""Time between two attempts to connect while the connection is gone, s."""
 
 
 class TorqueLoop:
@@ -41,7 +41,7 @@ class TorqueLoop:
 
     def __init__(
         self,
-        link: Link,
+        link: LoopLink,
         host: str,
         realtime: str,
         torque: float,
@@ -50,17 +50,17 @@ class TorqueLoop:
         law: list[float],
         period: float,
     ) -> None:
-        """Take the shared block and where the arm is.
+        """Take the shared block, and the address and figures of the arm.
 
         Args:
             link: The shared block.
             host: Address of the arm.
             realtime: Whether a real-time kernel is needed, `enforce` or `ignore`.
-            torque: At which its reflex stops it, N·m.
-            force: Likewise, N.
-            figures: Of the arm, see `drivers.impedance.figures`.
+            torque: Joint torque at which the arm's reflex stops it, N·m.
+            force: Force at the hand at which the arm's reflex stops it, N.
+            figures: Figures of the arm, see `drivers.impedance.figures`.
             law: State of the law at the beginning, see `drivers.impedance.new_state`.
-            period: Of the loop, s.
+            period: Period of the loop, s.
         """
         self._link, self._host, self._realtime = link, host, realtime
         self._collision = [torque] * JOINTS, [force] * 6
@@ -83,7 +83,7 @@ class TorqueLoop:
                 self._control()
             except pylibfranka.NetworkException as error:
                 self._robot = None
-                self._fail(Phase.LOST, error)
+                self._fail(LoopPhase.LOST, error)
             except RuntimeError as error:  # base of what the library raises
                 self._fail(self._phase_of_stop(), error)
             else:
@@ -134,8 +134,8 @@ class TorqueLoop:
             if count > 1:
                 link["missed"][0] += max(round(passed.to_sec() / self._period) - 1, 0)
             self._publish(state, q, dq)
-            # Not before there is a state to read.
-            link["phase"][0] = Phase.RUNNING
+            # Only now is there a state to read.
+            link["phase"][0] = LoopPhase.RUNNING
 
     def _take(self) -> None:
         """Take a new setpoint over, unless it is being written just now: then it comes a cycle later."""
@@ -169,20 +169,20 @@ class TorqueLoop:
         )
         link.end("state_sequence")
 
-    def _fail(self, phase: Phase, error: Exception) -> None:
+    def _fail(self, phase: LoopPhase, error: Exception) -> None:
         self._link["text"][0] = str(error).replace("\n", " ").encode("ascii", "replace")[:TEXT]
         self._link["phase"][0] = phase
 
-    def _phase_of_stop(self) -> Phase:
+    def _phase_of_stop(self) -> LoopPhase:
         """Return what kind of stop the arm is in; without a connection there is none to ask for."""
         if self._robot is None:
-            return Phase.LOST
+            return LoopPhase.LOST
         stops = (pylibfranka.RobotMode.UserStopped, pylibfranka.RobotMode.Guiding)
         try:
-            return Phase.STOPPED if self._robot.read_once().robot_mode in stops else Phase.REFLEX
+            return LoopPhase.STOPPED if self._robot.read_once().robot_mode in stops else LoopPhase.REFLEX
         except RuntimeError:
             self._robot = None
-            return Phase.LOST
+            return LoopPhase.LOST
 
     def _wait_for_reset(self) -> bool:
         """Keep the state fresh until the cell asks for a reset; return False when the cell ended instead."""
@@ -213,7 +213,7 @@ class TorqueLoop:
             action()
         except pylibfranka.NetworkException as error:
             self._robot = None
-            self._fail(Phase.LOST, error)
+            self._fail(LoopPhase.LOST, error)
         except RuntimeError as error:
             logger.info("%s", error)
 
@@ -236,7 +236,7 @@ def become_realtime() -> bool:
 
 def main() -> None:
     """Run the loop for the cell that started this process."""
-    link = Link(int(sys.argv[1]))
+    link = LoopLink(int(sys.argv[1]))
     options = json.loads(sys.argv[2])
     link["is_realtime"][0] = become_realtime() if options["realtime"] == "enforce" else False
     gc.freeze()

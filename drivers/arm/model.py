@@ -85,7 +85,7 @@ class Inertial(ConfigModel):
 
 
 def _about(mass: float, way: Vector) -> Vector:
-    """Return what a mass, kg, adds to the inertia about a point, `way` from which it is, m."""
+    """Return the inertia of a point mass, kg, about a point from which it is `way` away, shape (3,), m; shape (3, 3), kg·m²."""
     moved: Vector = mass * (float(way @ way) * np.eye(3) - np.outer(way, way))
     return moved
 
@@ -102,7 +102,7 @@ class Kinematics(ConfigModel):
     flange: Distance
     """Distance from the frame of the last joint to the flange, along z, m."""
     elbow: Annotated[int, Field(ge=1, le=JOINTS)]
-    """Number of the joint that turns the elbow about the line from shoulder to wrist: what the null space is drawn by."""
+    """Number of the joint that turns the elbow about the line from shoulder to wrist; the null space moves it."""
 
 
 class SmoothFriction(ConfigModel):
@@ -122,7 +122,7 @@ class Joints(ConfigModel):
     q_min: Angles
     """Lower end of the permitted positions, rad."""
     q_max: Angles
-    """Upper end, rad."""
+    """Upper end of the permitted positions, rad."""
     torque: Torques
     """Largest torque, N·m."""
     torque_rate: Rates
@@ -132,11 +132,11 @@ class Joints(ConfigModel):
     smooth_friction: SmoothFriction | None = None
     """The smooth curve of the joints' friction, where one is published."""
     viscous_friction: Frictions | None = None
-    """N·m·s/rad, where it is published."""
+    """Coefficient of each joint's viscous friction, N·m·s/rad, where one is published."""
     offset: Frictions
     """Standard deviation of what the arm's own compensation of gravity leaves over, N·m."""
     rotor_inertia: Rotors
-    """What the rotors add to the inertia at each joint, kg·m², published or assumed."""
+    """Inertia that the rotors add at each joint, kg·m², published or assumed."""
 
     @model_validator(mode="after")
     def _is_in_order(self) -> Self:

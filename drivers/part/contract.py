@@ -1,4 +1,4 @@
-"""The questions that every part answers about its cross-section; `round` and `rectangular` answer them."""
+"""The properties that every part has to tell of its cross-section; `round` and `rectangular` implement them."""
 
 import math
 from dataclasses import dataclass

@@ -24,7 +24,7 @@ class Round:
 
     @property
     def half(self) -> tuple[float, float]:
-        """Radius, twice, m."""
+        """Radius along both axes, m."""
         return self.reach, self.reach
 
     @property

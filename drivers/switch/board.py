@@ -124,7 +124,7 @@ class SerialSuccessSwitch:
             self._take(report, now)
 
     def _take(self, report: SwitchReport, now: float) -> None:
-        """Take a report; it is as old as the board's time lies behind the cell's since the report before."""
+        """Take a report; its age is the time by which the board's clock has fallen behind the cell's since earlier reports."""
         last = self._report
         if last is None:
             self._stamp = now

@@ -16,13 +16,13 @@ from drivers.errors import DeviceNotOpenedError
 from drivers.transport.wires import CanFrame, CanLostError, Interface
 
 SEND_TIMEOUT = 0.1
-"""Longest that one frame may wait for the adapter, s."""
+"""Longest time that one frame may wait for the adapter, s."""
 CONNECT_TIMEOUT = 1.0
 """Longest wait for a socketcand server, s."""
-PATIENCE = 3
+MOST_ERRORS = 3
 """Number of errors in a row after which the bus counts as lost; one undecodable frame or one full buffer does not suffice."""
 MOST_OTHERS = 1000
-"""Largest number of other nodes' frames that one look at the bus passes over."""
+"""Largest number of other nodes' frames that one read of the bus passes over."""
 ECHO_TIME = 1.0
 """Time after which one's own frame that has not come back is lost, s."""
 LONGEST_WAIT = 10.0
@@ -141,7 +141,7 @@ class CanBus:
 
     def _count(self, error: Exception, before: int) -> int:
         self.bad_frames += 1
-        if before + 1 >= PATIENCE:
+        if before + 1 >= MOST_ERRORS:
             raise CanLostError(f"CAN bus {self.name}: {self._why(error)}") from error
         return before + 1
 

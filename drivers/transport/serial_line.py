@@ -9,7 +9,8 @@ from drivers.errors import DeviceNotOpenedError
 from drivers.transport.wires import LineLostError, Parity
 
 _PARITY = {"none": serial.PARITY_NONE, "even": serial.PARITY_EVEN, "odd": serial.PARITY_ODD}
-_WRITE_TIMEOUT = 1.0  # s
+_WRITE_TIMEOUT = 1.0
+"""Longest time that a write may wait for the port, s."""
 
 
 class SerialLine:

@@ -1,4 +1,4 @@
-"""The part that all wires share, without any I/O: CAN frames, the contracts of a bus and of a line, and their loss."""
+"""What all wires share, without any I/O: CAN frames, the contracts of a bus and of a line, and the errors of their loss."""
 
 from dataclasses import dataclass, field
 from typing import Literal, Protocol

@@ -18,7 +18,7 @@ class Belief:
     likely: Likely | None = None
     """Where the hole is likely; None is anywhere in the area."""
     left: Left | None = None
-    """What earlier attempts of the run have left of their way over the area; None where there was none."""
+    """Rest of the path over the area that earlier attempts of the run did not sweep; None where there was none."""
     failed: tuple[tuple[float, float], ...] = ()
     """Places where the peg was tried and did not go in, in turn, m, base frame."""
 
@@ -31,7 +31,7 @@ class Belief:
         Args:
             place: Lowest point of the peg when it had fallen in, shape (2,), m, base frame.
             width: Diameter of the largest circle inside the hole, m.
-            left: What the attempt has left of its way over the area.
+            left: Rest of the attempt's path over the area.
         """
         failed = (*self.failed, place)
         here = sum(math.dist(place, other) < width for other in failed)

@@ -53,10 +53,10 @@ def make_course(params: SpraySearchParams, job: Job, rng: np.random.Generator, b
     Where the hole is likely somewhere, short strokes over that place come first, and the area follows from there outwards.
 
     Args:
-        params: How to search.
+        params: Parameters of the search.
         job: The part and the area.
         rng: Draws the point, and for lanes how far beyond the area, or the likely place, the first one begins.
-        belief: Where the hole is likely, and what is left of the way of earlier attempts.
+        belief: Likely place of the hole, and the rest of the path of earlier attempts.
     """
     hole, part = job.hole, job.peg.part
     fast, pitch = 0 if params.fast_axis == "x" else 1, params.pitch * hole.part.inscribed
@@ -81,7 +81,7 @@ def make_course(params: SpraySearchParams, job: Job, rng: np.random.Generator, b
 
 
 def _as_believed(belief: Belief, job: Job, rows: Rows, path: Path, outside: float, way: float) -> Path:
-    """Return the way that a belief asks for, where `path` is the one without any."""
+    """Return the path that a belief asks for; `path` is the one without a belief."""
     left, width, likely = belief.left, job.hole.part.inscribed, belief.likely
     if likely is None:
         # Down beside the place where the peg was tried last, and not into it.

@@ -14,7 +14,7 @@ TOUCHED_TIME = 0.1
 
 
 class SpraySearchParams(SkillParams):
-    """How to search for the hole.
+    """Parameters of the search for the hole.
 
     Source: chosen, not measured.
     """

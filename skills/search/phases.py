@@ -39,7 +39,7 @@ class Detour:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Felt:
-    """What one scan tells of the peg on the plate."""
+    """Quantities of the peg on the plate in one scan."""
 
     elapsed: float
     """Time that the search has been running, s."""
@@ -123,8 +123,8 @@ def next_phase(
 
     Args:
         phase: The phase under way.
-        felt: What the scan told.
-        params: How to search.
+        felt: Quantities of the scan.
+        params: Parameters of the search.
         course: The course of the search.
         point: Place on the course, from its middle, shape (2,), m.
         scan_period: Time between two scans, s.

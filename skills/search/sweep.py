@@ -72,7 +72,7 @@ class Sweep:
 
     @property
     def left(self) -> Left:
-        """What is left of the way over the area."""
+        """Rest of the path over the area that was not swept yet."""
         return Left(self._course.path, self._along)
 
     def setpoint(self, seen: Observation) -> ImpedanceSetpoint:

@@ -1,4 +1,4 @@
-"""A way over the area that begins where the hole is likely and ends up everywhere; pure."""
+"""A path over the area that begins where the hole is likely and then covers everything else; pure."""
 
 import math
 from bisect import bisect_right
@@ -12,7 +12,7 @@ from drivers.quantities import Vector
 from skills.paths import TURN_TIME
 
 GATE = 3.0
-"""The hole is looked for first within so many standard deviations of where it is likely."""
+"""Number of standard deviations about the likely place that are searched first."""
 
 Point = tuple[float, float]
 Stroke = tuple[Point, Point]
@@ -20,7 +20,7 @@ Stroke = tuple[Point, Point]
 
 
 class Path(Protocol):
-    """A way in the plane of the area."""
+    """A path in the plane of the area."""
 
     def at(self, time: float) -> tuple[Vector, Vector]:
         """Return the point, m, and its velocity, m/s, at `time`, s, each shape (2,), from the middle of the area."""
@@ -31,14 +31,14 @@ class Likely:
     """Where the hole is likely: a normal distribution."""
 
     mean: Point
-    """Shape (2,), m, base frame."""
+    """Most likely place of the hole's middle, shape (2,), m, base frame."""
     deviation: Point
     """Standard deviations along x and y, m."""
 
 
 @dataclass(frozen=True, slots=True)
 class Left:
-    """What is left of a way: all of it from a time on."""
+    """Rest of a path: all of it from a time on."""
 
     path: Path
     since: float
@@ -47,19 +47,19 @@ class Left:
 
 @dataclass(frozen=True, slots=True)
 class Leg:
-    """One piece of a way: a cubic between two points with given velocities, a straight line where they agree."""
+    """One piece of a path: a cubic between two points with given velocities, a straight line where they agree."""
 
     began: float
-    """Time along the way, s."""
+    """Start of the piece, as time along the path, s."""
     duration: float
     """Duration, s, > 0."""
     points: tuple[Point, Point]
-    """First and last, m."""
+    """First and last point, m."""
     velocities: tuple[Point, Point]
     """Velocities at the first and the last point, m/s."""
 
     def at(self, time: float) -> tuple[Vector, Vector]:
-        """Return point and velocity at a time along the way; Hermite's cubic."""
+        """Return point and velocity at a time along the path; Hermite's cubic."""
         s, span = (time - self.began) / self.duration, self.duration
         (p, q), (u, v) = np.array(self.points), np.array(self.velocities)
         point = p + s * s * (3.0 - 2.0 * s) * (q - p) + span * s * (1.0 - s) * ((1.0 - s) * u - s * v)
@@ -69,11 +69,11 @@ class Leg:
 
 @dataclass(frozen=True, slots=True)
 class Tour:
-    """Straight strokes one after the other, joined by turns, and behind them another way."""
+    """Straight strokes one after the other, joined by turns, and behind them another path."""
 
     legs: tuple[Leg, ...]
     then: Left
-    """The way that follows."""
+    """Path that follows the strokes."""
 
     @property
     def duration(self) -> float:
@@ -89,7 +89,7 @@ class Tour:
 
 @dataclass(frozen=True, slots=True)
 class Rows:
-    """How an area is swept."""
+    """Arrangement of the strokes that sweep an area."""
 
     half: Point
     """Half the extents of what is swept, m."""
@@ -105,7 +105,9 @@ class Rows:
         return (along, across) if self.fast == 0 else (across, along)
 
     def order(self, across: float, near: int) -> list[float]:
-        """Return where all strokes lie, the one next to `across` first, `near` on either side in turn, the nearer border's before the rest, m."""
+        """Return the coordinates of all strokes across them, m: the one next to `across`, then `near` of them on either
+        side in turn, then those up to the nearer border, then the rest.
+        """
         edge = self.half[1 - self.fast]
         count = max(math.ceil(2.0 * edge / self.pitch), 1)
         first = min(max(math.floor((across + edge) / (2.0 * edge) * count), 0), count - 1)
@@ -119,9 +121,9 @@ def first_look(likely: Likely, middle: Point, rows: Rows, width: float, outside:
     """Return strokes over where the hole is likely, the most likely one first.
 
     Args:
-        likely: Where the hole is likely.
-        middle: Of the area, shape (2,), m, base frame.
-        rows: How the area is swept.
+        likely: Likely place of the hole.
+        middle: Middle of the area, shape (2,), m, base frame.
+        rows: Arrangement of the strokes.
         width: Diameter of the largest circle inside the hole, m.
         outside: Distance from the hole at which the peg comes down outside of it, m.
         way: Direction of the first stroke along its axis, -1 or 1.
@@ -142,10 +144,10 @@ def outwards(likely: Likely, middle: Point, rows: Rows, start: float, way: float
     """Return strokes over the whole area: those where the hole is likely first, then to the nearer border, then to the other.
 
     Args:
-        likely: Where the hole is likely.
-        middle: Of the area, shape (2,), m, base frame.
-        rows: How the area is swept.
-        start: Where the first stroke begins along its axis, from the middle, m; what lies before it comes last.
+        likely: Likely place of the hole.
+        middle: Middle of the area, shape (2,), m, base frame.
+        rows: Arrangement of the strokes.
+        start: Coordinate at which the first stroke begins along its axis, from the middle, m; what lies before it comes last.
         way: Direction of the first stroke along its axis, -1 or 1.
     """
     edge = rows.half[rows.fast]
@@ -172,7 +174,7 @@ def _clipped(likely: Likely, middle: Point, rows: Rows) -> Point:
 
 
 def tour(strokes: Sequence[Stroke], speed: float, then: Left) -> Tour:
-    """Return strokes at one speed, joined by turns, and behind them another way from some time of it on."""
+    """Return strokes at one speed, joined by turns, and behind them the rest of another path."""
     legs: list[Leg] = []
     here: tuple[Point, Point] | None = None
     for begin, end in strokes:
@@ -189,7 +191,9 @@ def tour(strokes: Sequence[Stroke], speed: float, then: Left) -> Tour:
 
 
 def _joined(began: float, here: tuple[Point, Point], there: tuple[Point, Point], speed: float) -> Iterator[Leg]:
-    """Yield what leads from one point and velocity to another: one turn, or a stop, a way and a start where it is far."""
+    """Yield the pieces from one point and velocity to another: one turn, or, where it is far, a stop, a straight line
+    and a start.
+    """
     span = 1.5 * math.dist(here[0], there[0]) / speed
     if span <= 2.0 * TURN_TIME:
         yield Leg(began, max(span, TURN_TIME), (here[0], there[0]), (here[1], there[1]))

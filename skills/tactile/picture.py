@@ -78,7 +78,7 @@ class Projector:
 
         Args:
             values: Readings, counts, shape (2, 20).
-            trusted: Which of them to use, shape (2, 20).
+            trusted: Mask of the readings to use, shape (2, 20).
         """
         if trusted.all():
             total = cv2.add(*self._drawn(values))

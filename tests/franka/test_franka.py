@@ -16,7 +16,7 @@ pytest.importorskip(
 from cell.config import load
 from drivers.arm.franka import FrankaArm
 from drivers.arm.franka_config import FrankaArmConfig
-from drivers.arm.link import Phase
+from drivers.arm.link import LoopPhase
 from drivers.errors import ArmReflexError, ArmSilentError, ArmStoppedError, DeviceNotOpenedError
 from drivers.gripper.franka import FrankaGripper
 from drivers.gripper.franka_config import FrankaGripperConfig
@@ -149,7 +149,7 @@ def test_a_loop_that_stalls_is_a_reflex_that_only_a_reset_leaves(simulated, arm)
     world.horizon = math.inf
     assert np.linalg.norm(world.world.tcp().position - before) < 1e-3
     arm.reset()
-    assert arm.phase is Phase.RUNNING
+    assert arm.phase is LoopPhase.RUNNING
     wanted = moved(world, arm, 0.02)
     assert until(world, lambda: np.linalg.norm(arm.read().tcp.position - wanted.tip) < 0.004)
 
@@ -167,14 +167,14 @@ def test_a_lost_connection_is_a_silent_arm_until_a_reset_connects_again(simulate
     server.cut()
     assert comes_to(raises(arm, ArmSilentError))
     arm.reset()
-    assert arm.phase is Phase.RUNNING
+    assert arm.phase is LoopPhase.RUNNING
 
 
 def test_a_killed_loop_is_a_silent_arm_until_a_reset_starts_it_again(simulated, arm):
     os.kill(arm.process_id, signal.SIGKILL)
     assert comes_to(raises(arm, ArmSilentError))
     arm.reset()
-    assert arm.phase is Phase.RUNNING
+    assert arm.phase is LoopPhase.RUNNING
 
 
 def test_no_arm_at_an_address_is_told(simulated):

@@ -16,7 +16,7 @@ from cell.supervisor import Supervisor
 from drivers.quantities import SwitchState
 from plc_bridge.bridge import Bridge
 from plc_bridge.messages import Control, PartPlace, Refusal, Result
-from sim.situation import Peg
+from sim.situation import PegSituation
 from sim.world import World
 from skills.catalogue import CATALOGUE
 from skills.contract import Reason
@@ -90,9 +90,9 @@ def test_a_dropped_peg_lies_where_it_fell_until_a_person_takes_it_away(tmp_path)
         report = made.command(RECOVER)
         assert (report.result, report.reason, report.part) == (Result.FAILURE, Reason.PART_LEFT, PartPlace.ON_PLATE)
         np.testing.assert_allclose(made.world.peg_pose().position, lies_at, atol=0.02)
-        assert made.world.peg is Peg.FREE
+        assert made.world.peg is PegSituation.FREE
         assert made.command(Control.CLEARED).part == PartPlace.RACK
-        assert made.world.peg is Peg.GONE
+        assert made.world.peg is PegSituation.GONE
         assert made.command(GRASP).result == Result.SUCCESS
 
 

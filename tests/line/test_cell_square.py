@@ -10,7 +10,7 @@ from cell.lab.trials import run_trial
 from drivers.frames import rotation_about
 from drivers.quantities import Pose
 from sim import engine, truth
-from sim.situation import Peg
+from sim.situation import PegSituation
 from sim.truth import VOID_PENETRATION
 from sim.world import World
 from skills import grasp_from_rack
@@ -39,7 +39,7 @@ def test_a_square_peg_is_held_by_two_of_its_faces() -> None:
         assert isinstance(physics, World)
         result = grasp_from_rack.run(cell.config.grasp, cell.context(3))
         assert result.outcome is Outcome.SUCCESS
-        assert physics.peg is Peg.HELD
+        assert physics.peg is PegSituation.HELD
         load_now = physics.pad_load()
         assert load_now is not None
         assert load_now.is_flat

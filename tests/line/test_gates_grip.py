@@ -10,7 +10,7 @@ from drivers.frames import compose, peg_in_finger
 from drivers.quantities import Pose, Vector
 from sim import engine, slip
 from sim.arm import SimArm
-from sim.situation import Peg
+from sim.situation import PegSituation
 from sim.stepper import HINGE
 from sim.world import World
 
@@ -122,7 +122,7 @@ def test_how_far_the_peg_slipped_is_told_and_stays_told() -> None:
 def test_a_peg_that_slips_out_of_the_pads_is_lost() -> None:
     world = holding()
     slipped(world, np.array([0.0, -1.5, 0.0]), far=True)
-    assert world.peg is Peg.FREE
+    assert world.peg is PegSituation.FREE
 
 
 def test_a_peg_under_half_of_the_bound_does_not_creep_in_a_minute() -> None:

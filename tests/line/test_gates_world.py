@@ -14,7 +14,7 @@ from cell.record import ending_of
 from drivers.frames import rotation_about
 from drivers.quantities import Pose
 from sim import engine, truth
-from sim.situation import Peg
+from sim.situation import PegSituation
 from sim.world import World
 from skills import grasp_from_rack
 from skills.catalogue import CATALOGUE
@@ -37,7 +37,7 @@ def holding(seed: int, *sets: str) -> tuple[Cell, World]:
     cell, physics = cell_of(seed, *sets)
     result = grasp_from_rack.run(cell.config.grasp, cell.context(seed))
     assert result.outcome is Outcome.SUCCESS
-    assert physics.peg is Peg.HELD
+    assert physics.peg is PegSituation.HELD
     cell.arm.halt()
     physics.wait_until(physics.now() + 1.0)
     return cell, physics

@@ -92,7 +92,7 @@ class EventStudy:
     title: str
     lines: list[EventLine]
     empty: list[Watched]
-    """Number of searches without a hole."""
+    """Records of the searches without a hole."""
     in_hole: int
     """Number of searches that began with the peg in the hole and have no fall."""
     never: int

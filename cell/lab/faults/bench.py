@@ -27,7 +27,7 @@ from skills.catalogue import CATALOGUE
 GOING_ON = (State.STARTING, State.EXECUTE, State.COMPLETING)
 """States in which a program goes on."""
 KEYS = ("skin.kind=can", "switch.kind=serial", "switch.port=emulated")
-"""The cell is driven through its wires."""
+"""Keys of a cell that is driven through its wires."""
 
 
 @dataclass(slots=True)
@@ -61,7 +61,7 @@ class WatchedClock:
 
 
 @dataclass(slots=True)
-class Bench:
+class FaultBench:
     """The served cell in the reach of the faults."""
 
     loaded: LoadedConfig
@@ -79,7 +79,7 @@ class Bench:
     thread: threading.Thread
     seen: Sighting = field(default_factory=Sighting)
     stage: int = 0
-    """Number of the stage in which the fault is due; 0 for none."""
+    """Number of the stage in which the fault is due; 0 when none is due."""
     delay: float = 0.0
     """Time from the stage's first scan to the fault, s."""
     inject: Callable[[], None] = lambda: None
@@ -122,7 +122,7 @@ class Bench:
 
 
 @contextmanager
-def bench(loaded: LoadedConfig) -> Iterator[Bench]:
+def bench(loaded: LoadedConfig) -> Iterator[FaultBench]:
     """Yield a served cell, which is closed at the end."""
     plc = loaded.cell.plc
     patient = plc.model_copy(
@@ -150,7 +150,7 @@ def bench(loaded: LoadedConfig) -> Iterator[Bench]:
         peer = Peer(*bridge.address)
         stack.callback(peer.close)
         thread = _scanning(supervisor)
-        tried = Bench(
+        tried = FaultBench(
             loaded, cell, arm, gripper, switch, made.skin_wire, board, journal, bridge, peer, supervisor, stop, thread
         )
         stack.callback(tried.end)

@@ -37,15 +37,15 @@ class Kill:
     status: int
     """Exit status of the program; negative is the signal that killed it."""
     told: int
-    """Number of the run that the PLC had read."""
+    """Number of the run that the PLC had read last."""
     outcome: str
     """Outcome of that run after the next start; empty where it is not on record."""
     samples: int
-    """Its scans on record."""
+    """Number of that run's scans on record."""
     still_running: int
-    """Runs that are said to be under way after the next start."""
+    """Number of runs that are reported as under way after the next start."""
     twice: int
-    """Runs whose number an earlier one had."""
+    """Number of runs whose number an earlier one had."""
 
     @property
     def is_sound(self) -> bool:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from cell.journal import INDEX
 from cell.lab.faults import devices
-from cell.lab.faults.bench import Bench
+from cell.lab.faults.bench import FaultBench
 from drivers.quantities import SwitchState
 from drivers.skin.health import Counts
 from sim.config import WireFaults
@@ -26,7 +26,7 @@ class Kind:
     """One kind of fault."""
 
     name: str
-    begin: Callable[[Bench], Undo]
+    begin: Callable[[FaultBench], Undo]
     """Function that does the harm, on the scan thread, and returns what mends it."""
     is_harmless: bool = False
     """Whether the cell has to go on as if nothing had happened."""
@@ -34,24 +34,24 @@ class Kind:
     """Whether the program ends and is started again."""
 
 
-def _wire(faults: WireFaults) -> Callable[[Bench], Undo]:
-    def begin(bench: Bench) -> Undo:
+def _wire(faults: WireFaults) -> Callable[[FaultBench], Undo]:
+    def begin(bench: FaultBench) -> Undo:
         bench.wire.faults = faults
         return lambda: setattr(bench.wire, "faults", WireFaults())
 
     return begin
 
 
-def _board(faults: WireFaults) -> Callable[[Bench], Undo]:
-    def begin(bench: Bench) -> Undo:
+def _board(faults: WireFaults) -> Callable[[FaultBench], Undo]:
+    def begin(bench: FaultBench) -> Undo:
         bench.board.faults = faults
         return lambda: setattr(bench.board, "faults", WireFaults())
 
     return begin
 
 
-def _taxels(make: Callable[[], devices.Change[Counts]]) -> Callable[[Bench], Undo]:
-    def begin(bench: Bench) -> Undo:
+def _taxels(make: Callable[[], devices.Change[Counts]]) -> Callable[[FaultBench], Undo]:
+    def begin(bench: FaultBench) -> Undo:
         hub, change = bench.wire.board.hub, make()  # type: ignore[attr-defined]
         measure = hub.measure
         hub.measure = lambda: change(measure())
@@ -60,8 +60,8 @@ def _taxels(make: Callable[[], devices.Change[Counts]]) -> Callable[[Bench], Und
     return begin
 
 
-def _told(what: str, change: Callable[..., object]) -> Callable[[Bench], Undo]:
-    def begin(bench: Bench) -> Undo:
+def _told(what: str, change: Callable[..., object]) -> Callable[[FaultBench], Undo]:
+    def begin(bench: FaultBench) -> Undo:
         device = getattr(bench, what)
         before, device.change = device.change, change
         return lambda: setattr(device, "change", before)
@@ -69,8 +69,8 @@ def _told(what: str, change: Callable[..., object]) -> Callable[[Bench], Undo]:
     return begin
 
 
-def _obeys_not(what: str, how: str) -> Callable[[Bench], Undo]:
-    def begin(bench: Bench) -> Undo:
+def _obeys_not(what: str, how: str) -> Callable[[FaultBench], Undo]:
+    def begin(bench: FaultBench) -> Undo:
         device = getattr(bench, what)
         setattr(device, how, True)
         return lambda: setattr(device, how, False)
@@ -78,18 +78,18 @@ def _obeys_not(what: str, how: str) -> Callable[[Bench], Undo]:
     return begin
 
 
-def _late_states(bench: Bench) -> Undo:
+def _late_states(bench: FaultBench) -> Undo:
     first = bench.arm.arm.read()
     bench.arm.change = lambda state: first
     return lambda: setattr(bench.arm, "change", lambda state: state)
 
 
-def _lets_go(bench: Bench) -> Undo:
+def _lets_go(bench: FaultBench) -> Undo:
     bench.gripper.gripper.release(0.06)
     return lambda: None
 
 
-def _early(bench: Bench) -> Undo:
+def _early(bench: FaultBench) -> Undo:
     truth = bench.cell.truth
     assert truth is not None
     depth = bench.cell.config.hole.depth - 0.006
@@ -97,13 +97,13 @@ def _early(bench: Bench) -> Undo:
     return lambda: setattr(bench.switch, "change", lambda state: state)
 
 
-def _full(bench: Bench) -> Undo:
+def _full(bench: FaultBench) -> Undo:
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (0, hard))
     return lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
-def _locked(bench: Bench) -> Undo:
+def _locked(bench: FaultBench) -> Undo:
     done = threading.Event()
 
     def hold() -> None:
@@ -122,28 +122,28 @@ def _locked(bench: Bench) -> Undo:
     return undo
 
 
-def _deleted(bench: Bench) -> Undo:
+def _deleted(bench: FaultBench) -> Undo:
     for file in bench.journal.folder.glob(f"{INDEX}*"):
         file.unlink(missing_ok=True)
     return lambda: None
 
 
-def _torn(bench: Bench) -> Undo:
+def _torn(bench: FaultBench) -> Undo:
     index = bench.journal.folder / INDEX
     index.write_bytes(b"\xff" * index.stat().st_size)
     return lambda: None
 
 
-def _held_up(bench: Bench) -> Undo:
+def _held_up(bench: FaultBench) -> Undo:
     time.sleep(HELD_UP)
     return lambda: None
 
 
-def _raises(bench: Bench) -> Undo:
+def _raises(bench: FaultBench) -> Undo:
     raise ValueError("a skill that nobody tested")
 
 
-def _stop_asked(bench: Bench) -> Undo:
+def _stop_asked(bench: FaultBench) -> Undo:
     bench.stop.set()
     return lambda: None
 

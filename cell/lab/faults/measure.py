@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 
 from cell.config import LoadedConfig
-from cell.lab.faults.bench import Bench, Sighting, bench
+from cell.lab.faults.bench import FaultBench, Sighting, bench
 from cell.lab.faults.kinds import Kind
 from cell.states import State
 from drivers.errors import CellError
@@ -56,13 +56,13 @@ class Case:
     peak_force: float
     """Largest external force at the TCP from the fault on, by the arm's own estimate, N."""
     wrong_success: bool
-    """The PLC reads a success, and no peg is seated."""
+    """Whether the PLC reads a success although no peg is seated."""
     record: bool
-    """The run is on record to its end, with samples unless the disk was the fault."""
+    """Whether the run is on record to its end, with samples unless the disk was the fault."""
     reset: str
     """Result of the RESET; empty where none was needed."""
     actions: int
-    """What an operator had to do beside the RESET before the next peg."""
+    """Number of actions of an operator beside the RESET before the next peg."""
     following: str
     """Result of the next insertion."""
 
@@ -110,7 +110,7 @@ def measure(
     """
     found: list[Case] = []
     with ExitStack() as stack:
-        tested: Bench | None = None
+        tested: FaultBench | None = None
         for kind, stage, moment in tried:
             if tested is None:
                 tested = stack.enter_context(bench(loaded))
@@ -135,7 +135,7 @@ def write(rows: Sequence[Case], folder: Path) -> Path:
     return folder / TABLE
 
 
-def _case(tested: Bench, kind: Kind, stage: str, moment: float) -> Case:
+def _case(tested: FaultBench, kind: Kind, stage: str, moment: float) -> Case:
     undo: list[Callable[[], None]] = []
     threading.Event().wait(MENDED)  # the line brings the next workpiece
     tested.arm_fault(stage, moment, lambda: undo.append(kind.begin(tested)))
@@ -176,14 +176,14 @@ def _case(tested: Bench, kind: Kind, stage: str, moment: float) -> Case:
     )
 
 
-def _is_seated(tested: Bench) -> bool:
+def _is_seated(tested: FaultBench) -> bool:
     """Tell whether a peg really is at the bottom of the hole."""
     truth = tested.cell.truth
     assert truth is not None
     return truth().switch_closed
 
 
-def _is_on_record(tested: Bench, report: ReportImage, kind: Kind) -> bool:
+def _is_on_record(tested: FaultBench, report: ReportImage, kind: Kind) -> bool:
     try:
         row = tested.journal.find(report.run)
     except CellError:
@@ -191,7 +191,7 @@ def _is_on_record(tested: Bench, report: ReportImage, kind: Kind) -> bool:
     return bool(row.ended) and row.outcome != "running" and (row.samples > 0 or kind.name.startswith("disk"))
 
 
-def _bring_back(tested: Bench) -> tuple[str, int, str]:
+def _bring_back(tested: FaultBench) -> tuple[str, int, str]:
     """Do as an operator does; return the result of the reset, the number of further actions, and the next result."""
     threading.Event().wait(MENDED)
     reset, actions = "", 0

@@ -15,9 +15,10 @@ from plc_bridge.messages import Result
 from plc_bridge.registers import COILS, DISCRETE_INPUTS
 from skills.catalogue import CATALOGUE
 
-CYCLE, PATIENCE = 0.02, 60.0  # s
+CYCLE, PATIENCE = 0.02, 60.0
+"""Cycle time of the recorded PLC, and longest wait for an answer, s."""
 MOTION = CATALOGUE["recover"].code
-"""Name of the motion that is run, which needs no part."""
+"""Command code of the motion that is run, which needs no part."""
 UNKNOWN = 77
 """Command code that no cell knows, for a refusal."""
 

@@ -19,7 +19,7 @@ FROM = "127.0.0.2"
 """Address that the attacks come from; the PLC's is 127.0.0.1."""
 OPEN_AT_ONCE, FLOODERS, TLS_CLIENTS = 100, 20, 8
 _MOST = 200_000
-"""Most connections, frames or handshakes of one burst, whatever time is left."""
+"""Largest number of connections, frames or handshakes of one burst, whatever time is left."""
 _FRAME = b"\x00\x01\x00\x00" + (len(READ_TEN) + 1).to_bytes(2, "big") + b"\x01" + READ_TEN
 
 

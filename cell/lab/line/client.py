@@ -12,7 +12,8 @@ from plc_bridge.images import COMMAND, REPORT, CommandImage, ReportImage, comman
 from plc_bridge.registers import COILS, DISCRETE_INPUTS
 
 Address = tuple[str, int]
-TIMEOUT = 10.0  # s
+TIMEOUT = 10.0
+"""Longest wait for an answer, s."""
 _HEADER = struct.Struct(">HHHB")
 READ_TEN = struct.pack(">BHH", 3, 0, 10)
 """FC3 of 10 registers."""

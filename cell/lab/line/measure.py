@@ -21,7 +21,8 @@ from cell.lab.line.plc import Plc, Start
 from cell.states import State
 from drivers.quantities import Vector
 
-CLIENTS, POLL_PERIOD = 50, 0.01  # s
+CLIENTS, POLL_PERIOD = 50, 0.01
+"""Number of clients at once, and time between two requests of one client, s."""
 RATIO = 1.3
 """Largest ratio of the median answer time to the bare server's."""
 
@@ -90,7 +91,7 @@ def measure(loaded: LoadedConfig, effort: Effort) -> Samples:
 
     Args:
         loaded: A simulated cell in real time.
-        effort: How much.
+        effort: Extent of the measurement.
 
     Raises:
         CellError: A server does not answer.

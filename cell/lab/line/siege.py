@@ -25,7 +25,7 @@ from skills.catalogue import CATALOGUE
 BURST = 0.5
 """Length of one try under attack, s."""
 LONGEST_CYCLE = 0.05
-"""Most that the p99 of the cycles may be, s."""
+"""Largest permitted p99 of the cycles, s."""
 _INSERT = CATALOGUE["insert_peg"].code
 
 
@@ -36,7 +36,7 @@ class Siege:
     name: str
     tries: int
     kept: int
-    """Tries over which the PLC's connection and its run went on."""
+    """Number of tries over which the PLC's connection and its run went on."""
     cycles: Vector
     """Duration of each exchange of both blocks under attack, s."""
 

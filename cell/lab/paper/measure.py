@@ -27,7 +27,7 @@ CANDIDATES_SEED = 1
 NEARLY = 1.25
 """Candidates whose misfit is at most so many times the least fit nearly as well."""
 JUDGED = 3
-"""Most candidates that are judged on the other half."""
+"""Largest number of candidates that are judged on the other half."""
 TIME_ERROR = math.log(1.2)
 """Deviation of the logarithm of a stage's time that counts as one: 20 %."""
 WORST = 5.0

@@ -27,7 +27,7 @@ from drivers.arm.model import JOINTS
 from drivers.errors import CellError, SimulationUnstableError
 from drivers.frames import angle_between, end_point, rotation_about, rotation_by
 from drivers.quantities import ImpedanceSetpoint, InHandTip, Vector
-from sim.situation import Peg
+from sim.situation import PegSituation
 from sim.world import World
 from skills import grasp_from_rack
 from skills.catalogue import GRASP, INSERT, SEARCH
@@ -219,7 +219,7 @@ class HeldPeg:
     @property
     def is_usable(self) -> bool:
         """Whether another case can be run."""
-        return self.is_sound and self.world.truth().peg is Peg.HELD
+        return self.is_sound and self.world.truth().peg is PegSituation.HELD
 
     @property
     def inertia(self) -> Vector:

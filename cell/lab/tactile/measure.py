@@ -1,4 +1,4 @@
-"""Accuracy and speed of each estimator, where it fails, and whether its sigma tells so.
+"""Accuracy and speed of each estimator, where it fails, and whether its sigma shows the failures.
 
 Frames come from two models of the pads, neither of them the estimators' templates: the stand-in's bed of springs,
 and an elastic layer, which is finer and shares nothing with either. Both pass through the stand-in's taxels (gains,

@@ -9,7 +9,7 @@ from drivers import impedance
 from drivers.arm import franka as arm
 from drivers.arm.franka import FrankaArm
 from drivers.arm.franka_config import FrankaArmConfig
-from drivers.arm.link import SIZE, Link, Phase, holding_words
+from drivers.arm.link import SIZE, LoopLink, LoopPhase, holding_words
 from drivers.arm.model import read_arm
 from drivers.errors import ArmSilentError, DeviceNotOpenedError, GripperSilentError
 from drivers.gripper import franka as gripper
@@ -27,7 +27,7 @@ def ends():
     """Return both ends of one link."""
     handle = os.memfd_create("test")
     os.ftruncate(handle, SIZE)
-    made = Link(handle), Link(handle)
+    made = LoopLink(handle), LoopLink(handle)
     os.close(handle)
     return made
 
@@ -35,8 +35,8 @@ def ends():
 def test_what_one_end_writes_the_other_reads(ends):
     here, there = ends
     here["words"][0, 5] = 1.5
-    here["phase"][0] = Phase.REFLEX
-    assert (there["words"][0, 5], Phase(int(there["phase"][0]))) == (1.5, Phase.REFLEX)
+    here["phase"][0] = LoopPhase.REFLEX
+    assert (there["words"][0, 5], LoopPhase(int(there["phase"][0]))) == (1.5, LoopPhase.REFLEX)
 
 
 def test_a_record_under_way_is_not_settled(ends):
@@ -70,7 +70,7 @@ def test_devices_that_were_never_opened_are_silent_and_take_a_halt():
     device = FrankaArm(ARM, FR3, FakeClock())
     device.halt()
     device.close()
-    assert device.phase is Phase.LOST
+    assert device.phase is LoopPhase.LOST
     for silent in (device.read, device.reset, device.figures):
         with pytest.raises(ArmSilentError):
             silent()

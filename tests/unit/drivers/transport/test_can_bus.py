@@ -7,7 +7,7 @@ import can
 import pytest
 
 from drivers.errors import DeviceNotOpenedError
-from drivers.transport.can_bus import PATIENCE, CanBus
+from drivers.transport.can_bus import MOST_ERRORS, CanBus
 from drivers.transport.wires import CanFrame, CanLostError
 
 
@@ -152,7 +152,7 @@ def test_errors_in_a_row_are_a_lost_bus(fake, use):
     bus = CanBus("socketcan", "can0", 125_000)
     bus.open()
     fake[0].fails = True
-    for _ in range(PATIENCE - 1):
+    for _ in range(MOST_ERRORS - 1):
         use(bus)
     with pytest.raises(CanLostError, match=r"^CAN bus socketcan can0: [^\n]+$"):
         use(bus)
@@ -234,7 +234,7 @@ def test_a_bus_on_which_nobody_acknowledges_says_what_to_look_at(fake):
     bus = CanBus("socketcan", "can0", 125_000)
     bus.open()
     fake[0].fails = True
-    for _ in range(PATIENCE - 1):
+    for _ in range(MOST_ERRORS - 1):
         bus.write(CanFrame(1))
     with pytest.raises(CanLostError, match=r"nobody acknowledges.*bit rate"):
         bus.write(CanFrame(1))
