@@ -82,7 +82,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # The reader of the output has left; the output goes elsewhere so that the interpreter's last flush is quiet too.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return NOT_GOOD
-    except Exception as error:
+    except Exception as error:  # whatever it is, a technician reads one line and never a traceback
         return _complain(f"fault {CellError.code.value}: {type(error).__name__}: {error}; -v shows more", FAULT)
 
 
@@ -132,7 +132,7 @@ def _logging(args: argparse.Namespace) -> Iterator[None]:
         yield
     except CellError:
         raise
-    except Exception:
+    except Exception:  # noted for -v while the log is open, and raised again
         logger.debug("error inside this program", exc_info=True)
         raise
     finally:

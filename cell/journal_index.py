@@ -72,7 +72,7 @@ class Index:
         try:
             yield
             self.execute("COMMIT", [])
-        except BaseException:
+        except BaseException:  # an interrupt as well must not leave half a transaction; it is raised again
             with suppress(sqlite3.Error):
                 self._connection.execute("ROLLBACK")
             raise

@@ -179,7 +179,7 @@ class JournalWriter:
             return
         try:
             self._write_until_closed()
-        except Exception as error:
+        except Exception as error:  # a writer that ends without a word would stop the records silently
             logger.exception("error in the journal's writer")
             self._row_trouble = f"the journal's writer ended: {type(error).__name__}: {error}"
         finally:

@@ -125,7 +125,7 @@ class Supervisor:
                 self.scan()
                 # A simulated clock may be faster than the wall; nobody gains by an idle cell that spins.
                 self._quit.wait(max(period - (time.monotonic() - started), 0.0))
-        except Exception as error:
+        except Exception as error:  # the record is closed whatever happened, and the error raised again
             self._abandon(error)
             raise
         finally:
@@ -586,7 +586,7 @@ def _fault_of(act: Callable[[], None]) -> CellError | None:
         act()
     except CellError as error:
         return error
-    except Exception as error:
+    except Exception as error:  # an error inside this program must stop the arm like any other fault
         logger.exception("error inside this program")
         return CellError(f"{type(error).__name__}: {error}".replace("\n", " "))
     return None

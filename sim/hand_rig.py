@@ -79,7 +79,7 @@ def measure(kind: str, arm: ArmModel, job: Job) -> HandRow:
             if kind.startswith("Cartesian"):
                 return _cartesian(arm, job)
             return _whole(kind, arm, job, "pads" if "pads" in kind else "hinge")
-    except Exception as error:
+    except Exception as error:  # a model that fails in whatever way is a row of the table, not the end of the study
         return HandRow(kind, math.nan, math.inf, math.inf, math.inf, math.inf, f"{type(error).__name__}: {error}")
 
 

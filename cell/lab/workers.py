@@ -154,7 +154,7 @@ def _result(future: "Future", address: str) -> Any:
         raise
     except CancelledError:
         raise CellError(f"scheduler {address}: lost; {_TAKE_UP}") from None
-    except Exception as error:
+    except Exception as error:  # a worker's error may have any type; the program that asked reads one line
         raise CellError(f"scheduler {address}: {type(error).__name__}: {_first_line(error)}; {_TAKE_UP}") from error
 
 

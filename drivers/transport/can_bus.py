@@ -93,7 +93,7 @@ class CanBus:
         for _ in range(MOST_OTHERS):
             try:
                 message = bus.recv(max(end - time.monotonic(), 0.0))
-            except Exception as error:
+            except Exception as error:  # every interface has exceptions of its own
                 self._read_errors = self._count(error, self._read_errors)
                 return None
             self._read_errors = 0
@@ -120,7 +120,7 @@ class CanBus:
             self._write_errors = 0
             if self.interface == "udp_multicast":
                 self._echoes.append((time.monotonic(), frame))
-        except Exception as error:
+        except Exception as error:  # every interface has exceptions of its own
             self._write_errors = self._count(error, self._write_errors)
 
     def _waited(self, stamp: float) -> float:

@@ -233,7 +233,7 @@ def measure_rung(rung: Rung, azimuths: Sequence[float], peg: Part, hole: Part) -
     """Measure one rung on a peg and its hole; the row of a model that cannot work says why."""
     try:
         return _measure_rung(rung, azimuths, peg, hole)
-    except Exception as error:
+    except Exception as error:  # a model that fails in whatever way is a row of the ladder, not the end of the study
         return RungRow(
             rung.name,
             rung.family,

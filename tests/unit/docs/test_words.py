@@ -88,3 +88,14 @@ def test_an_argument_that_is_a_fragment_is_found():
 def test_a_fragment_is_found():
     source = 'def open():\n    """Connect."""\nWRIST = 1\n"""Of the arm, kg."""\nRATE = 2\n"""1/s."""\nMASS = 3\n"""Mass, kg."""\n'
     assert [text for _, text in _fragments(ast.parse(source))] == ["Of the arm, kg.", "1/s."]
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_whoever_catches_every_exception_says_why(package):
+    silent = [
+        f"{path}:{number}"
+        for path in sorted(Path(package).rglob("*.py"))
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+        if re.match(r"\s*except( (Base)?Exception( as \w+)?)?:(?!.*# \w)", line)
+    ]
+    assert silent == []
