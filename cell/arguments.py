@@ -9,7 +9,8 @@ from cell.nearest import did_you_mean
 from drivers.errors import ConfigError
 
 if TYPE_CHECKING:
-    from cell.config import JournalConfig, LoadedConfig
+    from cell.cell_config import JournalConfig
+    from cell.config import LoadedConfig
     from cell.journal import Journal
     from cell.run_query import RunQuery
 

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cell.cell_config import CellConfig
 from cell.checks import LOOP_TIME, check_clock, loop_verdict, remedy, verdict
-from cell.config import ERRORS_FILE, SHIPPED, CellConfig
+from cell.config_files import ERRORS_FILE, SHIPPED
 from drivers.arm.franka import FrankaArm
 from drivers.arm.franka_config import FrankaArmConfig
 from drivers.clock import WallClock

@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from cell.assembly import bench_skin, real_skin
-from cell.config import CellConfig
+from cell.cell_config import CellConfig
 from drivers.errors import ConfigError
 from drivers.parts import Peg
 from drivers.protocols import Clock, Skin

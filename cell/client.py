@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable
 from threading import Event as ThreadEvent
 
-from cell.config import parse_set
+from cell.config_layers import parse_set
 from cell.line import CONTROLS, PARAMETERS
 from drivers.errors import CellError, ConfigError
 from plc_bridge.images import Diagnostics, ReportImage

@@ -17,7 +17,8 @@ from typing import Any, get_args
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from cell.config import RECIPE_SECTIONS, CellConfig, LoadedConfig
+from cell.cell_config import RECIPE_SECTIONS, CellConfig
+from cell.config import LoadedConfig
 from cell.config_errors import allowed
 from cell.line import PARAMETERS
 

@@ -4,7 +4,7 @@ import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
-from cell.config import CellConfig
+from cell.cell_config import CellConfig
 from cell.config_keys import Setting, find, section_summary, toml
 
 

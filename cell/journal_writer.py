@@ -12,7 +12,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from threading import Condition, Thread
 
@@ -20,17 +20,14 @@ from cell.journal_index import OWNER_ONLY, DamagedIndexError, Index
 from cell.journal_schema import ConfigRow, EventRow, RunRow, StageRow, names
 from cell.journal_upkeep import (
     Keep,
-    beginning_text,
     close_lost_runs,
     delete_old,
-    ending_text,
     made_again,
     next_number,
     opened_to_write,
-    samples_path,
 )
+from cell.run_samples import RunSamples
 from cell.sample_blocks import SampleBlock
-from cell.samples import SampleFile
 from drivers.errors import JournalError
 from drivers.scene_facts import SceneFacts
 
@@ -52,17 +49,6 @@ LOCK = "writer.lock"
 """Name of the lock that a program holds which may close runs that another one left open."""
 
 
-@dataclass(slots=True)
-class _OpenRun:
-    """The samples of one run under way."""
-
-    row: RunRow
-    file: SampleFile | None = None
-    written: int = 0
-    lost: int = 0
-    """Number of scans that did not reach the disk."""
-
-
 class JournalWriter:
     """The writing side of a journal; every method but `open` and `close` returns at once."""
 
@@ -77,11 +63,10 @@ class JournalWriter:
         self._is_open, self._is_closing, self._is_busy = False, False, False
         self._failed: JournalError | None = None
         self._index: Index | None = None
-        self._runs: dict[int, _OpenRun] = {}
+        self._samples = RunSamples(folder, keep.least_free)
         self._last, self._ready = 0, 0
         """Newest number that was given, and one whose file is kept ready; 0 for none."""
-        self._claimed: set[int] = set()
-        self._row_trouble, self._sample_trouble = "", ""
+        self._row_trouble = ""
         self.is_disk_low = False
         """Whether the disk has less free space than is asked for."""
         self._lock = -1
@@ -89,7 +74,7 @@ class JournalWriter:
     @property
     def trouble(self) -> str:
         """Text that says what cannot be written now, and why; empty where all is well."""
-        return self._row_trouble or self._sample_trouble
+        return self._row_trouble or self._samples.trouble
 
     def open(self) -> None:
         """Open the index, close what a killed program left open, and begin to write.
@@ -122,24 +107,22 @@ class JournalWriter:
             self._changed.notify_all()
             return self._changed.wait_for(self._is_idle, timeout)
 
-    # Calls of the scan.
-
     def begin(self, row: RunRow, facts: SceneFacts | None) -> RunRow:
         """Return the row of a run with its number, which is on record soon."""
         with self._changed:
             row = replace(row, run=self._ready or self._last + 1)
             self._last, self._ready = row.run, 0
         self._add_row(lambda index: index.put(row, how="INSERT OR IGNORE"))
-        self._add_block(lambda: self._begin_samples(row, facts), 0)
+        self._add_block(lambda: self._samples.begin(row, facts), 0)
         return row
 
     def write(self, run: int, block: SampleBlock) -> None:
         """Write a block of the samples of a run."""
-        self._add_block(lambda: self._write_samples(run, block), block.used, run)
+        self._add_block(lambda: self._samples.write(run, block), block.used, run)
 
     def finish(self, row: RunRow, stages: Sequence[StageRow], block: SampleBlock | None) -> None:
         """Write how a run and its stages ended, with its last samples."""
-        self._add_block(lambda: self._finish_samples(row, list(stages), block or SampleBlock()), 0)
+        self._add_block(lambda: self._finish(row, list(stages), block or SampleBlock()), 0)
 
     def note(self, row: EventRow) -> None:
         """Write an event."""
@@ -160,14 +143,10 @@ class JournalWriter:
     def _add_block(self, job: Callable[[], None], scans: int, run: int = 0) -> None:
         with self._changed:
             if scans and len(self._blocks) >= MOST_BLOCKS:
-                self._sample_trouble = f"run {run}: the disk takes samples too slowly; some are lost"
-                if run in self._runs:
-                    self._runs[run].lost += scans
+                self._samples.lose(run, scans)
                 return
             self._blocks.append((job, scans))
             self._changed.notify_all()
-
-    # Work of the thread.
 
     def _work(self) -> None:
         try:
@@ -265,11 +244,8 @@ class JournalWriter:
             self._index = None
         if self._index is None:
             self._index = opened_to_write(self._folder)
-            close_lost_runs(self._index, self._folder, {row.run for row in self._open_rows()})
+            close_lost_runs(self._index, self._folder, {row.run for row in self._samples.rows})
         return self._index
-
-    def _open_rows(self) -> list[RunRow]:
-        return [run.row for run in self._runs.values()]
 
     def _put_aside(self, why: str) -> None:
         """Make a torn index again from the samples."""
@@ -294,75 +270,20 @@ class JournalWriter:
                 job, _ = self._blocks.popleft()
             job()
 
-    def _begin_samples(self, row: RunRow, facts: SceneFacts | None) -> None:
-        run = self._runs[row.run] = _OpenRun(row)
-        path = samples_path(self._folder, row.run)
-        try:
-            if row.run not in self._claimed:
-                os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_RDWR, OWNER_ONLY))
-            if self._is_too_full():
-                raise JournalError(f"{path}: not written: the disk is all but full")
-            run.file = SampleFile(path, facts, beginning_text(row))
-        except (JournalError, OSError) as error:
-            self._give_up(run, error)
-
-    def _write_samples(self, number: int, block: SampleBlock, ending: str = "") -> None:
-        run = self._runs[number]
-        if run.file is None:
-            run.lost += block.used
-            return
-        try:
-            if self._is_too_full() and not ending:
-                raise JournalError(f"{run.file.path}: not written on: the disk is all but full")
-            if not run.file.path.exists():
-                raise JournalError(f"{run.file.path}: somebody has deleted it")
-            run.file.write(block, ending)
-            run.written += block.used
-        except JournalError as error:
-            run.lost += block.used
-            self._give_up(run, error)
-
-    def _finish_samples(self, row: RunRow, stages: list[StageRow], block: SampleBlock) -> None:
-        run = self._runs[row.run]
-        row = replace(row, samples=run.written + (block.used if run.file is not None else 0))
-        self._write_samples(row.run, block, ending_text(row, stages))
-        row = replace(row, samples=run.written)
-        if run.file is not None:
-            with suppress(JournalError):
-                run.file.close()
-        del self._runs[row.run]
-        self._claimed.discard(row.run)
-        if not run.lost:
-            self._sample_trouble = ""
+    def _finish(self, row: RunRow, stages: list[StageRow], block: SampleBlock) -> None:
+        row = self._samples.finish(row, stages, block)
         with self._changed:
             self._rows.append(lambda index: _finish(index, row, stages))
 
-    def _give_up(self, run: _OpenRun, error: Exception) -> None:
-        """Record no further samples of a run."""
-        if run.file is not None:
-            with suppress(JournalError):
-                run.file.close()
-        run.file = None
-        self._sample_trouble = f"run {run.row.run}: no further samples: {error}"
-        run.lost += 1
-        logger.error("%s", self._sample_trouble)
-
     def _claim(self) -> None:
-        """Keep the next number ready, by the file that its samples will be in, which no other program then takes."""
+        """Keep the next number ready."""
         if self._ready or self._is_closing:
             return
-        number = self._last
-        while True:
-            number += 1
-            try:
-                os.close(os.open(samples_path(self._folder, number), os.O_CREAT | os.O_EXCL | os.O_RDWR, OWNER_ONLY))
-            except FileExistsError:
-                continue
-            except OSError as error:
-                self._row_trouble = f"{self._folder}: no file can be made: {error.strerror}"
-                return
-            break
-        self._claimed.add(number)
+        try:
+            number = self._samples.claim(self._last)
+        except OSError as error:
+            self._row_trouble = f"{self._folder}: no file can be made: {error.strerror}"
+            return
         with self._changed:
             if number > self._last:
                 self._ready = number
@@ -370,12 +291,6 @@ class JournalWriter:
     def _look_at_disk(self) -> None:
         with suppress(OSError):
             self.is_disk_low = shutil.disk_usage(self._folder).free < self._keep.least_free
-
-    def _is_too_full(self) -> bool:
-        try:
-            return shutil.disk_usage(self._folder).free < 0.1 * self._keep.least_free
-        except OSError:
-            return False
 
     def _delete_old(self) -> None:
         try:
@@ -386,12 +301,8 @@ class JournalWriter:
     def _end(self) -> None:
         """Give back the number that is not used, and close."""
         if self._ready:
-            with suppress(OSError):
-                samples_path(self._folder, self._ready).unlink()
-        for run in self._runs.values():
-            if run.file is not None:
-                with suppress(JournalError):
-                    run.file.close()
+            self._samples.give_back(self._ready)
+        self._samples.close()
         if self._index is not None:
             self._index.close()
         os.close(self._lock)

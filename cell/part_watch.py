@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from cell.assembly import Cell
-from cell.config import CellConfig
+from cell.cell_config import CellConfig
 from cell.custody import Custody
 from cell.part_state import UNRESOLVED, Evidence, Places, evidence_of, places_of, told
 from cell.record import Ending

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from cell.config import CellConfig
+    from cell.cell_config import CellConfig
 
 PACKAGES = ("tactile-insertion-cell", "mujoco", "numpy", "numba", "opencv-contrib-python-headless", "pymodbus")
 """Packages whose versions stand in each record."""

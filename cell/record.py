@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from functools import partial
 
-from cell.config import CellConfig
+from cell.cell_config import CellConfig
 from cell.journal import Journal, now_text
 from cell.journal_schema import ConfigRow, RunRow
 from cell.provenance import config_text, digest_of, versions

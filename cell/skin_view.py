@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from cell.assembly import SkinLine, assemble, opened, played_skin
-from cell.config import CellConfig
+from cell.cell_config import CellConfig
 from drivers.errors import CellError, ConfigError
 from drivers.protocols import Clock
 from drivers.quantities import FINGER_NAMES, FINGERS, Mask, TaxelFrame, Vector

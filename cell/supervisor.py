@@ -13,7 +13,8 @@ from typing import Protocol
 import numpy as np
 
 from cell.assembly import Cell, choices, make_estimator, make_tracker
-from cell.config import CellConfig, LoadedConfig, with_parameters
+from cell.cell_config import CellConfig
+from cell.config import LoadedConfig, with_parameters
 from cell.event_log import EventLog, warnings_of
 from cell.journal import Journal
 from cell.journal_schema import RunRow

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from typing import Protocol, TypeVar
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
@@ -43,6 +43,7 @@ FIRST_SUI = 3500
 """Own number (sui) of the first module of an emulated hub whose modules the config does not name."""
 ERROR_NO_COMMAND = 0xE2
 T = TypeVar("T")
+F = TypeVar("F", CanAssembler, Deframer)
 
 
 class SkinSource(PadSource, Clock, Protocol):
@@ -142,13 +143,13 @@ class EmulatedHub:
         return self.channels.encode(readings, self._config.wire, sequence)
 
 
-class CanBoard:
-    """A hub on a CAN bus."""
+class _HubBoard(Generic[F]):
+    """A hub on a wire; `_frames` joins what arrives to messages."""
 
-    def __init__(self, hub: EmulatedHub, config: HubConfig) -> None:
+    def __init__(self, hub: EmulatedHub, config: HubConfig, frames: F) -> None:
         """Connect the hub."""
         self.hub, self._wire = hub, config.wire
-        self._frames = CanAssembler(config.wire.hub)
+        self._frames: F = frames
 
     @property
     def next_scan(self) -> float:
@@ -159,6 +160,14 @@ class CanBoard:
         """Restart the hub."""
         self.hub.power(at)
         self._frames.reset()
+
+
+class CanBoard(_HubBoard[CanAssembler]):
+    """A hub on a CAN bus."""
+
+    def __init__(self, hub: EmulatedHub, config: HubConfig) -> None:
+        """Connect the hub."""
+        super().__init__(hub, config, CanAssembler(config.wire.hub))
 
     def take(self, item: CanFrame, at: float) -> list[CanFrame]:
         """Take a frame; return the answer when it ends a message."""
@@ -178,23 +187,12 @@ class CanBoard:
         return [part for message in messages for part in to_can(encode(message, self._wire), self._wire.hub)]
 
 
-class SerialBoard:
+class SerialBoard(_HubBoard[Deframer]):
     """A hub on a serial line."""
 
     def __init__(self, hub: EmulatedHub, config: HubConfig) -> None:
         """Connect the hub."""
-        self.hub, self._wire = hub, config.wire
-        self._frames = Deframer(LONGEST)
-
-    @property
-    def next_scan(self) -> float:
-        """Time of the hub's next measurement, s."""
-        return self.hub.next_scan
-
-    def power(self, at: float) -> None:
-        """Restart the hub."""
-        self.hub.power(at)
-        self._frames.reset()
+        super().__init__(hub, config, Deframer(LONGEST))
 
     def take(self, item: int, at: float) -> list[int]:
         """Take a byte; return the answer when it ends a message."""

@@ -29,6 +29,7 @@ from plc_bridge.rtu_frames import with_check_sum
 from tests.cable import Cable
 from tests.certificates import Authority, utf8
 from tests.modbus_oracle import Oracle
+from tests.sockets import receive
 
 PATIENCE = 20.0  # s
 BATCH = 40
@@ -117,17 +118,6 @@ def broken_frame(rng: random.Random, pdu: bytes) -> bytes:
     else:
         length = rng.choice([0, 1, 255, 256, 60000, 65535, rng.randrange(255, 65536)])
     return struct.pack(">HHHB", rng.randrange(65536), protocol, length, 1) + pdu
-
-
-def receive(client: socket.socket, size: int) -> bytes:
-    """Return so many bytes."""
-    data = b""
-    while len(data) < size:
-        more = client.recv(size - len(data))
-        if not more:
-            raise ConnectionResetError(f"closed after {len(data)} of {size} bytes")
-        data += more
-    return data
 
 
 def exchange(client: socket.socket, pdus: list[bytes]) -> list[bytes]:

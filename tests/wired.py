@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from cell.assembly import Cell
-from cell.config import CellConfig, LoadedConfig
+from cell.cell_config import CellConfig
+from cell.config import LoadedConfig
 from cell.journal import Journal
 from cell.supervisor import Supervisor
 from drivers.protocols import Clock

@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Measure, write the file, and show what was found."""
     from cell.calibrate import calibrate_skin
-    from cell.config import DEFAULT
+    from cell.config_files import DEFAULT
 
     today = date.today()
     config = load_config(args).cell

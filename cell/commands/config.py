@@ -188,7 +188,8 @@ def _named(args: argparse.Namespace, word: str) -> "LoadedConfig":
     Raises:
         ConfigError: There is no such file and no such preset.
     """
-    from cell.config import load, presets
+    from cell.config import load
+    from cell.config_files import presets
 
     if word in presets(args.config):
         return load(args.config, preset=word, sets=args.set)
@@ -209,7 +210,7 @@ def _schema(args: argparse.Namespace) -> int:
 
 
 def _comment(args: argparse.Namespace) -> int:
-    from cell.config import read_toml
+    from cell.config_files import read_toml
     from cell.config_text import commented
 
     read_toml(args.file)

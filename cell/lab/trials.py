@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from cell.assembly import Cell, assemble, opened
-from cell.config import CellConfig
+from cell.cell_config import CellConfig
 from cell.lab.published import PUBLISHED, Tried, stage_table
 from cell.lab.workers import on_cluster, on_processes
 from cell.part_state import PartState

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal, TextIO
+from typing import Generic, Literal, TextIO, TypeVar
 
 from drivers.errors import CellError, ConfigError, FaultCode
 from drivers.protocols import Clock
@@ -17,6 +17,7 @@ from drivers.transport.wires import ByteLink, CanFrame, CanLink, LineLostError
 
 HEAD = "# cell traffic 1 "
 Wire = Literal["can", "serial"]
+W = TypeVar("W", CanLink, ByteLink)
 
 
 class TrafficEndedError(CellError):
@@ -91,23 +92,28 @@ class Recorder:
                 self._file.write(f"{what} {text}\n")
 
 
-class RecordedCan:
-    """A CAN bus whose frames are written to a file."""
+class _RecordedWire(Generic[W]):
+    """A wire whose traffic is written to a file."""
 
-    def __init__(self, link: CanLink, recorder: Recorder) -> None:
-        """Take the bus and the recorder of its traffic."""
-        self._link, self._recorder = link, recorder
+    def __init__(self, link: W, recorder: Recorder) -> None:
+        """Take the wire and the recorder of its traffic."""
+        self._link: W = link
+        self._recorder = recorder
 
     def open(self) -> None:
-        """Open the file and the bus."""
+        """Open the file and the wire."""
         self._recorder.open()
         with self._recorder.watching():
             self._link.open()
 
     def close(self) -> None:
-        """Close the bus and the file."""
+        """Close the wire and the file."""
         self._link.close()
         self._recorder.close()
+
+
+class RecordedCan(_RecordedWire[CanLink]):
+    """A CAN bus whose frames are written to a file."""
 
     def read(self, timeout: float) -> CanFrame | None:
         """Return the next frame."""
@@ -125,24 +131,13 @@ class RecordedCan:
             self._link.write(frame)
 
 
-class RecordedLine:
+class RecordedLine(_RecordedWire[ByteLink]):
     """A serial line whose bytes are written to a file."""
 
     def __init__(self, link: ByteLink, recorder: Recorder) -> None:
         """Take the line and the recorder of its traffic."""
-        self._link, self._recorder = link, recorder
+        super().__init__(link, recorder)
         self.character_time = link.character_time
-
-    def open(self) -> None:
-        """Open the file and the port."""
-        self._recorder.open()
-        with self._recorder.watching():
-            self._link.open()
-
-    def close(self) -> None:
-        """Close the port and the file."""
-        self._link.close()
-        self._recorder.close()
 
     def read(self, timeout: float) -> bytes:
         """Return what has arrived."""

@@ -16,7 +16,8 @@ from typing import Any
 
 from cell.assembly import Cell
 from cell.assembly import opened as cell_opened
-from cell.config import CellConfig, load
+from cell.cell_config import CellConfig
+from cell.config import load
 from cell.lab.trials import run_trial
 from drivers.arm.franka import FrankaArm
 from drivers.arm.franka_config import FrankaArmConfig

@@ -24,7 +24,7 @@ from franka_sim.franka_protocol import RobotMode
 from franka_sim.franka_sim_server import FrankaSimServer
 from franka_sim.gripper.backend import GripperBackend, GripperStateData
 
-from cell.config import CellConfig
+from cell.cell_config import CellConfig
 from drivers import impedance
 from drivers.parts import Job
 from drivers.quantities import Vector

@@ -10,7 +10,7 @@ import can.interfaces.slcan
 import pytest
 
 from drivers.errors import CellError
-from drivers.transport.can_bus import PATIENCE as PATIENCE_OF_BUS
+from drivers.transport.can_bus import MOST_ERRORS as PATIENCE_OF_BUS
 from drivers.transport.can_bus import CanBus
 from drivers.transport.wires import CanFrame, CanLostError
 from plc_bridge.bridge import Bridge
@@ -22,7 +22,7 @@ from tests.scan_thread import take
 
 PROGRAM = 100
 PATIENT = {"plc_timeout": 60.0}  # a busy computer makes a late PLC
-PATIENCE = 10.0
+MOST_ERRORS = 10.0
 
 
 @pytest.fixture
@@ -85,9 +85,9 @@ class Cell:
 @pytest.mark.parametrize("two_ends", ["virtual", "udp_multicast", "socketcand", "slcan", "socketcan"], indirect=True)
 def test_commands_run_over_every_interface(two_ends):
     here, there = two_ends
-    with closing(Cell(here)), closing(CanPeer(there, period=0.002, timeout=PATIENCE)) as peer:
+    with closing(Cell(here)), closing(CanPeer(there, period=0.002, timeout=MOST_ERRORS)) as peer:
         peer.connect()
-        runs = [peer.run(PROGRAM, recipe=n, serial=f"SN {n:030}", timeout=PATIENCE).run for n in range(1, 11)]
+        runs = [peer.run(PROGRAM, recipe=n, serial=f"SN {n:030}", timeout=MOST_ERRORS).run for n in range(1, 11)]
     assert runs == list(range(1, 11))
 
 
@@ -97,9 +97,9 @@ def test_a_socketcand_server_may_go_and_come_back():
     with closing(Cell(config)) as cell:
         hub.close()
         hub = SocketcandHub(hub.port)
-        with closing(hub), closing(CanPeer(config, period=0.002, timeout=PATIENCE)) as peer:
+        with closing(hub), closing(CanPeer(config, period=0.002, timeout=MOST_ERRORS)) as peer:
             peer.connect()
-            assert peer.run(PROGRAM, timeout=PATIENCE).result == Result.SUCCESS
+            assert peer.run(PROGRAM, timeout=MOST_ERRORS).result == Result.SUCCESS
         assert cell.bridge.diagnostics.dropped >= 1
 
 
@@ -112,7 +112,7 @@ def test_noise_on_a_serial_adapter_is_no_lost_bus(monkeypatch):
         with closing(bus), closing(other):
             other._bus._write("t1234zz")
             other.write(CanFrame(0x123, b"good"))
-            got = [frame for frame in (bus.read(PATIENCE) for _ in range(2)) if frame]
+            got = [frame for frame in (bus.read(MOST_ERRORS) for _ in range(2)) if frame]
             assert (got, bus.bad_frames) == ([CanFrame(0x123, b"good")], 1)
 
 

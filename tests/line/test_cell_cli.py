@@ -10,7 +10,7 @@ import pytest
 
 from cell.cli import FAULT, GOOD, NOT_GOOD, WRONG_USE, main
 from cell.commands import map as map_command
-from cell.config import DEFAULT
+from cell.config_files import DEFAULT
 from cell.lab import demo
 from drivers.errors import FAULTS
 from plc_bridge.images import Diagnostics

@@ -16,6 +16,7 @@ from plc_bridge.messages import FIRST_PROGRAM, Control
 from plc_bridge.registers import COILS, VERSION
 from tests.certificates import Authority, utf8
 from tests.scan_thread import take
+from tests.sockets import receive
 
 HEADER = struct.Struct(">HHHB")
 READ = bytes.fromhex("04 0001 0001")
@@ -66,16 +67,6 @@ def connect(bridge, context):
 
 def frame(pdu, transaction=1, protocol=0):
     return HEADER.pack(transaction, protocol, len(pdu) + 1, 1) + pdu
-
-
-def receive(client, size):
-    data = b""
-    while len(data) < size:
-        more = client.recv(size - len(data))
-        if not more:
-            raise ConnectionResetError(f"closed after {len(data)} of {size} bytes")
-        data += more
-    return data
 
 
 def answer(client):

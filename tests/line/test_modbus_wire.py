@@ -19,6 +19,7 @@ from plc_bridge.peer import CellSilentError, Peer
 from plc_bridge.peer_log import LINES
 from plc_bridge.registers import MIRROR, Lease
 from tests.scan_thread import take
+from tests.sockets import receive
 
 HEADER = struct.Struct(">HHHB")
 READ_REPORT = bytes.fromhex("04 0000 000A")
@@ -44,16 +45,6 @@ def connect(bridge):
 
 def frame(pdu, transaction=1, protocol=0, length=None, unit=1):
     return HEADER.pack(transaction, protocol, len(pdu) + 1 if length is None else length, unit) + pdu
-
-
-def receive(client, size):
-    data = b""
-    while len(data) < size:
-        more = client.recv(size - len(data))
-        if not more:
-            raise ConnectionResetError(f"closed after {len(data)} of {size} bytes")
-        data += more
-    return data
 
 
 def answer(client):

@@ -10,7 +10,8 @@ from itertools import pairwise
 import pytest
 
 from cell.cli import main
-from cell.config import load, presets
+from cell.config import load
+from cell.config_files import presets
 from cell.lab.frontier import measure as frontier
 from cell.lab.frontier.measure import CHAIN, PRESET, START, Variant, chain, measure, variants
 from cell.lab.trials import TABLE, read_table

@@ -16,7 +16,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from statistics import mean, stdev
 
-from cell.config import CellConfig
+from cell.cell_config import CellConfig
 from cell.lab.contact.ladder import NOT_RUN, TIGHT, Plan, Rung, model, on_trial
 from cell.lab.trials import VOID, TrialRow, run_trial
 from drivers.part.contract import Part

@@ -15,7 +15,7 @@ from functools import partial
 import numpy as np
 
 from cell.assembly import Cell, assemble, opened
-from cell.config import CellConfig
+from cell.cell_config import CellConfig
 from cell.lab.workers import on_processes
 from cell.record import ending_of
 from drivers.errors import CellError, ConfigError

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.config import CellConfig
+from cell.cell_config import CellConfig
 from cell.lab.events.measure import (
     DETECTORS,
     HEIGHT,

@@ -14,7 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from cell.config import CellConfig, load, presets
+from cell.cell_config import CellConfig
+from cell.config import load
+from cell.config_files import presets
 from cell.lab.trials import SUMMARY, TABLE, VOID, TrialRow, read_table, run_trials
 from cell.provenance import config_hash, versions
 from cell.statistics import Z95, mean, wilson

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from cell.assembly import assemble, choices, make_estimator, make_tracker, opened
-from cell.config import CellConfig
+from cell.cell_config import CellConfig
 from cell.lab.workers import on_processes
 from cell.learning import Learning
 from cell.record import ending_of

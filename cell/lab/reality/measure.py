@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.config import ERRORS_FILE, SHIPPED, CellConfig
+from cell.cell_config import CellConfig
+from cell.config_files import ERRORS_FILE, SHIPPED
 from cell.lab.frontier.measure import FRONTIER as TABLE
 from cell.lab.frontier.measure import FrontierLine, Variant
 from cell.lab.trials import TABLE as ROWS

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from cell.assembly import assemble, opened
-from cell.config import CellConfig
+from cell.cell_config import CellConfig
 from drivers.quantities import ImpedanceSetpoint, Vector
 from sim import engine, native
 from sim.world import World

@@ -17,7 +17,7 @@ from itertools import product
 import numpy as np
 
 from cell.assembly import Cell, assemble, opened
-from cell.config import CellConfig
+from cell.cell_config import CellConfig
 from cell.lab.workers import on_processes
 from cell.margins import HELD, loop_at, margins
 from cell.sampled_loop import largest_factor

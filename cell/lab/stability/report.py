@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from cell.config import CellConfig
+from cell.cell_config import CellConfig
 from cell.lab.stability.measure import QUICK, WHOLE, Boundary, Shipped, Trace, boundaries, measure, shipped_margins
 from cell.margins import HELD, MARGIN
 from cell.provenance import config_hash, versions

@@ -19,7 +19,7 @@ from typing import Any, Literal
 import numpy as np
 
 from cell.assembly import make_estimator
-from cell.config import CellConfig
+from cell.cell_config import CellConfig
 from cell.lab.tactile.elastic_layer import layer_pads
 from drivers.errors import ConfigError
 from drivers.parts import Peg

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from cell.assembly import bench_skin
-from cell.config import CellConfig, load
+from cell.cell_config import CellConfig
+from cell.config import load
 from cell.lab.trials import TrialRow, run_trials
 from cell.lab.wire import switch_wire
 from cell.lab.wire.switch_wire import SwitchLine

@@ -7,7 +7,8 @@ import pytest
 
 from cell.assembly import assemble, check
 from cell.cli import FAULT, WRONG_USE, main
-from cell.config import SHIPPED, load
+from cell.config import load
+from cell.config_files import SHIPPED
 from drivers.arm.franka import FrankaArm
 from drivers.clock import WallClock
 from drivers.errors import ConfigError
@@ -56,7 +57,7 @@ def test_check_names_every_device_that_is_not_there():
 def test_the_shipped_file_of_a_physical_cell_needs_no_physics():
     code = (
         "import sys; sys.modules['mujoco'] = None\n"
-        "from cell.assembly import assemble\nfrom cell.config import SHIPPED, load\n"
+        "from cell.assembly import assemble\nfrom cell.config import load\nfrom cell.config_files import SHIPPED\n"
         "print(*(type(device).__name__ for _, device in assemble(load(SHIPPED / 'cell_01.toml').cell).devices()))"
     )
     told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout

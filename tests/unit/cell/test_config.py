@@ -5,8 +5,11 @@ from typing import get_args
 import pytest
 
 from cell.assembly import make_estimator
-from cell.config import DEFAULT, SHIPPED, CellConfig, arm_file, load, parse_set, with_parameters
+from cell.cell_config import CellConfig
+from cell.config import load, with_parameters
 from cell.config_errors import RENAMED
+from cell.config_files import DEFAULT, SHIPPED, arm_file
+from cell.config_layers import parse_set
 from cell.margins import inertias
 from drivers.config_model import ConfigModel
 from drivers.errors import ConfigError

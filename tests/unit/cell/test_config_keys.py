@@ -6,7 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from cell.config import DEFAULT, SHIPPED, CellConfig, load
+from cell.cell_config import CellConfig
+from cell.config import load
+from cell.config_files import DEFAULT, SHIPPED
 from cell.config_keys import find, first_sentence, in_force, keys, section_summary, split_source, toml, unit_of
 from cell.config_text import as_toml, commented, file_schema
 from drivers.errors import ConfigError

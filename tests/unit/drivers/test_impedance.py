@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from cell.config import arm_file
+from cell.config_files import arm_file
 from drivers import impedance
 from drivers.arm.model import read_arm
 from drivers.quantities import ImpedanceSetpoint, InHandTip, Vector

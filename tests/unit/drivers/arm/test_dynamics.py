@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from cell.config import arm_file
+from cell.config_files import arm_file
 from drivers import impedance
 from drivers.arm import dynamics
 from drivers.arm.inertia import joint_inertia, tip_inertia

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import sim
-from cell.config import ARMS
+from cell.config_files import ARMS
 from cell.record import scene_facts
 from drivers.arm.kinematics import finger_frame
 from drivers.arm.model import read_arm

@@ -1,0 +1,318 @@
+"""CellConfig, the union of every part's config model, what has to hold across its sections, and its values in typed form."""
+
+from typing import TYPE_CHECKING, Annotated, Any, Self, TypeVar
+
+from pydantic import Field, create_model, model_validator
+
+from cell.config_checks import (
+    require_apart,
+    require_clear_way,
+    require_prior_inside,
+    require_reach,
+    require_shallow,
+    require_stable,
+    require_turned_as_hole,
+    require_workspace,
+)
+from cell.config_files import ARMS, arm_file
+from cell.margins import Place
+from drivers.arm.franka_config import FrankaArmConfig
+from drivers.arm.model import ArmModel, read_arm
+from drivers.config_model import ConfigModel, FilePath
+from drivers.errors import ConfigError
+from drivers.gripper.franka_config import FrankaGripperConfig
+from drivers.parts import Hole, Job, Peg, Rack, require_fit
+from drivers.skin.board_config import EMULATED, CanSkinConfig, SerialSkinConfig
+from drivers.switch.board_config import SerialSwitchConfig
+from plc_bridge.config import PlcConfig
+from sim.config import (
+    BoardsConfig,
+    ContactConfig,
+    GripConfig,
+    RealityConfig,
+    SimArmConfig,
+    SimConfig,
+    SimGripperConfig,
+    SimSkinConfig,
+    SimSwitchConfig,
+)
+from skills.catalogue import ADJUST, CATALOGUE, GRASP, INSERT, SEARCH
+from skills.contract import SkillParams
+from skills.corner import CornerParams
+from skills.entry import Skill, SkillSet
+from skills.handling import WAYS, Handling, Sections, handling
+from skills.motion import Gains
+from skills.prior import LearningConfig
+from skills.scan_guards import ScanLimits
+from skills.setpoint_gate import Limits
+from skills.tactile.blend import Smoothing
+from skills.tactile.estimators import ESTIMATORS, EstimatorEntry
+from skills.tactile.observer import ObserverParams
+
+P = TypeVar("P", bound=SkillParams)
+E = TypeVar("E", bound=ConfigModel)
+RECIPE_SECTIONS = frozenset({"preset", "peg", "hole", "rack", "corner", *(skill.section for skill in CATALOGUE.skills)})
+"""Sections that a recipe may state: the part, its place and how to handle it, but never the hardware."""
+
+
+class JournalConfig(ConfigModel):
+    """[journal]: where the records of runs go, and how many are kept.
+
+    Source: chosen, not measured.
+    """
+
+    folder: str = ""
+    """Folder that the records of runs go to; empty is the user's own data folder. Source: set for each cell."""
+    days: Annotated[int, Field(ge=0, le=36500)] = 0
+    """Days after which runs, their samples and events are deleted; 0 keeps all."""
+    bytes: Annotated[int, Field(ge=0)] = 0
+    """Size of all samples together, bytes, beyond which the oldest are deleted, while their runs stay on record; 0 keeps all."""
+    least_free: Annotated[int, Field(ge=0)] = 500_000_000
+    """Free space of the disk below which the PLC is warned, bytes; below a tenth of it no samples are recorded."""
+
+
+class CalibrationConfig(ConfigModel):
+    """Section [calibration]: files of measured values.
+
+    Source: measured by `cell calibrate skin`.
+    """
+
+    skin: FilePath | None = None
+    """File of the skin's measured gains and point spread, written by `cell calibrate skin`."""
+
+
+def _catalogued() -> type[ConfigModel]:
+    """Return a model with a section for every skill and every estimator.
+
+    A section may be left out where all of its keys have defaults.
+
+    Raises:
+        ConfigError: Two entries claim the same section.
+    """
+    fields: dict[str, Any] = {}
+    for name, params in (
+        *((skill.section, skill.params) for skill in CATALOGUE.skills),
+        *((entry.name, entry.params) for entry in ESTIMATORS.values()),
+    ):
+        if name in fields:
+            raise ConfigError(f"config: [{name}]: the section of a skill and of an estimator; a free name allowed")
+        fields[name] = (params, ... if any(field.is_required() for field in params.model_fields.values()) else params())
+    return create_model("Catalogued", __base__=ConfigModel, **fields)
+
+
+if TYPE_CHECKING:
+    # `CellConfig.params` and `estimator_params` give the sections of the catalogues their types.
+    Catalogued = ConfigModel
+else:
+    Catalogued = _catalogued()
+
+
+class CellConfig(Catalogued):
+    """Config of one cell."""
+
+    preset: str = ""
+    """Name of a file of `presets/` that is laid over this one; empty is none. Source: set for each cell."""
+    scan_rate: Annotated[float, Field(ge=10.0, le=1000.0)]
+    """Rate of the scan, in which a skill senses and decides once, Hz. Source: chosen, not measured."""
+    retries: Annotated[int, Field(ge=0, le=10)]
+    """Number of times that `insert_peg` searches anew when the peg turns out not to be in the hole. Source: decision 0021."""
+    scan: ScanLimits = ScanLimits()
+    """How late the scan may come. Source: decision 0054."""
+    limits: Limits
+    """Force and workspace that end a skill at once."""
+    peg: Peg
+    """The part to insert."""
+    hole: Hole
+    """The hole that the part goes into."""
+    rack: Rack
+    """The rack where pegs stand upright until they are taken."""
+    corner: CornerParams | None = None
+    """Handling of a peg with corners, which replaces that of a round peg; needed for such a peg."""
+    arm: Annotated[SimArmConfig | FrankaArmConfig, Field(discriminator="kind")]
+    """The robot arm."""
+    gripper: Annotated[SimGripperConfig | FrankaGripperConfig, Field(discriminator="kind")]
+    """The hand."""
+    skin: Annotated[SimSkinConfig | CanSkinConfig | SerialSkinConfig, Field(discriminator="kind")]
+    """The tactile skin on both fingers."""
+    smoothing: Smoothing = Smoothing()
+    """How theta is carried from frame to frame."""
+    observer: ObserverParams = ObserverParams()
+    """How theta may move between frames, where `smoothing.method` is "observer"."""
+    switch: Annotated[SimSwitchConfig | SerialSwitchConfig, Field(discriminator="kind")]
+    """The success switch under the hole."""
+    plc: PlcConfig
+    """The lines to the PLC."""
+    learning: LearningConfig = LearningConfig()
+    """What a served cell takes over from part to part."""
+    journal: JournalConfig = JournalConfig()
+    """Where the records of runs go."""
+    contact: ContactConfig | None = None
+    """Contact of peg and plate in the simulated world."""
+    grip: GripConfig | None = None
+    """Grip of the pads on the peg in the simulated world."""
+    sim: SimConfig | None = None
+    """The simulated world."""
+    reality: RealityConfig = RealityConfig()
+    """Differences of a simulated cell from what the software believes."""
+    boards: BoardsConfig = BoardsConfig()
+    """Emulated boards behind the wires of skin and switch."""
+    calibration: CalibrationConfig = CalibrationConfig()
+    """Files of measured values."""
+
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        peg, hole, rack = self.peg, self.hole, self.rack
+        require_fit(peg, hole)
+        section = WAYS[peg.part.kind].section
+        if getattr(self, section) is None:
+            raise ValueError(f'[{section}]: missing; needed because peg.shape = "{peg.shape}"')
+        require_shallow(peg, hole, rack)
+        if self.sim is not None:
+            require_apart(hole, rack)
+        require_clear_way(self.params(GRASP), self.params(SEARCH), rack)
+        require_workspace(self.limits)
+        return self
+
+    @model_validator(mode="after")
+    def _has_reachable_prior(self) -> Self:
+        require_prior_inside(self.hole, self.limits)
+        return self
+
+    @model_validator(mode="after")
+    def _is_turned_as_its_hole(self) -> Self:
+        require_turned_as_hole(self.params(SEARCH), self.peg)
+        return self
+
+    @model_validator(mode="after")
+    def _has_arm(self) -> Self:
+        file = arm_file(self.arm.model)
+        if not file.is_file():
+            known = ", ".join(f'"{path.stem}"' for path in sorted(ARMS.glob("*.toml")))
+            raise ValueError(
+                f'arm.model = "{self.arm.model}": no such arm; {known} or a file of figures, *.toml, allowed'
+            )
+        read_arm(file)
+        return self
+
+    @model_validator(mode="after")
+    def _is_stable(self) -> Self:
+        place = self.place()
+        require_reach(place, self.hole, self.limits)
+        require_stable(self.steered(), self.skin.rate, place)
+        return self
+
+    @model_validator(mode="after")
+    def _has_world(self) -> Self:
+        simulated = [name for name in ("arm", "gripper", "skin", "switch") if getattr(self, name).kind == "sim"]
+        for name in ("contact", "grip", "sim"):
+            if simulated and getattr(self, name) is None:
+                raise ValueError(f'[{name}]: missing; needed because {simulated[0]}.kind = "sim"')
+        if not simulated and self.is_skin_emulated():
+            raise ValueError(f'skin.kind = "{self.skin.kind}": its board is "{EMULATED}", which needs a simulated arm')
+        if not simulated and isinstance(self.switch, SerialSwitchConfig) and self.switch.port == EMULATED:
+            raise ValueError(f'switch.port = "{EMULATED}": needs a simulated cell; the name of a port allowed')
+        if self.arm.kind == "franka" and simulated:
+            raise ValueError(f'{simulated[0]}.kind = "sim": needs a simulated arm, and arm.kind = "franka" is none')
+        if self.arm.kind == "sim" and self.gripper.kind != "sim":
+            raise ValueError(
+                f'gripper.kind = "{self.gripper.kind}": needs the real arm; "sim" allowed with a simulated one'
+            )
+        period = self.arm_model().control_period
+        if self.sim is not None and abs(period / self.sim.timestep - round(period / self.sim.timestep)) > 1e-9:
+            raise ValueError(
+                f"sim.timestep = {self.sim.timestep}: does not divide the arm's control period of {period} s; a part of it allowed"
+            )
+        if self.sim is not None and not self.sim.model.has_hole_for(self.peg.part):
+            raise ValueError(
+                f'sim.model.hole = "{self.sim.model.hole}": facets round a hole, and peg.shape = "{self.peg.shape}";'
+                ' "exact" allowed'
+            )
+        if self.sim is not None and not self.hole.present and self.sim.model.hole not in ("exact", "unpredicted"):
+            raise ValueError(
+                f'sim.model.hole = "{self.sim.model.hole}": facets round a hole, and hole.present = false; "exact" allowed'
+            )
+        return self
+
+    def arm_model(self) -> ArmModel:
+        """Return the figures of the cell's arm."""
+        return read_arm(arm_file(self.arm.model))
+
+    def place(self) -> Place:
+        """Return the place and the attitude in which the arm works with a peg that the skin steers."""
+        search = self.handling().search
+        return Place(
+            arm=self.arm_model(),
+            tip=self.hole.centre,
+            part=self.peg.part,
+            tilt_azimuth=search.tilt_azimuth,
+            tilt=search.tilt,
+            elbow=search.transfer.elbow,
+            length=self.peg.length,
+        )
+
+    def require_simulated(self, what: str) -> None:
+        """Make sure that this is a simulated cell.
+
+        Raises:
+            ConfigError: The cell is a real one; `what` is the command that needs a simulated one.
+        """
+        if self.arm.kind != "sim":
+            raise ConfigError(f'{what}: arm.kind = "{self.arm.kind}": runs on simulated cells alone; "sim" allowed')
+
+    def is_skin_emulated(self) -> bool:
+        """Whether the skin is a driver with an emulated board behind its wire."""
+        skin = self.skin
+        return EMULATED in (getattr(skin, "channel", None), getattr(skin, "port", None))
+
+    def is_skin_simulated(self) -> bool:
+        """Whether the skin is a simulated one, or a driver with an emulated board behind its wire."""
+        return self.skin.kind == "sim" or self.is_skin_emulated()
+
+    def params(self, skill: Skill[P]) -> P:
+        """Return the parameters of a skill."""
+        params = getattr(self, skill.section)
+        assert isinstance(params, skill.params)
+        return params
+
+    def estimator_params(self, estimator: EstimatorEntry[E]) -> E:
+        """Return the parameters of an estimator."""
+        params = getattr(self, estimator.name)
+        assert isinstance(params, estimator.params)
+        return params
+
+    def with_params(self, skill: Skill[Any], **changes: Any) -> Self:
+        """Return a copy in which some parameters of a skill have other values, which are not checked."""
+        params: SkillParams = self.params(skill)
+        return self.model_copy(update={skill.section: params.model_copy(update=changes)})
+
+    def steered(self) -> dict[str, Gains]:
+        """Return all gains that act on what the skin tells, by key."""
+        found = {
+            f"{skill.section}.{name}": getattr(self.params(skill), name)
+            for skill in CATALOGUE.skills
+            for name in skill.steered
+        }
+        return found | dict(self.handling().steered)
+
+    def skill_set(self) -> SkillSet:
+        """Return the parameters of every skill."""
+        return SkillSet(
+            sections={skill.section: self.params(skill) for skill in CATALOGUE.skills},
+            corner=self.corner,
+            retries=self.handling().retries,
+        )
+
+    def handling(self) -> Handling:
+        """Return the handling of the cell's own part."""
+        sections = Sections(self.params(SEARCH), self.params(INSERT), self.params(ADJUST), self.corner, self.retries)
+        return handling(self.peg.part, sections)
+
+    def job(self, slot: int = 0) -> Job:
+        """Return the part and its places, to be taken from the rack's `slot`."""
+        return Job(peg=self.peg, hole=self.hole, rack=self.rack, slot=slot)
+
+
+for _name in CellConfig.__annotations__.keys() & Catalogued.model_fields:
+    raise ConfigError(
+        f"config: [{_name}]: named by a skill or an estimator, and a key of every cell; a free name allowed"
+    )

@@ -1,0 +1,92 @@
+"""Files that make up a config: the cell's own, its base, presets, recipes and arms, read as tables; no model is known here."""
+
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import config as shipped
+from drivers.errors import ConfigError
+
+SHIPPED = Path(shipped.__file__).parent
+"""Folder of the configs that come with the program."""
+DEFAULT = SHIPPED / "sim.toml"
+"""The simulated cell, which every command takes where no other is named."""
+ERRORS_FILE = "reality.toml"
+"""Name of the shipped file of errors, which does not describe a cell."""
+ARMS = SHIPPED / "arms"
+"""Folder of the files of figures of the arms that come with the program."""
+NOT_INHERITED = (("limits", "force"), ("limits", "low"), ("limits", "high"), ("hole", "centre"), ("rack", "first"))
+"""Sections that a cell's file has to state itself, whatever its base states: limits, and the places of its parts."""
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Return the content of a TOML file.
+
+    Raises:
+        ConfigError: The file does not exist, is not readable, or is not TOML.
+    """
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise ConfigError(f"{path}: no such file") from None
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: not TOML: {error}".replace("\n", " ")) from None
+
+
+def layers(path: Path) -> list[tuple[str, dict[str, Any]]]:
+    """Return a cell's file by name, preceded by the one that its `base` names, which lies beside it or is shipped."""
+    tree = read_toml(path)
+    name = tree.pop("base", None)
+    if name is None:
+        return [(str(path), tree)]
+    allowed = sorted(
+        {file.name for place in (SHIPPED, path.parent) for file in place.glob("*.toml")} - {path.name, ERRORS_FILE}
+    )
+    if name not in allowed:
+        raise ConfigError(f"{path}: base = {name!r}: no such file; {', '.join(allowed)} allowed")
+    base = next(place / name for place in (path.parent, SHIPPED) if (place / name).is_file())
+    below = read_toml(base)
+    if "base" in below:
+        raise ConfigError(f"{path}: base = {name!r}: has a base of its own; a file without one allowed")
+    for section, key in NOT_INHERITED:
+        below.get(section, {}).pop(key, None)
+    return [(str(base), below), (str(path), tree)]
+
+
+def recipe_files(path: Path) -> Iterator[tuple[int, Path]]:
+    """Yield number and file of each recipe beside a cell's file.
+
+    Raises:
+        ConfigError: The name of a file is not a number.
+    """
+    for file in sorted((path.parent / "recipes").glob("*.toml")):
+        if not file.stem.isdigit() or int(file.stem) == 0:
+            raise ConfigError(f"{file}: recipes are named by their number; 01.toml to 65535.toml allowed")
+        yield int(file.stem), file
+
+
+def arm_file(model: str) -> Path:
+    """Return the file of figures that an `arm.model` names, which may not exist."""
+    return Path(model) if model.endswith(".toml") else ARMS / f"{model}.toml"
+
+
+def presets(path: Path | None = None) -> dict[str, Path]:
+    """Return the presets that a cell's file may name, and their files: those beside it, then those that are shipped."""
+    folders = [SHIPPED / "presets", (path or DEFAULT).parent / "presets"]
+    return {file.stem: file for place in folders for file in sorted(place.glob("*.toml"))}
+
+
+def find_preset(path: Path, name: Any) -> Path:
+    """Return the file of a preset by its name.
+
+    Raises:
+        ConfigError: There is no such preset.
+    """
+    known = presets(path)
+    if name not in known:
+        allowed = ", ".join(f'"{k}"' for k in sorted(known)) or "none"
+        raise ConfigError(f"preset = {name!r}: no such file in presets/; {allowed} allowed")
+    return known[name]

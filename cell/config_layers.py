@@ -1,0 +1,71 @@
+"""Layers of a config, tables laid over each other key by key, with the origin of each key; pure."""
+
+import re
+import tomllib
+from collections.abc import Mapping
+from typing import Any
+
+from cell.config_errors import renamed_key
+from drivers.errors import ConfigError
+from drivers.part.shapes import follow_shape
+
+Origins = Mapping[tuple[str, ...], str]
+"""Origin of each value, a file, `--set` or `parameter`, by the place of its key."""
+SET = "--set"
+"""Origin of the single keys of a command line."""
+
+
+def parse_set(text: str) -> tuple[tuple[str, ...], Any]:
+    """Return path and value of `KEY.SUBKEY=VALUE`.
+
+    Raises:
+        ConfigError: The text has another form.
+    """
+    key, equals, literal = text.partition("=")
+    if not equals or not re.fullmatch(r"\w+(\.\w+)*", key.strip()):
+        raise ConfigError(f"--set {text}: KEY=VALUE or SECTION.KEY=VALUE allowed, as in peg.diameter=0.008")
+    path = tuple(key.strip().split("."))
+    try:
+        return path, tomllib.loads(f"value = {literal}")["value"]
+    except tomllib.TOMLDecodeError:
+        return path, literal.strip()
+
+
+def nested(place: tuple[str, ...], value: Any) -> dict[str, Any]:
+    """Return tables within each other that hold a value at a place."""
+    for name in reversed(place):
+        value = {name: value}
+    tables: dict[str, Any] = value
+    return tables
+
+
+def lay_layer(below: dict[str, Any], above: Mapping[str, Any], name: str, source: dict[tuple[str, ...], str]) -> None:
+    """Merge a whole layer into what is below it; a size that it keeps takes the key of the peg's shape."""
+    if (told := renamed_key(above)) is not None:
+        raise ConfigError(f"{name}: {told}")
+    lay_over(below, above, name, source)
+    try:
+        renamed = follow_shape(below, above)
+    except ValueError as error:
+        raise ConfigError(f"{name}: {error}") from None
+    for section, old, new in renamed:
+        source[section, new] = source.pop((section, old), name)
+
+
+def lay_over(
+    below: dict[str, Any],
+    above: Mapping[str, Any],
+    name: str,
+    source: dict[tuple[str, ...], str],
+    at: tuple[str, ...] = (),
+) -> None:
+    """Merge `above` into `below`, tables key by key, other values whole, and note the origin of each key."""
+    for key, value in above.items():
+        place = (*at, key)
+        if isinstance(value, Mapping) and (key not in below or isinstance(below[key], dict)):
+            below[key] = dict(below.get(key, {}))
+            source.setdefault(place, name)
+            lay_over(below[key], value, name, source, place)
+        else:
+            below[key] = value
+            source[place] = name

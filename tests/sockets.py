@@ -1,0 +1,14 @@
+"""Bytes from a socket, as tests of servers want them."""
+
+import socket
+
+
+def receive(client: socket.socket, size: int) -> bytes:
+    """Return so many bytes."""
+    data = b""
+    while len(data) < size:
+        more = client.recv(size - len(data))
+        if not more:
+            raise ConnectionResetError(f"closed after {len(data)} of {size} bytes")
+        data += more
+    return data
