@@ -26,30 +26,29 @@ class StageClock:
     """Keeps the time of each stage of a run while it lasts."""
 
     times: dict[str, float] = field(default_factory=dict)
-    """Time of each stage so far, s; the way to a stage's place counts until the stage states its own time."""
+    """Time of each stage that is over, all its tries together, s; it never falls."""
     stage: str = ""
     """Stage under way or reached last."""
-    _since: float = 0.0
+    _since: float | None = None
+    """Start of the stage under way, s; None between two stages."""
 
     def enter(self, stage: str, now: float) -> bool:
-        """Note which stage is under way at the time `now`, s; return whether that is another one than before."""
-        if stage == self.stage:
+        """Note which stage is under way at the time `now`, s; return whether it begins with that."""
+        if stage == self.stage and self._since is not None:
             return False
         self.leave(now)
         self.stage, self._since = stage, now
         return True
 
-    def leave(self, now: float) -> None:
-        """Close the account of the stage under way; it may be entered again."""
-        if self.stage:
-            self.times[self.stage] = self.times.get(self.stage, 0.0) + now - self._since
-            self._since = now
+    def end(self, stage: str, elapsed: float) -> None:
+        """Take the time that a stage counts as its own, s: less than it took where the way to its place does not count."""
+        self.times[stage] = self.times.get(stage, 0.0) + elapsed
+        self._since = None
 
-    def settle(self, records: Sequence[StageRecord]) -> None:
-        """Take the time that each stage counts as its own, all its tries together."""
-        self.times.update({record.name: 0.0 for record in records})
-        for record in records:
-            self.times[record.name] += record.result.elapsed
+    def leave(self, now: float) -> None:
+        """Close the account of a stage that never came to its own end: all of its time counts."""
+        if self._since is not None:
+            self.end(self.stage, now - self._since)
 
 
 @dataclass(frozen=True, slots=True)

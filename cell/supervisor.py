@@ -86,6 +86,7 @@ class Supervisor:
         self._seed, self._stocked = self._first_seed, 0
         self._context = cell.context(self._first_seed)
         self._context.poll, self._context.progress, self._context.record = self._poll, self._progress, self._record
+        self._context.ended = self._stage_ended
         self._learning = Learning(journal.folder, loaded.cell.learning)
         self._part = PartWatch(cell, self._context, journal.folder)
         self._events = EventLog(journal, cell.clock.now)
@@ -433,7 +434,6 @@ class Supervisor:
     ) -> None:
         """Tell the journal and the line how a run ended."""
         run.clock.leave(self._cell.clock.now())
-        run.clock.settle(records)
         try:
             self.report = self._part.filled(self.report)
             run.finish(ending, fault, records, self._cell.clock.now(), self.report.part)
@@ -525,6 +525,12 @@ class Supervisor:
         percent = self._done.update(self._context.stage, fraction)
         if percent != self.report.progress:
             self.report = replace(self.report, progress=percent)
+
+    def _stage_ended(self, stage: str, elapsed: float) -> None:
+        run = self._run
+        assert run is not None
+        run.clock.end(stage, elapsed)
+        self.report = _with_times(self.report, run.clock)
 
     def _record(self, seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
         run = self._run

@@ -157,6 +157,8 @@ class SkillContext:
     """Function that is asked once a scan what the skill shall do."""
     progress: Callable[[float], None] = lambda fraction: None
     """Function that is told how much of the skill is done, 0 to 1."""
+    ended: Callable[[str, float], None] = lambda stage, elapsed: None
+    """Function that is told that a stage has ended, and the time that it counts as its own, s."""
     record: Recorder = lambda seen, setpoint: None
     """Function that is given every observation with the setpoint that was held while it was made."""
     stage: str = ""

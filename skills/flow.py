@@ -36,6 +36,7 @@ def run_stage(name: str, step: Step, ctx: SkillContext) -> StageRecord:
     except Interrupted as interruption:
         outcome = Outcome.ABORTED if interruption.reason is Reason.STOPPED else Outcome.FAILURE
         result = SkillResult(outcome, interruption.reason, ctx.clock.now() - started)
+    ctx.ended(name, result.elapsed)
     return StageRecord(name, result, started, ctx.clock.now())
 
 

@@ -148,8 +148,7 @@ class Watcher:
 def run_trial(config: CellConfig, seed: int) -> TrialRow:
     """Run `insert_peg` once on a fresh cell of this seed, without sockets and without waiting for the wall clock.
 
-    A fault ends the trial as a failure whose reason is the fault's name; the times are then those between the stages'
-    beginnings.
+    A fault ends the trial as a failure whose reason is the fault's name; all the time of its stage counts.
     """
     assert config.sim is not None
     wall = time.perf_counter()
@@ -161,7 +160,7 @@ def run_trial(config: CellConfig, seed: int) -> TrialRow:
     with opened(cell):
         ctx, began = cell.context(seed), cell.clock.now()
         watcher = Watcher(cell, ctx)
-        ctx.record = watcher.record
+        ctx.record, ctx.ended = watcher.record, watcher.clock.end
         try:
             records = CATALOGUE["insert_peg"].run(config.skill_set(), ctx)
             ending = watcher.judged(ending_of(records, None, ctx.stage), records)
@@ -170,7 +169,6 @@ def run_trial(config: CellConfig, seed: int) -> TrialRow:
         truth = watcher.ending or cell.truth()
         sim_time = cell.clock.now()
     watcher.clock.leave(sim_time)
-    watcher.clock.settle(records)
     times = watcher.clock.times
     if fault is not None:
         ending = ending_of(records, fault, ctx.stage)

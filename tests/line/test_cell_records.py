@@ -2,12 +2,17 @@
 
 import json
 
+import pytest
+
 from cell.journal_schema import EventKind
 from cell.states import State
 from drivers.errors import FaultCode, SkinSilentError
 from plc_bridge.messages import Control, Result
 from plc_bridge.registers import Warnings
 from skills.catalogue import CATALOGUE
+from skills.contract import Outcome, Reason, SkillResult
+from skills.entry import Program
+from skills.flow import run_stage
 from tests.trouble import full_disk, until
 
 GRASP, RELEASE = CATALOGUE["grasp_from_rack"].code, CATALOGUE["release_and_retract"].code
@@ -35,6 +40,32 @@ def test_a_fault_leaves_the_stage_it_broke_off(rig):
     rig.at(0.2, lambda: setattr(rig.skin, "fault", SkinSilentError("skin: silent")))
     row = rig.journal.find(rig.command(GRASP).run)
     assert [(stage.name, stage.outcome) for stage in rig.journal.stages(row.run)] == [("grasp_from_rack", "fault")]
+
+
+def searched_twice(skills, ctx):
+    """A program whose search takes a second each time, of which it counts less as its own."""
+
+    def search(ctx):
+        *_, last = ctx.scan(1.0)
+        return SkillResult(Outcome.SUCCESS, Reason.NONE, last.elapsed - 0.4)
+
+    return [run_stage("spray_search", search, ctx) for _ in range(2)]
+
+
+@pytest.mark.parametrize("is_stopped", [False, True])
+def test_the_times_of_a_run_never_fall_and_stay_when_it_has_ended(rig, monkeypatch, is_stopped):
+    monkeypatch.setitem(CATALOGUE.by_code, GRASP, Program(name="twice", code=GRASP, run=searched_twice))
+    told = []
+    rig.clock.every.append(lambda: told.append(rig.plc.report))
+    if is_stopped:
+        rig.at(1.5, rig.plc.stop)
+    report = rig.command(GRASP)
+    assert report.result == (Result.ABORTED if is_stopped else Result.SUCCESS)
+    for name in ("total_time", "stage_times"):
+        values = [getattr(each, name) for each in told if each.run == report.run]
+        assert values == sorted(values)
+        assert values[-1] == getattr(rig.scan(10), name)
+    assert report.total_time == pytest.approx(1.1 if is_stopped else 1.2, abs=0.1)
 
 
 def test_states_commands_refusals_and_faults_are_events(rig):

@@ -26,10 +26,13 @@ def test_a_stage_that_goes_on_is_not_entered_again():
     assert not clock.enter("recover", 1.0)
 
 
-def test_what_a_stage_counts_itself_is_better():
-    clock = StageClock({"spray_search": 12.0})
-    clock.settle([stage("spray_search", elapsed=10.0)])
-    assert clock.times["spray_search"] == 10.0
+def test_a_stage_that_ends_counts_what_it_calls_its_own_in_all_its_tries():
+    clock = StageClock()
+    for began, elapsed in ((0.0, 10.0), (12.0, 3.0)):
+        assert clock.enter("spray_search", began)
+        clock.end("spray_search", elapsed)
+    clock.leave(20.0)
+    assert clock.times == {"spray_search": 13.0}
 
 
 def test_a_run_ends_as_the_first_stage_that_did_not_succeed():
