@@ -4,9 +4,8 @@ from dataclasses import dataclass, replace
 
 from plc_bridge.dispatch import Dispatch
 from plc_bridge.lease import CellLease
-from plc_bridge.links import Link
+from plc_bridge.links import Link, Order
 from plc_bridge.messages import Command, Control, LeaseState, Refusal, Report, Result
-from plc_bridge.orders import Order
 
 IDLE, COMPLETE = 4, 17
 """States of PackML in which a start is taken."""

@@ -8,8 +8,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from plc_bridge.lease import CellLease
+from plc_bridge.links import Order
 from plc_bridge.messages import FIRST_PROGRAM, REMEDIES, UNNUMBERED, Command, Control, Refusal, Report, Result
-from plc_bridge.orders import Order, Orders
+from plc_bridge.orders import Orders
 from plc_bridge.packml import PackTags
 from plc_bridge.peer_log import PeerLog
 

@@ -8,9 +8,9 @@ Links come and go; what may run is decided here, once for all buses, with the he
     | `coils`            | which write of a coil is a command                                 |
     | `refusals`         | what is refused without asking the scan thread                     |
     | `intake`           | what of that becomes an order, and what a refusal                  |
-    | `orders`           | in which order commands reach the scan thread, and how each ended  |
+    | `orders`           | in which order commands reach the scan thread                      |
     | `dispatch`         | what became of each: decided, ended, acknowledged                  |
-    | `links`            | which order's answer and result a link reads                       |
+    | `links`            | how an order ended, and whose answer and result a link reads       |
     | `answers`          | what its report and its inputs say of them                         |
     | `lease`            | who may start                                                      |
     | `watchdog`         | whether a link is alive, and its block whole                       |
@@ -31,9 +31,8 @@ from plc_bridge.dispatch import Counts, Dispatch
 from plc_bridge.images import CommandImage
 from plc_bridge.intake import Intake, repeats
 from plc_bridge.lease import CellLease
-from plc_bridge.links import Link
+from plc_bridge.links import Link, Order
 from plc_bridge.messages import Command, Control, Refusal, Report
-from plc_bridge.orders import Order
 from plc_bridge.packml import PackTags
 from plc_bridge.peer_log import PeerLog
 from plc_bridge.refusals import Rules

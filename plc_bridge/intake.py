@@ -7,9 +7,8 @@ from plc_bridge.coils import Edge
 from plc_bridge.dispatch import Dispatch
 from plc_bridge.images import CommandImage
 from plc_bridge.lease import CellLease
-from plc_bridge.links import Link
+from plc_bridge.links import Link, Order
 from plc_bridge.messages import UNNUMBERED, Command, Control, Refusal
-from plc_bridge.orders import Order
 from plc_bridge.refusals import CONTROLS, STOPS, BadParameterError, Rules
 from plc_bridge.registers import AFTER_A_LOSS
 from plc_bridge.sequence_numbers import Verdict

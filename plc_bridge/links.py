@@ -1,4 +1,4 @@
-"""The state of one link, which is one conversation with one sequence number; pure.
+"""The state of one link, which is one conversation with one sequence number, and of the orders that it gave; pure.
 
 A link keeps two of its orders in view: the one whose answer it reads, which is the newest that was decided, and the
 one whose result it reads, which is its newest order or, as long as that is under way, its run.
@@ -8,10 +8,60 @@ from dataclasses import dataclass, field
 
 from plc_bridge.coils import Coils
 from plc_bridge.images import CommandImage
-from plc_bridge.messages import Refusal
-from plc_bridge.orders import Order
+from plc_bridge.messages import FIRST_PROGRAM, Command, Control, Refusal, Report, Result
 from plc_bridge.sequence_numbers import SequenceNumbers
 from plc_bridge.watchdog import Watchdog
+
+
+@dataclass(slots=True, eq=False)
+class Order:
+    """One command of one link, from the write that brought it to its acknowledgement."""
+
+    command: Command
+    link: "Link | None" = None
+    """Link that reads how the order ended; None where nobody does."""
+    is_decided: bool = False
+    """Whether the order was refused, obeyed or, if it is a program, begun."""
+    result: Result = Result.NONE
+    refusal: Refusal = Refusal.NONE
+    detail: int = 0
+    """Detail of the refusal, as `report_refusal_detail`."""
+    is_acknowledged: bool = False
+    is_read: bool = False
+    """Whether its link was told the result."""
+    is_lost: bool = False
+    """Whether its link fell silent while the order ran."""
+    report: Report = field(default_factory=Report)
+    """Report that the scan thread made of it last."""
+
+    @property
+    def sequence(self) -> int:
+        """Number under which its link sent it."""
+        return self.command.sequence
+
+    @property
+    def is_program(self) -> bool:
+        """Whether it is a program or a skill, and not a control."""
+        return FIRST_PROGRAM <= self.command.code < Control.LOST
+
+    @property
+    def is_under_way(self) -> bool:
+        """Whether it was sent and has not ended."""
+        return self.command.code != Control.NONE and self.result is Result.NONE
+
+    @property
+    def shown_result(self) -> Result:
+        """Return the result until it is acknowledged."""
+        return Result.NONE if self.is_acknowledged else self.result
+
+    def told_to(self, link: "Link") -> Result:
+        """Return the result until it is acknowledged, and remember when its own link was told."""
+        self.is_read |= link is self.link and self.result is not Result.NONE
+        return self.shown_result
+
+    def decide(self, result: Result = Result.NONE, refusal: Refusal = Refusal.NONE) -> None:
+        """Take note of the decision on the order."""
+        self.is_decided, self.result, self.refusal = True, result, refusal
 
 
 @dataclass(slots=True, eq=False)

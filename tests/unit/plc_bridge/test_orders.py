@@ -1,5 +1,6 @@
+from plc_bridge.links import Order
 from plc_bridge.messages import Command, Control
-from plc_bridge.orders import Order, Orders
+from plc_bridge.orders import Orders
 
 RUN, HOLD = Order(Command(1, 100)), Order(Command(2, Control.HOLD))
 
