@@ -1,9 +1,9 @@
 """Admission of connections to a server: who has a place, and who leaves when there is none; pure.
 
 A place is needed from the moment a connection is accepted, so that TLS handshakes are in the same account. A connection
-that has never sent a request leaves before all others, and a host that has all its places makes room among its own. A
-connection that holds the lease or has a run under way never leaves; where only such are left the newcomer is turned
-away.
+that has never sent a request leaves before all others, one whose stop coil is 1 after all others, and a host that has
+all its places makes room among its own. A connection that holds the lease or has a run under way never leaves; where
+only such are left the newcomer is turned away.
 """
 
 from collections import Counter
@@ -20,6 +20,10 @@ class Guest(Protocol):
     """Time at which the connection was accepted, s."""
     heard: float | None
     """Time of its last request, s; None before the first."""
+
+    @property
+    def holds_stop(self) -> bool:
+        """Whether its stop coil is 1, which would fall with it."""
 
 
 T = TypeVar("T", bound=Guest)
@@ -54,6 +58,6 @@ def who_leaves(guests: Collection[T], kept: Collection[T], address: str, places:
         raise NoPlaceError
     silent = [guest for guest in asked if guest.heard is None]
     if not silent:
-        return min(asked, key=lambda guest: guest.heard or 0.0)
+        return min(asked, key=lambda guest: (guest.holds_stop, guest.heard or 0.0))
     crowd = Counter(guest.address for guest in silent)
     return min(silent, key=lambda guest: (-crowd[guest.address], guest.arrived))

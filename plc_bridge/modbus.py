@@ -14,6 +14,7 @@ from plc_bridge.config import ModbusConfig
 from plc_bridge.images import Diagnostics
 from plc_bridge.modbus_connection import Connection
 from plc_bridge.peer_log import PeerLog
+from plc_bridge.registers import COILS
 from plc_bridge.station import LinkStation, LinkWords, Mailbox
 
 logger = logging.getLogger(__name__)
@@ -168,11 +169,14 @@ class ModbusServer:
             return
         del self._connections[connection.source]
         self.counts.connections = len(self._connections)
-        connection.station.link.users -= 1
-        if connection.station.link.source == connection.source:
+        link = connection.station.link
+        link.users -= 1
+        if link.source == connection.source:
             self.mailbox.closed(connection.source)
-        else:
-            self._shared_of(connection.host)
+            return
+        if link.users == 0:
+            self._set_stop(link, False)
+        self._shared_of(connection.host)
 
     def share(self, connection: Connection) -> None:
         """Move `connection` to the link that all connections of its host have together."""
@@ -183,11 +187,17 @@ class ModbusServer:
         self.mailbox.closed(link.source)
         shared = self._shared_of(host)
         if shared is None:
-            shared = self._shared[host] = LinkWords(host, users=0)
+            shared = self._shared[host] = LinkWords(host, list(link.words), users=0, is_numbered=link.is_numbered)
             self.mailbox.opened(host, host)
-        shared.words[:], shared.users = link.words, shared.users + 1
-        shared.is_numbered |= link.is_numbered
+        shared.users += 1
         connection.station.link = shared
+        if link.holds_stop:
+            self._set_stop(shared, True)
+
+    def _set_stop(self, link: LinkWords, value: bool) -> None:
+        """Set the stop coil of a link as if it were written: a stop goes with its connections, and falls with them."""
+        link.coils[COILS["stop"]] = value
+        self.mailbox.switched(link.source, {"stop": value})
 
     def _shared_of(self, host: str) -> LinkWords | None:
         """Return the shared link of `host`; it ends with its lease, once no connection is left."""

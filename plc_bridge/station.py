@@ -73,6 +73,11 @@ class LinkWords:
     is_numbered: bool = False
     """Whether its sequence register has been written."""
 
+    @property
+    def holds_stop(self) -> bool:
+        """Whether its stop coil is 1."""
+        return self.coils[COILS["stop"]]
+
 
 class LinkStation:
     """One client's view of the map, a `pdu.Station`.
@@ -130,12 +135,11 @@ class LinkStation:
         if not Lease.NONE <= wish <= Lease.RELEASE:
             self._say_once(f"{_LEASE.name} = {wish}: {Lease.NONE} to {Lease.RELEASE} allowed")
             raise ValueError(wish)
+        if wish == Lease.TAKE_FOR_HOST and self._share is not None:
+            self._share()  # first: the words go into the block that all connections of the host have together
         self.link.words[address : address + len(words)] = words
         self.link.is_numbered |= address <= _SEQUENCE < address + len(words)
-        image = command_image(self.link.words)
-        if image.lease == Lease.TAKE_FOR_HOST and self._share is not None:
-            self._share()
-        self._mailbox.wrote(self.link.source, image, self.link.is_numbered)
+        self._mailbox.wrote(self.link.source, command_image(self.link.words), self.link.is_numbered)
 
     def write_bits(self, address: int, bits: Sequence[bool]) -> None:
         """Write coils."""

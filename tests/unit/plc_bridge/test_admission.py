@@ -11,6 +11,7 @@ class Caller:
     address: str = "a"
     arrived: float = 0.0
     heard: float | None = None
+    holds_stop: bool = False
 
 
 def leaves(guests, address="z", places=2, places_of_host=2, kept=()):
@@ -28,6 +29,12 @@ def test_who_never_spoke_leaves_before_who_was_idle_longest():
 
 def test_of_those_who_spoke_the_one_idle_longest_leaves():
     assert leaves([Caller("idle", heard=1.0), Caller("active", "b", heard=2.0)]) == "idle"
+
+
+def test_who_holds_a_stop_leaves_after_all_others_that_spoke():
+    guests = [Caller("stop", heard=1.0, holds_stop=True), Caller("active", "b", heard=2.0)]
+    assert leaves(guests) == "active"
+    assert leaves([guests[0]], places=1) == "stop"
 
 
 def test_of_the_silent_the_oldest_of_the_largest_crowd_leaves():
