@@ -5,16 +5,23 @@ import shutil
 import socket
 import ssl
 import subprocess
+import time
 import tomllib
 
 import pytest
+from pymodbus.client import ModbusTcpClient
 
+from cell.line import PARAMETERS, PROGRAMS, WORDS
 from plc_bridge.bridge import Bridge
 from plc_bridge.config import ModbusConfig, PlcConfig
 from plc_bridge.images import COMMAND, REPORT
 from plc_bridge.messages import REMEDIES, Refusal
+from plc_bridge.plc_names import plc_names
+from plc_bridge.registers import table
+from plc_bridge.structured_text import as_structured_text
 from tests.hostile import PATIENCE, exchange
 from tests.pages import ROOT, blocks
+from tests.structured_text import Instance, Time, units_of
 
 PAGE = ROOT / "docs" / "plc.md"
 TEXT = PAGE.read_text(encoding="utf-8")
@@ -23,6 +30,20 @@ TEXT = PAGE.read_text(encoding="utf-8")
 def piece(kind, word):
     (found,) = [b.text for b in blocks() if b.page == PAGE and b.info == kind and word in b.text]
     return found
+
+
+def test_the_first_program_of_the_guide_inserts_a_peg(served):
+    exported = as_structured_text(table(PROGRAMS, PARAMETERS, WORDS), plc_names(PROGRAMS, WORDS))
+    units = units_of(exported + piece("st", "PROGRAM FirstPeg"))
+    plc = Instance(units["FirstPeg"], units, Time(0.001))
+    host, port = served.bridge.address
+    deadline = time.monotonic() + PATIENCE
+    with ModbusTcpClient(host, port=port) as client:
+        while not plc.HasEnded and time.monotonic() < deadline:
+            plc()
+            client.write_registers(COMMAND.start, plc.Command)
+            plc.v["Report"] = client.read_input_registers(REPORT.start, count=REPORT.words).registers
+    assert (plc.HasEnded, plc.Good, plc.Why, len(served.program.runs)) == (True, True, 0, 1)
 
 
 @pytest.mark.skipif(not shutil.which("openssl"), reason="openssl is not installed; .ci/run installs it")

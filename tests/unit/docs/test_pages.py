@@ -50,7 +50,7 @@ def test_every_file_and_command_that_is_named_exists(page):
 @pytest.mark.parametrize("block", blocks(), ids=str)
 def test_every_fenced_block_says_what_it_is(block: Block):
     kind, _, note = block.info.partition(" ")
-    assert kind in ("console", "toml", "python", "text"), f"{block}: console, toml, python or text allowed"
+    assert kind in ("console", "toml", "python", "st", "text"), f"{block}: console, toml, python, st or text allowed"
     if kind == "console":
         assert note == "" or note in REASONS, f"{block}: nothing, so that it is run, or one of {', '.join(REASONS)}"
     if kind == "python":
