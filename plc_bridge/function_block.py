@@ -39,6 +39,14 @@ _DECODED = {
     "transition": "LastTransition",
     "part": "Part",
 }
+_TOLD = {
+    "version": "ReportVersion",
+    "sequence": "ReportSequence",
+    "answered": "ReportAnswered",
+    "result": "ReportResult",
+    "refusal": "ReportRefusal",
+}
+"""Registers of the report that the block works with and does not show, and the variables that they are decoded into."""
 _BOOLS = ("IsSilent", "IsReady", "IsWhole", "IsStopping", "IsHolding", "HoldSent", "WasExecute", "WasStop")
 _COUNTERS = ("Life", "Sequence", "RunNumber", "StopNumber", "HoldNumber", "SentCode", "Acknowledge", "SeenLife")
 
@@ -101,7 +109,7 @@ def function_block(registers: Sequence[Register], names: Mapping[str, int]) -> F
         inputs=_inputs(command),
         outputs=_outputs(report),
         locals=(
-            *(Variable(name, "UINT") for name in _COUNTERS),
+            *(Variable(name, "UINT") for name in (*_COUNTERS, *_TOLD.values())),
             *(Variable(name, "BOOL") for name in _BOOLS),
             Variable("Silence", "TON"),
             Variable("Index", "INT"),
@@ -147,7 +155,8 @@ def _outputs(report: Mapping[str, Register]) -> tuple[Variable, ...]:
 def _body(command: Mapping[str, Register], report: Mapping[str, Register]) -> str:
     indices = {f"c_{name}": entry.address - command["life"].address for name, entry in command.items()}
     indices.update({f"r_{name}": entry.address - report["life"].address for name, entry in report.items()})
-    decoding = [f"    {shown} := WORD_TO_UINT(Report[{indices[f'r_{name}']}]);" for name, shown in _DECODED.items()]
+    decoded = {**_TOLD, **_DECODED}
+    decoding = [f"    {shown} := WORD_TO_UINT(Report[{indices[f'r_{name}']}]);" for name, shown in decoded.items()]
     decoding.append(f"    Run := {_wide(indices['r_run'])};")
     decoding.append(f"    TotalTime := T#1ms * UDINT_TO_DINT({_wide(indices['r_total_time'])});")
     decoding.append(f"    FOR Index := 1 TO {STAGES} DO")

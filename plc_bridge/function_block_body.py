@@ -13,15 +13,18 @@ IF NOT Execute AND NOT Busy THEN
     ErrorID := 0;
 END_IF;
 
-(* is there a cell, and is the report whole? *)
+(* is there a cell, and is the report whole? a torn one is not believed *)
 IsWhole := Report[{r_life}] = Report[{r_life_tail}] AND Report[{r_version}] <> 0;
 Silence(IN := WORD_TO_UINT(Report[{r_life}]) = SeenLife, PT := SilentTime);
 SeenLife := WORD_TO_UINT(Report[{r_life}]);
 IsSilent := Silence.Q;
+IF IsWhole THEN
+{decoding}
+END_IF;
 
 (* the cell has seen this block's number; go on from what it says the last command was *)
-IF IsWhole AND NOT IsReady AND WORD_TO_UINT(Report[{r_answered}]) = Sequence THEN
-    Sequence := WORD_TO_UINT(Report[{r_sequence}]);
+IF IsWhole AND NOT IsReady AND ReportAnswered = Sequence THEN
+    Sequence := ReportSequence;
     IsReady := TRUE;
 END_IF;
 
@@ -36,15 +39,11 @@ IF Execute AND NOT WasExecute AND NOT Busy THEN
     ELSIF IsStopping THEN
         Error := TRUE;
         ErrorID := {stop_pending};
-    ELSIF WORD_TO_UINT(Report[{r_version}]) / 256 <> {major} THEN
+    ELSIF ReportVersion / 256 <> {major} THEN
         Error := TRUE;
         ErrorID := {wrong_version};
     ELSE
-        IF Sequence = 65535 THEN
-            Sequence := 0;
-        ELSE
-            Sequence := Sequence + 1;
-        END_IF;
+        Sequence := Sequence MOD 65535 + 1;
         RunNumber := Sequence;
         SentCode := Code;
         Busy := TRUE;
@@ -59,28 +58,28 @@ IF Execute AND NOT WasExecute AND NOT Busy THEN
         END_FOR;
     END_IF;
 ELSIF Busy AND IsWhole THEN
-    IF WORD_TO_UINT(Report[{r_sequence}]) = RunNumber AND WORD_TO_UINT(Report[{r_result}]) <> {none} THEN
+    IF ReportSequence = RunNumber AND ReportResult <> {none} THEN
         Busy := FALSE;
         Acknowledge := RunNumber;
-        IF WORD_TO_UINT(Report[{r_result}]) = {success} THEN
+        IF ReportResult = {success} THEN
             Done := TRUE;
-        ELSIF WORD_TO_UINT(Report[{r_result}]) = {aborted} THEN
+        ELSIF ReportResult = {aborted} THEN
             CommandAborted := TRUE;
-        ELSIF WORD_TO_UINT(Report[{r_result}]) = {failure_result} THEN
+        ELSIF ReportResult = {failure_result} THEN
             Error := TRUE;
-            ErrorID := {failure} + WORD_TO_UINT(Report[{r_reason}]);
-        ELSIF WORD_TO_UINT(Report[{r_result}]) = {fault} THEN
+            ErrorID := {failure} + Reason;
+        ELSIF ReportResult = {fault} THEN
             Error := TRUE;
-            ErrorID := WORD_TO_UINT(Report[{r_fault}]);
+            ErrorID := Fault;
         ELSE
             Error := TRUE;
-            ErrorID := WORD_TO_UINT(Report[{r_refusal}]);
+            ErrorID := ReportRefusal;
         END_IF;
-    ELSIF WORD_TO_UINT(Report[{r_answered}]) = RunNumber AND WORD_TO_UINT(Report[{r_refusal}]) <> 0 THEN
+    ELSIF ReportAnswered = RunNumber AND ReportRefusal <> 0 THEN
         Busy := FALSE;
         Error := TRUE;
-        ErrorID := WORD_TO_UINT(Report[{r_refusal}]);
-    ELSIF IsStopping AND WORD_TO_UINT(Report[{r_sequence}]) = StopNumber THEN
+        ErrorID := ReportRefusal;
+    ELSIF IsStopping AND ReportSequence = StopNumber THEN
         (* the stop overtook the command, which the cell has never seen *)
         Busy := FALSE;
         CommandAborted := TRUE;
@@ -96,17 +95,13 @@ END_IF;
 IF NOT Busy THEN
     IsHolding := FALSE;
     HoldSent := FALSE;
-ELSIF IsHolding AND IsWhole AND WORD_TO_UINT(Report[{r_answered}]) = HoldNumber THEN
+ELSIF IsHolding AND IsWhole AND ReportAnswered = HoldNumber THEN
     SentCode := 0;
     IsHolding := FALSE;
 END_IF;
-IF Busy AND IsWhole AND NOT IsHolding AND NOT IsStopping AND Hold <> HoldSent AND WORD_TO_UINT(Report[{r_sequence}]) = RunNumber THEN
-    IF (Hold AND WORD_TO_UINT(Report[{r_state}]) = {execute_state}) OR (HoldSent AND WORD_TO_UINT(Report[{r_state}]) = {held_state}) THEN
-        IF Sequence = 65535 THEN
-            Sequence := 0;
-        ELSE
-            Sequence := Sequence + 1;
-        END_IF;
+IF Busy AND IsWhole AND NOT IsHolding AND NOT IsStopping AND Hold <> HoldSent AND ReportSequence = RunNumber THEN
+    IF (Hold AND State = {execute_state}) OR (HoldSent AND State = {held_state}) THEN
+        Sequence := Sequence MOD 65535 + 1;
         HoldNumber := Sequence;
         HoldSent := Hold;
         IsHolding := TRUE;
@@ -119,16 +114,12 @@ IF Busy AND IsWhole AND NOT IsHolding AND NOT IsStopping AND Hold <> HoldSent AN
 END_IF;
 
 (* a stop stays in the block until it is answered, and no longer: a new connection must not stop again *)
-IF IsStopping AND IsWhole AND WORD_TO_UINT(Report[{r_answered}]) = StopNumber THEN
+IF IsStopping AND IsWhole AND ReportAnswered = StopNumber THEN
     SentCode := 0;
     IsStopping := FALSE;
 END_IF;
 IF Stop AND NOT WasStop THEN
-    IF Sequence = 65535 THEN
-        Sequence := 0;
-    ELSE
-        Sequence := Sequence + 1;
-    END_IF;
+    Sequence := Sequence MOD 65535 + 1;
     StopNumber := Sequence;
     SentCode := {stop};
     IsStopping := TRUE;
@@ -148,8 +139,4 @@ Command[{c_acknowledge}] := UINT_TO_WORD(Acknowledge);
 Command[{c_lease}] := UINT_TO_WORD(Lease);
 Command[{c_version}] := 16#{version:04X};
 Command[{c_life_tail}] := UINT_TO_WORD(Life);
-
-IF IsWhole THEN
-{decoding}
-END_IF;
 """

@@ -324,11 +324,11 @@ def test_plc_that_restarts_behind_a_line_that_stayed_goes_on_counting(plc):
     assert plc.end(Result.SUCCESS).sequence == 21
 
 
-def test_sequence_wraps(kind):
+def test_sequence_wraps_past_0(kind):
     plc = kind()
     plc.v["Sequence"] = 65535
     plc.cycle(2, Code=INSERT).cycle(2, Execute=True)
-    assert plc.end(Result.SUCCESS).sequence == 0
+    assert plc.end(Result.SUCCESS).sequence == 1
     assert plc.cycle(2).shown == ["Done"]
 
 
