@@ -5,15 +5,17 @@
  *
  * Addresses and numbers are those of `cell map --format h`. */
 
+#define _POSIX_C_SOURCE 200809L
 #include <errno.h>
 #include <modbus.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 
 #include "cell_map.h"
 
-enum { MOST_CYCLES = 100000 };
+enum { MOST_CYCLES = 1000000, PAUSE = 1000000 }; /* ns */
 
 static modbus_t *line;
 static uint16_t command[CELL_COMMAND_SIZE], report[CELL_REPORT_SIZE];
@@ -24,11 +26,14 @@ static void fail(const char *what) {
 }
 
 static void cycle(void) {
+    const struct timespec pause = {0, PAUSE};
+
     command[CELL_COMMAND_LIFE] = command[CELL_COMMAND_LIFE_TAIL] = command[CELL_COMMAND_LIFE] % 0xFFFF + 1;
     if (modbus_write_registers(line, 0, CELL_COMMAND_SIZE, command) != CELL_COMMAND_SIZE) fail("FC16");
     do {
         if (modbus_read_input_registers(line, 0, CELL_REPORT_SIZE, report) != CELL_REPORT_SIZE) fail("FC4");
     } while (report[CELL_REPORT_LIFE] != report[CELL_REPORT_LIFE_TAIL]);
+    nanosleep(&pause, NULL);
 }
 
 static int run(void) {

@@ -1,57 +1,28 @@
-"""PLC-side programs that are not ours run fifty commands each, over real sockets; a quick program stands in for physics."""
+"""PLC-side programs that are not ours run a hundred commands each, over real sockets; a quick program stands in for physics.
+
+They know of the cell what `cell map` prints; `python -m tests.foreign` lets them insert real pegs.
+"""
 
 import os
-import shutil
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from cell.line import PARAMETERS, PROGRAMS, WORDS
-from plc_bridge.c_header import as_c_header
-from plc_bridge.config import ModbusConfig, PlcConfig, RtuConfig, TlsConfig
-from plc_bridge.plc_names import plc_names
-from plc_bridge.registers import table
+from plc_bridge.config import CanConfig, ModbusConfig, PlcConfig, RtuConfig, TlsConfig
 from tests.cable import Cable
+from tests.can_hubs import SocketcandHub
 from tests.certificates import Authority, utf8
+from tests.foreign import by_canopen, call, go_client, has_go, has_libmodbus, libmodbus_client
 from tests.quick_cell import quick_cell
 
 CLIENTS = Path(__file__).parents[1] / "clients"
 AWLSIM = Path(__file__).parents[2] / "build" / "awlsim"
 """Where `.ci/run` puts it."""
-COUNT = 50
+COUNT = 100
+FEWER = 50
+"""Number of commands on other lines, and of the program in AWL."""
 PATIENT = {"life_timeout": 60.0, "lease_timeout": 60.0, "modbus": ModbusConfig(port=0)}
-ALL_DONE = f"triggered {COUNT} done {COUNT}"
-
-
-def call(*command, folder=None, **environment):
-    """Return what a program printed, and fail with that where it failed."""
-    done = subprocess.run(
-        [str(word) for word in command],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        timeout=60,
-        check=False,
-        cwd=folder,
-        env={**os.environ, **environment},
-    )
-    assert done.returncode == 0, done.stdout
-    return done.stdout.strip()
-
-
-def has_library(name):
-    tools = shutil.which("cc") and shutil.which("pkg-config")
-    return bool(tools) and subprocess.run(["pkg-config", "--exists", name], check=False).returncode == 0
-
-
-def has_modules(folder):
-    """Tell whether Go and what the module there needs is on this computer."""
-    offline = {**os.environ, "GOPROXY": "off"}
-    return bool(shutil.which("go")) and not subprocess.call(
-        ["go", "mod", "download"], cwd=folder, env=offline, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-    )
 
 
 @pytest.fixture
@@ -61,60 +32,40 @@ def served(loaded, tmp_path):
 
 
 @pytest.fixture(scope="module")
-def libmodbus_client(tmp_path_factory):
-    if not has_library("libmodbus"):
+def libmodbus(tmp_path_factory):
+    if not has_libmodbus():
         pytest.skip("libmodbus or a C compiler is not installed (Debian: gcc pkg-config libmodbus-dev)")
-    program = tmp_path_factory.mktemp("libmodbus") / "client"
-    header = as_c_header(table(PROGRAMS, PARAMETERS, WORDS), plc_names(PROGRAMS, WORDS))
-    (program.parent / "cell_map.h").write_text(header, encoding="utf-8")
-    flags = call("pkg-config", "--cflags", "--libs", "libmodbus").split()
-    call(
-        "cc",
-        "-std=c11",
-        "-Wall",
-        "-Wextra",
-        "-Werror",
-        "-I",
-        program.parent,
-        "-o",
-        program,
-        CLIENTS / "libmodbus_client.c",
-        *flags,
-    )
-    return program
+    return libmodbus_client(tmp_path_factory.mktemp("libmodbus"))
 
 
 @pytest.fixture(scope="module")
-def go_client(tmp_path_factory):
-    folder = CLIENTS / "go"
-    if not has_modules(folder):
+def go(tmp_path_factory):
+    if not has_go():
         pytest.skip("Go is not installed, or `go mod download` was not run in tests/clients/go")
-    program = tmp_path_factory.mktemp("go") / "client"
-    call("go", "build", "-o", program, ".", folder=folder)
-    return program
+    return go_client(tmp_path_factory.mktemp("go"))
 
 
-def is_all_done(served, said):
-    return (said, len(served.program.runs)) == (ALL_DONE, COUNT)
+def is_all_done(served, said, count=COUNT):
+    return (said, len(served.program.runs)) == (f"triggered {count} done {count}", count)
 
 
-def test_libmodbus_over_tcp(served, libmodbus_client):
-    assert is_all_done(served, call(libmodbus_client, "tcp", *served.bridge.address, COUNT))
+def test_libmodbus_over_tcp(served, libmodbus):
+    assert is_all_done(served, call(libmodbus, "tcp", *served.bridge.address, COUNT))
 
 
-def test_libmodbus_over_a_serial_line(loaded, tmp_path, libmodbus_client):
+def test_libmodbus_over_a_serial_line(loaded, tmp_path, libmodbus):
     with Cable() as cable:
         rtu = RtuConfig(port=cable.ends[0], unit=17, baud_rate=115200, parity="none")
         with quick_cell(loaded, PlcConfig(**PATIENT, rtu=rtu), tmp_path) as served:
-            assert is_all_done(served, call(libmodbus_client, "rtu", cable.ends[1], rtu.unit, COUNT))
+            assert is_all_done(served, call(libmodbus, "rtu", cable.ends[1], rtu.unit, FEWER), FEWER)
 
 
-def test_go_over_tcp(served, go_client):
+def test_go_over_tcp(served, go):
     host, port = served.bridge.address
-    assert is_all_done(served, call(go_client, f"tcp://{host}:{port}", COUNT))
+    assert is_all_done(served, call(go, f"tcp://{host}:{port}", COUNT, go.parent / "cell_map.h"))
 
 
-def test_go_over_tls(loaded, tmp_path, go_client):
+def test_go_over_tls(loaded, tmp_path, go):
     authority = Authority(tmp_path / "certificates")
     certificate, key = authority.sign("cell")
     files = {"certificate": certificate, "key": key, "authority": authority.certificate}
@@ -122,9 +73,20 @@ def test_go_over_tls(loaded, tmp_path, go_client):
     with quick_cell(loaded, PlcConfig(**PATIENT, tls=tls), tmp_path / "journal") as served:
         host, port = served.bridge.secure_address
         client = authority.sign("plc", utf8("Operator"))
-        said = call(go_client, f"tcp+tls://{host}:{port}", COUNT, *client, authority.certificate)
-        assert is_all_done(served, said)
-        assert served.record(COUNT).source.startswith("Operator@127.0.0.1:")
+        said = call(go, f"tcp+tls://{host}:{port}", FEWER, go.parent / "cell_map.h", *client, authority.certificate)
+        assert is_all_done(served, said, FEWER)
+        assert served.record(FEWER).source.startswith("Operator@127.0.0.1:")
+
+
+def test_canopen_by_its_eds(loaded, tmp_path):
+    hub = SocketcandHub()
+    try:
+        can = CanConfig(interface="socketcand", channel=f"127.0.0.1:{hub.port}/can0", plc_timeout=0.0)
+        with quick_cell(loaded, PlcConfig(**PATIENT, can=can), tmp_path) as served:
+            said = by_canopen(tmp_path, served.bridge.address, ("127.0.0.1", hub.port), COUNT)
+            assert is_all_done(served, said)
+    finally:
+        hub.close()
 
 
 @pytest.mark.skipif(not AWLSIM.is_dir(), reason="awlsim is not in build/awlsim; .ci/run puts it there")
@@ -136,4 +98,4 @@ def test_soft_plc_over_tcp(served):
         *("-D", "-L", "1", "-m", "en", "-H", f"cell:host={host}:tcpPort={port}", CLIENTS / "fifty.awl"),
         PYTHONPATH=os.pathsep.join(map(str, (AWLSIM, CLIENTS))),
     )
-    assert is_all_done(served, said)
+    assert is_all_done(served, said, FEWER)

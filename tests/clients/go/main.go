@@ -1,8 +1,9 @@
 // A PLC on simonvetter's Modbus client: runs insert_peg COUNT times and counts the answers.
 //
-//	client URL COUNT [CERTIFICATE KEY AUTHORITY]
+//	client URL COUNT HEADER [CERTIFICATE KEY AUTHORITY]
 //
-// URL is tcp://HOST:PORT, tcp+tls://HOST:PORT or rtu://PORT. Addresses are those of `cell map`.
+// URL is tcp://HOST:PORT, tcp+tls://HOST:PORT or rtu://PORT. HEADER is what `cell map --format h` prints: every address
+// and every number comes from there.
 package main
 
 import (
@@ -10,6 +11,7 @@ import (
 	"errors"
 	"fmt"
 	"os"
+	"regexp"
 	"strconv"
 	"time"
 
@@ -17,17 +19,34 @@ import (
 )
 
 const (
-	life, sequence, code, acknowledge, version, lifeTail, commandWords = 0, 1, 2, 4, 6, 40, 41
-
-	rLife, rVersion, rSequence, rAnswered, rRefusal, rResult, rLifeTail, reportWords = 0, 1, 2, 3, 4, 5, 72, 73
-
-	insertPeg, success, mostCycles = 100, 1, 100000
+	mostCycles = 1000000
+	cycleTime  = time.Millisecond
 )
 
 type plc struct {
-	line    *modbus.ModbusClient
-	command [commandWords]uint16
-	report  []uint16
+	line            *modbus.ModbusClient
+	names           map[string]uint16
+	command, report []uint16
+}
+
+func imported(header string) map[string]uint16 {
+	text, err := os.ReadFile(header)
+	must("HEADER", err)
+	names := map[string]uint16{}
+	for _, found := range regexp.MustCompile(`(?m)^#define CELL_(\w+) (\d+)`).FindAllStringSubmatch(string(text), -1) {
+		number, err := strconv.ParseUint(found[2], 10, 16)
+		must(found[1], err)
+		names[found[1]] = uint16(number)
+	}
+	return names
+}
+
+func (p *plc) told(name string) uint16 {
+	return p.report[p.names["REPORT_"+name]]
+}
+
+func (p *plc) put(name string, value uint16) {
+	p.command[p.names["COMMAND_"+name]] = value
 }
 
 func must(what string, err error) {
@@ -39,48 +58,51 @@ func must(what string, err error) {
 
 func (p *plc) read() {
 	for {
-		report, err := p.line.ReadRegisters(0, reportWords, modbus.INPUT_REGISTER)
+		report, err := p.line.ReadRegisters(p.names["REPORT_LIFE"], p.names["REPORT_SIZE"], modbus.INPUT_REGISTER)
 		must("FC4", err)
-		if report[rLife] == report[rLifeTail] {
-			p.report = report
+		p.report = report
+		if p.told("LIFE") == p.told("LIFE_TAIL") {
 			return
 		}
 	}
 }
 
 func (p *plc) cycle() {
-	p.command[life] = p.command[life]%0xFFFF + 1
-	p.command[lifeTail] = p.command[life]
-	must("FC16", p.line.WriteRegisters(0, p.command[:]))
+	life := p.command[p.names["COMMAND_LIFE"]]%0xFFFF + 1
+	p.put("LIFE", life)
+	p.put("LIFE_TAIL", life)
+	must("FC16", p.line.WriteRegisters(p.names["COMMAND_LIFE"], p.command))
 	p.read()
+	time.Sleep(cycleTime)
 }
 
 func (p *plc) run() bool {
-	p.command[sequence]++
-	p.command[code] = insertPeg
+	sequence := p.command[p.names["COMMAND_SEQUENCE"]] + 1
+	p.put("SEQUENCE", sequence)
+	p.put("CODE", p.names["CODE_INSERT_PEG"])
 	isEnded := func() bool {
-		return p.report[rSequence] == p.command[sequence] && p.report[rResult] != 0 ||
-			p.report[rAnswered] == p.command[sequence] && p.report[rRefusal] != 0
+		return p.told("SEQUENCE") == sequence && p.told("RESULT") != 0 ||
+			p.told("ANSWERED") == sequence && p.told("REFUSAL") != 0
 	}
 	p.cycle()
 	for n := 0; n < mostCycles && !isEnded(); n++ {
 		p.cycle()
 	}
-	isDone := p.report[rSequence] == p.command[sequence] && p.report[rResult] == success
-	p.command[acknowledge] = p.command[sequence]
-	for n := 0; n < mostCycles && p.report[rResult] != 0; n++ {
+	isDone := p.told("SEQUENCE") == sequence && p.told("RESULT") == p.names["RESULT_SUCCESS"]
+	p.put("ACKNOWLEDGE", sequence)
+	for n := 0; n < mostCycles && p.told("RESULT") != 0; n++ {
 		p.cycle()
 	}
-	return isDone && p.report[rResult] == 0
+	return isDone && p.told("RESULT") == 0
 }
 
 func main() {
 	settings := &modbus.ClientConfiguration{URL: os.Args[1], Speed: 115200, Timeout: 10 * time.Second}
-	if len(os.Args) == 6 {
-		pair, err := tls.LoadX509KeyPair(os.Args[3], os.Args[4])
+	if len(os.Args) == 7 {
+		pair, err := tls.LoadX509KeyPair(os.Args[4], os.Args[5])
 		must("certificate", err)
 		settings.TLSClientCert = &pair
-		settings.TLSRootCAs, err = modbus.LoadCertPool(os.Args[5])
+		settings.TLSRootCAs, err = modbus.LoadCertPool(os.Args[6])
 		must("authority", err)
 	}
 	client, err := modbus.NewClient(settings)
@@ -91,9 +113,12 @@ func main() {
 	count, err := strconv.Atoi(os.Args[2])
 	must("COUNT", err)
 
-	p := &plc{line: client}
+	names := imported(os.Args[3])
+	size := names["COMMAND_SIZE"]
+	p := &plc{line: client, names: names, command: make([]uint16, size)}
 	p.read()
-	p.command[sequence], p.command[version] = p.report[rSequence], p.report[rVersion]
+	p.put("SEQUENCE", p.told("SEQUENCE"))
+	p.put("VERSION", p.told("VERSION"))
 	p.cycle()
 	done := 0
 	for n := 0; n < count; n++ {
@@ -101,12 +126,12 @@ func main() {
 			done++
 		}
 	}
-	_, err = client.ReadRegister(commandWords, modbus.HOLDING_REGISTER)
+	_, err = client.ReadRegister(size, modbus.HOLDING_REGISTER)
 	if !errors.Is(err, modbus.ErrIllegalDataAddress) {
 		fmt.Printf("FC3 beyond the block: %v\n", err)
 		os.Exit(1)
 	}
-	if client.WriteRegister(commandWords, 1) != modbus.ErrIllegalDataAddress {
+	if client.WriteRegister(size, 1) != modbus.ErrIllegalDataAddress {
 		fmt.Println("FC6 beyond the block is taken")
 		os.Exit(1)
 	}

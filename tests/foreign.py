@@ -1,0 +1,210 @@
+"""PLC-side programs that are not ours, built from what `cell map` prints and from nothing else of the cell.
+
+    python -m tests.foreign [--pegs 100] [--client NAME]... [--set KEY=VALUE]...
+
+serves the simulated cell of docs/examples/line for each of them in turn, lets it insert so many pegs, and compares what it
+was told with the records. It ends with status 0 where every peg was inserted and said to be.
+"""
+
+import argparse
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from cell.journal import Journal
+from skills.contract import Outcome
+from tests.can_hubs import SocketcandHub
+
+ROOT = Path(__file__).parents[1]
+CLIENTS, EXAMPLE = ROOT / "tests" / "clients", ROOT / "docs" / "examples" / "line"
+MATIEC = ROOT / "build" / "matiec"
+"""Where `.ci/run` builds it."""
+SETTINGS = ('sim.pace="max"', "reality.scale=0", "plc.life_timeout=20", "plc.lease_timeout=20", "plc.modbus.port=0")
+"""Settings for a cell that is judged by what its PLC is told: the ideal one, as fast as it goes, patient on a busy computer."""
+LONGEST = 60.0
+"""Longest time for one peg, s."""
+NODE = 16
+"""Node-ID of a cell whose config says nothing else."""
+INSERT_PEG = re.compile(r"^#define CELL_CODE_INSERT_PEG (\d+)$", re.MULTILINE)
+
+
+def call(*command: object, folder: Path | None = None, longest: float = 240.0, **environment: str) -> str:
+    """Return what a program printed, and fail with that where it failed."""
+    done = subprocess.run(
+        [str(word) for word in command],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        timeout=longest,
+        check=False,
+        cwd=folder,
+        env={**os.environ, **environment},
+    )
+    assert done.returncode == 0, done.stdout
+    return done.stdout.strip()
+
+
+def exported(kind: str, folder: Path) -> Path:
+    """Return a file with what `cell map` prints in one of its formats."""
+    path = folder / f"cell_map.{kind}"
+    path.write_text(call(sys.executable, "-m", "cell", "map", "--format", kind) + "\n", encoding="utf-8")
+    return path
+
+
+# What there is on this computer.
+
+
+def has_libmodbus() -> bool:
+    """Tell whether libmodbus and a C compiler are installed."""
+    tools = shutil.which("cc") and shutil.which("pkg-config")
+    return bool(tools) and subprocess.run(["pkg-config", "--exists", "libmodbus"], check=False).returncode == 0
+
+
+def has_go() -> bool:
+    """Tell whether Go and what the client there needs is on this computer."""
+    offline = {**os.environ, "GOPROXY": "off"}
+    quiet = subprocess.DEVNULL
+    command = ["go", "mod", "download"]
+    return bool(shutil.which("go")) and not subprocess.call(
+        command, cwd=CLIENTS / "go", env=offline, stdout=quiet, stderr=quiet
+    )
+
+
+def has_matiec() -> bool:
+    """Tell whether MATIEC was built, and what its program links with is installed."""
+    return (MATIEC / "iec2c").is_file() and has_libmodbus()
+
+
+# How each is built.
+
+
+def libmodbus_client(folder: Path) -> Path:
+    """Compile the client in C against the exported header."""
+    exported("h", folder)
+    program = folder / "libmodbus_client"
+    flags = call("pkg-config", "--cflags", "--libs", "libmodbus").split()
+    strict = ("-std=c11", "-Wall", "-Wextra", "-Werror")
+    call("cc", *strict, "-I", folder, "-o", program, CLIENTS / "libmodbus_client.c", *flags)
+    return program
+
+
+def go_client(folder: Path) -> Path:
+    """Compile the client in Go, which reads the exported header when it runs."""
+    exported("h", folder)
+    program = folder / "go_client"
+    call("go", "build", "-o", program, ".", folder=CLIENTS / "go")
+    return program
+
+
+def soft_plc(folder: Path) -> Path:
+    """Compile the line of the example with MATIEC, as its own script says."""
+    cell = folder / "bin" / "cell"
+    cell.parent.mkdir()
+    cell.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m cell "$@"\n', encoding="utf-8")
+    cell.chmod(0o755)
+    path = os.pathsep.join([str(cell.parent), os.environ["PATH"]])
+    call(EXAMPLE / "build.sh", MATIEC, folder, folder=ROOT, PATH=path)
+    return folder / "plc"
+
+
+# How each inserts pegs: the programs print `triggered N done N`, the line `fed N good N bad 0 recovered 0`.
+
+Place = tuple[str, int]
+
+
+def by_libmodbus(folder: Path, place: Place, hub: Place, pegs: int) -> str:
+    """Insert pegs by libmodbus."""
+    return call(libmodbus_client(folder), "tcp", *place, pegs, longest=LONGEST * pegs)
+
+
+def by_go(folder: Path, place: Place, hub: Place, pegs: int) -> str:
+    """Insert pegs by simonvetter's client."""
+    program = go_client(folder)
+    return call(program, f"tcp://{place[0]}:{place[1]}", pegs, folder / "cell_map.h", longest=LONGEST * pegs)
+
+
+def by_canopen(folder: Path, place: Place, hub: Place, pegs: int) -> str:
+    """Insert pegs by canopen."""
+    (code,) = INSERT_PEG.findall(exported("h", folder).read_text(encoding="utf-8"))
+    channel = f"{hub[0]}:{hub[1]}/can0"
+    words = ["socketcand", channel, exported("eds", folder), NODE, code, pegs]
+    return call(sys.executable, CLIENTS / "canopen_client.py", *words, longest=LONGEST * pegs)
+
+
+def by_matiec(folder: Path, place: Place, hub: Place, pegs: int) -> str:
+    """Insert pegs by the compiled line."""
+    return call(soft_plc(folder), *place, pegs, round(LONGEST * pegs), longest=LONGEST * pegs)
+
+
+WAYS: dict[str, tuple[Callable[[], bool], Callable[[Path, Place, Place, int], str]]] = {
+    "matiec": (has_matiec, by_matiec),
+    "libmodbus": (has_libmodbus, by_libmodbus),
+    "go": (has_go, by_go),
+    "canopen": (lambda: True, by_canopen),
+}
+
+
+@contextmanager
+def served(folder: Path, sets: Sequence[str]) -> Iterator[Place]:
+    """Yield where a cell of its own process listens, with its records in `folder`."""
+    command = [sys.executable, "-m", "cell", "serve", "--config", str(EXAMPLE / "cell.toml"), "--journal", str(folder)]
+    command += [word for each in sets for word in ("--set", each)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
+        try:
+            assert process.stdout is not None
+            found = re.match(r"serving on (.*):(\d+)", process.stdout.readline())
+            assert found is not None, "the cell does not start"
+            yield found[1], int(found[2])
+        finally:
+            process.terminate()
+            process.wait()
+
+
+def insert(name: str, pegs: int, sets: Sequence[str]) -> bool:
+    """Let one of them insert pegs, print what came of it, and tell whether all is as it should be."""
+    has, run = WAYS[name]
+    if not has():
+        sys.stdout.write(f"{name}: not on this computer\n")
+        return False
+    hub = SocketcandHub()
+    try:
+        with tempfile.TemporaryDirectory() as name_of_folder:
+            folder = Path(name_of_folder)
+            bus = (
+                'plc.can.interface="socketcand"',
+                f'plc.can.channel="127.0.0.1:{hub.port}/can0"',
+                "plc.can.plc_timeout=20",
+            )
+            with served(folder / "runs", [*SETTINGS, *bus, *sets]) as place:
+                began = time.monotonic()
+                said = run(folder, place, ("127.0.0.1", hub.port), pegs)
+                seconds = time.monotonic() - began
+            with Journal(folder / "runs", is_read_only=True) as journal:
+                ended = [row.outcome for row in journal.runs(2 * pegs)]
+    finally:
+        hub.close()
+    good = ended.count(Outcome.SUCCESS)
+    sys.stdout.write(f"{name}: {said}; on record {len(ended)} runs, {good} successes; {seconds:.0f} s\n")
+    sys.stdout.flush()
+    return good == len(ended) == pegs and re.search(rf"(done|good) {pegs}\b", said) is not None
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description="Pegs by PLC-side programs that are not ours.")
+    parser.add_argument("--pegs", type=int, default=100)
+    parser.add_argument("--client", action="append", choices=list(WAYS), help="only this one; may be repeated")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="of the served cell's config")
+    args = parser.parse_args()
+    results = [insert(name, args.pegs, args.set) for name in args.client or WAYS]
+    return 0 if all(results) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
