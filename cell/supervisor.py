@@ -161,12 +161,15 @@ class Supervisor:
             self._part.see(seen)
             self._show(seen, 0)
         else:
-            # What was lost comes back only while somebody listens to it.
-            for device in (self._cell.gripper, self._cell.skin, self._cell.switch):
-                with suppress(CellError):
-                    device.read()
+            self._listen()
             self._part.look()
         self._take_all()
+
+    def _listen(self) -> None:
+        """Read what nobody looks at now: what was lost comes back, and what is there stays, only while somebody listens."""
+        for device in (self._cell.gripper, self._cell.skin, self._cell.switch):
+            with suppress(CellError):
+                device.read()
 
     def _take_all(self) -> None:
         """Act on every command that waits: a start behind an acknowledgement shall not wait for another scan."""
@@ -374,6 +377,7 @@ class Supervisor:
             self._publish()
             self._brake()
             clock.wait_until(clock.now() + self._context.scan_period)
+            self._listen()
             self._take_all()
 
     def _stand(self) -> None:

@@ -17,6 +17,9 @@ from skills.catalogue import CATALOGUE
 
 CYCLE = 0.02
 """Time between two signs of life while a run goes on, s."""
+RESETS = 5
+"""Number of times that a reset is tried where a fault comes back."""
+_WAITING, _INTERRUPTED = (State.IDLE, State.COMPLETE), (State.STOPPED, State.ABORTED)
 _INSERT, _GRASP = CATALOGUE["insert_peg"].code, CATALOGUE["grasp_from_rack"].code
 
 
@@ -61,17 +64,19 @@ class Plc:
     def finish(self) -> None:
         """Stop a run, acknowledge its end, and make the cell ready."""
         self._client.stop()
-        self.until(lambda report: report.state == State.STOPPED)
-        self.trigger(Control.RESET)
-        self.until(lambda report: report.state == State.IDLE)
+        self.until(lambda report: report.state in _INTERRUPTED)
         self.make_ready()
 
     def make_ready(self) -> None:
         """Bring the cell to IDLE, whatever state it is in, but let a run that is under way end first."""
-        report = self.until(lambda report: report.state in (State.IDLE, State.COMPLETE, State.STOPPED, State.ABORTED))
-        if report.state in (State.STOPPED, State.ABORTED):
+        report = self.until(lambda report: report.state in (*_WAITING, *_INTERRUPTED))
+        for _ in range(RESETS):
+            if report.state in _WAITING:
+                break
             self.trigger(Control.RESET)
-            self.until(lambda report: report.state == State.IDLE)
+            report = self.until(lambda r: r.answered == self._image.sequence and r.state in (*_WAITING, *_INTERRUPTED))
+        else:
+            raise CellError(f"the cell does not become ready: {report}")
         # A run that was stopped may have left its peg in the hand.
         self.trigger(Control.CLEARED)
         self.until(lambda report: report.answered == self._image.sequence)
