@@ -1,0 +1,64 @@
+"""The table of `docs/extend.md` counts rightly: what names a thing that is there already is what another of its kind would touch."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+PAGE = Path("docs/extend.md").read_text(encoding="utf-8")
+ROW = re.compile(r"^\| (?P<what>[^|]+) \| (?P<new>[^|]+) \| (?P<touched>[^|]+) \|$", re.MULTILINE)
+SOURCES = {
+    str(path): path.read_text(encoding="utf-8")
+    for package in ("cell", "drivers", "plc_bridge", "sim", "skills")
+    for path in sorted(Path(package).rglob("*.py"))
+}
+SETTINGS = "pyproject.toml"
+
+
+def _row(what: str) -> tuple[str, set[str]]:
+    """Return the count of existing files that a row states, and the files that it names."""
+    (touched,) = (found["touched"] for found in ROW.finditer(PAGE) if found["what"].strip() == what)
+    return touched.partition(":")[0].strip(), set(re.findall(r"`([\w/]+\.\w+)`", touched.partition(", which")[0]))
+
+
+def _naming(pattern: str, own: str) -> set[str]:
+    """Return the files that name a thing, apart from its own and those of the laboratory's studies."""
+    files = {**SOURCES, SETTINGS: Path(SETTINGS).read_text(encoding="utf-8")}
+    return {
+        name
+        for name, text in files.items()
+        if re.search(pattern, text) and not name.startswith(own) and not re.match(r"cell/lab/\w+/", name)
+    }
+
+
+@pytest.mark.parametrize(
+    ("what", "pattern", "own"),
+    [
+        ("an estimator", r"\bskills\.tactile\.pca\b", "skills/tactile/pca"),
+        ("a command", r"\bcell\.commands\.faults\b", "cell/commands/faults"),
+        ("an arm with another interface", r"\bdrivers\.arm\.franka\b|\bFrankaArmConfig\b", "drivers/arm/"),
+        ("a page that shows live theta", r"\bcell\.page\b", "cell/page/"),
+        (
+            "a peg with another kind of cross-section",
+            r"\bRectangular\b|\"rectangular\": ",
+            "drivers/part/rectangular",
+        ),
+    ],
+)
+def test_what_names_one_that_is_there_is_what_the_page_says_to_touch(what, pattern, own):
+    count, stated = _row(what)
+    assert stated == _naming(pattern, own)
+    assert count == str(len(stated))
+
+
+def test_a_study_touches_the_list_of_studies_and_that_of_packages():
+    count, stated = _row("a study")
+    assert stated == {"cell/lab/commands/study.py", SETTINGS}
+    assert '"wire"' in SOURCES["cell/lab/commands/study.py"]
+    assert '"cell.lab.wire"' in Path(SETTINGS).read_text(encoding="utf-8")
+    assert count == "2"
+
+
+def test_every_slot_for_the_scan_carries_the_pose_that_a_page_shows():
+    assert "seen: Observation" in SOURCES["cell/live.py"]
+    assert "peg: PegPose" in SOURCES["skills/contract.py"]
