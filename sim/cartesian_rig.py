@@ -10,7 +10,7 @@ import numpy as np
 from drivers.compiled import njit
 from drivers.parts import Job
 from drivers.quantities import Vector
-from sim import contact, cylinder, engine, native, rig
+from sim import contact, cylinder, engine, metering, native, rig
 from sim.plate import Plate, geoms, words
 
 STIFFNESS, SIDEWAYS, TURNING = 1000.0, 1500.0, 40.0
@@ -77,9 +77,9 @@ class CartesianRig:
 
     def press(self, down: float, sweep: float, steps: int) -> Pressed:
         """Hold the tip at the height `down`, m, on a circle of the radius `sweep`, m, for so many steps."""
-        meters, path = engine.new_meters(), np.zeros((steps, 4))
+        meters, path = metering.new_meters(), np.zeros((steps, 4))
         _press(self._model._address, self._views, down, sweep, self._model.opt.timestep, meters, path)
-        return Pressed(path, float(meters[engine.SUSTAINED]))
+        return Pressed(path, float(meters[metering.SUSTAINED]))
 
 
 def _model(job: Job, axis: Vector, inertia: Vector, breakaway: float, timestep: float) -> mujoco.MjModel:
@@ -113,7 +113,7 @@ def _press(
 ) -> None:  # pragma: no cover
     """Hold the tip by springs, with the hand's turn held separately, and record the tip's path."""
     state, tip, axes, centre = views.state, views.tip, views.axes, views.centre
-    qpos, qvel, qfrc, window = state.qpos, state.qvel, state.qfrc, engine.window(timestep)
+    qpos, qvel, qfrc, window = state.qpos, state.qvel, state.qfrc, metering.window(timestep)
     F = np.empty(3)
     for step in range(path.shape[0]):
         angle = 2.0 * math.pi * RATE * step * timestep

@@ -18,7 +18,7 @@ from drivers import impedance
 from drivers.arm.model import ArmModel
 from drivers.parts import Job
 from drivers.quantities import ImpedanceSetpoint, InHandTip, Vector
-from sim import engine, native, rig
+from sim import engine, metering, native, rig
 from sim.arm import SimArm
 from sim.cartesian_rig import RATE, SIDEWAYS, STIFFNESS, TURNING, CartesianRig
 from sim.config import ContactConfig, GripConfig, ModelConfig, SimConfig
@@ -106,7 +106,7 @@ def _whole(kind: str, model: ArmModel, job: Job, grip: str) -> HandRow:
         tilt = math.radians(degrees)
         left = _lead(world, arm, tilt)
         before, began = _angle(world), world.now()
-        world.meters[engine.SUSTAINED] = 0.0
+        world.meters[metering.SUSTAINED] = 0.0
         while world.now() - began < SECONDS:
             where = _circle(world.now() - began)
             goal = world.plate.position + np.array([*where, -PUSH / STIFFNESS])
@@ -120,7 +120,7 @@ def _whole(kind: str, model: ArmModel, job: Job, grip: str) -> HandRow:
             end = pose.position - (job.peg.length + job.peg.overhang) / 2 * axis - world.plate.position
             worst = max(worst, _excess(job, end, lean))
         turned = max(turned, abs(_angle(world) - before))
-        penetration = max(penetration, float(world.meters[engine.SUSTAINED]))
+        penetration = max(penetration, float(world.meters[metering.SUSTAINED]))
     return HandRow(kind, len(TILTS) * SECONDS / spent, worst, penetration, left, turned)
 
 

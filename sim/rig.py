@@ -13,7 +13,7 @@ from drivers.compiled import njit
 from drivers.frames import rotation_about
 from drivers.part.contract import Part
 from drivers.quantities import Vector
-from sim import contact, engine, native, shapes
+from sim import contact, engine, metering, native, shapes
 from sim.config import ModelConfig
 from sim.plate import EXACT, Plate, flags, geoms, words
 
@@ -107,12 +107,12 @@ def push(model: mujoco.MjModel, peg: Part, tilt: float, azimuth: float, force: f
     edge = lowest(peg, tilt, azimuth)
     data.qpos[:2] = -0.3 * edge[:2]
     data.qpos[2] = 1e-4 - edge[2]
-    meters, steps = engine.new_meters(), round(seconds / model.opt.timestep)
-    speed = _push(model._address, engine.state_of(data), force, steps, engine.window(model.opt.timestep), meters)
+    meters, steps = metering.new_meters(), round(seconds / model.opt.timestep)
+    speed = _push(model._address, engine.state_of(data), force, steps, metering.window(model.opt.timestep), meters)
     depth = -float(edge[2] + data.qpos[2])
     if not math.isfinite(depth + speed):
         depth = speed = math.nan
-    return Pushed(depth, float(meters[engine.SUSTAINED]), speed)
+    return Pushed(depth, float(meters[metering.SUSTAINED]), speed)
 
 
 @njit(cache=True)

@@ -9,7 +9,7 @@ from drivers import frames, impedance
 from drivers.arm.model import JOINTS, ArmModel
 from drivers.errors import SimulationUnstableError
 from drivers.quantities import Pose, Vector
-from sim import arm_senses, engine, joint_drive, situation, slip
+from sim import arm_senses, engine, joint_drive, metering, peg_distances, situation, slip
 from sim.arm_truth import ArmTruth
 from sim.config import GripConfig, SimConfig
 from sim.pace import Pace
@@ -49,7 +49,7 @@ class Stepper:
             np.zeros(arm_senses.WORDS),
             slip.new_words(),
         )
-        self.meters = engine.new_meters()
+        self.meters = metering.new_meters()
         self.peg, self.peg_length = PegSituation.FREE, math.nan
         self._running: Mechanism | None = None
         self._q, self._dq = np.array(arm.home), np.zeros(JOINTS)
@@ -77,7 +77,7 @@ class Stepper:
             noise: Random generator of the noise in the arm's readings.
         """
         self.scene, self._pad_friction, self._noise = scene, pad_friction, noise
-        self.meters = engine.new_meters()
+        self.meters = metering.new_meters()
         self._change_arm(scene.arm)
         self.enter_free(float(self.control.drive[engine.DRIVE_WIDTH]), scene.racked())
 
@@ -117,7 +117,7 @@ class Stepper:
         theta = math.atan2(-axis[1], -axis[0])
         lateral = tcp.rotation @ np.array([-math.sin(theta), math.cos(theta), 0.0])
         beside = float((pose.position - tcp.position) @ lateral)
-        self.running.data.qpos[HINGE] = self.meters[engine.TURN_FROM] = theta
+        self.running.data.qpos[HINGE] = self.meters[metering.TURN_FROM] = theta
         self.running.data.qpos[BESIDE] = beside
         slip.grasp(self.control.grip, theta, 0.0, beside)
         peg = self.scene.job.peg
@@ -179,7 +179,7 @@ class Stepper:
         data.xfrc_applied[mechanism.peg_body, 2] = -weight
         mujoco.mj_forward(mechanism.model, data)
         size = self.scene.size
-        self.peg_view = engine.PegView(
+        self.peg_view = peg_distances.PegView(
             np.array([size.reach, size.half]),
             data.geom_xpos[mechanism.peg_geom],
             data.geom_xmat[mechanism.peg_geom].reshape(3, 3),
@@ -245,7 +245,9 @@ class Stepper:
         if mechanism.twin is None:
             return
         data, now = mechanism.data, self._pace.now()
-        gap = engine.pad_gap(self.scene.pads, mechanism.model.geom_size, data.geom_xpos, data.geom_xmat, self.peg_view)
+        gap = peg_distances.pad_gap(
+            self.scene.pads, mechanism.model.geom_size, data.geom_xpos, data.geom_xmat, self.peg_view
+        )
         rests = situation.may_rest(self._is_resting, gap, now - self._loose_since, data.qvel[PEG])
         if rests == self._is_resting:
             return
@@ -293,14 +295,14 @@ class Stepper:
         """Return the arm's readings for a scan: positions, rad, velocities, rad/s, and the wrench at the TCP, N and N·m."""
         control = self.control
         if control.senses[arm_senses.IS_IDEAL] > 0.0:
-            felt = self.meters[engine.FORCE : engine.TORQUE + 3].copy() if self.feels_plates() else np.zeros(6)
+            felt = self.meters[metering.FORCE : metering.TORQUE + 3].copy() if self.feels_plates() else np.zeros(6)
             return self.q, self.dq, felt
         q, dq, wrench = arm_senses.scanned(control.senses, control.arm, joint_drive.unmodelled(control.joints))
         return q, dq, wrench
 
     def physics(self) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """Return the model that the next step takes, and the data."""
-        is_far = engine.is_far(self._models.hole, *self.peg_view)
+        is_far = peg_distances.is_far(self._models.hole, *self.peg_view)
         return (self._steppers[-1] if is_far else self._steppers[0]), self.running.data
 
     def tcp(self) -> Pose:
@@ -326,7 +328,7 @@ class Stepper:
     def depth(self) -> tuple[float, bool]:
         """Return the depth of the tip below the hole's mouth along its axis, m, and whether it is in the hole."""
         plate = self.scene.plate
-        depth, beside = engine.below_mouth(
+        depth, beside = peg_distances.below_mouth(
             self.scene.size.half, self.peg_view.middle, self.peg_view.axes, plate.position, plate.rotation
         )
         return depth, depth > 0.0 and beside < min(plate.half)
@@ -341,7 +343,7 @@ class Stepper:
             return float(self.control.drive[engine.DRIVE_FORCE])
         if self.peg is PegSituation.GONE:
             return 0.0
-        squeezed: float = engine.pad_force(self.running.data._address, *self.scene.pads)
+        squeezed: float = metering.pad_force(self.running.data._address, *self.scene.pads)
         return squeezed
 
     def feels_plates(self) -> bool:

@@ -93,7 +93,7 @@ class TrialScene:
         )
         reach = job.hole.part.reach if job.hole.present else contact.SOLID
         self.hole: Vector = np.array([*self.plate.position, *self.plate.rotation[:, 2], reach])
-        """Middle of the mouth, outward axis and reach of the hole, see `engine.is_far`."""
+        """Middle of the mouth, outward axis and reach of the hole, see `peg_distances.is_far`."""
 
     def racked(self) -> Pose:
         """Return the pose of the peg's middle in its slot."""

@@ -9,7 +9,7 @@ from drivers.arm.model import ArmModel
 from drivers.parts import Job
 from drivers.quantities import Pose, Vector
 from drivers.skin.layout import Layout, pad_size
-from sim import engine, shapes, slip
+from sim import engine, metering, shapes, slip
 from sim.config import ContactConfig, GripConfig, SimConfig
 from sim.disturb import Draw, draw, in_fixture
 from sim.pace import Pace
@@ -151,11 +151,11 @@ class World:
 
     def contact_force(self) -> Vector:
         """Return the net force of the plates on the held peg, 5 ms low-pass, shape (3,), N, base frame."""
-        return self._felt(engine.FORCE)
+        return self._felt(metering.FORCE)
 
     def contact_torque(self) -> Vector:
         """Return the torque of that force about the finger centre, shape (3,), N·m, base frame."""
-        return self._felt(engine.TORQUE)
+        return self._felt(metering.TORQUE)
 
     def _felt(self, first: int) -> Vector:
         return self.meters[first : first + 3].copy() if self.stepper.feels_plates() else np.zeros(3)
@@ -172,7 +172,7 @@ class World:
     def truth(self) -> Truth:
         """Return the true state of the world."""
         depth, in_hole = self.stepper.depth()
-        lasting = float(self.meters[engine.SUSTAINED])
+        lasting = float(self.meters[metering.SUSTAINED])
         return Truth(
             stamp=self.now(),
             peg=self.peg,
@@ -182,13 +182,13 @@ class World:
             depth=depth,
             is_in_hole=in_hole,
             switch_closed=self.is_switch_pressed(),
-            peak_contact_force=float(self.meters[engine.PEAK_FORCE]),
+            peak_contact_force=float(self.meters[metering.PEAK_FORCE]),
             max_penetration=lasting,
             is_void=is_void(lasting, self.job.peg.part.clearance(self.job.hole.part)),
-            max_in_hand_rotation=float(self.meters[engine.TURN_MAX]),
+            max_in_hand_rotation=float(self.meters[metering.TURN_MAX]),
             grip_slip=float(self.control.grip[slip.SLIP]),
-            time_over_20N=float(self.meters[engine.OVER_TIME]),
-            plate_penetration=float(self.meters[engine.SURFACE_SUSTAINED]),
+            time_over_20N=float(self.meters[metering.OVER_TIME]),
+            plate_penetration=float(self.meters[metering.SURFACE_SUSTAINED]),
         )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from drivers.frames import UP, rotation_about
 from drivers.part.rectangular import Rectangular
 from drivers.part.round import Round
-from sim import contact, engine, native, rectangular, rig
+from sim import contact, metering, native, rectangular, rig
 from sim.plate import Plate, geoms, words
 from sim.rig import HOLE_DEPTH as HOLE_DEPTH
 from sim.section import section_depth as section_depth
@@ -125,7 +125,7 @@ def worked_in(yaw: float, friction: float, seconds: float, timestep: float) -> t
     """
     joints = '<freejoint/><inertial pos="0 0 0.03" mass="3" diaginertia="0.03 0.03 0.03"/>'
     model = square_peg(0.008, 0.0081, np.eye(3), yaw, friction, timestep, joints)
-    data, meters = mujoco.MjData(model), engine.new_meters()
+    data, meters = mujoco.MjData(model), metering.new_meters()
     axes, middle = data.body("peg").xmat.reshape(3, 3), data.body("peg").xipos
     data.qpos[2] = 0.003
     for step in range(round(seconds / timestep)):
@@ -141,5 +141,5 @@ def worked_in(yaw: float, friction: float, seconds: float, timestep: float) -> t
         data.xfrc_applied[1] = [*force, *torque]
         data.userdata[contact.PENETRATION] = 0.0
         mujoco.mj_step(model, data)
-        engine.judge(meters, data.userdata, engine.window(timestep))
-    return -float((middle + lever)[2]), float(meters[engine.SUSTAINED])
+        metering.judge(meters, data.userdata, metering.window(timestep))
+    return -float((middle + lever)[2]), float(meters[metering.SUSTAINED])

@@ -9,7 +9,7 @@ from cell.config import load
 from cell.lab.trials import run_trial
 from drivers.frames import rotation_about
 from drivers.quantities import Pose
-from sim import engine, truth
+from sim import metering, truth
 from sim.situation import PegSituation
 from sim.truth import VOID_PENETRATION
 from sim.world import World
@@ -59,4 +59,4 @@ def test_a_square_peg_at_rest_in_its_hole_stays_at_rest() -> None:
         assert physics.truth().switch_closed
         physics.wait_until(physics.now() + 30.0)
         assert math.dist(physics.truth().tip, before) < 2e-6
-        assert physics.meters[engine.SUSTAINED] < truth.VOID_PENETRATION
+        assert physics.meters[metering.SUSTAINED] < truth.VOID_PENETRATION

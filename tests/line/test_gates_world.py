@@ -13,7 +13,7 @@ from cell.config import load
 from cell.record import ending_of
 from drivers.frames import rotation_about
 from drivers.quantities import Pose
-from sim import engine, truth
+from sim import metering, truth
 from sim.situation import PegSituation
 from sim.world import World
 from skills import grasp_from_rack
@@ -101,7 +101,7 @@ def test_a_peg_at_rest_in_the_hole_stays_at_rest_for_a_minute() -> None:
     physics.wait_until(physics.now() + 60.0)
     assert np.linalg.norm(np.array(physics.truth().tip) - tip) < 2e-6
     assert float(np.abs(physics.physics()[1].qvel[9:]).max()) < 1e-4
-    assert physics.meters[engine.SUSTAINED] < truth.VOID_PENETRATION
+    assert physics.meters[metering.SUSTAINED] < truth.VOID_PENETRATION
 
 
 def test_a_peg_that_falls_out_of_the_hand_comes_to_rest_on_the_plate() -> None:
@@ -176,7 +176,7 @@ def test_half_the_time_step_changes_the_peak_force_by_less_than_another_seed_doe
 def test_pads_that_close_squarely_on_a_thin_peg_press_it_and_do_not_throw_it(seed: int) -> None:
     """The seeds are three of five in 300 where MuJoCo took the peg for one that is through the pad."""
     _, physics = holding(seed, "peg.diameter=0.004", "hole.diameter=0.0041")
-    assert physics.meters[engine.SUSTAINED] < 1e-6
+    assert physics.meters[metering.SUSTAINED] < 1e-6
 
 
 def test_the_law_knows_the_arm_that_the_physics_moves() -> None:

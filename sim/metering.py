@@ -1,0 +1,117 @@
+"""The meters of the physics, compiled: force of the plates on the peg, penetrations that last, and the peg's turn."""
+
+import math
+
+import numpy as np
+
+from drivers.compiled import njit
+from drivers.quantities import Vector
+from sim import contact, native
+
+METER_WORDS = 128
+"""Number of words of the meters."""
+FORCE, TORQUE, PEAK_FORCE = 0, 3, 6
+"""Indices of meters: net force of the plates on the peg and its torque about the finger centre, base frame, low-passed,
+N and N·m; largest force, N.
+"""
+SUSTAINED, RING_AT, TURN_FROM, TURN_MAX = 7, 8, 9, 10
+"""Indices of meters: deepest penetration of a bore or its rim that lasted, m; place of its ring; hinge angle from which
+turns are counted and the largest turn, rad.
+"""
+OVER_TIME, SURFACE_SUSTAINED = 11, 12
+"""Indices of meters: time that the force on the held peg exceeded `OVER_FORCE`, s; deepest penetration of a surface or
+a floor that lasted, m.
+"""
+RING, SURFACE_RING = 20, 70
+"""Places of the rings that hold the newest ticks' penetrations, of bores and rims and of surfaces and floors."""
+
+FORCE_FILTER = 0.005
+"""Time constant of the low-pass on forces, s, a bandwidth of 32 Hz; single steps of a rigid contact carry no information."""
+OVER_FORCE = 20.0
+"""Force on the peg, N, above which time is counted."""
+SUSTAINED_TIME = 0.002
+"""Time for which a penetration has to last to count, s."""
+
+
+def new_meters() -> Vector:
+    """Return meters at zero, shape (METER_WORDS,)."""
+    return np.zeros(METER_WORDS)
+
+
+@njit(cache=True)
+def window(timestep: float) -> int:  # pragma: no cover
+    """Return the number of ticks of `timestep`, s, that a penetration has to last to count."""
+    return math.floor(SUSTAINED_TIME / timestep + 0.5) + 1
+
+
+@njit(cache=True)
+def take(
+    meters: Vector, force: Vector, torque: Vector, elapsed: float, hinge: int, qpos: Vector
+) -> None:  # pragma: no cover
+    """Meter the net force, N, and the torque, N·m, of a step of `elapsed`, s, and the held peg's turn."""
+    blend = elapsed / (FORCE_FILTER + elapsed)
+    size = 0.0
+    for i in range(3):
+        meters[FORCE + i] += blend * (force[i] - meters[FORCE + i])
+        meters[TORQUE + i] += blend * (torque[i] - meters[TORQUE + i])
+        size += meters[FORCE + i] * meters[FORCE + i]
+    if hinge >= 0:
+        meters[PEAK_FORCE] = max(meters[PEAK_FORCE], math.sqrt(size))
+        if size > OVER_FORCE * OVER_FORCE:
+            meters[OVER_TIME] += elapsed
+        meters[TURN_MAX] = max(meters[TURN_MAX], abs(qpos[hinge] - meters[TURN_FROM]))
+
+
+@njit(cache=True)
+def net_force(data: int, pivot: Vector, plates: int, force: Vector, torque: Vector) -> None:  # pragma: no cover
+    """Write the force of the plates on the peg, N, and its torque about the pivot, N·m, base frame."""
+    force[:] = 0.0
+    torque[:] = 0.0
+    for c in native.contacts(data):
+        if c.efc_address < 0 or min(c.geom1, c.geom2) >= plates:
+            continue
+        # The normal points from the first geom to the second; boxes come second.
+        sign = 1.0 if c.geom1 < plates else -1.0
+        f, n, at = native.contact_force(data, c), c.frame, c.pos
+        fx = sign * (n[0] * f[0] + n[3] * f[1] + n[6] * f[2])
+        fy = sign * (n[1] * f[0] + n[4] * f[1] + n[7] * f[2])
+        fz = sign * (n[2] * f[0] + n[5] * f[1] + n[8] * f[2])
+        rx, ry, rz = at[0] - pivot[0], at[1] - pivot[1], at[2] - pivot[2]
+        force[0] += fx
+        force[1] += fy
+        force[2] += fz
+        torque[0] += ry * fz - rz * fy
+        torque[1] += rz * fx - rx * fz
+        torque[2] += rx * fy - ry * fx
+
+
+@njit(cache=True)
+def pad_force(data: int, left: int, right: int) -> float:  # pragma: no cover
+    """Return the smaller of the forces between two geoms, the pads, and whatever they touch, N."""
+    on_left = on_right = 0.0
+    for c in native.contacts(data):
+        if c.efc_address < 0:
+            continue
+        normal = native.contact_force(data, c)[0]
+        if c.geom1 == left or c.geom2 == left:
+            on_left += normal
+        if c.geom1 == right or c.geom2 == right:
+            on_right += normal
+    return min(on_left, on_right)
+
+
+@njit(cache=True)
+def clear(userdata: Vector) -> None:  # pragma: no cover
+    """Set the penetrations that the contact functions leave back to 0."""
+    userdata[contact.PENETRATION] = userdata[contact.SURFACE] = 0.0
+
+
+@njit(cache=True)
+def judge(meters: Vector, userdata: Vector, ticks: int) -> None:  # pragma: no cover
+    """Meter one tick's penetrations; the least one of the newest `ticks` is the depth that has lasted so long."""
+    at = int(meters[RING_AT])
+    meters[RING + at] = userdata[contact.PENETRATION]
+    meters[SURFACE_RING + at] = userdata[contact.SURFACE]
+    meters[RING_AT] = float((at + 1) % ticks)
+    meters[SUSTAINED] = max(meters[SUSTAINED], meters[RING : RING + ticks].min())
+    meters[SURFACE_SUSTAINED] = max(meters[SURFACE_SUSTAINED], meters[SURFACE_RING : SURFACE_RING + ticks].min())
