@@ -172,7 +172,7 @@ class Registers(Numbered):
 
     def connect(self):
         self.connections += 1
-        self.source, self.is_new = f"{self.host}:{self.connections}", True
+        self.source, self.is_new, self.uses_tail = f"{self.host}:{self.connections}", True, False
         self.cell.bridge.opened(self.source, self.host)
         self.station = LinkStation(self.cell.bridge, LinkWords(self.source), Diagnostics(), warn=lambda *_: None)
 
@@ -187,6 +187,7 @@ class Registers(Numbered):
         life = self.beat()
         block = [life, number, code, 0]
         self.station.write_words(TAIL, [life if tail is None else tail])
+        self.uses_tail = True
         self.ask(number, code)
         self.code = code
         self.station.write_words(LIFE, block)
@@ -203,6 +204,8 @@ class Registers(Numbered):
 
     def torn(self):
         """Write the head with a number and the code of another, then the whole block."""
+        if not self.uses_tail:  # the cell could not know
+            return
         number, life = self.next(), self.beat()
         self.ask(number, 100)
         self.station.write_words(LIFE, [life, number, self.rng.choice(CODES)])
@@ -249,6 +252,8 @@ class Registers(Numbered):
         report = self.cell.bridge.report_for(self.source)
         if not self.is_new and report.code in PROGRAMS:
             self.read(report.sequence, Result(report.result))
+        if not self.is_new:
+            self.read(report.answered, Result(report.answered_result))
 
 
 class Ladder:
