@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 from plc_bridge.dispatch import Dispatch
+from plc_bridge.images import ReportImage
 from plc_bridge.lease import CellLease
 from plc_bridge.links import Link, Order
 from plc_bridge.messages import Command, Control, LeaseState, Refusal, Report, Result
@@ -82,6 +83,40 @@ def inputs_for(link: Link, dispatch: Dispatch, lease: CellLease, stops_held: int
         error=result in _ERRORS,
         command_aborted=result is Result.ABORTED,
         ready=is_waiting and dispatch.run is None and not stops_held and lease.is_open_to(link),
+    )
+
+
+def report_image_of(answer: Answer, life: int) -> ReportImage:
+    """Return the report block that a link reads, with the life counter of the cell at both ends."""
+    report = answer.report
+    return ReportImage(
+        life=life,
+        sequence=answer.sequence,
+        answered=answer.answered,
+        refusal=answer.refusal,
+        result=answer.result,
+        state=report.state,
+        fault=report.fault,
+        stage=report.stage,
+        reason=report.reason,
+        progress=report.progress,
+        code=answer.code,
+        run=report.run,
+        lease=answer.lease,
+        holder=report.holder,
+        stage_times=report.stage_times,
+        total_time=report.total_time,
+        answered_result=answer.answered_result,
+        refusal_detail=answer.refusal_detail,
+        transition=report.transition or 0,
+        part=report.part,
+        part_depth=report.part_depth,
+        hole_x=report.hole[0],
+        hole_y=report.hole[1],
+        warnings=report.warnings,
+        overruns=report.overruns,
+        peak_force=report.peak_force,
+        life_tail=life,
     )
 
 

@@ -13,9 +13,10 @@ from dataclasses import dataclass
 from drivers.errors import CellError
 from drivers.transport.can_bus import CanBus
 from drivers.transport.serial_line import SerialLine
+from plc_bridge.answers import report_image_of
 from plc_bridge.canopen import CanopenServer
 from plc_bridge.config import PlcConfig
-from plc_bridge.handshake import Handshake, PlcSight
+from plc_bridge.handshake import Handshake
 from plc_bridge.images import CommandImage, Diagnostics, ReportImage, diagnostics_words, report_words
 from plc_bridge.intervals import Intervals
 from plc_bridge.messages import Command, Refusal, Report
@@ -24,6 +25,7 @@ from plc_bridge.modbus_tls import SecureModbusServer
 from plc_bridge.peer_log import PeerLog
 from plc_bridge.registers import DISCRETE_INPUTS, Parameter, table
 from plc_bridge.rtu import RtuServer
+from plc_bridge.sight import PlcSight
 
 SCANNED_WITHIN = 1.0
 """Age of the last report up to which the cell counts as scanned, s; ten periods of the slowest scan."""
@@ -262,36 +264,7 @@ class Bridge:
         """Return the report as the link `source` shall read it, for a server."""
         with self._lock:
             answer, life = self._handshake.answer(source), self._life
-        report = answer.report
-        return ReportImage(
-            life=life,
-            sequence=answer.sequence,
-            answered=answer.answered,
-            refusal=answer.refusal,
-            result=answer.result,
-            state=report.state,
-            fault=report.fault,
-            stage=report.stage,
-            reason=report.reason,
-            progress=report.progress,
-            code=answer.code,
-            run=report.run,
-            lease=answer.lease,
-            holder=report.holder,
-            stage_times=report.stage_times,
-            total_time=report.total_time,
-            answered_result=answer.answered_result,
-            refusal_detail=answer.refusal_detail,
-            transition=report.transition or 0,
-            part=report.part,
-            part_depth=report.part_depth,
-            hole_x=report.hole[0],
-            hole_y=report.hole[1],
-            warnings=report.warnings,
-            overruns=report.overruns,
-            peak_force=report.peak_force,
-            life_tail=life,
-        )
+        return report_image_of(answer, life)
 
     def report_words(self, source: str) -> list[int]:
         """Return the report block as the link `source` shall read it, for a server."""

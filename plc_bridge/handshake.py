@@ -37,26 +37,10 @@ from plc_bridge.packml import PackTags
 from plc_bridge.peer_log import PeerLog
 from plc_bridge.refusals import Rules
 from plc_bridge.registers import Lease, Parameter
+from plc_bridge.sight import PlcSight, sight_of
 from plc_bridge.watchdog import Watchdog
 
 logger = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True, slots=True)
-class PlcSight:
-    """View of one PLC from the cell."""
-
-    source: str
-    version: int
-    """Version of the map that the PLC states; 0 for none."""
-    life_changes: int
-    """Number of changes of its life counter on this connection."""
-    longest_gap: float
-    """Longest time between two changes, s."""
-    silence: float
-    """Time since its last sign of life, s."""
-    uses_tail: bool
-    """Whether it writes the copy of the life counter at the tail."""
 
 
 @dataclass(slots=True)
@@ -227,19 +211,7 @@ class Handshake:
 
         Of several links of one host it is the one whose life counter changed most often.
         """
-        links = [link for link in self._links.values() if link.host.rpartition("@")[2] == host and link.has_spoken]
-        if not links:
-            return None
-        link = max(links, key=lambda each: each.watchdog.changes)
-        watchdog = link.watchdog
-        return PlcSight(
-            source=link.source,
-            version=link.image.version if link.image is not None else 0,
-            life_changes=watchdog.changes,
-            longest_gap=watchdog.longest_gap,
-            silence=now - (watchdog.life_stamp if watchdog.uses_life else watchdog.heard),
-            uses_tail=watchdog.uses_tail,
-        )
+        return sight_of(self._links.values(), host, now)
 
     # Leases, results that were read, links that come back, and links that fall silent.
 

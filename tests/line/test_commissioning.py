@@ -8,10 +8,10 @@ from cell.commands.check import _sheet
 from cell.commissioning import MOTION, Moment, Walk, WatchedLine, record
 from cell.states import State
 from plc_bridge.config import ModbusConfig, PlcConfig
-from plc_bridge.handshake import PlcSight
 from plc_bridge.messages import Command, Control, Report, Result
 from plc_bridge.peer import Peer
 from plc_bridge.registers import VERSION, Lease
+from plc_bridge.sight import PlcSight
 from tests.plc_wire import until
 from tests.quick_cell import quick_cell
 
