@@ -1,10 +1,12 @@
 """The measures of the line, taken for a moment: what must hold on any computer holds."""
 
+import argparse
 import json
 
+import numpy as np
 import pytest
 
-from cell.lab.line import charts, siege
+from cell.lab.line import charts, siege, study
 from cell.lab.line import measure as line
 from cell.lab.line.attacks import ATTACKS
 
@@ -36,3 +38,18 @@ def test_a_plc_keeps_its_run_through_a_burst_of_every_attack(loaded):
     assert [each.name for each in sieges] == list(ATTACKS)
     assert [each.kept for each in sieges] == [1] * len(ATTACKS)
     assert all(len(each.cycles) for each in sieges)
+
+
+def test_the_attacks_alone_are_told_beside_what_a_plc_feels_without_one(monkeypatch, tmp_path):
+    felt = [siege.Siege("no attack", 4, 4, np.full(9, 0.002)), siege.Siege("connect storm", 4, 3, np.full(9, 0.06))]
+    monkeypatch.setattr(siege, "besiege", lambda *how: felt)
+    parser = argparse.ArgumentParser()
+    study.add_arguments(parser)
+    report = study.run(parser.parse_args(["--attacks", "--out", str(tmp_path)]))
+    told = [(row["name"], row["value"], row["beside"], row["holds"]) for row in report.result]
+    assert told == [
+        ("no attack: runs kept", 4, None, True),
+        ("no attack: cycle p99, n = 9", pytest.approx(0.002), None, True),
+        ("connect storm: runs kept", 3, None, False),
+        ("connect storm: cycle p99, n = 9", pytest.approx(0.06), pytest.approx(0.002), False),
+    ]

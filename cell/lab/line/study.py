@@ -13,6 +13,7 @@ SUMMARY = "the line to the PLC: answers, commands, the scan beside fifty clients
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the config of the served cell."""
     add_study(parser)
+    parser.add_argument("--attacks", action="store_true", help="measure what a PLC feels of attacks, and nothing else")
 
 
 def run(args: argparse.Namespace) -> StudyReport:
@@ -21,8 +22,11 @@ def run(args: argparse.Namespace) -> StudyReport:
 
     loaded, folder = load_simulated(args, "study line", pace=None), out_folder(args.out)
     effort = measure.QUICK if args.quick else measure.FULL
-    samples = measure.measure(loaded, effort)
-    lines = [*measure.measures(samples), *siege.measures(siege.besiege(loaded, effort.tries))]
-    files = [*measure.write(lines, folder), folder / charts.CHART]
-    charts.draw(samples, files[-1])
+    samples = None if args.attacks else measure.measure(loaded, effort)
+    lines = [] if samples is None else measure.measures(samples)
+    lines += siege.measures(siege.besiege(loaded, effort.tries))
+    files = measure.write(lines, folder)
+    if samples is not None:
+        files.append(folder / charts.CHART)
+        charts.draw(samples, files[-1])
     return StudyReport([tables.line(lines)], [asdict(each) for each in lines], files)
