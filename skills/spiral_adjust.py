@@ -17,6 +17,13 @@ from skills.surface import Plane, nominal
 
 ARRIVING = 3.0
 """Factor on the damping along z close to the bottom."""
+SLIDING = 0.03
+"""Speed of the tip along the hole from which on the peg is not dithered, m/s: friction of a peg that slides points against
+its motion and not aside, so that nothing has to be freed, and a peg that is turned beyond its play while it goes down
+strikes the wall.
+"""
+SMOOTHING = 0.3
+"""Share of a new scan in the tip's speed: theta's noise moves the tip."""
 
 
 class SpiralAdjustParams(SkillParams):
@@ -96,6 +103,26 @@ class Stall:
         return replace(self, deepest=self.deepest + depth - before)
 
 
+@dataclass(frozen=True, slots=True)
+class Descent:
+    """Speed at which the tip goes down the hole, smoothed; pure."""
+
+    depth: float
+    """Depth of the tip at the last scan, m."""
+    speed: float = 0.0
+    """Speed down the hole, m/s, >= 0."""
+
+    def after(self, depth: float, period: float) -> "Descent":
+        """Return the descent after a scan at `depth`, m, `period` seconds after the last one."""
+        speed = max(depth - self.depth, 0.0) / period
+        return Descent(depth, self.speed + SMOOTHING * (speed - self.speed))
+
+    @property
+    def rest(self) -> float:
+        """Share of rest, 1 for a tip that stands still and 0 for one that slides at `SLIDING` or faster."""
+        return max(1.0 - self.speed / SLIDING, 0.0)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Aim:
     """How the peg is taken to lie in the hand, and along which direction it is pushed.
@@ -154,11 +181,17 @@ class Guide:
             return Guide(began, self.periods, self.reached)
         return Guide(began, self.periods + 1, depth, is_jammed=depth - self.reached < params.jammed)
 
-    def offset(self, elapsed: float, params: SpiralAdjustParams) -> Vector:
-        """Return the offset of the finger centre from the line that the peg is aimed along, shape (2,), m."""
+    def offset(self, elapsed: float, params: SpiralAdjustParams, share: float) -> Vector:
+        """Return the offset of the finger centre from the line that the peg is aimed along, shape (2,), m.
+
+        Args:
+            elapsed: Time of running, s.
+            params: Sizes and rates of spiral and dither.
+            share: Share of the dither's radius, from 0 for a peg that slides to 1 for one that rests.
+        """
         if not self.is_on:
             return spiral(elapsed % (params.radius / params.growth), params.growth, params.turn_rate)
-        return dither(elapsed - self.began, params.dither_radius, params.dither_rate, params.dither_period)
+        return dither(elapsed - self.began, share * params.dither_radius, params.dither_rate, params.dither_period)
 
 
 def run(params: SpiralAdjustParams, ctx: SkillContext, plane: Plane | None = None) -> SpiralAdjustResult:
@@ -168,6 +201,7 @@ def run(params: SpiralAdjustParams, ctx: SkillContext, plane: Plane | None = Non
     hole, plane = ctx.job.hole, plane or nominal(ctx.job.hole)
     first = ctx.observe()
     aim, stall, guide = Aim(ctx.in_hand(), plane.normal), Stall(), Guide()
+    descent = Descent(plane.depth(first.tip))
     identity, offset, tip, running = ctx.new_id(), np.zeros(2), first.tip, 0.0
     for seen in ctx.scan(params.timeout, holding=True):
         elapsed, running, tip = seen.elapsed, seen.running, aim.tip(seen.arm.tcp)
@@ -183,7 +217,9 @@ def run(params: SpiralAdjustParams, ctx: SkillContext, plane: Plane | None = Non
             tip = aim.tip(seen.arm.tcp)
             guide = replace(guide, reached=plane.depth(tip))
             stall = stall.measured_anew(guide.reached, depth)
-        offset, next_offset = guide.offset(elapsed, params), guide.offset(elapsed + ctx.scan_period, params)
+            descent = Descent(guide.reached)
+        descent = descent.after(plane.depth(tip), ctx.scan_period)
+        offset, next_offset = (guide.offset(elapsed + ahead, params, descent.rest) for ahead in (0.0, ctx.scan_period))
         ctx.progress(elapsed / params.timeout)
         stiffness, damping_ratio = _compliance(params, depth_of(tip, hole) > hole.depth - params.arrival)
         target = anchored(tip, first.tip) if guide.is_on else first.tip.copy()

@@ -32,9 +32,6 @@ def figures(folder):
     return json.loads((folder / "stability.json").read_text(encoding="utf-8"))
 
 
-@pytest.mark.xfail(
-    strict=True, reason="known shortfall: an arm damped for its inertia stays stable at a point beyond twice the bound"
-)
 def test_without_the_observer_the_arm_goes_unstable_where_theory_says(rows):
     off = [
         (float(row["gain"]) / float(row["theory"]), row["is_stable"] == "True")

@@ -9,7 +9,7 @@ import pytest
 from cell.config import load
 from drivers.quantities import InHandTip, Pose
 from skills.catalogue import ADJUST
-from skills.spiral_adjust import Aim, Guide, Stall
+from skills.spiral_adjust import SLIDING, Aim, Descent, Guide, Stall
 
 PARAMS = load().cell.params(ADJUST)
 PERIOD, LEAST = PARAMS.dither_period, PARAMS.jammed
@@ -42,10 +42,25 @@ def test_a_period_that_gains_too_little_is_a_jam(gain, is_jammed):
 
 
 def test_the_spiral_grows_and_the_guided_circles_fade():
-    free = [np.linalg.norm(Guide().offset(time, PARAMS)) for time in (1.0, 2.0)]
-    guided = [np.linalg.norm(Guide(began=1.0).offset(1.0 + share * PERIOD, PARAMS)) for share in (0.1, 0.9)]
+    free = [np.linalg.norm(Guide().offset(time, PARAMS, 1.0)) for time in (1.0, 2.0)]
+    guided = [np.linalg.norm(Guide(began=1.0).offset(1.0 + share * PERIOD, PARAMS, 1.0)) for share in (0.1, 0.9)]
     assert free == pytest.approx([PARAMS.growth, 2 * PARAMS.growth])
     assert guided[1] < guided[0] <= PARAMS.dither_radius
+
+
+def test_a_peg_that_slides_is_not_dithered_and_one_that_rests_is():
+    resting = sliding = Descent(0.0)
+    for scan in range(1, 31):
+        resting, sliding = resting.after(0.0, 0.01), sliding.after(1.01 * SLIDING * 0.01 * scan, 0.01)
+    sizes = [
+        float(np.linalg.norm(Guide(began=0.0).offset(0.2 * PERIOD, PARAMS, each.rest))) for each in (resting, sliding)
+    ]
+    assert sizes == pytest.approx([0.8 * PARAMS.dither_radius, 0.0], abs=0.25 * PARAMS.dither_radius)
+    assert sizes[1] == 0.0
+
+
+def test_a_tip_that_rises_slides_nowhere():
+    assert Descent(5e-3).after(4e-3, 0.01).rest == 1.0
 
 
 def test_after_a_jam_the_peg_is_aimed_where_it_rests_and_after_the_next_by_the_plate():
