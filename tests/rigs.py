@@ -143,3 +143,17 @@ def worked_in(yaw: float, friction: float, seconds: float, timestep: float) -> t
         mujoco.mj_step(model, data)
         metering.judge(meters, data.userdata, metering.window(timestep))
     return -float((middle + lever)[2]), float(meters[metering.SUSTAINED])
+
+
+def left_after_a_drop(model: mujoco.MjModel, steps: int) -> tuple[float, float]:
+    """Drop a peg into the bore at 0.3 m/s, let it settle, and return how far it moves in so many steps, m and rad, and its
+    speed at their end, m/s and rad/s."""
+    data = mujoco.MjData(model)
+    data.qpos[2], data.qvel[2] = 0.001, -0.3
+    for _ in range(4000):
+        data.qfrc_applied[:] = [0.0, 0.0, -2.0]
+        mujoco.mj_step(model, data)
+    rest = data.qpos.copy()
+    for _ in range(steps):
+        mujoco.mj_step(model, data)
+    return float(np.abs(data.qpos - rest).max()), float(np.abs(data.qvel).max())
