@@ -25,7 +25,7 @@ MOTION = CATALOGUE["recover"].code
 
 
 @dataclass(frozen=True, slots=True)
-class Moment:
+class CellSighting:
     """View of the cell in one scan."""
 
     time: float
@@ -48,7 +48,7 @@ class Finding:
     measured: str
 
 
-Look = Callable[["Memory", Moment], str | None]
+Look = Callable[["Memory", CellSighting], str | None]
 """Function that returns the measurement once a step has seen what it asks for, else None."""
 
 
@@ -56,12 +56,12 @@ Look = Callable[["Memory", Moment], str | None]
 class Memory:
     """Memory of a step while it lasts."""
 
-    began: Moment
+    began: CellSighting
     at: dict[str, float] = field(default_factory=dict)
     """Time at which each thing was seen first, s."""
     run: Command | None = None
 
-    def first(self, what: str, now: Moment) -> None:
+    def first(self, what: str, now: CellSighting) -> None:
         """Remember when something was seen first."""
         self.at.setdefault(what, now.time)
 
@@ -117,7 +117,7 @@ class Walk:
         """Whether all steps were taken, or one of them did not pass."""
         return len(self.findings) == len(self.steps()) or any(not each.passed for each in self.findings)
 
-    def look(self, now: Moment) -> None:
+    def look(self, now: CellSighting) -> None:
         """Take what the cell sees in this scan."""
         if self.is_over:
             return
@@ -140,7 +140,7 @@ class Walk:
         self._memory = None
         self.ask(f"    {'passed' if finding.passed else 'FAILED'}: {finding.measured}")
 
-    def _life(self, memory: Memory, now: Moment) -> str | None:
+    def _life(self, memory: Memory, now: CellSighting) -> str | None:
         before = memory.began.plc
         if now.plc is None or before is None:
             return None
@@ -153,7 +153,7 @@ class Walk:
             raise StepFailedError(f"{said}: half of plc.life_timeout allowed")
         return said + ("" if now.plc.uses_tail else "; no copy at the tail, so torn blocks are not noticed")
 
-    def _lease(self, memory: Memory, now: Moment) -> str | None:
+    def _lease(self, memory: Memory, now: CellSighting) -> str | None:
         holder = now.holder.rpartition("@")[2]
         if not holder:
             return None
@@ -162,7 +162,7 @@ class Walk:
         return f"held by {now.holder}"
 
 
-def _connected(memory: Memory, now: Moment) -> str | None:
+def _connected(memory: Memory, now: CellSighting) -> str | None:
     if now.plc is None:
         return None
     if not now.plc.version:
@@ -172,7 +172,7 @@ def _connected(memory: Memory, now: Moment) -> str | None:
     return f"{now.plc.source}, map {now.plc.version >> 8}.{now.plc.version & 0xFF}"
 
 
-def _stopped(memory: Memory, now: Moment) -> str | None:
+def _stopped(memory: Memory, now: CellSighting) -> str | None:
     if now.command is not None and now.command.code in (Control.STOP, Control.ABORT):
         memory.first("command", now)
     if "command" not in memory.at or now.report.state not in (State.STOPPED, State.ABORTED):
@@ -182,7 +182,7 @@ def _stopped(memory: Memory, now: Moment) -> str | None:
     )
 
 
-def _reset(memory: Memory, now: Moment) -> str | None:
+def _reset(memory: Memory, now: CellSighting) -> str | None:
     if now.command is not None and now.command.code == Control.RESET:
         memory.first("command", now)
     if "command" not in memory.at or now.report.state != State.IDLE:
@@ -190,7 +190,7 @@ def _reset(memory: Memory, now: Moment) -> str | None:
     return f"IDLE {1000 * (now.time - memory.at['command']):.1f} ms after the scan that saw it"
 
 
-def _moved(memory: Memory, now: Moment) -> str | None:
+def _moved(memory: Memory, now: CellSighting) -> str | None:
     _begin(memory, now)
     if memory.run is None or now.report.sequence != memory.run.sequence or now.report.result is Result.NONE:
         return None
@@ -199,7 +199,7 @@ def _moved(memory: Memory, now: Moment) -> str | None:
     return f"run {now.report.run}, {now.time - memory.at['run']:.1f} s"
 
 
-def _begin(memory: Memory, now: Moment) -> None:
+def _begin(memory: Memory, now: CellSighting) -> None:
     """Remember the run that the PLC starts; another than the motion without a part is a failure."""
     if now.command is None or not FIRST_PROGRAM <= now.command.code < Control.LOST:
         return
@@ -209,7 +209,7 @@ def _begin(memory: Memory, now: Moment) -> None:
     memory.first("run", now)
 
 
-def _acknowledged(memory: Memory, now: Moment) -> str | None:
+def _acknowledged(memory: Memory, now: CellSighting) -> str | None:
     if now.command is not None and now.command.code == Control.ACKNOWLEDGE:
         memory.first("command", now)
     if now.report.state == State.IDLE:
@@ -217,7 +217,7 @@ def _acknowledged(memory: Memory, now: Moment) -> str | None:
     return None
 
 
-def _lost(memory: Memory, now: Moment) -> str | None:
+def _lost(memory: Memory, now: CellSighting) -> str | None:
     _begin(memory, now)
     if now.plc is not None:
         memory.at["heard"] = now.time - now.plc.silence
@@ -267,7 +267,7 @@ class WatchedLine:
         if not self._is_watching:
             return
         bridge, walk = self._bridge, self._walk
-        walk.look(Moment(time.monotonic(), bridge.sight(walk.host), bridge.holder, report, command))
+        walk.look(CellSighting(time.monotonic(), bridge.sight(walk.host), bridge.holder, report, command))
         if walk.is_over:
             self._stop.set()
 

@@ -8,7 +8,7 @@ import os
 from dataclasses import asdict
 from pathlib import Path
 
-from cell.part_state import Evidence, PartState, Places, after, after_run, at_start, refusal_of
+from cell.part_state import PartState, PegEvidence, Places, after, after_run, at_start, refusal_of
 from drivers.parts import Rack
 from drivers.quantities import SwitchState
 from plc_bridge.messages import PartPlace, Refusal
@@ -35,14 +35,14 @@ class Custody:
         self.part = PartState(PartPlace.UNKNOWN, "nothing was looked at yet")
         """Last known state of the peg."""
 
-    def see(self, seen: Evidence, places: Places, is_running: bool) -> bool:
+    def see(self, seen: PegEvidence, places: Places, is_running: bool) -> bool:
         """Take one look at the devices; return whether the peg's place has changed."""
         if self._is_known:
             return self._become(after(self.part, seen, places, is_running))
         self._is_known = True
         return self._become(at_start(self._kept, seen, places))
 
-    def end(self, seen: Evidence, places: Places) -> bool:
+    def end(self, seen: PegEvidence, places: Places) -> bool:
         """Take the look after a run; return whether the peg's place has changed."""
         is_new = self._become(after_run(self.part, seen, places))
         self.keep(is_lasting=True)

@@ -38,7 +38,7 @@ RECOVERED = (PartPlace.IN_HAND, PartPlace.IN_HOLE)
 
 
 @dataclass(frozen=True, slots=True)
-class Evidence:
+class PegEvidence:
     """Evidence of the peg in one look at the devices."""
 
     width: float
@@ -89,14 +89,14 @@ def places_of(job: Job, bin_at: Point) -> Places:
     return Places(job.peg.part.thickness, job.hole, slots, bin_at)
 
 
-def evidence_of(arm: ArmState, hand: GripperState, switch: SwitchState, tip: Vector, theta: float) -> Evidence:
+def evidence_of(arm: ArmState, hand: GripperState, switch: SwitchState, tip: Vector, theta: float) -> PegEvidence:
     """Return what was read of the devices at one time as evidence; `tip` is the end of a peg in the hand, m, base frame."""
     where = arm.tcp.position if not np.isfinite(tip).all() else tip
     x, y, z = (float(value) for value in where)
-    return Evidence(hand.width, hand.is_gripping, hand.is_moving, (x, y, z), theta, switch)
+    return PegEvidence(hand.width, hand.is_gripping, hand.is_moving, (x, y, z), theta, switch)
 
 
-def at_start(kept: PartState | None, seen: Evidence, places: Places) -> PartState:
+def at_start(kept: PartState | None, seen: PegEvidence, places: Places) -> PartState:
     """Return where the peg is when the program begins.
 
     Args:
@@ -119,12 +119,12 @@ def at_start(kept: PartState | None, seen: Evidence, places: Places) -> PartStat
     return _left_alone(kept, seen)
 
 
-def after(before: PartState, seen: Evidence, places: Places, is_running: bool) -> PartState:
+def after(before: PartState, seen: PegEvidence, places: Places, is_running: bool) -> PartState:
     """Return where the peg is after one more look at the devices.
 
     Args:
         before: Place of the peg before the look.
-        seen: Evidence of the look.
+        seen: PegEvidence of the look.
         places: Places where a peg can be.
         is_running: Whether a skill moves the cell; otherwise a hand that opens was opened by somebody else.
     """
@@ -145,7 +145,7 @@ def after(before: PartState, seen: Evidence, places: Places, is_running: bool) -
     return _left_alone(before, seen) if not is_running else before
 
 
-def after_run(before: PartState, seen: Evidence, places: Places) -> PartState:
+def after_run(before: PartState, seen: PegEvidence, places: Places) -> PartState:
     """Return where the peg is when a run has ended: a seated peg whose switch has opened since came along or jumped out."""
     now = after(before, seen, places, is_running=True)
     if now.place is PartPlace.SEATED and not now.is_held and seen.switch is not SwitchState.CLOSED:
@@ -153,15 +153,15 @@ def after_run(before: PartState, seen: Evidence, places: Places) -> PartState:
     return now
 
 
-def _is_between(seen: Evidence, places: Places) -> bool:
+def _is_between(seen: PegEvidence, places: Places) -> bool:
     return seen.is_gripping and abs(seen.width - places.thickness) <= WIDTH_TOLERANCE
 
 
-def _is_slack(seen: Evidence, places: Places) -> bool:
+def _is_slack(seen: PegEvidence, places: Places) -> bool:
     return not seen.is_gripping and abs(seen.width - places.thickness) <= WIDTH_TOLERANCE
 
 
-def _held(seen: Evidence, places: Places) -> PartState:
+def _held(seen: PegEvidence, places: Places) -> PartState:
     """Return the state of a peg between the pads."""
     depth = depth_of(np.array(seen.tip), places.hole)
     hand = f"hand grips {_mm(seen.width)}"
@@ -172,7 +172,7 @@ def _held(seen: Evidence, places: Places) -> PartState:
     return PartState(place, f"{hand}, its end {_mm(depth)} deep, switch {seen.switch}", True, depth, seen.tip)
 
 
-def _let_go(before: PartState, seen: Evidence, places: Places, is_running: bool) -> PartState:
+def _let_go(before: PartState, seen: PegEvidence, places: Places, is_running: bool) -> PartState:
     """Return the state of a peg that was in the hand a scan ago and is not any more."""
     hand = f"hand {_mm(seen.width)} open"
     gone = replace(before, is_held=False)
@@ -191,7 +191,7 @@ def _let_go(before: PartState, seen: Evidence, places: Places, is_running: bool)
     return replace(gone, place=PartPlace.ON_PLATE, evidence=f"fell from {height} above the plate, {hand}")
 
 
-def _left_alone(before: PartState, seen: Evidence) -> PartState:
+def _left_alone(before: PartState, seen: PegEvidence) -> PartState:
     """Return the state of a peg that nobody holds while the cell waits: whoever takes a seated one away opens the switch."""
     if before.place is PartPlace.SEATED and seen.switch is SwitchState.OPEN:
         return PartState(PartPlace.RACK, "the seated peg was taken away: the switch is open")

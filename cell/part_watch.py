@@ -10,7 +10,7 @@ from pathlib import Path
 from cell.assembly import Cell
 from cell.cell_config import CellConfig
 from cell.custody import Custody
-from cell.part_state import UNRESOLVED, Evidence, Places, evidence_of, places_of, told
+from cell.part_state import UNRESOLVED, PegEvidence, Places, evidence_of, places_of, told
 from cell.record import Ending
 from cell.success import LastLook, Proof, judged
 from drivers.errors import CellError
@@ -138,7 +138,7 @@ class PartWatch:
     def _see_now(self, arm: ArmState, hand: GripperState, switch: SwitchState) -> None:
         self._tell(self._custody.see(self._evidence(arm, hand, switch), self._places, self._is_running))
 
-    def _evidence(self, arm: ArmState, hand: GripperState, switch: SwitchState) -> Evidence:
+    def _evidence(self, arm: ArmState, hand: GripperState, switch: SwitchState) -> PegEvidence:
         in_hand = self._context.in_hand()
         tip, _ = end_point(arm.tcp, in_hand.theta, in_hand.length)
         return evidence_of(arm, hand, switch, tip, in_hand.theta)

@@ -24,7 +24,7 @@ from cell.part_watch import PartWatch
 from cell.progress import Progress, progress_of
 from cell.record import Ending, RunRecord, StageClock, ending_of
 from cell.states import ASKED, Event, State, after, is_permitted, is_reached
-from cell.watchdog import LateScans, Watchdog
+from cell.watchdog import LateScans, ScanWatchdog
 from drivers.errors import CellError, ConfigError, FaultCode, PlcLostError, ScanOverrunError
 from drivers.quantities import ArmState, ImpedanceSetpoint
 from plc_bridge.messages import Command, Control, Refusal, Report, Result
@@ -47,7 +47,7 @@ REST_TIME = 1.0
 _EVENT = {Control[event.name]: event for event in ASKED}
 
 
-class Line(Protocol):
+class CommandLine(Protocol):
     """Where commands come from and reports go: the bridge to the PLC, or a technician's terminal."""
 
     def poll(self) -> Command | None:
@@ -74,7 +74,7 @@ class Supervisor:
         self,
         cell: Cell,
         loaded: LoadedConfig,
-        line: Line,
+        line: CommandLine,
         journal: Journal,
         stop: ThreadEvent | None = None,
         live: Live | None = None,
@@ -92,7 +92,7 @@ class Supervisor:
         self._events = EventLog(journal, cell.clock.now)
         self._quit = stop or ThreadEvent()
         period, is_simulated = self._context.scan_period, cell.config.sim is not None
-        self._watchdog = Watchdog(
+        self._watchdog = ScanWatchdog(
             cell.config.scan.longest,
             is_simulated=is_simulated,
             halt=self._say_blocked,

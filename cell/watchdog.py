@@ -66,7 +66,7 @@ def older(age: float, passed: float, *, is_simulated: bool) -> float:
     return age + (min(passed, 2.0 * LOOK_PERIOD) if is_simulated else passed)
 
 
-class Watchdog:
+class ScanWatchdog:
     """Looks at the scan from a thread of its own while a program runs."""
 
     def __init__(

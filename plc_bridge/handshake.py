@@ -38,7 +38,7 @@ from plc_bridge.peer_log import PeerLog
 from plc_bridge.refusals import Rules
 from plc_bridge.registers import Lease, Parameter
 from plc_bridge.sight import PlcSight, sight_of
-from plc_bridge.watchdog import Watchdog
+from plc_bridge.watchdog import LinkWatchdog
 
 logger = logging.getLogger(__name__)
 
@@ -77,7 +77,7 @@ class Handshake:
 
     def opened(self, source: str, host: str, now: float, is_local: bool = False) -> None:
         """Begin a link; a local one is never silent."""
-        self._links[source] = Link(source, host, Watchdog(now), is_local, next(self._events))
+        self._links[source] = Link(source, host, LinkWatchdog(now), is_local, next(self._events))
 
     def closed(self, source: str) -> None:
         """End a link; what it holds and runs stays until its host comes back or the time-outs pass."""

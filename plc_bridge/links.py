@@ -10,7 +10,7 @@ from plc_bridge.coils import Coils
 from plc_bridge.images import CommandImage
 from plc_bridge.messages import FIRST_PROGRAM, Command, Control, Refusal, Report, Result
 from plc_bridge.sequence_numbers import SequenceNumbers
-from plc_bridge.watchdog import Watchdog
+from plc_bridge.watchdog import LinkWatchdog
 
 
 @dataclass(slots=True, eq=False)
@@ -71,7 +71,7 @@ class Link:
     source: str
     host: str
     """Links of the same host may follow each other: one address and one role of TLS, one line, one node."""
-    watchdog: Watchdog
+    watchdog: LinkWatchdog
     is_local: bool = False
     opened: int = 0
     """Time of its opening, as a number that counts links opened and closed."""

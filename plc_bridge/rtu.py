@@ -30,7 +30,7 @@ WRITES = frozenset({5, 6, 15, 16, 22})
 """Functions that make sense in a request to all units."""
 
 
-class Line(Protocol):
+class RtuLine(Protocol):
     """A serial line, as `drivers.transport.serial_line.SerialLine` is one."""
 
     port: str
@@ -63,7 +63,7 @@ class RtuServer:
     def __init__(
         self,
         config: RtuConfig,
-        line: Line,
+        line: RtuLine,
         mailbox: Mailbox,
         now: Callable[[], float] = time.monotonic,
         pause: float = FIRST_PAUSE,

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 
 @dataclass(slots=True)
-class Watchdog:
+class LinkWatchdog:
     """Watches one link.
 
     A link that never changed its life counter shows life with any request; one that never wrote the counter's copy
@@ -56,7 +56,7 @@ class Watchdog:
         """Begin the watch over a run."""
         self.life_stamp = self.heard = now
 
-    def follow(self, earlier: "Watchdog") -> None:
+    def follow(self, earlier: "LinkWatchdog") -> None:
         """Continue the watch of a closed link of the same host."""
         self.uses_life |= earlier.uses_life
         self.life_stamp = max(self.life_stamp, earlier.life_stamp)

@@ -38,7 +38,7 @@ RECORDED = ("trial", "axis", "joint")
 """Kinds of draws that a trial's row records; values of single taxels follow from the seed."""
 
 
-class Kind(NamedTuple):
+class ErrorKind(NamedTuple):
     """How the simulation draws and uses one error."""
 
     each: str
@@ -52,31 +52,31 @@ class Kind(NamedTuple):
         return SHAPES[self.each]
 
 
-KINDS: dict[str, Kind] = {
-    "arm.rotor_inertia": Kind("joint", 0.0),
-    "arm.sigmoid_friction": Kind("trial", 0.0),
-    "arm.friction_level": Kind("joint", 1.0),
-    "arm.viscous_friction": Kind("joint", 0.0),
-    "arm.transport": Kind("trial", 0.0),
-    "arm.torque_lag": Kind("trial", 0.0),
-    "arm.gravity": Kind("joint", 0.0),
-    "arm.velocity_noise": Kind("joint", 0.0),
-    "arm.tcp_place": Kind("axis", 0.0),
-    "arm.joint_offsets": Kind("joint", 0.0),
-    "arm.wrench_torque": Kind("joint", 0.0),
-    "arm.wrench_noise": Kind("trial", 0.0),
-    "place.rack": Kind("axis", 0.0),
-    "place.plate_height": Kind("trial", 0.0),
-    "place.plate_tilt": Kind("trial", 0.0),
-    "peg.depth_in_hand": Kind("trial", 0.0),
-    "grip.force": Kind("trial", 1.0),
-    "grip.pad_friction": Kind("trial", 1.0),
-    "skin.noise_level": Kind("taxel", 1.0),
-    "skin.taxel_place": Kind("taxel_axis", 0.0),
-    "skin.dead_taxel": Kind("taxel", 0.0),
-    "skin.age": Kind("trial", 0.0),
-    "scan.late": Kind("trial", 0.0),
-    "scan.delay": Kind("trial", 0.0),
+KINDS: dict[str, ErrorKind] = {
+    "arm.rotor_inertia": ErrorKind("joint", 0.0),
+    "arm.sigmoid_friction": ErrorKind("trial", 0.0),
+    "arm.friction_level": ErrorKind("joint", 1.0),
+    "arm.viscous_friction": ErrorKind("joint", 0.0),
+    "arm.transport": ErrorKind("trial", 0.0),
+    "arm.torque_lag": ErrorKind("trial", 0.0),
+    "arm.gravity": ErrorKind("joint", 0.0),
+    "arm.velocity_noise": ErrorKind("joint", 0.0),
+    "arm.tcp_place": ErrorKind("axis", 0.0),
+    "arm.joint_offsets": ErrorKind("joint", 0.0),
+    "arm.wrench_torque": ErrorKind("joint", 0.0),
+    "arm.wrench_noise": ErrorKind("trial", 0.0),
+    "place.rack": ErrorKind("axis", 0.0),
+    "place.plate_height": ErrorKind("trial", 0.0),
+    "place.plate_tilt": ErrorKind("trial", 0.0),
+    "peg.depth_in_hand": ErrorKind("trial", 0.0),
+    "grip.force": ErrorKind("trial", 1.0),
+    "grip.pad_friction": ErrorKind("trial", 1.0),
+    "skin.noise_level": ErrorKind("taxel", 1.0),
+    "skin.taxel_place": ErrorKind("taxel_axis", 0.0),
+    "skin.dead_taxel": ErrorKind("taxel", 0.0),
+    "skin.age": ErrorKind("trial", 0.0),
+    "scan.late": ErrorKind("trial", 0.0),
+    "scan.delay": ErrorKind("trial", 0.0),
 }
 """Kind of every error by its name in the file, which must hold each of them once."""
 

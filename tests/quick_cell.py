@@ -11,7 +11,7 @@ from cell.journal import Journal
 from cell.journal_schema import RunRow
 from cell.line import PARAMETERS, PROGRAMS
 from cell.live import Live
-from cell.supervisor import Line, Supervisor
+from cell.supervisor import CommandLine, Supervisor
 from drivers.errors import CellError
 from plc_bridge.bridge import Bridge
 from plc_bridge.config import PlcConfig
@@ -74,7 +74,7 @@ def quick_cell(
     plc: PlcConfig,
     folder: Path,
     code: int = CODE,
-    watched: Callable[[Bridge], Line] | None = None,
+    watched: Callable[[Bridge], CommandLine] | None = None,
 ) -> Iterator[QuickCell]:
     """Yield a cell that is served until the end; the quick program has `code`, and `watched` may stand before its line."""
     config = loaded.cell

@@ -7,7 +7,7 @@ from typing import Any
 
 from cell.journal_schema import RunRow, StageRow
 
-Line = tuple[str, str, str]
+ComparedLine = tuple[str, str, str]
 """Title of what is compared, and its value in each run."""
 _PLAIN = (
     "started",
@@ -34,7 +34,7 @@ _SCALED = {
 
 def compared(
     rows: Sequence[RunRow], stages: Sequence[Sequence[StageRow]], configs: Sequence[str | None]
-) -> list[tuple[str, list[Line]]]:
+) -> list[tuple[str, list[ComparedLine]]]:
     """Return tables of two runs: what is on record of each, their stages, and the config keys and versions that differ."""
     first, second = rows
     record = [(name, str(getattr(first, name)), str(getattr(second, name))) for name in _PLAIN]
@@ -51,7 +51,7 @@ def compared(
     return [(title, lines) for title, lines in tables if lines]
 
 
-def _stages(stages: Sequence[Sequence[StageRow]]) -> list[Line]:
+def _stages(stages: Sequence[Sequence[StageRow]]) -> list[ComparedLine]:
     told: list[dict[str, str]] = []
     for tried in stages:
         tries: dict[str, int] = {}
@@ -79,7 +79,7 @@ def _flat(tree: Mapping[str, Any], place: str = "") -> Iterator[tuple[str, Any]]
             yield f"{place}{name}", value
 
 
-def _differences(first: Mapping[str, Any], second: Mapping[str, Any]) -> list[Line]:
+def _differences(first: Mapping[str, Any], second: Mapping[str, Any]) -> list[ComparedLine]:
     names = list(dict.fromkeys([*first, *second]))
     pairs = [(name, first.get(name, "-"), second.get(name, "-")) for name in names]
     return [(name, str(one), str(other)) for name, one, other in pairs if one != other]

@@ -5,7 +5,7 @@ import threading
 import pytest
 
 from cell.commands.check import _sheet
-from cell.commissioning import MOTION, Moment, Walk, WatchedLine, record
+from cell.commissioning import MOTION, CellSighting, Walk, WatchedLine, record
 from cell.states import State
 from plc_bridge.config import ModbusConfig, PlcConfig
 from plc_bridge.messages import Command, Control, Report, Result
@@ -93,7 +93,7 @@ def walk(host=HOST):
 
 
 def moment(time=0.0, holder="", state=State.IDLE, command=None, plc=None, **report):
-    return Moment(time, plc, holder, Report(state=state, **report), command)
+    return CellSighting(time, plc, holder, Report(state=state, **report), command)
 
 
 def sight(changes=1, gap=0.02, version=VERSION):

@@ -10,11 +10,11 @@ from cell.config import load
 from cell.lab.faults import charts, tables
 from cell.lab.faults.bench import KEYS
 from cell.lab.faults.kinds import KINDS
-from cell.lab.faults.measure import Case, cases, measure, write
+from cell.lab.faults.measure import FaultCase, cases, measure, write
 from drivers.errors import FaultCode
 
 KIND = next(kind for kind in KINDS if kind.name == "skin: unplugged")
-SOUND = Case(
+SOUND = FaultCase(
     kind="arm: reflex",
     stage="spray_search",
     moment=0.3,

@@ -1,11 +1,11 @@
 """The timing diagrams of the guide: a conversation is recorded as it goes over the wire, and drawn."""
 
 from cell.lab.handshake import charts
-from cell.lab.handshake.recording import Trace, transitions
+from cell.lab.handshake.recording import Conversation, transitions
 
 
 def trace():
-    made = Trace("A conversation")
+    made = Conversation("A conversation")
     made.note("begins")
     made.take(command_sequence=1, report_result=0, execute=0, busy=0)
     made.take(command_sequence=2, report_result=0, execute=1, busy=1)

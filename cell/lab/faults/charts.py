@@ -6,14 +6,14 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from cell.lab.faults.measure import Case
+from cell.lab.faults.measure import FaultCase
 from cell.lab.faults.tables import REST_AFTER_LIMIT
 from cell.plots import COLOURS
 
 CHART = "faults.png"
 
 
-def draw(rows: Sequence[Case], path: Path) -> None:
+def draw(rows: Sequence[FaultCase], path: Path) -> None:
     """Draw the time from each fault to rest against the largest force from the fault on, by what was broken."""
     figure = Figure(figsize=(7.5, 5), layout="constrained")
     axes = figure.add_subplot()

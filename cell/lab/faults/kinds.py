@@ -22,7 +22,7 @@ Undo = Callable[[], None]
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
+class FaultKind:
     """One kind of fault."""
 
     name: str
@@ -148,40 +148,40 @@ def _stop_asked(bench: FaultBench) -> Undo:
     return lambda: None
 
 
-KINDS: tuple[Kind, ...] = (
-    Kind("skin: unplugged", _wire(WireFaults(unplugged=AWAY))),
-    Kind("skin: frames lost", _wire(WireFaults(drop=0.5))),
-    Kind("skin: frames corrupt", _wire(WireFaults(corrupt=0.5))),
-    Kind("skin: frames late", _wire(WireFaults(delay=0.5))),
-    Kind("skin: frozen", _taxels(devices.frozen)),
-    Kind("skin: zero", _taxels(lambda: devices.filled(0))),
-    Kind("skin: saturated", _taxels(lambda: devices.filled(42_990))),
-    Kind("skin: stuck below the rail", _taxels(lambda: devices.filled(42_000))),
-    Kind("skin: offset", _taxels(lambda: devices.shifted)),
-    Kind("skin: modules swapped", _taxels(lambda: devices.modules_swapped)),
-    Kind("skin: random", _taxels(devices.at_random)),
-    Kind("switch: unplugged", _board(WireFaults(unplugged=AWAY))),
-    Kind("switch: wire broken", _board(WireFaults(corrupt=0.5))),
-    Kind("switch: never", _told("switch", lambda state: SwitchState.OPEN)),
-    Kind("switch: always", _told("switch", lambda state: SwitchState.CLOSED)),
-    Kind("switch: early", _early),
-    Kind("switch: flapping", _told("switch", devices.flapping())),
-    Kind("arm: reflex", _told("arm", devices.reflex)),
-    Kind("arm: stopped", _told("arm", devices.stopped)),
-    Kind("arm: silent", _told("arm", devices.silent_arm)),
-    Kind("arm: states late", _late_states),
-    Kind("arm: wrench no number", _told("arm", devices.no_number)),
-    Kind("arm: wrench offset", _told("arm", devices.offset_wrench)),
-    Kind("arm: deaf", _obeys_not("arm", "is_deaf")),
-    Kind("hand: silent", _told("gripper", devices.silent_hand)),
-    Kind("hand: stuck", _obeys_not("gripper", "is_stuck")),
-    Kind("hand: lets go", _lets_go),
-    Kind("disk: full", _full, is_harmless=True),
-    Kind("disk: index locked", _locked, is_harmless=True),
-    Kind("disk: index deleted", _deleted, is_harmless=True),
-    Kind("disk: index torn", _torn, is_harmless=True),
-    Kind("process: starved", _held_up, is_harmless=True),
-    Kind("skill: raises", _raises),
-    Kind("program: asked to end", _stop_asked, ends_program=True),
+KINDS: tuple[FaultKind, ...] = (
+    FaultKind("skin: unplugged", _wire(WireFaults(unplugged=AWAY))),
+    FaultKind("skin: frames lost", _wire(WireFaults(drop=0.5))),
+    FaultKind("skin: frames corrupt", _wire(WireFaults(corrupt=0.5))),
+    FaultKind("skin: frames late", _wire(WireFaults(delay=0.5))),
+    FaultKind("skin: frozen", _taxels(devices.frozen)),
+    FaultKind("skin: zero", _taxels(lambda: devices.filled(0))),
+    FaultKind("skin: saturated", _taxels(lambda: devices.filled(42_990))),
+    FaultKind("skin: stuck below the rail", _taxels(lambda: devices.filled(42_000))),
+    FaultKind("skin: offset", _taxels(lambda: devices.shifted)),
+    FaultKind("skin: modules swapped", _taxels(lambda: devices.modules_swapped)),
+    FaultKind("skin: random", _taxels(devices.at_random)),
+    FaultKind("switch: unplugged", _board(WireFaults(unplugged=AWAY))),
+    FaultKind("switch: wire broken", _board(WireFaults(corrupt=0.5))),
+    FaultKind("switch: never", _told("switch", lambda state: SwitchState.OPEN)),
+    FaultKind("switch: always", _told("switch", lambda state: SwitchState.CLOSED)),
+    FaultKind("switch: early", _early),
+    FaultKind("switch: flapping", _told("switch", devices.flapping())),
+    FaultKind("arm: reflex", _told("arm", devices.reflex)),
+    FaultKind("arm: stopped", _told("arm", devices.stopped)),
+    FaultKind("arm: silent", _told("arm", devices.silent_arm)),
+    FaultKind("arm: states late", _late_states),
+    FaultKind("arm: wrench no number", _told("arm", devices.no_number)),
+    FaultKind("arm: wrench offset", _told("arm", devices.offset_wrench)),
+    FaultKind("arm: deaf", _obeys_not("arm", "is_deaf")),
+    FaultKind("hand: silent", _told("gripper", devices.silent_hand)),
+    FaultKind("hand: stuck", _obeys_not("gripper", "is_stuck")),
+    FaultKind("hand: lets go", _lets_go),
+    FaultKind("disk: full", _full, is_harmless=True),
+    FaultKind("disk: index locked", _locked, is_harmless=True),
+    FaultKind("disk: index deleted", _deleted, is_harmless=True),
+    FaultKind("disk: index torn", _torn, is_harmless=True),
+    FaultKind("process: starved", _held_up, is_harmless=True),
+    FaultKind("skill: raises", _raises),
+    FaultKind("program: asked to end", _stop_asked, ends_program=True),
 )
 """All kinds that are tried."""

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from cell.config import LoadedConfig
 from cell.lab.faults.bench import FaultBench, Sighting, bench
-from cell.lab.faults.kinds import Kind
+from cell.lab.faults.kinds import FaultKind
 from cell.states import State
 from drivers.errors import CellError
 from plc_bridge.images import ReportImage
@@ -32,7 +32,7 @@ _INSERT, _RECOVER = CATALOGUE["insert_peg"].code, CATALOGUE["recover"].code
 
 
 @dataclass(frozen=True, slots=True)
-class Case:
+class FaultCase:
     """What becomes of one fault."""
 
     kind: str
@@ -72,7 +72,7 @@ class Case:
         return self.actions <= 1 and self.following in ("success", "failure")
 
 
-SILENT = Case(
+SILENT = FaultCase(
     kind="",
     stage="",
     moment=0.0,
@@ -94,21 +94,21 @@ SILENT = Case(
 """A cell that no longer answers."""
 
 
-def cases(kinds: Sequence[Kind], is_quick: bool) -> list[tuple[Kind, str, float]]:
+def cases(kinds: Sequence[FaultKind], is_quick: bool) -> list[tuple[FaultKind, str, float]]:
     """Return what is tried, kind by kind."""
     stages, moments = (QUICK_STAGES, QUICK_MOMENTS) if is_quick else (STAGES, MOMENTS)
     return [(kind, stage, moment) for kind in kinds for stage in stages for moment in moments]
 
 
 def measure(
-    loaded: LoadedConfig, tried: Sequence[tuple[Kind, str, float]], watch: Callable[[Case], None]
-) -> list[Case]:
+    loaded: LoadedConfig, tried: Sequence[tuple[FaultKind, str, float]], watch: Callable[[FaultCase], None]
+) -> list[FaultCase]:
     """Try every case on one served cell; a cell that does not come back is exchanged for a new one.
 
     Raises:
         CellError: A new cell cannot be made.
     """
-    found: list[Case] = []
+    found: list[FaultCase] = []
     with ExitStack() as stack:
         tested: FaultBench | None = None
         for kind, stage, moment in tried:
@@ -126,16 +126,16 @@ def measure(
     return found
 
 
-def write(rows: Sequence[Case], folder: Path) -> Path:
+def write(rows: Sequence[FaultCase], folder: Path) -> Path:
     """Write the table, one row a case; return the file."""
     with (folder / TABLE).open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.DictWriter(stream, [field.name for field in fields(Case)], lineterminator="\n")
+        writer = csv.DictWriter(stream, [field.name for field in fields(FaultCase)], lineterminator="\n")
         writer.writeheader()
         writer.writerows(asdict(row) for row in rows)
     return folder / TABLE
 
 
-def _case(tested: FaultBench, kind: Kind, stage: str, moment: float) -> Case:
+def _case(tested: FaultBench, kind: FaultKind, stage: str, moment: float) -> FaultCase:
     undo: list[Callable[[], None]] = []
     threading.Event().wait(MENDED)  # the line brings the next workpiece
     tested.arm_fault(stage, moment, lambda: undo.append(kind.begin(tested)))
@@ -155,7 +155,7 @@ def _case(tested: FaultBench, kind: Kind, stage: str, moment: float) -> Case:
     went_on = seen.injected is None or report.result == Result.SUCCESS or seen.detected is None
     record = _is_on_record(tested, report, kind)
     reset, actions, following = _bring_back(tested)
-    return Case(
+    return FaultCase(
         kind=kind.name,
         stage=stage,
         moment=moment,
@@ -183,7 +183,7 @@ def _is_seated(tested: FaultBench) -> bool:
     return truth().switch_closed
 
 
-def _is_on_record(tested: FaultBench, report: ReportImage, kind: Kind) -> bool:
+def _is_on_record(tested: FaultBench, report: ReportImage, kind: FaultKind) -> bool:
     try:
         row = tested.journal.find(report.run)
     except CellError:

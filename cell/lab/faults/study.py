@@ -44,11 +44,11 @@ def run(args: argparse.Namespace) -> StudyReport:
             f"--kind {' '.join(args.kind)}: no such kind; {', '.join(kind.name for kind in KINDS)} allowed"
         )
     tried = measure.cases(kinds, args.quick)
-    rows: list[measure.Case] = []
+    rows: list[measure.FaultCase] = []
     with progress() as bars:
         bar = bars.add_task("faults", total=len(tried))
 
-        def watch(case: measure.Case) -> None:
+        def watch(case: measure.FaultCase) -> None:
             rows.append(case)
             measure.write(rows, folder)  # a campaign that is broken off leaves what it found
             bars.advance(bar)

@@ -7,13 +7,13 @@ from typing import Any
 
 from rich.table import Table
 
-from cell.lab.faults.measure import Case
+from cell.lab.faults.measure import FaultCase
 
 REST_LIMIT, REST_AFTER_LIMIT, FORCE_SHARE = 0.3, 1.0, 1.2
 """Longest time to rest from the report and from the fault, s, and largest share of the force limit."""
 
 
-def lines(rows: Sequence[Case], force_limit: float) -> list[dict[str, Any]]:
+def lines(rows: Sequence[FaultCase], force_limit: float) -> list[dict[str, Any]]:
     """Return one line for each kind, and one for all; the columns from `wrong successes` on must be zero."""
     kinds = list(dict.fromkeys(row.kind for row in rows))
     return [_line(kind, [row for row in rows if row.kind == kind], force_limit) for kind in kinds] + [
@@ -21,7 +21,7 @@ def lines(rows: Sequence[Case], force_limit: float) -> list[dict[str, Any]]:
     ]
 
 
-def _line(kind: str, rows: Sequence[Case], force_limit: float) -> dict[str, Any]:
+def _line(kind: str, rows: Sequence[FaultCase], force_limit: float) -> dict[str, Any]:
     rows = [row for row in rows if row.outcome != "not reached"]
     faults = Counter(row.fault for row in rows if row.fault)
     return {
@@ -42,7 +42,7 @@ def _line(kind: str, rows: Sequence[Case], force_limit: float) -> dict[str, Any]
     }
 
 
-def table(rows: Sequence[Case], force_limit: float) -> Table:
+def table(rows: Sequence[FaultCase], force_limit: float) -> Table:
     """Return the lines as a table."""
     found = lines(rows, force_limit)
     shown = Table(

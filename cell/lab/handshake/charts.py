@@ -5,7 +5,7 @@ from pathlib import Path
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cell.lab.handshake.recording import Trace
+from cell.lab.handshake.recording import Conversation
 from cell.states import State
 from plc_bridge.messages import Refusal, Result
 
@@ -15,7 +15,7 @@ _BITS = ("execute", "stop", "reset", "busy", "done", "error", "command_aborted",
 _PLC = ("command_", "execute", "stop", "reset")
 
 
-def draw(trace: Trace, path: Path) -> None:
+def draw(trace: Conversation, path: Path) -> None:
     """Draw one conversation: a row for each signal, bits as levels, numbers as labelled stretches."""
     names = list(trace.signals)
     figure = Figure(figsize=(11, 0.46 * len(names) + 1.5), layout="constrained")
@@ -41,14 +41,14 @@ def draw(trace: Trace, path: Path) -> None:
     figure.savefig(path, dpi=110)
 
 
-def _stretches(trace: Trace, name: str) -> list[tuple[float, float, int]]:
+def _stretches(trace: Conversation, name: str) -> list[tuple[float, float, int]]:
     """Return from when to when a signal had which value."""
     changes = trace.signals[name]
     ends = [moment for moment, _ in changes[1:]] + [trace.end]
     return [(start, end, value) for (start, value), end in zip(changes, ends, strict=True)]
 
 
-def _draw_bit(axes: Axes, row: int, trace: Trace, name: str, colour: str) -> None:
+def _draw_bit(axes: Axes, row: int, trace: Conversation, name: str, colour: str) -> None:
     times, levels = [], []
     for start, end, value in _stretches(trace, name):
         times += [start, end]
@@ -56,7 +56,7 @@ def _draw_bit(axes: Axes, row: int, trace: Trace, name: str, colour: str) -> Non
     axes.plot(times, levels, color=colour, linewidth=1.6)
 
 
-def _draw_number(axes: Axes, row: int, trace: Trace, name: str, colour: str) -> None:
+def _draw_number(axes: Axes, row: int, trace: Conversation, name: str, colour: str) -> None:
     for start, end, value in _stretches(trace, name):
         axes.fill_between([start, end], row, row + 0.6, facecolor=colour, alpha=0.12, edgecolor=colour, linewidth=0.8)
         word = _WORDS[name](value).name if name in _WORDS else str(value)

@@ -24,7 +24,7 @@ UNKNOWN = 77
 
 
 @dataclass(slots=True)
-class Trace:
+class Conversation:
     """One conversation: for each signal the moments at which it changed."""
 
     title: str
@@ -47,7 +47,7 @@ class Trace:
         self.notes.append((time.perf_counter() - self._began, text))
 
 
-def record(loaded: LoadedConfig) -> list[Trace]:
+def record(loaded: LoadedConfig) -> list[Conversation]:
     """Return both conversations with a cell of its own process, in real time.
 
     Raises:
@@ -66,7 +66,7 @@ class _NumberedPlc:
     """A PLC that writes the whole block in every cycle, and a trace of it."""
 
     def __init__(self, client: Client) -> None:
-        self.trace = Trace("By sequence number: one FC16 and one FC4 in every cycle")
+        self.trace = Conversation("By sequence number: one FC16 and one FC4 in every cycle")
         self._client = client
         self.image = CommandImage(sequence=client.report().sequence + 1)
 
@@ -101,7 +101,7 @@ class _NumberedPlc:
         return read
 
 
-def _by_numbers(client: Client) -> Trace:
+def _by_numbers(client: Client) -> Conversation:
     plc = _NumberedPlc(client)
     plc.trace.note("first number: adopted")
     for _ in range(10):
@@ -133,7 +133,7 @@ class _Ladder:
     """A ladder that knows coils and discrete inputs, and a trace of it."""
 
     def __init__(self, client: Client) -> None:
-        self.trace = Trace("By coils: FC5 and FC2")
+        self.trace = Conversation("By coils: FC5 and FC2")
         self._client = client
         self._coils = dict.fromkeys(COILS, 0)
         client.ask(struct.pack(">BHH", 6, 2, MOTION))
@@ -166,7 +166,7 @@ class _Ladder:
             time.sleep(CYCLE)
 
 
-def _by_coils(client: Client) -> Trace:
+def _by_coils(client: Client) -> Conversation:
     ladder = _Ladder(client)
     ladder.trace.note("0 first: an edge must be seen")
     ladder.put("execute", 0)
@@ -197,7 +197,7 @@ def _by_coils(client: Client) -> Trace:
     return ladder.trace
 
 
-def transitions(trace: Trace) -> list[tuple[float, str, int]]:
+def transitions(trace: Conversation) -> list[tuple[float, str, int]]:
     """Return every change of a conversation in order: when, s, which signal, and to what."""
     changes = [(time_, name, value) for name, each in trace.signals.items() for time_, value in each]
     return sorted(changes, key=lambda change: change[0])

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from cell.lab.stability.measure import Boundary, Shipped, Trace
+from cell.lab.stability.measure import Boundary, Shipped, StepTrace
 from cell.lab.stability.report import UNITS, StabilityReport
 from cell.margins import HELD
 from cell.plots import COLOURS
@@ -34,7 +34,7 @@ def draw(found: StabilityReport, folder: Path) -> list[Path]:
 
 def draw_map(
     kind: str,
-    traces: Sequence[Trace],
+    traces: Sequence[StepTrace],
     theory: Sequence[Boundary],
     shipped: Sequence[Shipped],
     versions: str,
@@ -76,7 +76,7 @@ def draw_map(
     figure.savefig(path, dpi=110)
 
 
-def _mark(axes: Axes, traces: Sequence[Trace]) -> None:
+def _mark(axes: Axes, traces: Sequence[StepTrace]) -> None:
     for trace in traces:
         x, y = 1e3 * trace.case.period, trace.case.gain
         if trace.is_stable:

@@ -79,7 +79,7 @@ QUICK = Grid((0.05, 0.1), (0, 1), {"translation": (400.0, 2500.0, 20e3), "rotati
 
 
 @dataclass(frozen=True, slots=True)
-class Case:
+class GridCase:
     """One point of the map."""
 
     kind: str
@@ -94,10 +94,10 @@ class Case:
 
 
 @dataclass(frozen=True, slots=True)
-class Trace:
+class StepTrace:
     """Result of one case."""
 
-    case: Case
+    case: GridCase
     is_stable: bool
     peak: float
     """Largest distance from the setpoint after the step, m or rad."""
@@ -159,7 +159,9 @@ def boundaries(base: Gains, inertia: Vector, grid: Grid) -> list[Boundary]:
     return found
 
 
-def measure(config: CellConfig, grid: Grid, workers: int, done: Callable[[int], None]) -> tuple[list[Trace], Vector]:
+def measure(
+    config: CellConfig, grid: Grid, workers: int, done: Callable[[int], None]
+) -> tuple[list[StepTrace], Vector]:
     """Run the map.
 
     Args:
@@ -173,13 +175,13 @@ def measure(config: CellConfig, grid: Grid, workers: int, done: Callable[[int], 
     """
     columns = [
         [
-            Case(kind, observer, period, delay, gain)
+            GridCase(kind, observer, period, delay, gain)
             for kind, delay in product(HELD, grid.delays)
             for gain in grid.gains[kind]
         ]
         for period, observer in product(sorted(grid.periods, reverse=True), (False, True))
     ]
-    traces: list[Trace] = []
+    traces: list[StepTrace] = []
     inertia = np.zeros((6, 6))
     for column, found in on_processes(partial(_column, config, columns), range(len(columns)), workers):
         inertia = found
@@ -190,9 +192,9 @@ def measure(config: CellConfig, grid: Grid, workers: int, done: Callable[[int], 
     ), inertia
 
 
-def _column(config: CellConfig, columns: Sequence[Sequence[Case]], number: int) -> tuple[list[Trace], Vector]:
+def _column(config: CellConfig, columns: Sequence[Sequence[GridCase]], number: int) -> tuple[list[StepTrace], Vector]:
     """Run the cases of one column, which share period and observer; a cell that lost its peg is replaced."""
-    traces: list[Trace] = []
+    traces: list[StepTrace] = []
     cases = columns[number]
     while len(traces) < len(cases):
         with _held_peg(config, cases[0]) as bench:
@@ -231,7 +233,7 @@ class HeldPeg:
         """Distance from the finger centre to the peg's end, m."""
         return self.cell.config.peg.length
 
-    def run(self, case: Case) -> Trace:
+    def run(self, case: GridCase) -> StepTrace:
         """Step the setpoint aside and return the result."""
         self._set_down()
         ctx, world = self.ctx, self.world
@@ -273,7 +275,7 @@ class HeldPeg:
                 break
         lost = elapsed if away[-1] > LOST * limit else None
         swing = float(np.std(away[-len(away) // 4 :])) if lost is None else math.inf
-        return Trace(
+        return StepTrace(
             case,
             lost is None and swing < RESTLESS * limit,
             max(away),
@@ -283,7 +285,7 @@ class HeldPeg:
         )
 
     def _hold_error(
-        self, case: Case, plain: ImpedanceSetpoint, commanded: ImpedanceSetpoint, frames: Sequence[Observation]
+        self, case: GridCase, plain: ImpedanceSetpoint, commanded: ImpedanceSetpoint, frames: Sequence[Observation]
     ) -> None:
         """Advance by one scan with the error of a frame: the setpoint goes along with the arm, in every control period."""
         ctx, world = self.ctx, self.world
@@ -312,12 +314,12 @@ class HeldPeg:
         self.world.wait_until(self.world.now() + 2.0 / self.cell.config.skin.rate)
 
 
-def _used(case: Case, frames: Sequence[Observation]) -> Observation:
+def _used(case: GridCase, frames: Sequence[Observation]) -> Observation:
     """Return the frame that is used when the newest one arrives; it is an older one where frames are late."""
     return frames[max(len(frames) - 1 - case.delay, 0)]
 
 
-def _with_frame(case: Case, plain: ImpedanceSetpoint, frames: Sequence[Observation]) -> ImpedanceSetpoint:
+def _with_frame(case: GridCase, plain: ImpedanceSetpoint, frames: Sequence[Observation]) -> ImpedanceSetpoint:
     """Return the setpoint with theta from the frame that is used."""
     used = _used(case, frames)
     assert plain.in_hand is not None
@@ -348,7 +350,7 @@ def _distance(kind: str, now: tuple[Vector, Vector], goal: tuple[Vector, Vector]
 
 
 @contextmanager
-def _held_peg(config: CellConfig, case: Case) -> Iterator[HeldPeg]:
+def _held_peg(config: CellConfig, case: GridCase) -> Iterator[HeldPeg]:
     """Yield a cell whose skin has the case's period, a peg in its hand, over the plate."""
     sim = config.sim
     assert sim is not None

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from cell.cell_config import CellConfig
-from cell.lab.stability.measure import QUICK, WHOLE, Boundary, Shipped, Trace, boundaries, measure, shipped_margins
+from cell.lab.stability.measure import QUICK, WHOLE, Boundary, Shipped, StepTrace, boundaries, measure, shipped_margins
 from cell.margins import HELD, MARGIN
 from cell.provenance import config_hash, versions
 from skills.catalogue import INSERT
@@ -21,7 +21,7 @@ UNITS = {"translation": "N/m", "rotation": "N·m/rad"}
 class StabilityReport:
     """Results of the study."""
 
-    traces: list[Trace]
+    traces: list[StepTrace]
     theory: list[Boundary]
     shipped: list[Shipped]
     data: dict[str, Any]
@@ -63,7 +63,7 @@ def write(found: StabilityReport, folder: Path) -> list[Path]:
     return files
 
 
-def compare(traces: Sequence[Trace], theory: Sequence[Boundary]) -> dict[str, int]:
+def compare(traces: Sequence[StepTrace], theory: Sequence[Boundary]) -> dict[str, int]:
     """Count the cases in which the arm agrees with theory, which is about the loop without the observer."""
     counts = {"stable_below": 0, "unstable_above": 0, "stable_above": 0, "unstable_below": 0}
     for trace in traces:
@@ -73,7 +73,7 @@ def compare(traces: Sequence[Trace], theory: Sequence[Boundary]) -> dict[str, in
     return counts
 
 
-def caught(traces: Sequence[Trace]) -> dict[str, int]:
+def caught(traces: Sequence[StepTrace]) -> dict[str, int]:
     """Count the cases that the guard would have stopped."""
     unstable = [trace for trace in traces if not trace.is_stable]
     return {
@@ -85,12 +85,12 @@ def caught(traces: Sequence[Trace]) -> dict[str, int]:
     }
 
 
-def _limit(trace: Trace, theory: Sequence[Boundary]) -> float:
+def _limit(trace: StepTrace, theory: Sequence[Boundary]) -> float:
     case = trace.case
     return next(b.gain for b in theory if (b.kind, b.period, b.delay) == (case.kind, case.period, case.delay))
 
 
-def _write_cases(traces: Sequence[Trace], theory: Sequence[Boundary], path: Path) -> None:
+def _write_cases(traces: Sequence[StepTrace], theory: Sequence[Boundary], path: Path) -> None:
     rows = []
     for trace in traces:
         facts = asdict(trace)

@@ -6,7 +6,7 @@ import stat
 import pytest
 
 from cell.custody import Custody
-from cell.part_state import Evidence, places_of
+from cell.part_state import PegEvidence, places_of
 from drivers.quantities import SwitchState
 from plc_bridge.messages import PartPlace, Refusal
 
@@ -24,11 +24,11 @@ def rack(loaded):
 
 
 def holding(places):
-    return Evidence(places.thickness, True, False, (0.45, 0.0, 0.3), 0.1, OPEN)
+    return PegEvidence(places.thickness, True, False, (0.45, 0.0, 0.3), 0.1, OPEN)
 
 
 def empty():
-    return Evidence(0.04, False, False, (0.45, 0.0, 0.3), 0.0, OPEN)
+    return PegEvidence(0.04, False, False, (0.45, 0.0, 0.3), 0.0, OPEN)
 
 
 def test_the_next_program_knows_what_the_last_one_knew(tmp_path, places):

@@ -9,8 +9,8 @@ from cell.part_state import (
     REMEDIES,
     UNRESOLVED,
     WIDTH_TOLERANCE,
-    Evidence,
     PartState,
+    PegEvidence,
     after,
     after_run,
     at_start,
@@ -32,7 +32,7 @@ def places(loaded):
 
 def seen(places, tip, *, gripping=True, width=None, moving=False, switch=OPEN):
     thickness = places.thickness if gripping else 0.04
-    return Evidence(thickness if width is None else width, gripping, moving, tip, 0.0, switch)
+    return PegEvidence(thickness if width is None else width, gripping, moving, tip, 0.0, switch)
 
 
 def at_depth(places, depth, aside=0.0):

@@ -3,11 +3,11 @@ import pytest
 from plc_bridge.lease import CellLease
 from plc_bridge.links import Link
 from plc_bridge.messages import LeaseState
-from plc_bridge.watchdog import Watchdog
+from plc_bridge.watchdog import LinkWatchdog
 
 
 def link(source, host=None, **facts):
-    return Link(source, host or source, Watchdog(0.0), **facts)
+    return Link(source, host or source, LinkWatchdog(0.0), **facts)
 
 
 def test_one_reader_sees_yours_where_another_sees_taken():
