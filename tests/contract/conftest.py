@@ -71,7 +71,7 @@ def skin_bench(request) -> Iterator[Bench]:
         if really:
             rig.connect_really(WIRED[kind])
         silence = (lambda: rig.hub.replace_modules(())) if really else (lambda: rig.unplug(1e4))
-        bench = Bench(rig.skin, rig.clock, silence, rig.close)
+        bench = Bench(rig.skin, rig.clock, silence, clear=rig.close)
     yield bench
     bench.device.close()
     bench.clear()
