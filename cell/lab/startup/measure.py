@@ -82,10 +82,13 @@ def measure(starts: int, journal: str, done: Callable[[], None]) -> list[StartLi
 def processor_time(arguments: Sequence[str]) -> float:
     """Return the processor time of one start of the program, user and system, s.
 
+    The program may keep its bytecode, as an installed one does, whatever the environment says.
+
     Raises:
         RuntimeError: The command did not end well.
     """
-    process = subprocess.Popen([sys.executable, "-m", "cell", *arguments], stdout=subprocess.DEVNULL)
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    process = subprocess.Popen([sys.executable, "-m", "cell", *arguments], stdout=subprocess.DEVNULL, env=environment)
     _, status, used = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(status)
     if process.returncode != 0:
