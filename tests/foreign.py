@@ -28,7 +28,7 @@ MATIEC = ROOT / "build" / "matiec"
 """Where `.ci/run` builds it."""
 SETTINGS = ('sim.pace="max"', "reality.scale=0", "plc.life_timeout=20", "plc.lease_timeout=20", "plc.modbus.port=0")
 """Settings for a cell that is judged by what its PLC is told: the ideal one, as fast as it goes, patient on a busy computer."""
-LONGEST = 60.0
+LONGEST = 120.0
 """Longest time for one peg, s."""
 NODE = 16
 """Node-ID of a cell whose config says nothing else."""
