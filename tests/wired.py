@@ -13,6 +13,7 @@ from cell.assembly import Cell
 from cell.cell_config import CellConfig
 from cell.config import LoadedConfig
 from cell.journal import Journal
+from cell.part_state import UNRESOLVED
 from cell.supervisor import Supervisor
 from drivers.protocols import Clock
 from drivers.skin.board_config import CanSkinConfig
@@ -29,6 +30,8 @@ from skills.catalogue import CATALOGUE
 from tests.skins import Cabled
 
 INSERT = CATALOGUE["insert_peg"].code
+CLEARING = 0.5
+"""Time after which fingers that held the peg which somebody has taken away have met, s."""
 _BUSES = count()
 
 
@@ -90,7 +93,7 @@ class Rehearsal:
 
         A person takes a peg away first that the run before left somewhere.
         """
-        if self._report.part not in (PartPlace.UNKNOWN, PartPlace.RACK, PartPlace.SEATED):
+        if self._report.part in UNRESOLVED:
             self._take_away()
         self._stage, self._delay, self._action, self._due = CATALOGUE.stage_number(stage), delay, action, math.inf
         report = self.give(INSERT)
@@ -100,7 +103,9 @@ class Rehearsal:
     def _take_away(self) -> None:
         self._number += 1
         self._waiting.append(Command(self._number, Control.CLEARED))
-        self.wait(0.1)
+        self.wait(CLEARING)
+        assert self._refused is None, f"not cleared: {self._refused}"
+        assert self._report.part is PartPlace.RACK, f"cleared, and the peg is said to be {self._report.part.name}"
 
     def reset(self) -> Report:
         return self.give(Control.RESET)
@@ -116,11 +121,6 @@ class Rehearsal:
         self._waiting.append(Command(self._number, code))
         while self._report.sequence != self._number or self._report.result is Result.NONE:
             self._supervisor.scan()
-            if self._refused is Refusal.PART_UNRESOLVED:
-                self._refused = None
-                self._take_away()
-                self._number += 1
-                self._waiting.append(Command(self._number, code))
             assert self._refused is None, f"{code}: {self._refused}, part {self._report.part}"
         return self._report
 

@@ -24,7 +24,8 @@ from drivers.arm.franka_config import FrankaArmConfig
 from drivers.errors import CellError
 from drivers.gripper.franka import FrankaGripper
 from drivers.gripper.franka_config import FrankaGripperConfig
-from skills.catalogue import CATALOGUE
+from sim.line import SimLine
+from skills.catalogue import CATALOGUE, RECOVER
 from skills.contract import Outcome
 from skills.flow import StageRecord
 from tests.franka.simulated import Arm, Seen, Server, served
@@ -55,7 +56,20 @@ def opened(config: CellConfig, host: str) -> Iterator[WiredCell]:
         model = config.arm_model()
         arm = FrankaArm(franka, model, wires.clock)
         gripper = FrankaGripper(FrankaGripperConfig(kind="franka", host=host), model.hand.stroke)
-        cell = Cell(config, wires.clock, arm, gripper, wires.skin, wires.switch, world.restock, boards=(wires,))
+        line = SimLine(world.world, wires.clock, config.params(RECOVER).bin)
+        cell = Cell(
+            config,
+            wires.clock,
+            arm,
+            gripper,
+            wires.skin,
+            wires.switch,
+            world.between_steps(line.stock),
+            exchange=world.between_steps(line.exchange),
+            refill=world.between_steps(line.refill),
+            clear=world.between_steps(line.clear),
+            boards=(wires,),
+        )
         with cell_opened(cell):
             try:
                 yield WiredCell(cell, wires, arm, gripper, world, server)

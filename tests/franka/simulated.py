@@ -13,10 +13,10 @@ import os
 import socket
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ParamSpec
 
 import numpy as np
 from franka_sim.control_modes import ControlMode
@@ -26,10 +26,11 @@ from franka_sim.gripper.backend import GripperBackend, GripperStateData
 
 from cell.cell_config import CellConfig
 from drivers import impedance
-from drivers.parts import Job
 from drivers.quantities import Vector
 from sim.gripper import SimGripper
 from sim.world import World
+
+P = ParamSpec("P")
 
 HOLD_STIFFNESS = np.array([600.0, 600.0, 600.0, 250.0, 60.0, 30.0, 10.0])
 """With which the arm's own controller holds its place while nobody commands torques, N·m/rad."""
@@ -148,10 +149,14 @@ class Arm:
             self.world.step(np.clip(torque, -most, most))
             self.lock.notify_all()
 
-    def restock(self, job: Job, seed: int) -> None:
-        """Stand a fresh peg in the rack; the arm's controller holds it where it is."""
-        with self.lock:
-            self.world.restock(job, seed)
+    def between_steps(self, act: Callable[P, None]) -> Callable[P, None]:
+        """Return an act of whoever stands around the cell that never happens within a step."""
+
+        def locked(*args: P.args, **kwargs: P.kwargs) -> None:
+            with self.lock:
+                act(*args, **kwargs)
+
+        return locked
 
     # The clock of the cell.
 

@@ -19,10 +19,6 @@ from tests.franka.simulated import address
 from tests.wired import Rehearsal
 
 
-@pytest.mark.xfail(
-    run=False,
-    reason="known shortfall: a peg left in the hand of the maker's simulated arm is not cleared, and no run starts",
-)
 def test_whatever_is_killed_in_the_middle_ends_in_its_fault_and_serves_again_after_a_reset(tmp_path):
     emulated_or_skip()
     loaded = load(sets=["sim.pace=max", "reality.scale=0.0", "sim.seed=2"])
