@@ -30,8 +30,6 @@ from skills.catalogue import CATALOGUE
 from tests.skins import Cabled
 
 INSERT = CATALOGUE["insert_peg"].code
-CLEARING = 0.5
-"""Time after which fingers that held the peg which somebody has taken away have met, s."""
 _BUSES = count()
 
 
@@ -103,7 +101,7 @@ class Rehearsal:
     def _take_away(self) -> None:
         self._number += 1
         self._waiting.append(Command(self._number, Control.CLEARED))
-        self.wait(CLEARING)
+        self.wait(0.1)
         assert self._refused is None, f"not cleared: {self._refused}"
         assert self._report.part is PartPlace.RACK, f"cleared, and the peg is said to be {self._report.part.name}"
 

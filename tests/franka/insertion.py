@@ -31,6 +31,9 @@ from skills.flow import StageRecord
 from tests.franka.simulated import Arm, Seen, Server, served
 from tests.wired import Wires
 
+CLEARING = 0.5
+"""Time that a person takes with a peg, s: the fingers have met, and the hand says so, when it is said to be gone."""
+
 
 @dataclass
 class WiredCell:
@@ -57,6 +60,11 @@ def opened(config: CellConfig, host: str) -> Iterator[WiredCell]:
         arm = FrankaArm(franka, model, wires.clock)
         gripper = FrankaGripper(FrankaGripperConfig(kind="franka", host=host), model.hand.stroke)
         line = SimLine(world.world, wires.clock, config.params(RECOVER).bin)
+
+        def clear() -> None:
+            line.clear()
+            wires.clock.wait_until(wires.clock.now() + CLEARING)
+
         cell = Cell(
             config,
             wires.clock,
@@ -67,7 +75,7 @@ def opened(config: CellConfig, host: str) -> Iterator[WiredCell]:
             world.between_steps(line.stock),
             exchange=world.between_steps(line.exchange),
             refill=world.between_steps(line.refill),
-            clear=world.between_steps(line.clear),
+            clear=world.between_steps(clear),
             boards=(wires,),
         )
         with cell_opened(cell):
