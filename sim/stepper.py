@@ -27,6 +27,8 @@ along and beside its own axis.
 """
 LEAST_AXIS = 1e-6
 """Square of the horizontal share below which an axis counts as upright."""
+TABLE = 0.0
+"""Height of the table that arm, rack and plate stand on, m, base frame: what falls beside them lies there."""
 LYING_GAP = 1e-4
 """Gap under a peg that has just been laid on the plate, m."""
 NO_NOISE: Vector = np.zeros((1, arm_senses.NOISES))
@@ -139,19 +141,29 @@ class Stepper:
         The fall itself is not simulated, only where it ends. A lying peg has no weight, because only its end and the
         edge of that end have contacts with the plate: its back end would sink in.
         """
-        plate, pose, (depth, is_in_hole) = self.scene.plate, self.peg_pose(), self.depth()
-        up, size = plate.rotation[:, 2], self.scene.size
+        plate, (depth, is_in_hole) = self.scene.plate, self.depth()
         if is_in_hole:
-            lying = Pose(plate.position + up * (size.half - depth), plate.rotation)
+            up = plate.rotation[:, 2]
+            standing = Pose(plate.position + up * (self.scene.size.half - depth), plate.rotation)
+            self.enter_free(self.scene.job.peg.part.thickness, standing)
         else:
-            axis = pose.rotation[:, 2] - float(pose.rotation[:, 2] @ up) * up
-            axis = plate.rotation[:, 0] if float(axis @ axis) < LEAST_AXIS else axis / math.sqrt(float(axis @ axis))
-            height = float((pose.position - plate.position) @ up)
-            below = pose.position - (height - size.reach - LYING_GAP) * up
-            lying = Pose(below, np.column_stack([up, np.cross(axis, up), axis]))
-        self.enter_free(self.scene.job.peg.part.thickness, lying)
-        if not is_in_hole:
-            self.running.data.xfrc_applied[self.running.peg_body, 2] = 0.0
+            self._lie(self.scene.job.peg.part.thickness, plate.position, plate.rotation)
+
+    def _lie(self, width: float, place: Vector, ground: Vector) -> None:
+        """Lay the peg flat on the ground below where it is, between fingers `width` m apart.
+
+        Args:
+            width: Distance between the fingers, m.
+            place: Point of the ground, shape (3,), m, base frame.
+            ground: Axes of the ground, z upward, shape (3, 3).
+        """
+        pose, up = self.peg_pose(), ground[:, 2]
+        axis = pose.rotation[:, 2] - float(pose.rotation[:, 2] @ up) * up
+        axis = ground[:, 0] if float(axis @ axis) < LEAST_AXIS else axis / math.sqrt(float(axis @ axis))
+        height = float((pose.position - place) @ up)
+        below = pose.position - (height - self.scene.size.reach - LYING_GAP) * up
+        self.enter_free(width, Pose(below, np.column_stack([up, np.cross(axis, up), axis])))
+        self.running.data.xfrc_applied[self.running.peg_body, 2] = 0.0
 
     def lose(self) -> None:
         """Take the peg out of play."""
@@ -272,6 +284,8 @@ class Stepper:
                 self.fall()
             elif grip_force <= 0.0:
                 self.enter_free(self.scene.job.peg.part.thickness, self.peg_pose())
+        elif self.peg is PegSituation.FREE and self.lowest() < TABLE:
+            self._lie(float(self.running.data.qpos[FINGERS].sum()), np.zeros(3), np.eye(3))
         elif self.peg is PegSituation.FREE:
             height = self.lowest() - self.scene.rack.position[2]
             if not situation.is_in_grip(self.pad_force(), grip_force, height):

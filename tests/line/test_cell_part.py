@@ -74,9 +74,6 @@ def line(folder, *sets, seed=1, **devices):
         yield Line(cell, world, Supervisor(cell, loaded, bridge, journal), FakePlc(bridge, clock))
 
 
-@pytest.mark.xfail(
-    strict=True, reason="known shortfall: beyond plate and rack there is no table, and a dropped peg falls on"
-)
 def test_a_dropped_peg_lies_where_it_fell_until_a_person_takes_it_away(tmp_path):
     with line(tmp_path) as made:
         made.stop_when(lambda report: report.stage == SEARCH_STAGE and report.progress > 0)
