@@ -10,8 +10,6 @@ from functools import partial
 from threading import Event as ThreadEvent
 from typing import Protocol
 
-import numpy as np
-
 from cell.assembly import Cell, choices, make_estimator, make_tracker
 from cell.cell_config import CellConfig
 from cell.config import LoadedConfig, with_parameters
@@ -26,7 +24,7 @@ from cell.record import Ending, RunRecord, StageClock, ending_of
 from cell.states import ASKED, Event, State, after, is_permitted, is_reached
 from cell.watchdog import LateScans, ScanWatchdog
 from drivers.errors import CellError, ConfigError, FaultCode, PlcLostError, ScanOverrunError
-from drivers.quantities import ArmState, ImpedanceSetpoint
+from drivers.quantities import ImpedanceSetpoint
 from plc_bridge.messages import Command, Control, Refusal, Report, Result
 from skills.catalogue import CATALOGUE, RECOVER
 from skills.contract import Observation, Outcome, Request
@@ -38,12 +36,6 @@ logger = logging.getLogger(__name__)
 
 EXIT_BLOCKED = 3
 """Exit status of a program whose skill never comes back: that of a fault."""
-REST_SPEED = 0.01
-"""Largest speed of every joint of an arm that stands still, rad/s."""
-BRAKE_TIME = 0.3
-"""Time for which an arm is halted anew at every scan, s: three time constants of a hand that is damped critically."""
-REST_TIME = 1.0
-"""Longest time for an arm to come to rest, s: the speed of a real one never reads zero."""
 _EVENT = {Control[event.name]: event for event in ASKED}
 
 
@@ -102,7 +94,7 @@ class Supervisor:
         self._late, self._is_timed = LateScans(period, cell.config.scan), False
         self._request = Request.RUN
         self._since = 0.0
-        """When the arm began to be halted or led back, s."""
+        """Time at which the arm began to be led back after a hold, s."""
         self._run: RunRecord | None = None
         self._done = Progress(())
         self.state = State.IDLE
@@ -238,11 +230,11 @@ class Supervisor:
     def _obey(self, command: Command, event: Event) -> None:
         """Do what a control asks for, in the state that it led to."""
         if event in (Event.STOP, Event.ABORT):
-            self._halt_now(Request.STOP)
+            self._come_to_rest(Request.STOP)
             if self._run is None:
                 self._enter(Event.FINISHED)
         elif event is Event.HOLD:
-            self._halt_now(Request.HOLD)
+            self._come_to_rest(Request.HOLD)
         elif event is Event.UNHOLD:
             self._request, self._since = Request.RESUME, self._cell.clock.now()
         else:
@@ -328,7 +320,7 @@ class Supervisor:
 
         fault = _fault_of(work)
         self._watchdog.watch(False)
-        fault = self._brought_to_rest(fault)
+        fault = self._brought_to_rest(records, fault)
         run, self._run = self._run, None
         ending, fault = self._judged(claim, records, fault, run.clock.stage if run is not None else "")
         self._part.end()
@@ -346,18 +338,20 @@ class Supervisor:
             self.report = replace(self.report, result=Result.FAULT)
         self._events.run = 0
 
-    def _brought_to_rest(self, fault: CellError | None) -> CellError | None:
-        """Halt the arm after a run that may have ended in a fault; return the first fault."""
+    def _brought_to_rest(self, records: Sequence[StageRecord], fault: CellError | None) -> CellError | None:
+        """Bring the arm to rest after a run that did not end as it should; return the first fault."""
         if fault is not None:
             self._enter(Event.ABORT)
-            # Nobody is asked for a sign of life any more: the arm has to come to rest.
-            self._request, self._since = Request.STOP, self._cell.clock.now()
             self.report = replace(self.report, fault=fault.code)
-        if self.state in (State.STOPPING, State.ABORTING):
-            later = _fault_of(self._come_to_rest)
-            fault = fault or later
-        self._halt()
-        return fault
+        elif ending_of(records, None, "").outcome is Outcome.SUCCESS and self.state is State.EXECUTE:
+            self._halt()
+            return None
+        # Nobody is asked for a sign of life any more: the arm has to come to rest.
+        self._request = Request.STOP
+        later = _fault_of(self._wait_for_rest)
+        if later is not None:
+            self._halt()
+        return fault or later
 
     def _judged(
         self, claim: Claim, records: Sequence[StageRecord], fault: CellError | None, stage: str
@@ -370,25 +364,20 @@ class Supervisor:
         fault = _fault_of(lambda: found.append(self._part.judge(claim, ending, records)))
         return (ending_of(records, fault, stage) if fault is not None else found[0]), fault
 
-    def _come_to_rest(self) -> None:
-        """Brake the arm and wait until it stands still."""
-        clock = self._cell.clock
-        while not self._is_at_rest(self._cell.arm.read()):
+    def _wait_for_rest(self) -> None:
+        """Bring the arm to rest, and go on telling the line and taking its commands."""
+
+        def meanwhile() -> None:
             self._publish()
-            self._brake()
-            clock.wait_until(clock.now() + self._context.scan_period)
             self._listen()
             self._take_all()
 
+        self._context.rest.wait(self._cell.clock, self._context.scan_period, meanwhile)
+
     def _stand(self) -> None:
-        """Brake the arm and wait until it stands still, with nothing else left to do."""
-        clock, arm = self._cell.clock, self._cell.arm
-        with suppress(CellError):
-            self._since = clock.now()
-            while not self._is_at_rest(arm.read()):
-                self._brake()
-                clock.wait_until(clock.now() + self._context.scan_period)
-        self._halt()
+        """Bring the arm to rest with nothing else left to do."""
+        if _fault_of(partial(self._context.rest.wait, self._cell.clock, self._context.scan_period)) is not None:
+            self._halt()
 
     def _abandon(self, error: Exception) -> None:
         """Close the record of the run under way, and tell the line, where the supervisor itself cannot go on."""
@@ -479,29 +468,15 @@ class Supervisor:
             result = Result.FAULT
         self.report = replace(self.report, result=result, fault=error.code)
 
-    def _halt_now(self, request: Request) -> None:
+    def _come_to_rest(self, request: Request) -> None:
         """Halt the arm, and ask the skill to obey."""
-        self._cell.arm.halt()
-        self._request, self._since = request, self._cell.clock.now()
-
-    def _is_at_rest(self, arm: ArmState) -> bool:
-        """Tell whether an arm that was braked stands still, or has had long enough."""
-        return bool(np.max(np.abs(arm.dq)) < REST_SPEED) or self._cell.clock.now() - self._since > REST_TIME
-
-    def _is_braking(self) -> bool:
-        """Tell whether the arm is still to be halted anew at every scan.
-
-        A single halt would hold the place where a fast arm was, so that it swings back; many let it run out. Then the
-        last one must hold: many would let the arm sink by what its model of gravity lacks, and it would never rest.
-        """
-        return self._cell.clock.now() - self._since <= BRAKE_TIME
-
-    def _brake(self) -> None:
-        if self._is_braking():
-            self._cell.arm.halt()
+        self._request = request
+        self._context.rest.seek(self._cell.clock.now())
 
     def _halt(self) -> None:
-        """Halt the arm, whatever state it is in."""
+        """Halt the arm, whatever state it is in; one at rest would only sink again by what its model of gravity lacks."""
+        if self._context.rest.is_reached:
+            return
         try:
             self._cell.arm.halt()
         except CellError as error:
@@ -518,7 +493,7 @@ class Supervisor:
             self._late.take(time.monotonic())
         if self._quit.is_set() and self._request is not Request.STOP:
             self._enter(Event.STOP)
-            self._halt_now(Request.STOP)
+            self._come_to_rest(Request.STOP)
         number = CATALOGUE.stage_number(self._context.stage)
         if run.clock.enter(self._context.stage, self._cell.clock.now()):
             self.report = replace(_with_times(self.report, run.clock), stage=number)
@@ -542,9 +517,8 @@ class Supervisor:
         self._part.see(seen)
         run.add(seen, setpoint, self._cell.sight() if self._cell.sight is not None else None)
         self._show(seen, run.row.run)
-        if self.state is State.HOLDING and self._is_at_rest(seen.arm):
+        if self.state is State.HOLDING and self._context.rest.is_reached:
             self._enter(Event.FINISHED)
-            self._request = Request.STAY
         elif self.state is State.UNHOLDING and seen.stamp - self._since >= RESUME_TIME:
             self._enter(Event.FINISHED)
             self._request = Request.RUN

@@ -40,8 +40,14 @@ NULL_STIFFNESS = 10.0
 NULL_DAMPING = 3.0
 """Damping of the null space, N·m·s/rad."""
 
-HALT_STIFFNESS = (400.0, 400.0, 400.0, 20.0, 20.0, 20.0)
-"""Stiffness of an arm that holds still, compliant, N/m and N·m/rad; its damping is critical."""
+HALT_STIFFNESS = (1500.0, 1500.0, 1500.0, 60.0, 60.0, 60.0)
+"""Stiffness of an arm that holds still, compliant, N/m and N·m/rad; its damping is critical. That of free motion: an arm
+that is softer creeps for a second by what its model of gravity lacks, and brakes more slowly."""
+HALT_NULL_STIFFNESS = 50.0
+"""Stiffness of the null space towards where the arm began to hold still, N·m/rad."""
+HALT_NULL_DAMPING = 10.0
+"""Damping of the null space of an arm that holds still, N·m·s/rad; with twice as much a wrist without rotors would swing
+where torques act 2 ms late."""
 
 MASSES = 45
 FIGURES = MASSES + dynamics.WORDS
@@ -249,6 +255,9 @@ def torque(  # noqa: C901, PLR0915  the whole law at 1 kHz, compiled as one: a c
             words[TWIST + k] = words[TWIST + 3 + k] = 0.0
             state[INTEGRAL + k] = 0.0
             words[ROLL + k] = finger[k, 2]
+        words[HAS_POSTURE] = 1.0
+        for i in range(JOINTS):
+            words[POSTURE + i] = q[i]
         state[DAMPED_SINCE] = -math.inf
     if words[ID] != state[SEEN_ID]:
         state[SEEN_ID] = words[ID]
@@ -305,10 +314,12 @@ def torque(  # noqa: C901, PLR0915  the whole law at 1 kHz, compiled as one: a c
 
     # Null space: posture and damping, less what of it would move the tip (projection by J's pseudo-inverse).
     null = np.empty(7)
+    is_holding = state[IS_HOLDING] > 0.0
     for i in range(7):
-        null[i] = -NULL_DAMPING * dq[i]
+        null[i] = -(HALT_NULL_DAMPING if is_holding else NULL_DAMPING) * dq[i]
         if words[HAS_POSTURE] > 0.0:
-            null[i] += NULL_STIFFNESS * (words[POSTURE + i] - q[i])
+            stiffness = HALT_NULL_STIFFNESS if is_holding else NULL_STIFFNESS
+            null[i] += stiffness * (words[POSTURE + i] - q[i])
     A = np.empty((6, 6))
     for k in range(6):
         for j in range(6):

@@ -15,6 +15,7 @@ from drivers.parts import Job
 from drivers.protocols import Arm, Clock, Gripper, Skin, SuccessSwitch
 from drivers.quantities import ArmState, GripperState, ImpedanceSetpoint, InHandTip, SwitchState, TaxelFrame, Vector
 from skills.passivity import SOFTENED, STOP, PassivityGuard, PassivityVerdict
+from skills.rest import Rest
 from skills.scan_guards import (
     ScanLimits,
     ScanTiming,
@@ -107,9 +108,7 @@ class Request(Enum):
 
     RUN = "run"
     HOLD = "hold"
-    """Wait, halting the arm at every scan until it is at rest."""
-    STAY = "stay"
-    """Wait on, with the arm as it is."""
+    """Wait, with the arm brought to rest."""
     RESUME = "resume"
     """Lead the arm back to the setpoint that it was halted from."""
     STOP = "stop"
@@ -164,6 +163,8 @@ class SkillContext:
     stage: str = ""
     """Name of the skill under way."""
     held: ImpedanceSetpoint | None = field(default=None, init=False)
+    rest: Rest = field(init=False)
+    """Rest of the arm."""
     _peg: PegPose = field(default=NO_PEG, init=False)
     _unseen_since: float | None = field(default=None, init=False)
     """Time since which a peg has to be held that the skin has never seen, s; None where none has to be."""
@@ -173,6 +174,10 @@ class SkillContext:
     """Lateness of the last scans."""
     _soft: tuple[int, Vector] | None = field(default=None, init=False)
     """Id of the setpoint that is followed softly, and the most stiffness, shape (6,)."""
+
+    def __post_init__(self) -> None:
+        """Let the arm be brought to rest through the gate that setpoints pass."""
+        self.rest = Rest(self.arm)
 
     def new_id(self) -> int:
         """Return a setpoint id that was not used before, which resets the arm's integral."""
@@ -186,6 +191,7 @@ class SkillContext:
         if self._soft is not None and setpoint.id == self._soft[0]:
             setpoint = replace(setpoint, stiffness=np.minimum(setpoint.stiffness, self._soft[1]))
         self.held = setpoint
+        self.rest.leave()
         self.arm.follow(setpoint)
 
     def in_hand(self) -> InHandTip:
@@ -263,10 +269,10 @@ class SkillContext:
             timing.require_kept()
             if request is Request.STOP:
                 self._interrupt(Reason.STOPPED)
-            if request is Request.HOLD:
-                self.arm.halt()
+            self._hold_or_leave(request)
             seen = self.observe(elapsed, timing.step, running)
-            paused = seen.arm if request in (Request.HOLD, Request.STAY) else paused
+            self.rest.take(seen.arm, seen.stamp)
+            paused = seen.arm if request is Request.HOLD else paused
             self._keep_to_setpoint(seen, request, paused)
             if limited:
                 self._check(seen)
@@ -282,6 +288,13 @@ class SkillContext:
             timing.take(self.clock.now())
             if request is Request.RUN:
                 elapsed, running = elapsed + timing.step, running + timing.passed
+
+    def _hold_or_leave(self, request: Request) -> None:
+        """Bring the arm to rest on a hold, and otherwise let it move."""
+        if request is not Request.HOLD:
+            self.rest.leave()
+        elif not self.rest.is_sought:
+            self.rest.seek(self.clock.now())
 
     def _keep_to_setpoint(self, seen: Observation, request: Request, paused: ArmState | None) -> None:
         """Make sure that the arm is close to its setpoint, or after a hold lead it back there from where it `paused`."""

@@ -16,6 +16,8 @@ from sim.world import World
 from skills.catalogue import CATALOGUE
 
 OVERDAMPED = 5.0
+SOFT = 400.0
+"""Stiffness of a hold that shows what pulls at the arm, N/m."""
 """Damping ratio that late torques turn into a swing where no rotors help."""
 NEVER = 2**40
 """Ticks until the law commands."""
@@ -28,6 +30,12 @@ def world_of(timestep=5e-4, **departure):
     world = World(config.arm_model(), config.sim, config.contact, config.grip, config.skin.layout, config.job())
     world.begin(world.job, replace(world.draw, arm=replace(world.draw.arm, **departure)))
     return world
+
+
+def hold_softly(world, arm):
+    """Let the arm hold still where it is, with little stiffness."""
+    arm.halt()
+    world.control.words[impedance.STIFFNESS : impedance.STIFFNESS + 3] = SOFT
 
 
 def torqued(world, torque, seconds):
@@ -109,7 +117,7 @@ def test_a_wrong_zero_puts_the_tip_where_the_cell_does_not_see_it():
 def test_a_payload_pulls_the_arm_down_and_is_told_as_a_force():
     world = world_of(payload=Payload(0.5, (0.0, 0.0, 0.1034)))
     arm, height = SimArm(world), world.tcp().position[2]
-    arm.halt()
+    hold_softly(world, arm)
     world.wait_until(1.5)
     assert world.tcp().position[2] < height - 2e-3
     force = arm.read().wrench.force
@@ -145,7 +153,7 @@ def motion(timestep):
         payload=Payload(0.5, (0.0, 0.0, 0.1034)),
     )
     arm = SimArm(world)
-    arm.halt()
+    hold_softly(world, arm)
     places = []
     for k in range(1, 31):
         world.wait_until(0.02 * k)

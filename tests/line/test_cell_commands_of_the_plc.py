@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from cell.states import State
-from cell.supervisor import REST_TIME
 from plc_bridge.messages import Control, Refusal, Result
 from skills.contract import Reason
+from skills.rest import REST_TIME
 
 GRASP, SEARCH, RELEASE = 101, 102, 105
 

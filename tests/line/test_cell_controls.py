@@ -16,10 +16,11 @@ from cell.journal import Journal
 from cell.line import PARAMETERS, PROGRAMS
 from cell.samples import read_samples
 from cell.states import State
-from cell.supervisor import REST_SPEED, Supervisor
+from cell.supervisor import Supervisor
 from plc_bridge.bridge import Bridge
 from plc_bridge.messages import Control, PartPlace, Result
 from skills.catalogue import CATALOGUE
+from skills.rest import REST_SPEED
 from tests.fakes import FakePlc
 
 INSERT = CATALOGUE["insert_peg"].code
@@ -165,10 +166,7 @@ def assert_halted(braking, state):
     assert way.max() < CREEP, f"stage {braking.stage}"
 
 
-SLOW = pytest.mark.xfail(strict=True, reason="known shortfall: HELD is told while a joint still moves at 0.017 rad/s")
-
-
-@pytest.mark.parametrize(("seed", "drawn"), [pytest.param(11, 11, marks=SLOW), (30, 1030)])
+@pytest.mark.parametrize(("seed", "drawn"), [(11, 11), (30, 1030)])
 def test_every_skill_holds_and_goes_on(tmp_path, seed, drawn):
     """In the second the peg leaves the plate while the arm brakes; coming down at once, it would hit with 60 N."""
     with controlled(tmp_path, seed) as cell:

@@ -11,7 +11,7 @@ from cell.config import load
 from cell.journal import Journal
 from cell.line import TerminalLine
 from cell.states import State
-from cell.supervisor import REST_SPEED, Supervisor
+from cell.supervisor import Supervisor
 from drivers.errors import FaultCode, SimulationUnstableError
 from plc_bridge.messages import Command, Control, Result
 from plc_bridge.peer import Peer
@@ -20,6 +20,7 @@ from skills.catalogue import CATALOGUE
 from skills.contract import Outcome, Reason, SkillResult
 from skills.entry import Program
 from skills.flow import run_stage
+from skills.rest import REST_SPEED
 
 PATIENCE = 10.0  # s
 GRASP = CATALOGUE["grasp_from_rack"].code

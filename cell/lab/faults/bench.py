@@ -15,7 +15,7 @@ from cell.journal import Journal
 from cell.lab.faults.devices import FaultyArm, FaultyGripper, FaultySwitch
 from cell.line import PARAMETERS, PROGRAMS
 from cell.states import State
-from cell.supervisor import REST_SPEED, Supervisor
+from cell.supervisor import Supervisor
 from drivers.errors import CellError
 from drivers.protocols import Clock
 from plc_bridge.bridge import Bridge
@@ -23,6 +23,7 @@ from plc_bridge.peer import Peer
 from sim.board_links import EmulatedCan
 from sim.switch_board import EmulatedSwitchBoard
 from skills.catalogue import CATALOGUE
+from skills.rest import REST_SPEED
 
 GOING_ON = (State.STARTING, State.EXECUTE, State.COMPLETING)
 """States in which a program goes on."""

@@ -1,0 +1,78 @@
+"""How an arm is brought to rest: braked for a moment, then held; one rule for hold, stop, abort and faults.
+
+A single halt would hold the place where a fast arm was, so that it swings back; halts at every scan let it run out. Then
+the last one must hold: many would let the arm sink by what its model of gravity lacks, and it would never rest.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from drivers.protocols import Arm, Clock
+from drivers.quantities import ArmState
+
+REST_SPEED = 0.01
+"""Largest speed of every joint of an arm that stands still, rad/s."""
+REST_SCANS = 5
+"""Number of scans in a row below that speed after which an arm stands still: one may be where a swing turns."""
+BRAKE_TIME = 0.1
+"""Time for which an arm that moves is halted anew at every scan, s: two time constants of the hand that `halt` damps."""
+REST_TIME = 1.0
+"""Longest time for an arm to come to rest, s: the speed of a real one never reads zero."""
+
+
+class Rest:
+    """Rest of one arm, sought and reached."""
+
+    def __init__(self, arm: Arm) -> None:
+        """Keep the arm, whose rest nobody seeks yet."""
+        self._arm = arm
+        self._since: float | None = None
+        self._calm = 0
+        self.is_reached = False
+        """Whether the arm was brought to rest and nobody has moved it since."""
+
+    @property
+    def is_sought(self) -> bool:
+        """Whether the arm is being brought to rest, or is at rest."""
+        return self._since is not None
+
+    def leave(self) -> None:
+        """Note that the arm is to move from now on."""
+        self._since, self._calm, self.is_reached = None, 0, False
+
+    def seek(self, now: float) -> None:
+        """Halt the arm at the time `now`, s, and begin to bring it to rest.
+
+        Raises:
+            CellError: The arm does not take the halt.
+        """
+        self._since, self._calm, self.is_reached = now, 0, False
+        self._arm.halt()
+
+    def take(self, arm: ArmState, now: float) -> bool:
+        """Take the arm's state of one scan at the time `now`, s: brake or hold; return whether rest is reached.
+
+        Raises:
+            CellError: The arm does not take the halt.
+        """
+        if self._since is None or self.is_reached:
+            return self.is_reached
+        passed = now - self._since
+        self._calm = self._calm + 1 if np.max(np.abs(arm.dq)) < REST_SPEED else 0
+        self.is_reached = self._calm >= REST_SCANS or passed > REST_TIME
+        if self._calm == 0 and passed <= BRAKE_TIME:
+            self._arm.halt()
+        return self.is_reached
+
+    def wait(self, clock: Clock, period: float, meanwhile: Callable[[], None] = lambda: None) -> None:
+        """Bring the arm to rest if it is not there yet, and do something `meanwhile` in every scan, one a period, s.
+
+        Raises:
+            CellError: The arm is silent or does not take the halt.
+        """
+        if not self.is_sought:
+            self.seek(clock.now())
+        while not self.take(self._arm.read(), clock.now()):
+            clock.wait_until(clock.now() + period)
+            meanwhile()

@@ -1,0 +1,85 @@
+"""The way to rest: braked for a moment, then held, and told once all joints have been slow for a while."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from skills.rest import BRAKE_TIME, REST_SCANS, REST_SPEED, REST_TIME, Rest
+from tests.fakes import FakeArm, FakeClock
+
+PERIOD = 0.01  # s
+
+
+@pytest.fixture
+def arm():
+    """Return an arm that counts its halts."""
+    made = FakeArm(FakeClock())
+    halt, made.halts = made.halt, 0
+
+    def counted():
+        made.halts += 1
+        halt()
+
+    made.halt = counted
+    return made
+
+
+def taken(rest, arm, speeds):
+    """Return what is told after each scan with these speeds of the fastest joint, rad/s."""
+    state = arm.read()
+    return [
+        rest.take(replace(state, dq=np.array([0.0, -speed, 0.0, 0.0, 0.0, 0.0, 0.0])), PERIOD * scan)
+        for scan, speed in enumerate(speeds, 1)
+    ]
+
+
+def test_rest_is_told_after_so_many_slow_scans_in_a_row(arm):
+    rest = Rest(arm)
+    rest.seek(0.0)
+    slow = 0.99 * REST_SPEED
+    told = taken(rest, arm, [slow] * (REST_SCANS - 1) + [1.01 * REST_SPEED] + [slow] * REST_SCANS)
+    assert told == [False] * (2 * REST_SCANS - 1) + [True]
+
+
+def test_a_moving_arm_is_halted_anew_while_it_brakes_and_then_held(arm):
+    rest = Rest(arm)
+    rest.seek(0.0)
+    taken(rest, arm, [0.5] * round(2 * BRAKE_TIME / PERIOD))
+    assert arm.halts == 1 + round(BRAKE_TIME / PERIOD)
+
+
+def test_an_arm_that_stands_is_halted_once(arm):
+    rest = Rest(arm)
+    rest.seek(0.0)
+    taken(rest, arm, [0.0] * 50)
+    assert arm.halts == 1
+
+
+def test_an_arm_whose_speed_never_reads_zero_is_at_rest_in_time(arm):
+    rest = Rest(arm)
+    rest.seek(0.0)
+    told = taken(rest, arm, [2.0 * REST_SPEED] * round(REST_TIME / PERIOD + 1))
+    assert told[-2:] == [False, True]
+
+
+def test_rest_is_left_where_the_arm_is_to_move(arm):
+    rest = Rest(arm)
+    rest.seek(0.0)
+    taken(rest, arm, [0.0] * REST_SCANS)
+    assert rest.is_reached
+    rest.leave()
+    assert not rest.is_sought
+    assert not rest.is_reached
+
+
+def test_waiting_brings_a_moving_arm_to_rest(arm):
+    clock, meanwhile = FakeClock(), []
+    arm.dq[3] = 1.0
+
+    def calm():
+        meanwhile.append(clock.now())
+        arm.dq[3] *= 0.5
+
+    Rest(arm).wait(clock, PERIOD, calm)
+    assert len(meanwhile) == 7 + REST_SCANS - 1  # 0.5 to the power of 7 is below the limit
