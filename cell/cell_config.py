@@ -11,6 +11,7 @@ from cell.config_checks import (
     require_reach,
     require_shallow,
     require_stable,
+    require_steady,
     require_turned_as_hole,
     require_workspace,
 )
@@ -41,7 +42,7 @@ from skills.contract import SkillParams
 from skills.corner import CornerParams
 from skills.entry import Skill, SkillSet
 from skills.handling import WAYS, Handling, Sections, handling
-from skills.motion import Gains
+from skills.motion import Gains, Transfer
 from skills.prior import LearningConfig
 from skills.scan_guards import ScanLimits
 from skills.setpoint_gate import Limits
@@ -199,6 +200,7 @@ class CellConfig(Catalogued):
         place = self.place()
         require_reach(place, self.hole, self.limits)
         require_stable(self.steered(), self.skin.rate, place)
+        require_steady(self.followed(), place)
         return self
 
     @model_validator(mode="after")
@@ -232,6 +234,16 @@ class CellConfig(Catalogued):
                 f'sim.model.hole = "{self.sim.model.hole}": facets round a hole, and hole.present = false; "exact" allowed'
             )
         return self
+
+    def followed(self) -> dict[str, Gains]:
+        """Return all gains by key: those that the skin steers, and those on the way through free space."""
+        ways = {
+            f"{skill.section}.{name}.gains": value.gains
+            for skill in CATALOGUE.skills
+            for name, value in self.params(skill)
+            if isinstance(value, Transfer)
+        }
+        return {**self.steered(), **ways}
 
     def arm_model(self) -> ArmModel:
         """Return the figures of the cell's arm."""

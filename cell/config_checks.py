@@ -8,6 +8,7 @@ import math
 from collections.abc import Mapping
 
 from cell.margins import MARGIN, Place, too_high
+from cell.torque_path import is_steady, largest
 from drivers.parts import Hole, Peg, Rack
 from skills.grasp_from_rack import GraspFromRackParams
 from skills.motion import Gains
@@ -139,4 +140,23 @@ def require_stable(steered: Mapping[str, Gains], rate: float, place: Place) -> N
             raise ValueError(
                 f"{name}.{found.kind} = {found.gain:g}: unstable from {found.limit:.4g} with this damping ratio and"
                 f" frames at {rate:g} Hz; at most {found.limit / MARGIN:.4g} allowed"
+            )
+
+
+def require_steady(followed: Mapping[str, Gains], place: Place) -> None:
+    """Make sure that every gain bears the arm's torque path by the margin of `cell.margins`.
+
+    Args:
+        followed: Gains by the key of their section.
+        place: Place and attitude in which the arm works.
+
+    Raises:
+        ValueError: A gain would let the arm swing; one line.
+    """
+    for name, gains in followed.items():
+        if not is_steady(gains, place):
+            path = place.arm.torque_path
+            raise ValueError(
+                f"{name}: swings from {largest(gains, place):.2f} times these torques where they act {1e3 * path.transport:g} ms late"
+                f" behind {path.cutoff:g} Hz on {place.arm.name}; {MARGIN} times needed: lower damping_ratio or the stiffness"
             )

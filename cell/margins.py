@@ -50,6 +50,13 @@ class Place:
         """Whether the arm reaches the place with the peg tilted and upright."""
         return all(_joints(self, tilt) is not None for tilt in (self.tilt, 0.0))
 
+    def postures(self) -> tuple[Vector, Vector]:
+        """Return the joint positions, shape (7,), rad, with the peg tilted and upright; the place has to be within reach."""
+        tilted_peg, upright = (_joints(self, tilt) for tilt in (self.tilt, 0.0))
+        assert tilted_peg is not None
+        assert upright is not None
+        return tilted_peg, upright
+
     def largest_push(self) -> float:
         """Return the largest vertical force that the arm can hold with the peg upright, N; the place has to be within reach."""
         upright = _joints(self, 0.0)
@@ -105,9 +112,7 @@ def loop_at(kind: str, gains: Gains, inertia: Vector, factor: float) -> Loop:
 @lru_cache(maxsize=64)
 def inertias(place: Place) -> tuple[Vector, Vector]:
     """Return the arm's inertia at the peg's end with the peg tilted and upright, each shape (6, 6)."""
-    tilted_peg, upright = (_joints(place, tilt) for tilt in (place.tilt, 0.0))
-    assert tilted_peg is not None
-    assert upright is not None
+    tilted_peg, upright = place.postures()
     return tip_inertia(place.arm, tilted_peg, place.length), tip_inertia(place.arm, upright, place.length)
 
 

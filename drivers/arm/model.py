@@ -146,6 +146,17 @@ class Joints(ConfigModel):
         return self
 
 
+class TorquePathModel(ConfigModel):
+    """The way of a torque from the law to the joint, as gains have to bear it."""
+
+    transport: Annotated[float, Field(ge=0.0, le=0.01)] = 0.002
+    """Time from the state that a torque is computed from until the torque acts, s."""
+    cutoff: Annotated[float, Field(ge=10.0, le=1e4)] = 100.0
+    """Corner frequency of the low-pass behind it, Hz."""
+    rotor_share: Annotated[float, Field(ge=0.0, le=1.0)] = 0.5
+    """Least share of `joints.rotor_inertia` that may show at the joints, fraction: the lighter the joint, the earlier it swings."""
+
+
 class Hand(ConfigModel):
     """The parallel hand on the flange."""
 
@@ -177,6 +188,7 @@ class ArmModel(ConfigModel):
     """Joint positions at which the stand-in waits, rad."""
     kinematics: Kinematics
     joints: Joints
+    torque_path: TorquePathModel = TorquePathModel()
     hand: Hand
     link: tuple[Inertial, Inertial, Inertial, Inertial, Inertial, Inertial, Inertial]
     """Links 1 to 7, each in the frame of its joint."""

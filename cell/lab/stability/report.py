@@ -11,6 +11,7 @@ from cell.cell_config import CellConfig
 from cell.lab.stability.measure import QUICK, WHOLE, Boundary, Shipped, StepTrace, boundaries, measure, shipped_margins
 from cell.margins import HELD, MARGIN
 from cell.provenance import config_hash, versions
+from cell.torque_path import largest
 from skills.catalogue import INSERT
 
 CASES, FIGURES = "stability.csv", "stability.json"
@@ -46,6 +47,7 @@ def run(config: CellConfig, quick: bool, workers: int, done: Callable[[int], Non
         "guard": caught(traces),
         "margin_needed": MARGIN,
         "shipped": [asdict(line) for line in shipped],
+        "torque_path": {key: largest(gains, config.place()) for key, gains in config.followed().items()},
         "theory": [asdict(line) for line in theory],
         "inertia": inertia.tolist(),
         "versions": versions(),
