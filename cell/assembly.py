@@ -115,6 +115,7 @@ class Cell:
             scan_period=1.0 / config.scan_rate,
             rng=choices(seed),
             scan_limits=config.scan,
+            wrench=config.wrench,
             tracker=make_tracker(config),
         )
 

@@ -49,6 +49,7 @@ from skills.setpoint_gate import Limits
 from skills.tactile.blend import Smoothing
 from skills.tactile.estimators import ESTIMATORS, EstimatorEntry
 from skills.tactile.observer import ObserverParams
+from skills.wrench_zero import WrenchConfig
 
 P = TypeVar("P", bound=SkillParams)
 E = TypeVar("E", bound=ConfigModel)
@@ -119,6 +120,8 @@ class CellConfig(Catalogued):
     """Number of times that `insert_peg` searches anew when the peg turns out not to be in the hole. Source: decision 0021."""
     scan: ScanLimits = ScanLimits()
     """How late the scan may come. Source: decision 0054."""
+    wrench: WrenchConfig = WrenchConfig()
+    """What may be believed of the external wrench that the arm estimates. Source: decision 0055."""
     limits: Limits
     """Force and workspace that end a skill at once."""
     peg: Peg

@@ -18,7 +18,7 @@ from typing import Any
 
 from drivers.errors import JournalError
 
-LAYOUT = 2
+LAYOUT = 3
 """Number of the present layout."""
 RUNNING = "running"
 """Outcome of a run that has not ended."""
@@ -80,6 +80,8 @@ class RunRow:
     """Place of the peg when the run ended, in the words of `plc_bridge.messages.PartPlace`, in lower case."""
     samples: int = 0
     """Number of scans whose samples reached the disk."""
+    length: float | None = None
+    """Distance from the finger centre to the peg's end point that the run ended with, m: the job's, corrected by the first touch-down."""
 
 
 @dataclass(frozen=True, slots=True)

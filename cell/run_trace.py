@@ -27,6 +27,7 @@ class Visit:
     theta: float | None = None
     sigma: float | None = None
     residual: float | None = None
+    length: float | None = None
 
     def see(self, seen: Observation, hole: Hole) -> None:
         """Take one scan into account."""
@@ -35,6 +36,7 @@ class Visit:
         self.peak_force = max(self.peak_force or 0.0, force)
         if seen.peg.healthy:
             self.theta, self.sigma, self.residual = seen.peg.theta, seen.peg.sigma, seen.peg.residual
+            self.length = float(np.linalg.norm(seen.tip - seen.arm.tcp.position))
         if seen.gripper.is_gripping and seen.peg.healthy and _is_over(seen, hole):
             depth = depth_of(seen.tip, hole)
             self.deepest = depth if self.deepest is None else max(self.deepest, depth)
@@ -64,6 +66,7 @@ class RunTrace:
             deepest=max((visit.deepest for visit in self.visits if visit.deepest is not None), default=None),
             theta=last.theta if last is not None else None,
             sigma=last.sigma if last is not None else None,
+            length=last.length if last is not None else None,
         )
 
     def stages(self, run: int, records: Sequence[StageRecord], fault: CellError | None) -> list[StageRow]:

@@ -23,6 +23,7 @@ class FaultCode(IntEnum):
     SETPOINT = 2005
     SWITCH_DISAGREES = 3001
     SUCCESS_UNPROVEN = 3002
+    WRENCH_OFFSET = 3003
     SIMULATION_UNSTABLE = 4001
     SCAN_OVERRUN = 4002
     SOFTWARE = 4003
@@ -113,6 +114,11 @@ FAULTS: dict[FaultCode, FaultText] = {
         "the switch and the depth of the tip disagree",
         "stuck switch, wrong hole depth in the recipe, or a wrong part",
         "look at the part and the switch, then reset",
+    ),
+    FaultCode.WRENCH_OFFSET: FaultText(
+        "the force that the arm reports where nothing touches is implausible",
+        "something touches hand or peg, or the arm's controller knows a wrong payload",
+        "free the hand; set the payload of hand and peg at the arm's controller",
     ),
     FaultCode.SIMULATION_UNSTABLE: FaultText(
         "the simulated physics diverged",
@@ -225,6 +231,12 @@ class SuccessUnprovenError(CellError):
     """The skills report success without evidence of it."""
 
     code = FaultCode.SUCCESS_UNPROVEN
+
+
+class WrenchOffsetError(CellError):
+    """The external wrench that the arm reports where nothing touches is not that of free air."""
+
+    code = FaultCode.WRENCH_OFFSET
 
 
 class PlcLostError(CellError):

@@ -1,5 +1,6 @@
 """What a skill is: typed parameters and a context in, a typed result out."""
 
+import logging
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
@@ -13,7 +14,16 @@ from drivers.errors import ArmSilentError, NotPassiveError, SkinUntrustedError
 from drivers.frames import end_point
 from drivers.parts import Job
 from drivers.protocols import Arm, Clock, Gripper, Skin, SuccessSwitch
-from drivers.quantities import ArmState, GripperState, ImpedanceSetpoint, InHandTip, SwitchState, TaxelFrame, Vector
+from drivers.quantities import (
+    ArmState,
+    GripperState,
+    ImpedanceSetpoint,
+    InHandTip,
+    SwitchState,
+    TaxelFrame,
+    Vector,
+    Wrench,
+)
 from skills.passivity import SOFTENED, STOP, PassivityGuard, PassivityVerdict
 from skills.rest import Rest
 from skills.scan_guards import (
@@ -28,6 +38,9 @@ from skills.scan_guards import (
 from skills.setpoint_gate import Limits
 from skills.tactile.blend import Blend, Smoothing
 from skills.tactile.pose import NO_PEG, Estimator, PegPose, Tracker
+from skills.wrench_zero import SCANS, WrenchConfig, WrenchZero, zero_of
+
+logger = logging.getLogger(__name__)
 
 
 class SkillParams(ConfigModel):
@@ -151,6 +164,8 @@ class SkillContext:
     """Random generator of a skill's choices, such as the start of a search."""
     scan_limits: ScanLimits = field(default_factory=ScanLimits)
     """How late the scan may come."""
+    wrench: WrenchConfig = field(default_factory=WrenchConfig)
+    """What may be believed of the external wrench."""
     tracker: Tracker = field(default_factory=lambda: Blend(Smoothing()))
     poll: Callable[[], Request] = lambda: Request.RUN
     """Function that is asked once a scan what the skill shall do."""
@@ -165,6 +180,12 @@ class SkillContext:
     held: ImpedanceSetpoint | None = field(default=None, init=False)
     rest: Rest = field(init=False)
     """Rest of the arm."""
+    zero: WrenchZero = field(default_factory=WrenchZero, init=False)
+    """What the arm reports as a wrench where nothing touches; taken from what is observed."""
+    excess: float = field(default=0.0, init=False)
+    """Length by which the peg in the hand reaches further than the job says, m, as the first touch-down told."""
+    is_length_known: bool = field(default=False, init=False)
+    """Whether the peg in the hand has touched the plate since it was grasped."""
     _peg: PegPose = field(default=NO_PEG, init=False)
     _unseen_since: float | None = field(default=None, init=False)
     """Time since which a peg has to be held that the skin has never seen, s; None where none has to be."""
@@ -172,6 +193,8 @@ class SkillContext:
     _next_id: int = field(default=0, init=False)
     _late: deque[bool] = field(default_factory=new_window, init=False)
     """Lateness of the last scans."""
+    _wrenches: deque[Wrench] = field(default_factory=lambda: deque(maxlen=SCANS), init=False)
+    """Wrenches that the arm reported in the last scans."""
     _soft: tuple[int, Vector] | None = field(default=None, init=False)
     """Id of the setpoint that is followed softly, and the most stiffness, shape (6,)."""
 
@@ -194,9 +217,28 @@ class SkillContext:
         self.rest.leave()
         self.arm.follow(setpoint)
 
+    def set_excess(self, excess: float | None) -> None:
+        """Take how much further than the job says the peg reaches, m; None where nobody knows, as after a grasp."""
+        self.is_length_known, self.excess = excess is not None, excess or 0.0
+
+    @property
+    def length(self) -> float:
+        """Distance from the finger centre to the peg's end point, m, as far as is known."""
+        return self.job.peg.length + self.excess
+
     def in_hand(self) -> InHandTip:
         """Return where the end point is in the hand, as far as is known."""
-        return InHandTip(self._peg.theta, self.job.peg.length, self._peg.stamp)
+        return InHandTip(self._peg.theta, self.length, self._peg.stamp)
+
+    def zero_wrench(self) -> None:
+        """Take what the last scans, in which the hand rested in free air, read of the wrench for its offset from now on.
+
+        Raises:
+            WrenchOffsetError: It is none of free air.
+        """
+        self.zero = zero_of(self._wrenches, self.wrench)
+        x, y, z = self.zero.force
+        logger.info("wrench zeroed: %.1f, %.1f, %.1f N in free air, noise %.1f N", x, y, z, self.zero.noise)
 
     def observe(self, elapsed: float = 0.0, step: float = 0.0, running: float = 0.0) -> Observation:
         """Read every sensor once; the three times are what the observation shall say of the scan, s.
@@ -205,6 +247,8 @@ class SkillContext:
             CellError: A device is silent, stopped or not to be believed.
         """
         arm = self.arm.read()
+        self._wrenches.append(arm.wrench)
+        arm = self.zero.taken_from(arm)
         age = self.clock.now() - arm.stamp
         if age > LATEST_STATE:
             raise ArmSilentError(f"arm: newest state {age:.2f} s old > {LATEST_STATE} s limit")
@@ -222,10 +266,10 @@ class SkillContext:
             estimate = self.estimator.estimate(frame)
             require_finite_theta(estimate)
             pose = estimate if estimate.healthy else None
-        known = self.tracker.follow(arm.stamp, arm.tcp, self.job.peg.length, pose)
+        known = self.tracker.follow(arm.stamp, arm.tcp, self.length, pose)
         if known.healthy:
             self._peg = known
-        tip, axis = end_point(arm.tcp, self._peg.theta, self.job.peg.length)
+        tip, axis = end_point(arm.tcp, self._peg.theta, self.length)
         return Observation(
             stamp=arm.stamp,
             elapsed=elapsed,

@@ -219,7 +219,7 @@ def _setpoint(
     params: CornerInsertParams, ctx: SkillContext, seen: Observation, raised: Raised, sweep: YawSweep, identity: int
 ) -> ImpedanceSetpoint:
     """Return the setpoint of one scan."""
-    stiffness, length = params.gains.stiffness(), ctx.job.peg.length
+    stiffness, length = params.gains.stiffness(), ctx.length
     stiffness[2] = params.push_stiffness * (1.0 if seen.elapsed >= raised.settled else params.push_back)
     now, soon = (attitude(params, raised, sweep, seen.elapsed + later, length) for later in (0.0, ctx.scan_period))
     yawed = rotation_about(raised.normal, sweep.yaw(seen.elapsed, raised.settled, params))

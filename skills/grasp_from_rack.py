@@ -81,6 +81,7 @@ def run(params: GraspFromRackParams, ctx: SkillContext) -> GraspFromRackResult:
     grip_at = slot + UP * (job.peg.length - job.rack.depth)
 
     ctx.gripper.release(params.opening)
+    ctx.set_excess(None)
     above = Goal(grip_at + UP * params.clearance, UP, ACROSS_RACK)
     for _ in move(above, params.transfer, ctx, None):
         pass
@@ -98,6 +99,7 @@ def run(params: GraspFromRackParams, ctx: SkillContext) -> GraspFromRackResult:
         pass
     if not _holds_peg(params, ctx):
         return _missed(params, ctx, started, Reason.LOST_GRASP)
+    ctx.zero_wrench()
     seen = ctx.observe()
     _require_print(seen, closed)
     return GraspFromRackResult(

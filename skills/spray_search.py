@@ -36,6 +36,12 @@ class SpraySearchResult(SkillResult):
     """Middle of the hole in the plate's surface, as the peg that was seated after this search tells it, m, base frame."""
     left: Left | None = None
     """Rest of the course that was not searched yet; None where no hole was found."""
+    excess: float = 0.0
+    """Length by which the peg reached further from the hand than the job states, m, by its first touch-down."""
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Force that the arm reported in free air, which was taken from its readings since, N, base frame."""
+    noise: float = 0.0
+    """Standard deviation of a component of that force, N."""
 
 
 def run(
@@ -80,6 +86,9 @@ def run(
                 plane=plane,
                 edge=sweep.edge,
                 left=sweep.left,
+                excess=ctx.excess,
+                offset=_point(ctx.zero.force),
+                noise=ctx.zero.noise,
             )
         ctx.progress(seen.elapsed / params.timeout)
         ctx.follow(sweep.setpoint(seen))
@@ -104,6 +113,7 @@ def _approach(params: SpraySearchParams, ctx: SkillContext, course: Course) -> V
             return stuck
     for _ in move(Goal(course.first, course.axis, course.closing), params.transfer, ctx, ctx.in_hand()):
         pass
+    ctx.zero_wrench()
     return None
 
 

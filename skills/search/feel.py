@@ -2,16 +2,59 @@
 reduce.
 """
 
+from collections import deque
 from dataclasses import dataclass
 
 from drivers.quantities import Vector
 from skills.contract import Observation
-from skills.search.params import SpraySearchParams
+from skills.search.params import TOUCHED_TIME, SpraySearchParams
 from skills.surface import Plane, SurfaceEstimate
 from skills.tactile.hole_event import HoleEvent
+from skills.wrench_zero import WrenchZero
 
 SLIP = 0.1
 """Change of theta that counts as a slip of the peg in the hand, rad."""
+TOUCHED = 0.5
+"""Share of the push along z above which the plate counts as bearing it, fraction."""
+EXPLAINED = 1.5e-3
+"""Difference of the peg's length from the job's that theta, the plate's height and the arm's own errors may explain, m; it is left as it is.
+At the tilt of the search 1 degree of theta is 0.9 mm of length, and 0.3 mm of height are 0.4 mm."""
+
+
+class Bearing:
+    """Whether the plate bears the push: the mean force of a while, so that neither a blow nor noise is taken for it."""
+
+    def __init__(self, zero: WrenchZero, scan_period: float) -> None:
+        """Begin with nothing felt, and with the noise that the wrench has in free air; the scan's period is in s."""
+        self._zero, self._forces = zero, deque[float](maxlen=max(round(TOUCHED_TIME / scan_period), 1))
+
+    def after(self, force: float, push: float) -> bool:
+        """Take the force along z in one scan, N, and return whether the plate bears the push, N."""
+        forces = self._forces
+        forces.append(force)
+        is_full = len(forces) == forces.maxlen
+        return is_full and sum(forces) / len(forces) > self._zero.guarded(TOUCHED * push, len(forces))
+
+
+def excess_of(height: float, axis: Vector, bound: float) -> float | None:
+    """Return by how much further than believed the peg reaches from the hand that touched the plate, m.
+
+    One touch cannot tell a long peg from a high plate. The peg is taken for it: with a plate that is higher by h, the seated peg then
+    seems deeper by (1/cos(tilt) - 1) h, 0.4 h at 45 degrees, and turns about a point that is off by as much as 1.4 h. A long peg
+    that is taken for a high plate seems shallower by all its excess when it is seated, and turns about a point that is off by it.
+
+    Args:
+        height: Of the peg's lowest point over the plate's stated surface where it touches, m, by the length that is believed.
+        axis: Axis of the peg, unit, shape (3,), base frame.
+        bound: Largest excess that is believed, m.
+
+    Returns:
+        Excess, negative for a short peg; 0 where other errors explain it; None where it is beyond the bound.
+    """
+    excess = height / max(float(axis[2]), 0.5)
+    if abs(excess) > bound:
+        return None
+    return excess if abs(excess) > EXPLAINED else 0.0
 
 
 class Evidence:

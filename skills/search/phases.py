@@ -13,7 +13,7 @@ import numpy as np
 from drivers.quantities import Pose, Vector
 from skills.paths import spiral_at_speed
 from skills.search.course import Course
-from skills.search.params import TOUCHED_TIME, SpraySearchParams
+from skills.search.params import SpraySearchParams
 
 RETURN_TIME = 0.4
 """Time in which the tip comes back to its course after a rest or a probe, s."""
@@ -55,7 +55,7 @@ class Felt:
     below: float
     """Depth of the lowest point of the peg below the plate, m."""
     is_pressed: bool
-    """Whether the plate bears the push."""
+    """Whether the plate has borne the push for a while."""
     is_edge: bool
     """Whether there is contact evidence of an edge."""
 
@@ -65,8 +65,6 @@ class ComingDown:
     """The peg comes down to the plate from above the first point."""
 
     detour: Detour
-    pressed: int = 0
-    """Number of scans on end in which the plate bore the push."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,9 +114,7 @@ def first_phase(course: Course) -> Phase:
     return ComingDown(Detour(0.0, np.zeros(2), course.axis, course.closing))
 
 
-def next_phase(
-    phase: Phase, felt: Felt, params: SpraySearchParams, course: Course, point: Vector, scan_period: float
-) -> Phase:
+def next_phase(phase: Phase, felt: Felt, params: SpraySearchParams, course: Course, point: Vector) -> Phase:
     """Return the phase after one scan; the same object where the phase goes on.
 
     Args:
@@ -127,10 +123,9 @@ def next_phase(
         params: Parameters of the search.
         course: The course of the search.
         point: Place on the course, from its middle, shape (2,), m.
-        scan_period: Time between two scans, s.
     """
     if isinstance(phase, ComingDown):
-        return _touched(phase, felt, params, scan_period)
+        return _touched(phase, felt, params)
     if isinstance(phase, Sliding):
         return Resting(felt.tip[:2], felt.tcp, felt.stamp) if felt.is_edge else phase
     if isinstance(phase, Probing):
@@ -146,12 +141,11 @@ def after_rest(phase: Resting, felt: Felt, params: SpraySearchParams, course: Co
     return Probing(detour, phase.place) if is_probed else Sliding(detour)
 
 
-def _touched(phase: ComingDown, felt: Felt, params: SpraySearchParams, scan_period: float) -> Phase:
+def _touched(phase: ComingDown, felt: Felt, params: SpraySearchParams) -> Phase:
     """Slide once the plate bears the push, or after the longest time to come down."""
-    pressed = phase.pressed + 1 if felt.is_pressed else 0
-    if pressed * scan_period >= TOUCHED_TIME or felt.elapsed >= params.touch_down:
+    if felt.is_pressed or felt.elapsed >= params.touch_down:
         return Sliding(replace(phase.detour, since=felt.elapsed))
-    return replace(phase, pressed=pressed)
+    return phase
 
 
 def _probed(phase: Probing, felt: Felt, params: SpraySearchParams, course: Course, point: Vector) -> Phase:

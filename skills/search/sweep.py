@@ -1,5 +1,6 @@
 """The peg on its way over the plate: it takes each observation and gives each setpoint; one object serves one search."""
 
+import logging
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +9,7 @@ from drivers.quantities import ImpedanceSetpoint, Twist, Vector
 from skills.contract import Observation, SkillContext
 from skills.motion import VALIDITY, Trim, between
 from skills.search.course import Course
-from skills.search.feel import Evidence, Push
+from skills.search.feel import Bearing, Evidence, Push, excess_of
 from skills.search.params import SpraySearchParams
 from skills.search.phases import (
     ComingDown,
@@ -23,10 +24,10 @@ from skills.search.phases import (
 )
 from skills.search.tour import Left
 
+logger = logging.getLogger(__name__)
+
 REST_DAMPING = 2.5
 """Factor on the search's damping while the hand rests; the hand has to stop within a millimetre or two."""
-TOUCHED = 0.5
-"""Share of the push along z above which the plate counts as bearing it, fraction."""
 
 
 class Sweep:
@@ -37,6 +38,7 @@ class Sweep:
         self._params, self._ctx, self._course, self._evidence = params, ctx, course, evidence
         self._identity = ctx.new_id()
         self._push = Push(params.push_stiffness, ctx.in_hand().theta)
+        self._bearing = Bearing(ctx.zero, ctx.scan_period)
         self._trim = Trim(params.trim_rate, params.trim_limit)
         self._phase: Phase = first_phase(course)
         self._along = 0.0
@@ -56,7 +58,9 @@ class Sweep:
         edge = self._edge = self._ctx.job.peg.part.lowest(seen.tip, seen.axis, seen.arm.tcp.rotation[:, 2])
         felt = self._felt(seen, *self._evidence.update(seen, edge, sense))
         before = self._phase
-        self._enter(next_phase(before, felt, params, course, point, self._ctx.scan_period), felt)
+        self._enter(next_phase(before, felt, params, course, point), felt)
+        if isinstance(before, ComingDown) and felt.is_pressed:
+            self._measure_length(edge, felt)
         if isinstance(before, Sliding) and self._phase is before:
             self._evidence.learn(edge, sense)
         if isinstance(self._phase, Resting) and self._phase.is_over(felt, params):
@@ -101,6 +105,20 @@ class Sweep:
             twist=Twist(velocity, np.zeros(3)),
         )
 
+    def _measure_length(self, edge: Vector, felt: Felt) -> None:
+        """Take from the first touch-down after the grasp how far the peg reaches from the hand."""
+        if self._ctx.is_length_known or self._params.length_bound == 0.0:
+            return
+        height = float(edge[2]) - self._ctx.job.hole.centre[2]
+        excess = excess_of(height, felt.axis, self._params.length_bound)
+        if excess is None:
+            logger.warning(
+                "peg: touches %.1f mm above the plate's stated surface; within %.1f mm expected: length left as it is",
+                1e3 * height,
+                1e3 * self._params.length_bound,
+            )
+        self._ctx.set_excess(excess or 0.0)
+
     def _enter(self, phase: Phase, felt: Felt) -> None:
         """Go on with `phase`; the only place where the phase changes."""
         before, self._phase = self._phase, phase
@@ -124,7 +142,7 @@ class Sweep:
             tip=seen.tip,
             axis=seen.axis,
             below=below,
-            is_pressed=bool(seen.arm.wrench.force[2] > TOUCHED * push),
+            is_pressed=self._bearing.after(float(seen.arm.wrench.force[2]), push),
             is_edge=is_edge,
         )
 
@@ -132,7 +150,9 @@ class Sweep:
         """Return the setpoint of the tip, shape (3,), m, and its velocity, shape (3,), m/s, and go on along the course."""
         params, course = self._params, self._course
         depth = self._ctx.job.hole.centre[2] - params.push_offset
-        target, velocity = np.array([0.0, 0.0, depth]), np.zeros(3)
+        # Also where the plate was felt too early the setpoint comes down no faster than this.
+        share = min(seen.elapsed * params.descent / (course.first[2] - depth), 1.0)
+        target, velocity = np.array([0.0, 0.0, course.first[2] + (depth - course.first[2]) * share]), np.zeros(3)
         if isinstance(phase, Probing):
             target[:2] = phase.place + phase.looked(seen.elapsed, params) + back * phase.detour.offset
         elif isinstance(phase, Sliding):
@@ -143,8 +163,7 @@ class Sweep:
             target[:2] = course.middle + self._point + back * phase.detour.offset
             velocity[:2] = pace * self._velocity
         else:
-            share = min(seen.elapsed * params.descent / (course.first[2] - depth), 1.0)
-            target[:2], target[2] = course.middle + self._point, course.first[2] + (depth - course.first[2]) * share
+            target[:2] = course.middle + self._point
         return target, velocity
 
     def _still(self, phase: Resting) -> ImpedanceSetpoint:

@@ -63,6 +63,7 @@ PROVOKE = {
     FaultCode.GRIPPER_SILENT: (GRASP, lambda rig: faulty(rig, rig.gripper, GripperSilentError("gripper: silent"))),
     FaultCode.TRACKING: (GRASP, lambda rig: rig.at(0.5, lambda: setattr(rig.arm, "is_blocked", True))),
     FaultCode.NOT_FINITE: (GRASP, lambda rig: rig.at(0.5, lambda: rig.arm.force.__setitem__(1, math.nan))),
+    FaultCode.WRENCH_OFFSET: (GRASP, lambda rig: rig.at(0.5, lambda: rig.arm.force.__setitem__(2, 45.0))),
     FaultCode.SCAN_OVERRUN: (GRASP, lambda rig: rig.at(0.5, lambda: setattr(rig.clock, "lag", 0.02))),
     FaultCode.NOT_PASSIVE: (GRASP, lambda rig: faulty(rig, rig.arm, NotPassiveError("arm: pumped"))),
     FaultCode.SOFTWARE: (GRASP, lambda rig: faulty(rig, rig.arm, ZeroDivisionError("a\ndefect"))),
@@ -95,7 +96,7 @@ def test_after_a_fault_clear_and_reset_re_arm(rig, code):
     assert rig.command(Control.CLEAR).state == State.STOPPED
     assert rig.command(Control.RESET).state == State.IDLE
     assert rig.arm.resets >= 1
-    if command == ADJUST:
+    if command == ADJUST or code is FaultCode.WRENCH_OFFSET:
         assert rig.put_away().part == PartPlace.BIN  # the hand held the peg all the while
     assert rig.command(GRASP).result == Result.SUCCESS
 
