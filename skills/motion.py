@@ -11,6 +11,7 @@ from pydantic import Field, PositiveFloat
 from drivers.config_model import ConfigModel
 from drivers.frames import UP, angle_between, rotation_about
 from drivers.quantities import ImpedanceSetpoint, InHandTip, Twist, Vector
+from skills.clearance import SAMPLES, Attitude, require_clear
 from skills.contract import Observation, SkillContext
 
 VALIDITY = 0.1
@@ -56,6 +57,8 @@ class Transfer(ConfigModel):
     """Largest turning rate, rad/s."""
     elbow: Annotated[float, Field(ge=-math.pi, le=math.pi)]
     """Position of the elbow's joint that the null space is drawn to, rad; without it the elbow would wander from run to run."""
+    clearance: Annotated[float, Field(ge=0.0, le=0.05)] = 0.002
+    """Least distance of hand and peg from plate and rack on the way, m; only a way that begins or ends nearer may come nearer. Source: decision 0056."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,41 +103,59 @@ def move(
         tip, axis = first.arm.tcp.position, -first.arm.tcp.rotation[:, 0]
     else:
         tip, axis = first.tip, first.axis
-    roll = first.arm.tcp.rotation[:, 2]
-    way = goal.tip - tip
-    swing_axis, swing = _turn_between(axis, goal.axis)
-    carried = rotation_about(swing_axis, swing) @ roll
-    twist = math.atan2(float(goal.axis @ np.cross(carried, goal.roll)), float(carried @ goal.roll))
-    peak = 1.875
-    duration = max(
-        peak * float(np.linalg.norm(way)) / transfer.speed, peak * (swing + abs(twist)) / transfer.turn_speed, 0.2
-    )
+    way = Way(Goal(tip, axis, first.arm.tcp.rotation[:, 2]), goal)
+    if limited:
+        places = [way.at(share)[0] for share in np.linspace(0.0, 1.0, SAMPLES + 1)]
+        require_clear([Attitude(at.tip, at.axis, at.roll) for at in places], ctx.job, in_hand, transfer.clearance)
+    duration = way.duration(transfer)
     identity = ctx.new_id()
     stiffness, damping_ratio = transfer.gains.stiffness(), transfer.gains.damping_ratios()
     for seen in ctx.scan(LONGEST_MOVE * (duration + settle), limited=limited):
         if seen.elapsed >= duration + settle:
             break
         share, rate = minimum_jerk(seen.elapsed / duration)
-        turned = rotation_about(swing_axis, swing * share)
-        axis_now = turned @ axis
-        roll_now = rotation_about(axis_now, twist * share) @ turned @ roll
-        omega = swing_axis * (swing * rate / duration) + axis_now * (twist * rate / duration)
+        at, twist = way.at(share)
         ctx.follow(
             ImpedanceSetpoint(
                 id=identity,
-                tip=tip + way * share,
-                axis=axis_now,
-                roll=roll_now,
+                tip=at.tip,
+                axis=at.axis,
+                roll=at.roll,
                 stiffness=stiffness,
                 damping_ratio=damping_ratio,
                 valid_until=seen.stamp + VALIDITY,
                 in_hand=in_hand,
                 posture=seen.arm.posture(transfer.elbow),
-                is_free=limited,
-                twist=Twist(way * (rate / duration), omega),
+                is_free=True,
+                twist=Twist(twist.linear * (rate / duration), twist.angular * (rate / duration)),
             )
         )
         yield seen
+
+
+class Way:
+    """The way from one place to another: straight for the tip, about one axis for the peg, and about the peg for the hand."""
+
+    def __init__(self, start: Goal, goal: Goal) -> None:
+        """Lay the way from `start` to `goal`."""
+        self._start, self._way = start, goal.tip - start.tip
+        self._swing_axis, self._swing = _turn_between(start.axis, goal.axis)
+        carried = rotation_about(self._swing_axis, self._swing) @ start.roll
+        self._twist = math.atan2(float(goal.axis @ np.cross(carried, goal.roll)), float(carried @ goal.roll))
+
+    def duration(self, transfer: Transfer) -> float:
+        """Return the time for which a minimum-jerk profile keeps to the transfer's speeds, s."""
+        turn, peak = self._swing + abs(self._twist), 1.875
+        return max(peak * float(np.linalg.norm(self._way)) / transfer.speed, peak * turn / transfer.turn_speed, 0.2)
+
+    def at(self, share: float) -> tuple[Goal, Twist]:
+        """Return the place after a share of the way, and the twist there per whole way."""
+        start, turned = self._start, rotation_about(self._swing_axis, self._swing * share)
+        axis = turned @ start.axis
+        roll = rotation_about(axis, self._twist * share) @ turned @ start.roll
+        return Goal(start.tip + self._way * share, axis, roll), Twist(
+            self._way, self._swing_axis * self._swing + axis * self._twist
+        )
 
 
 def _turn_between(a: Vector, b: Vector) -> tuple[Vector, float]:

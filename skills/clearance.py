@@ -1,0 +1,119 @@
+"""Whether hand and peg stay clear of plate and rack on a way through free space, before it begins; pure."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from drivers.errors import SetpointError
+from drivers.frames import peg_in_finger
+from drivers.parts import Job
+from drivers.quantities import InHandTip, Vector
+
+SAMPLES = 24
+"""Number of places along a way at which the distance is looked at, beside its beginning."""
+RINGS, AROUND = 6, 12
+"""Rings of points on the peg, and points on each of them."""
+HAND = ((-0.0634, 0.04), (-0.0034, 0.02))
+"""Capsules around hand and fingers along the closing axis: place along x of the finger frame and radius, m. Source: collision model of the
+hand in frankarobotics/franka_description."""
+HALF_SPAN, BALLS = 0.05, 5
+"""Half the length of a capsule's middle line, m, and the number of balls that stand for it."""
+DEEP = 1.0
+"""Depth of the boxes below their upper faces, m: nothing passes under plate or rack."""
+TOLERANCE = 1e-4
+"""Distance by which a way may come nearer than allowed, m; where a way only touches the bound, rounding must not refuse it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Box:
+    """A solid whose faces lie along the base frame's axes."""
+
+    name: str
+    low: Vector
+    """Lower corner, shape (3,), m, base frame."""
+    high: Vector
+    """Upper corner, shape (3,), m, base frame."""
+
+    def gaps(self, points: Vector) -> Vector:
+        """Return the distance of each point, shape (n, 3), m, base frame, from the box; negative inside, shape (n,), m."""
+        beyond = np.maximum(self.low - points, points - self.high)
+        outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
+        return np.asarray(outside + np.minimum(beyond.max(axis=1), 0.0))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Attitude:
+    """Where the controlled point is on a way, and how the hand is turned."""
+
+    tip: Vector
+    """Controlled point, shape (3,), m, base frame."""
+    axis: Vector
+    """Axis of the peg or of the bare hand, unit, shape (3,), base frame."""
+    roll: Vector
+    """Closing axis, as far as the axis allows, shape (3,), base frame."""
+
+
+def boxes_of(job: Job) -> tuple[Box, Box]:
+    """Return plate and rack as the job states them."""
+    (near, far), (least, most) = job.rack.bounds, job.hole.plate_bounds
+    plate, rack = job.hole.centre[2], job.rack.first[2]
+    return (
+        Box("plate", np.array([*least[:2], plate - DEEP]), np.array([*most[:2], plate])),
+        Box("rack", np.array([*near[:2], rack - DEEP]), np.array([*far[:2], rack])),
+    )
+
+
+def nearest(at: Attitude, job: Job, in_hand: InHandTip | None, boxes: Sequence[Box]) -> tuple[float, str, str]:
+    """Return the least distance of hand and peg from the boxes, m, and what is how near to which box, in words."""
+    theta, length = (0.0, 0.0) if in_hand is None else (in_hand.theta, in_hand.length)
+    closing = at.roll - (at.roll @ at.axis) * at.axis
+    closing /= np.linalg.norm(closing)
+    peg = np.column_stack([closing, np.cross(at.axis, closing), at.axis])
+    finger_peg = peg_in_finger(theta, length)
+    rotation = peg @ finger_peg.rotation.T
+    centre = at.tip - rotation @ finger_peg.position
+    gaps = []
+    for box in boxes:
+        for place, radius in HAND:
+            along = np.linspace(-HALF_SPAN, HALF_SPAN, BALLS)
+            balls = centre + place * rotation[:, 0] + along[:, None] * rotation[:, 2]
+            gaps.append((float(box.gaps(balls).min()) - radius, "hand", box.name))
+        if in_hand is not None:
+            gaps.append((float(box.gaps(_surface(at.tip, peg, job, length)).min()), "peg", box.name))
+    return min(gaps)
+
+
+def require_clear(way: Sequence[Attitude], job: Job, in_hand: InHandTip | None, clearance: float) -> None:
+    """Make sure that a way leads past plate and rack.
+
+    A way may begin and end nearer than `clearance`, as over a slot, but come no nearer in between.
+
+    Args:
+        way: Places along the way, its beginning and its end included.
+        job: Part, plate and rack as they are believed to be.
+        in_hand: The peg as it is held; None for the empty hand.
+        clearance: Least distance, m.
+
+    Raises:
+        SetpointError: One line that names what would come how near to what, and where.
+    """
+    boxes = boxes_of(job)
+    seen = [nearest(at, job, in_hand, boxes) for at in way]
+    least = min(clearance, seen[0][0], seen[-1][0]) - TOLERANCE
+    k = min(range(len(seen)), key=lambda i: seen[i][0])
+    gap, what, where = seen[k]
+    if gap < least:
+        x, y, z = way[k].tip
+        raise SetpointError(
+            f"transfer: {what} would come to {1e3 * gap:.1f} mm from the {where} with the tip at {x:.3f}, {y:.3f}, {z:.3f} m; "
+            f"{1e3 * least:.1f} mm needed: raise grasp.clearance or search.height, or see rack.first and hole.centre"
+        )
+
+
+def _surface(tip: Vector, peg: Vector, job: Job, length: float) -> Vector:
+    """Return points on the peg, shape (n, 3), m, base frame; `peg` has its axes as columns."""
+    angles = np.linspace(0.0, 2.0 * np.pi, AROUND, endpoint=False)
+    ring = job.peg.part.reach * (np.cos(angles)[:, None] * peg[:, 0] + np.sin(angles)[:, None] * peg[:, 1])
+    heights = np.linspace(0.0, length + job.peg.overhang, RINGS)
+    return np.asarray((tip + heights[:, None, None] * peg[:, 2] + ring).reshape(-1, 3))
