@@ -44,7 +44,7 @@ def excess_of(height: float, axis: Vector, bound: float) -> float | None:
     that is taken for a high plate seems shallower by all its excess when it is seated, and turns about a point that is off by it.
 
     Args:
-        height: Of the peg's lowest point over the plate's stated surface where it touches, m, by the length that is believed.
+        height: Height of the peg's lowest point over the plate's stated surface where it touches, m, by the length that is believed.
         axis: Axis of the peg, unit, shape (3,), base frame.
         bound: Largest excess that is believed, m.
 

@@ -27,7 +27,8 @@ from skills.search.tour import Left
 logger = logging.getLogger(__name__)
 
 REST_DAMPING = 2.5
-"""Factor on the search's damping while the hand rests; the hand has to stop within a millimetre or two."""
+"""Factor on the translational damping while the hand rests; the hand has to stop within a millimetre or two. Rotation keeps its damping: so much more
+lets a light wrist swing where torques act late."""
 
 
 class Sweep:
@@ -169,13 +170,14 @@ class Sweep:
     def _still(self, phase: Resting) -> ImpedanceSetpoint:
         """Return the setpoint that holds the hand where it was stopped, still pushing down."""
         stiffness, damping_ratio = self._compliance()
+        damping_ratio[:3] *= REST_DAMPING
         return ImpedanceSetpoint(
             id=self._identity,
             tip=phase.tcp.position - np.array([0.0, 0.0, self._params.push_offset]),
             axis=-phase.tcp.rotation[:, 0],
             roll=phase.tcp.rotation[:, 2],
             stiffness=stiffness,
-            damping_ratio=REST_DAMPING * damping_ratio,
+            damping_ratio=damping_ratio,
             valid_until=phase.stopped + VALIDITY,
         )
 
