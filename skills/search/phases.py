@@ -142,8 +142,9 @@ def after_rest(phase: Resting, felt: Felt, params: SpraySearchParams, course: Co
 
 
 def _touched(phase: ComingDown, felt: Felt, params: SpraySearchParams) -> Phase:
-    """Slide once the plate bears the push, or after the longest time to come down."""
-    if felt.is_pressed or felt.elapsed >= params.touch_down:
+    """Slide once the setpoint is down and the plate bears the push, or after the longest time to come down."""
+    is_down = felt.elapsed * params.descent >= params.height + params.push_offset
+    if (felt.is_pressed and is_down) or felt.elapsed >= params.touch_down:
         return Sliding(replace(phase.detour, since=felt.elapsed))
     return phase
 

@@ -30,6 +30,9 @@ REST_DAMPING = 2.5
 """Factor on the translational damping while the hand rests; the hand has to stop within a millimetre or two. Rotation keeps its damping: so much more
 lets a light wrist swing where torques act late."""
 
+TRIMMED_BELOW = 5e-3
+"""Height of the setpoint over the plate, m, from which on the way down the trim works: in the air it would wind up against joints at rest."""
+
 
 class Sweep:
     """Goes through the phases of a search; `skills.search.phases` decides on which phase follows."""
@@ -60,7 +63,7 @@ class Sweep:
         felt = self._felt(seen, *self._evidence.update(seen, edge, sense))
         before = self._phase
         self._enter(next_phase(before, felt, params, course, point), felt)
-        if isinstance(before, ComingDown) and felt.is_pressed:
+        if isinstance(before, ComingDown) and isinstance(self._phase, Sliding) and felt.is_pressed:
             self._measure_length(edge, felt)
         if isinstance(before, Sliding) and self._phase is before:
             self._evidence.learn(edge, sense)
@@ -91,7 +94,8 @@ class Sweep:
         back = phase.detour.left(seen.elapsed)
         target, velocity = self._way(phase, seen, back)
         slow = 1 - self._course.fast
-        self._trim = self._trim.after(target[slow] - seen.tip[slow], seen.step)
+        if target[2] < self._ctx.job.hole.centre[2] + TRIMMED_BELOW:
+            self._trim = self._trim.after(target[slow] - seen.tip[slow], seen.step)
         target[slow] += self._trim.value
         stiffness, damping_ratio = self._compliance()
         return ImpedanceSetpoint(
@@ -118,6 +122,8 @@ class Sweep:
                 1e3 * height,
                 1e3 * self._params.length_bound,
             )
+        elif excess:
+            logger.info("peg: reaches %.1f mm further from the hand than stated, by its first touch-down", 1e3 * excess)
         self._ctx.set_excess(excess or 0.0)
 
     def _enter(self, phase: Phase, felt: Felt) -> None:

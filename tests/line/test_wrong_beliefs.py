@@ -8,14 +8,12 @@ from cell.lab.trials import run_trial
 from sim.drawn_arm import drawn_arm
 from tests.reality_files import reality_of
 
-BORNE = 30.0
-"""Largest net force on the peg, N: that of a touch-down at `search.descent`, and not of a blow."""
-
 
 def test_a_peg_that_stands_5_mm_further_out_of_the_hand_is_inserted(tmp_path):
     path = reality_of(tmp_path, alone=False, peg_depth_in_hand=0.005)
-    row = run_trial(load(sets=[f'reality.file="{path}"']).cell, 62006)
-    assert (row.outcome, row.peak_contact_force < BORNE) == ("success", True)
+    config = load(sets=[f'reality.file="{path}"', "search.height=0.01"]).cell
+    row = run_trial(config, 62006)
+    assert (row.outcome, row.peak_contact_force < config.limits.force) == ("success", True)
 
 
 def test_an_offset_and_noise_of_the_wrench_press_no_harder(monkeypatch):
@@ -24,5 +22,6 @@ def test_an_offset_and_noise_of_the_wrench_press_no_harder(monkeypatch):
         return replace(truth, wrench=replace(truth.wrench, force=(5.0, -5.0, 5.0), force_noise=2.0))
 
     monkeypatch.setattr(sim.disturb, "drawn_arm", told)
-    row = run_trial(load().cell, 62001)
-    assert (row.outcome, row.peak_contact_force < BORNE) == ("success", True)
+    config = load().cell
+    row = run_trial(config, 62001)
+    assert (row.outcome, row.peak_contact_force < config.limits.force) == ("success", True)

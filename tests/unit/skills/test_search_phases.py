@@ -48,8 +48,10 @@ def after(phase, **felt):
 
 
 def test_the_search_slides_once_the_plate_has_borne_the_push():
-    assert isinstance(after(first_phase(COURSE), elapsed=0.3), Sliding)
-    assert isinstance(after(first_phase(COURSE), elapsed=0.3, is_pressed=False), ComingDown)
+    down = (PARAMS.height + PARAMS.push_offset) / PARAMS.descent
+    assert isinstance(after(first_phase(COURSE), elapsed=down + 1e-6), Sliding)
+    assert isinstance(after(first_phase(COURSE), elapsed=down - 1e-6), ComingDown)
+    assert isinstance(after(first_phase(COURSE), elapsed=down + 1e-6, is_pressed=False), ComingDown)
 
 
 def test_a_plate_that_is_never_felt_is_taken_to_be_there():
