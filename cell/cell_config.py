@@ -121,7 +121,7 @@ class CellConfig(Catalogued):
     scan: ScanLimits = ScanLimits()
     """How late the scan may come. Source: decision 0054."""
     wrench: WrenchConfig = WrenchConfig()
-    """What may be believed of the external wrench that the arm estimates. Source: decision 0055."""
+    """What may be believed of the external wrench that the arm estimates. Source: decision 0058."""
     limits: Limits
     """Force and workspace that end a skill at once."""
     peg: Peg

@@ -58,7 +58,7 @@ class Transfer(ConfigModel):
     elbow: Annotated[float, Field(ge=-math.pi, le=math.pi)]
     """Position of the elbow's joint that the null space is drawn to, rad; without it the elbow would wander from run to run."""
     clearance: Annotated[float, Field(ge=0.0, le=0.05)] = 0.002
-    """Least distance of hand and peg from plate and rack on the way, m; only a way that begins or ends nearer may come nearer. Source: decision 0056."""
+    """Least distance of hand and peg from plate and rack on the way, m; only a way that begins or ends nearer may come nearer. Source: decision 0059."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -63,7 +63,7 @@ class SpraySearchParams(SkillParams):
     descent: Annotated[float, Field(gt=0.0, le=0.5)]
     """Speed at which the setpoint comes down to the surface, m/s; the blow at touch-down grows with it."""
     length_bound: Annotated[float, Field(ge=0.0, le=0.02)] = 0.006
-    """Largest correction of the peg's length in the hand by the first touch-down, m; 0 leaves the length as the job states it. Source: decision 0055."""
+    """Largest correction of the peg's length in the hand by the first touch-down, m; 0 leaves the length as the job states it. Source: decision 0058."""
     touch_down: Annotated[float, Field(gt=TOUCHED_TIME)]
     """Longest time to come down to the surface, s; the path begins as soon as the plate bears the push."""
     trim_rate: NonNegativeFloat
