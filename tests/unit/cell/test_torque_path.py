@@ -32,9 +32,9 @@ def swing(arm, damping_ratio, factor=1.0):
     return radius(one_cycle(arm, np.array(arm.home), 0.0, halted(damping_ratio), factor))
 
 
-@pytest.mark.parametrize(("damping_ratio", "share", "swings"), [(1.0, 0.0, False), (5.0, 0.0, True), (5.0, 1.0, False)])
+@pytest.mark.parametrize(("damping_ratio", "share", "swings"), [(1.0, 0.0, False), (5.0, 0.0, True), (5.0, 2.0, False)])
 def test_an_arm_swings_in_theory_where_it_does_in_the_whole_physics(damping_ratio, share, swings):
-    """The three cases are those of tests/line/test_arm_truth.py, where the law believes the shipped figures."""
+    """The three cases are those of tests/line/test_arm_truth.py: no rotors, and rotors of twice the shipped figures, which the law believes."""
     light = ARM.model_copy(update={"torque_path": ARM.torque_path.model_copy(update={"rotor_share": share})})
     assert (swing(light, damping_ratio) > 1.0) == swings
 
