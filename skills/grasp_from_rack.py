@@ -83,6 +83,7 @@ def run(params: GraspFromRackParams, ctx: SkillContext) -> GraspFromRackResult:
     ctx.gripper.release(params.opening)
     ctx.set_excess(None)
     above = Goal(grip_at + UP * params.clearance, UP, ACROSS_RACK)
+    _rise(above.tip[2], params, ctx)
     for _ in move(above, params.transfer, ctx, None):
         pass
     for _ in move(Goal(grip_at, UP, ACROSS_RACK), params.transfer, ctx, None, settle=0.0):
@@ -105,6 +106,16 @@ def run(params: GraspFromRackParams, ctx: SkillContext) -> GraspFromRackResult:
     return GraspFromRackResult(
         Outcome.SUCCESS, Reason.NONE, ctx.clock.now() - started, seen.gripper.width, seen.peg.theta
     )
+
+
+def _rise(height: float, params: GraspFromRackParams, ctx: SkillContext) -> None:
+    """Rise straight up to `height`, m, base frame, where a fault left the hand lower: it would sweep over the plate as it turns."""
+    hand = ctx.observe().arm.tcp
+    if hand.position[2] >= height:
+        return
+    up = np.array([*hand.position[:2], height])
+    for _ in move(Goal(up, -hand.rotation[:, 0], hand.rotation[:, 2]), params.transfer, ctx, None, limited=False):
+        pass
 
 
 class Centring:
