@@ -1,4 +1,7 @@
-"""Skin, switch, arm and hand all behind their wires, each killed and revived in the middle of a run."""
+"""Skin, switch, arm and hand all behind their wires; arm and hand are killed in the middle of a run.
+
+What boards that are killed do is in `tests/line/test_cell_wires.py`: here a second of a run costs two of a processor.
+"""
 
 import os
 import signal
@@ -23,21 +26,17 @@ def test_whatever_is_killed_in_the_middle_ends_in_its_fault_and_serves_again_aft
     emulated_or_skip()
     loaded = load(sets=["sim.pace=max", "reality.scale=0.0", "sim.seed=2"])
     with opened(loaded.cell, address(5)) as wired, Rehearsal(wired.cell, loaded, tmp_path) as rehearsal:
-        wires = wired.wires
 
         def kill(what):
             return lambda: os.kill(what.process_id, signal.SIGKILL)
 
-        for stage, pull, revive, fault in [
-            ("grasp_from_rack", kill(wired.gripper), lambda: None, FaultCode.GRIPPER_SILENT),
-            ("spray_search", kill(wired.arm), lambda: None, FaultCode.ARM_SILENT),
-            ("spray_search", wires.unplug_skin, wires.plug_in_skin, FaultCode.SKIN_SILENT),
-            ("tactile_insert", wired.server.cut, lambda: None, FaultCode.ARM_SILENT),
-            ("spiral_adjust", wires.switch_board.close, wires.switch_board.open, FaultCode.SWITCH_UNKNOWN),
+        for stage, pull, fault in [
+            ("grasp_from_rack", kill(wired.gripper), FaultCode.GRIPPER_SILENT),
+            ("spray_search", kill(wired.arm), FaultCode.ARM_SILENT),
+            ("tactile_insert", wired.server.cut, FaultCode.ARM_SILENT),
         ]:
             report = rehearsal.insert(stage, 0.2, pull)
             assert (report.result, report.fault, report.state) == (Result.FAULT, fault, State.ABORTED)
-            revive()
             if fault is not FaultCode.ARM_SILENT:
                 rehearsal.wait(1.0)
             assert rehearsal.reset().state == State.IDLE

@@ -123,7 +123,7 @@ def test_a_scheduler_that_dies_is_told(config):
     port = free_port()
     address = f"tcp://127.0.0.1:{port}"
     with running("-m", "distributed.cli.dask_scheduler", *LOCAL, "--port", str(port)) as process, worker(address):
-        rows = on_cluster(partial(run_trial, config), SEEDS, address, patience=0.5)
+        rows = on_cluster(partial(run_trial, config), SEEDS, address, patience=10.0)
         next(rows)
         process.kill()
         with pytest.raises(CellError, match="lost; the same command takes up where it was"):
