@@ -1,7 +1,9 @@
-"""Statistics of success and time: means, quantiles and Wilson intervals; pure."""
+"""Statistics of success and time: means, quantiles, Wilson intervals and sequential tests; pure."""
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 
@@ -42,3 +44,41 @@ def spread(values: Sequence[float]) -> dict[str, float] | None:
         "p95": float(np.percentile(values, 95)),
         "n": len(values),
     }
+
+
+class Verdict(StrEnum):
+    """Answer of a sequential test."""
+
+    GOOD = "good"
+    BAD = "bad"
+    OPEN = "undecided"
+
+
+@dataclass(frozen=True, slots=True)
+class RateTest:
+    """Sequential probability ratio test between two shares of lost trials, [wald].
+
+    A setting that loses the share `good` is called bad, and one that loses the share `bad` is called good, with at most about
+    the probability `error` each; what lies between may be called either. Wilson intervals that are taken where the test
+    ends hold the true share less often than those of a fixed number of trials: [siegmund].
+    """
+
+    good: float
+    """Share of lost trials of a setting that is good, above 0."""
+    bad: float
+    """Share of lost trials of a setting that is bad, above `good` and below 1."""
+    error: float = 0.05
+    """Probability of each wrong answer."""
+    least: int = 1
+    """Least number of trials before it answers, so that there is an interval worth showing."""
+
+    def verdict(self, lost: int, trials: int) -> Verdict:
+        """Return the answer after so many trials."""
+        if trials < self.least:
+            return Verdict.OPEN
+        kept = (trials - lost) * math.log((1.0 - self.bad) / (1.0 - self.good))
+        ratio = lost * math.log(self.bad / self.good) + kept
+        bound = math.log((1.0 - self.error) / self.error)
+        if abs(ratio) < bound:
+            return Verdict.OPEN
+        return Verdict.BAD if ratio > 0.0 else Verdict.GOOD

@@ -1,4 +1,4 @@
-"""The chart of speed against accuracy."""
+"""Charts that several commands draw: speed against accuracy, and names beside points that cover neither each other nor a point."""
 
 import math
 from collections.abc import Sequence
@@ -6,13 +6,23 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.transforms import Bbox
 
 from cell.lab.published import PUBLISHED_ATTEMPTS, PUBLISHED_SUCCESSES, PUBLISHED_TOTAL, StageLine
 from cell.plots import COLOURS
 from cell.statistics import wilson
 
 CHART = "speed_accuracy.png"
+OFFSETS = (12, 26, 42, 60, 80, 102, 126, 152)
+"""Distances from its point at which a name is tried, points; beyond the first a thin line leads to it."""
+SIDES = ((1, 0), (-1, 0), (1, 1), (-1, 1), (1, -1), (-1, -1), (0, 1), (0, -1), (2, 1), (-2, 1), (2, -1), (-2, -1))
+"""Directions in which it is tried, in order."""
+LETTERS = 9.0
+"""Size of the letters, points."""
+CLEAR = 6.0
+"""Half the side of the square that a point takes, pixels."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,3 +66,56 @@ def plot_speed_accuracy(points: Sequence[Point], path: Path) -> None:
     axes.grid(alpha=0.3)
     axes.legend(loc="lower right", fontsize=9)
     figure.savefig(path, dpi=110)
+
+
+@dataclass(frozen=True, slots=True)
+class Label:
+    """A point's name, at the point's place on both axes."""
+
+    x: float
+    y: float
+    text: str
+    is_bold: bool = False
+
+
+def place_labels(figure: Figure, axes: Axes, labels: Sequence[Label]) -> None:
+    """Write every name at the first free place around its point; one that finds none stands at the last that was tried."""
+    figure.draw_without_rendering()
+    frame = axes.get_window_extent()
+    spots = [axes.transData.transform((label.x, label.y)) for label in labels]
+    taken = [Bbox.from_extents(x - CLEAR, y - CLEAR, x + CLEAR, y + CLEAR) for x, y in spots]
+    for label in labels:
+        for step in OFFSETS:
+            if any(_written(axes, label, (across * step, up * step), taken, frame) for across, up in SIDES):
+                break
+        else:
+            _written(axes, label, (OFFSETS[0], 0), [], frame)
+
+
+def _written(axes: Axes, label: Label, offset: tuple[float, float], taken: list[Bbox], frame: Bbox) -> bool:
+    """Write a name at an offset from its point, points, if nothing is there; return whether it stands."""
+    side = "left" if offset[0] > 0 else "right" if offset[0] < 0 else "center"
+    note = axes.annotate(
+        label.text,
+        (label.x, label.y),
+        xytext=offset,
+        textcoords="offset points",
+        ha=side,
+        va="center",
+        fontsize=LETTERS,
+        fontweight="bold" if label.is_bold else "normal",
+        bbox={"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.75},
+        zorder=6,
+    )
+    text = note.get_window_extent()
+    is_inside = frame.x0 <= text.x0 and text.x1 <= frame.x1 and frame.y0 <= text.y0 and text.y1 <= frame.y1
+    if not is_inside or text.count_overlaps(taken):
+        note.remove()
+        return False
+    taken.append(text)
+    if max(map(abs, offset)) > OFFSETS[0]:
+        line = {"arrowstyle": "-", "lw": 0.5, "color": "#777777", "shrinkA": 0, "shrinkB": 4}
+        axes.annotate(
+            "", (label.x, label.y), xytext=offset, textcoords="offset points", ha=side, va="center", arrowprops=line
+        )
+    return True

@@ -6,9 +6,11 @@ import math
 import platform
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import asdict, dataclass, field, fields
 from functools import partial
+from itertools import takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -216,6 +218,7 @@ def run_trials(
     folder: Path,
     done: Callable[[TrialRow], None],
     scheduler: str | None = None,
+    is_enough: Callable[[Sequence[TrialRow]], bool] | None = None,
 ) -> list[TrialRow]:
     """Run a trial of every seed on `workers` processes, or on a cluster, and return the rows, sorted by seed.
 
@@ -228,6 +231,8 @@ def run_trials(
         folder: Folder of trials.csv and summary.json.
         done: Called with every row, those of an earlier call included.
         scheduler: Address of a Dask scheduler whose workers shall run the trials instead.
+        is_enough: Whether the rows of the first seeds are enough; the least number that is ends the call, and only those
+            rows are returned, so that they do not depend on the number of processes either. None runs every seed.
 
     Raises:
         ConfigError: The folder cannot be written, or the packages for a cluster are missing.
@@ -242,18 +247,33 @@ def run_trials(
         rows = {row.seed: row for row in _resume(kept, config) if row.seed in set(seeds)}
         for row in rows.values():
             done(row)
+        order = sorted(seeds)
         missing = [seed for seed in seeds if seed not in rows]
         task = partial(run_trial, config)
-        for row in on_cluster(task, missing, scheduler) if scheduler else on_processes(task, missing, workers):
-            rows[row.seed] = row
-            kept.write(json.dumps(asdict(row)) + "\n")
-            kept.flush()
-            done(row)
-    ordered = [rows[seed] for seed in sorted(seeds)]
+        results = on_cluster(task, missing, scheduler) if scheduler else on_processes(task, missing, workers)
+        with closing(results):
+            while (ordered := _ending(rows, order, is_enough)) is None:
+                row = next(results)
+                rows[row.seed] = row
+                kept.write(json.dumps(asdict(row)) + "\n")
+                kept.flush()
+                done(row)
     write_table(ordered, folder / TABLE)
     (folder / SUMMARY).write_text(json.dumps(summarise(ordered, config), indent=2) + "\n", encoding="utf-8")
     (folder / PARTIAL).unlink()
     return ordered
+
+
+def _ending(
+    rows: Mapping[int, TrialRow], order: Sequence[int], is_enough: Callable[[Sequence[TrialRow]], bool] | None
+) -> list[TrialRow] | None:
+    """Return the rows with which the call ends, in the order of the seeds, or None while some are still to be run."""
+    first = [rows[seed] for seed in takewhile(rows.__contains__, order)]
+    if is_enough is not None:
+        for count in range(1, len(first) + 1):
+            if is_enough(first[:count]):
+                return first[:count]
+    return first if len(first) == len(order) else None
 
 
 def _resume(kept: TextIO, config: CellConfig) -> list[TrialRow]:

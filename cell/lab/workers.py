@@ -5,7 +5,7 @@ import os
 import platform
 import signal
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import CancelledError, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
@@ -34,7 +34,7 @@ PATIENCE = 30.0
 _TAKE_UP = "the same command takes up where it was"
 
 
-def on_processes(task: Callable[[int], Row], seeds: Sequence[int], workers: int) -> Iterator[Row]:
+def on_processes(task: Callable[[int], Row], seeds: Sequence[int], workers: int) -> Generator[Row, None, None]:
     """Yield the result of `task` for each seed, as it finishes, from `workers` processes of one thread each.
 
     Raises:
@@ -86,7 +86,7 @@ def _deaf_children() -> Iterator[None]:
 
 def on_cluster(
     task: Callable[[int], Row], seeds: Sequence[int], address: str, patience: float = PATIENCE
-) -> Iterator[Row]:
+) -> Generator[Row, None, None]:
     """Yield the result of `task` for each seed, as it finishes, from the workers of a Dask cluster.
 
     A seed whose worker dies is run again by another one.

@@ -13,7 +13,8 @@ from cell.cli import main
 from cell.config import load
 from cell.config_files import presets
 from cell.lab.frontier import measure as frontier
-from cell.lab.frontier.measure import CHAIN, PRESET, START, Variant, chain, measure, variants
+from cell.lab.frontier.measure import Variant, measure
+from cell.lab.frontier.variants import CHAIN, COARSE, PRESET, PUBLISHED, START, SWEEPS, chain, rate_tests, variants
 from cell.lab.trials import TABLE, read_table
 
 QUICK = ["study", "frontier", "--quick", "--json", "--trials", "1", "--set", "search.timeout=1.0"]
@@ -48,10 +49,33 @@ def test_variants_of_the_same_config_share_their_trials(study):
     assert last["folder"] == first[PRESET]["folder"]
 
 
-def test_both_charts_are_drawn(study):
+CHARTS = ("frontier.png", "frontier_panels.png", "chain.png")
+
+
+def test_every_chart_is_drawn(study):
     _, folder = study
-    for name in ("frontier.png", "chain.png"):
+    for name in CHARTS:
         assert (folder / name).read_bytes()[:4] == b"\x89PNG"
+
+
+def test_charts_are_drawn_again_from_the_tables_alone(study, monkeypatch, capsys):
+    found, folder = study
+    monkeypatch.setattr(frontier, "measure", None)
+    for name in CHARTS:
+        (folder / name).unlink()
+    assert main(["study", "frontier", "--redraw", "--json", "--out", str(folder)]) == 0
+    assert json.loads(capsys.readouterr().out) == found
+    assert all((folder / name).exists() for name in CHARTS)
+
+
+def test_nothing_to_draw_again_is_told_in_one_line(tmp_path, capsys):
+    assert main(["study", "frontier", "--redraw", "--out", str(tmp_path)]) != 0
+    assert "frontier.csv" in capsys.readouterr().err
+
+
+def test_a_group_that_is_not_there_is_told_with_those_that_are(tmp_path, capsys):
+    assert main(["study", "frontier", "--quick", "--only", "presett", "--out", str(tmp_path)]) == 2
+    assert "did you mean preset" in capsys.readouterr().err
 
 
 def test_what_was_run_is_taken_up(study, monkeypatch):
@@ -85,6 +109,23 @@ def test_a_variant_that_faults_or_is_refused_is_shown_and_the_others_go_on(tmp_p
     assert sum(done) == 2
 
 
+def test_trials_end_where_the_test_answers_and_are_taken_up_with_it(tmp_path):
+    tried = [Variant("tried", "blind", None, ("skin.dead_taxels=40",))]
+    done: list[int] = []
+    [line] = measure(None, (), tried, range(1, 100), 1, tmp_path, done.append, {"tried": COARSE})
+    assert (line.trials, line.verdict) == (COARSE.least, "bad")
+    assert sum(done) == 99
+    assert measure(None, (), tried, range(1, 100), 1, tmp_path, done.append, {"tried": COARSE}) == [line]
+
+
+def test_every_group_has_a_test():
+    assert (
+        set(rate_tests())
+        == {variant.family for variant in variants(None, (), False)}
+        == {PRESET, PUBLISHED, *SWEEPS, CHAIN}
+    )
+
+
 def test_the_chain_ends_in_the_shipped_cell():
     start, end = load(preset=START).cell, load().cell
     steps = chain(start, end)
@@ -102,6 +143,6 @@ def test_each_step_of_the_chain_adds_keys_and_keeps_those_before():
 
 def test_every_preset_and_every_swept_value_is_a_cell():
     tried = variants(None, (), False)
-    assert {v.preset for v in tried if v.family == PRESET} == {None, *presets()}
+    assert {v.preset for v in tried if v.family in (PRESET, PUBLISHED)} == {None, *presets()}
     for variant in tried:
         load(None, variant.preset, variant.sets)

@@ -1,126 +1,226 @@
-"""Charts of the frontier: success rate against time of every variant, and the way from the paper's method to the shipped one."""
+"""Charts of the frontier: what is lost against time, with force as colour, in one picture and in a panel for each group; and the
+way from the paper's method to the shipped one, a step at a time.
+"""
 
 import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 
-from cell.lab.frontier.measure import CHAIN, FRONTIER, PRESET, FrontierLine
+from cell.lab.charts import Label, place_labels
+from cell.lab.frontier.measure import FRONTIER, FrontierLine
+from cell.lab.frontier.variants import BASES, CHAIN, PRESET, PRINTED
+from cell.lab.frontier.variants import PUBLISHED as METHOD
 from cell.lab.published import PUBLISHED, PUBLISHED_ATTEMPTS, PUBLISHED_SUCCESSES, PUBLISHED_TOTAL
 from cell.statistics import wilson
 
-INK, GREY = "#222222", "#bbbbbb"
-COLOURS = ("#4477aa", "#ee6677", "#228833", "#aa3377", "#66ccee", "#ccbb44")
-MARKERS = "osD^vP"
-"""Markers of a panel's variants, in order; colour-blind readers can tell them apart."""
+INK, GREY, RED, BLUE = "#222222", "#999999", "#cc2222", "#4477aa"
 STAGES = dict(zip(("search", "insert", "adjust"), ("#66ccee", "#228833", "#ccbb44"), strict=True))
-PAPER = "[gibbons], Table I"
-SHORTEST = 10.0
-"""Latest beginning of the time axis, s."""
-RATES = (0, 20, 40, 60, 70, 80, 90, 95, 100)
-"""Ticks of the success rate, %."""
-TICKS = (2, 3, 4, 5, 6, 8, 10, 15, 20, 30, 40, 60, 80, 100, 150, 200)
+"""Colour of each stage."""
+MARKERS = "osD^vPX*"
+"""Markers of a panel's variants, in order."""
+FORCES = (10.0, 12.5, 15.0, 17.5, 20.0, 25.0, 30.0, 40.0, 60.0)
+"""Bounds of the bands of force that a colour stands for, N; 20 N is the bound of what ships."""
+MAP = ListedColormap(
+    [colormaps["RdYlBu_r"](place) for place in (0.0, 0.08, 0.17, 0.26, 0.36, 0.62, 0.7, 0.8, 0.9, 1.0)]
+)
+"""Colours of the bands and of what lies beyond them: blue within 20 N, red above."""
+NORM = BoundaryNorm(FORCES, MAP.N, extend="both")
+NONE, LEAST, MOST = 0.55, 0.4, 125.0
+"""Place of no loss on the logarithmic axis of what is lost, and the axis' ends, %."""
+SHARES = (1, 2, 5, 10, 20, 50, 100)
+"""Ticks of what is lost, %."""
+TIMES = (4, 5, 6, 8, 10, 15, 20, 30, 40, 60, 80, 100, 150)
 """Ticks of the logarithmic time axis, s."""
+PAPER = "[gibbons], Table I, real"
+REMARKABLE = 1.3
+"""A setting without a loss is named in the picture where its time is so many times that of the base, or the base's its."""
+LOST = "trials lost (%), Wilson 95 % interval"
+TIME = "mean time of the successes: search + insertion + adjustment (s), 95 % interval"
+FORCE = "largest contact force of a trial, 95th percentile (N)"
 
 
 def draw(lines: Sequence[FrontierLine], title: str, folder: Path) -> list[Path]:
-    """Draw the frontier and the chain into `folder` and return their files."""
-    files = [folder / name for name in ("frontier.png", "chain.png")]
-    draw_frontier(lines, title, files[0])
-    draw_chain([line for line in lines if line.family == CHAIN], title, files[1])
-    return files
+    """Draw picture, panels and chain into `folder` and return the files of those for which there are lines."""
+    shown, steps = ([line for line in lines if (line.family == CHAIN) == is_step] for is_step in (False, True))
+    files = [folder / name for name in ("frontier.png", "frontier_panels.png", "chain.png")]
+    if shown:
+        draw_picture(shown, title, files[0])
+        draw_panels(shown, title, files[1])
+    if steps:
+        draw_chain(steps, title, files[2])
+    return files[:2] * bool(shown) + files[2:] * bool(steps)
 
 
-def draw_frontier(lines: Sequence[FrontierLine], title: str, path: Path) -> None:
-    """Draw a panel for the presets and one for each sweep, with everything else and the published point behind."""
-    shown = [line for line in lines if line.family != CHAIN]
-    families = list(dict.fromkeys(line.family for line in shown))
-    columns = min(3, len(families))
-    rows = math.ceil(len(families) / columns)
-    figure = Figure(figsize=(4.6 * columns, 4.4 * rows + 0.7), layout="constrained")
-    grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
-    timed = [line for line in shown if math.isfinite(line.mean)]
-    low, _ = wilson(PUBLISHED_SUCCESSES, PUBLISHED_ATTEMPTS)
-    floor = 100 * min([low, *(line.low for line in timed)])
-    times = [SHORTEST, PUBLISHED_TOTAL, *(line.mean for line in timed)]
-    first, last = min(times) / 1.4, max(times) * 1.25
-    for axes, family in zip(grid, families, strict=False):
-        axes.set_xscale("log")
-        axes.set_xlim(first, last)
-        axes.set_xticks([tick for tick in TICKS if first <= tick <= last], minor=False)
-        axes.set_xticks([], minor=True)
-        axes.xaxis.set_major_formatter("{x:g}")
-        axes.tick_params(labelbottom=True)
-        axes.set_yscale("function", functions=(_stretch, _shrink))
-        axes.set_ylim(max(floor - 3.0, -1.0), 100.4)
-        axes.set_yticks([tick for tick in RATES if tick >= floor - 3.0])
-        axes.grid(alpha=0.25)
-        axes.set_title("presets" if family == PRESET else family, fontsize=11)
-        others = [line for line in timed if line.family != family]
-        if others:
-            rates = [100 * line.successes / line.trials for line in others]
-            axes.plot([line.mean for line in others], rates, "o", ms=3, color=GREY, ls="none", zorder=1, clip_on=False)
-        _draw_family(axes, [line for line in shown if line.family == family])
-    for axes in grid[len(families) :]:
-        axes.remove()
-    base = next((line.variant for line in shown if line.is_base), "")
-    figure.supxlabel(
-        "mean total time of the successes: search + insertion + adjustment (s), 95 % interval", fontsize=10
+def draw_picture(lines: Sequence[FrontierLine], title: str, path: Path) -> None:
+    """Draw every variant in one picture; a line joins the settings of one group, and names stand where there is something to say."""
+    figure = Figure(figsize=(11.0, 7.4), layout="constrained")
+    axes = figure.add_subplot()
+    timed = [line for line in lines if math.isfinite(line.mean)]
+    _prepare(axes, timed)
+    base = next((line for line in timed if line.is_base), None)
+    labels = []
+    for family in dict.fromkeys(line.family for line in timed):
+        of = [line for line in timed if line.family == family]
+        if family not in (PRESET, METHOD):
+            axes.plot([line.mean for line in of], [_lost(line) for line in of], "-", color=GREY, lw=0.7, zorder=1)
+        for line in of:
+            is_named = _is_remarkable(line, base)
+            _point(axes, line, "D" if family == PRESET else "s" if family == METHOD else "o", 10 if is_named else 6)
+            if is_named:
+                _bars(axes, line, 1.0)
+                labels.append(Label(line.mean, _lost(line), _name(line), is_bold=family == PRESET))
+    labels.append(_published(axes))
+    bar = figure.colorbar(ScalarMappable(NORM, MAP), ax=axes, ticks=FORCES, fraction=0.04, pad=0.01)
+    bar.set_label(FORCE)
+    bar.ax.axhline(20.0, color=INK, lw=2)
+    axes.set_xlabel(TIME)
+    axes.set_ylabel(LOST)
+    hidden = sorted({f"{line.family}: {line.variant}" for line in lines if line.trials and line not in timed})
+    figure.suptitle("Speed against accuracy: quicker is further left, surer further down", fontsize=13)
+    axes.set_title(
+        f"{title}" + (f"\nwithout a success, so without a time: {', '.join(hidden)}" if hidden else ""), fontsize=7.5
     )
-    figure.supylabel("successful trials (%), Wilson 95 % interval", fontsize=10)
-    figure.suptitle(
-        f"Speed against accuracy\nBlack square: {PAPER}, {PUBLISHED_SUCCESSES}/{PUBLISHED_ATTEMPTS}, {PUBLISHED_TOTAL} s; "
-        f"ring: the cell {base}; grey: the other panels; x: no success, so no time\n{title}",
-        fontsize=10,
-    )
-    figure.savefig(path, dpi=150)
+    place_labels(figure, axes, labels)
+    figure.savefig(path, dpi=130)
 
 
-def _stretch(rate: Any) -> Any:
-    """Return the place of a success rate, %, on an axis that is stretched near 100 %, where the variants differ."""
-    return -np.log10(np.maximum(104.0 - np.asarray(rate, dtype=float), 1e-3))
-
-
-def _shrink(place: Any) -> Any:
-    """Undo `_stretch`."""
-    return 104.0 - 10.0 ** -np.asarray(place, dtype=float)
-
-
-def _draw_family(axes: Axes, lines: Sequence[FrontierLine]) -> None:
-    """Draw one panel with a legend below it; names beside points that lie close together would cover each other."""
-    low, high = wilson(PUBLISHED_SUCCESSES, PUBLISHED_ATTEMPTS)
-    rate = 100 * PUBLISHED_SUCCESSES / PUBLISHED_ATTEMPTS
-    error = [[rate - 100 * low], [100 * high - rate]]
-    axes.errorbar([PUBLISHED_TOTAL], [rate], yerr=error, fmt="s", color=INK, ms=7, capsize=3, lw=1)
-    handles = []
-    for place, line in enumerate(lines):
-        colour, marker = COLOURS[place % len(COLOURS)], MARKERS[place % len(MARKERS)]
-        counts = f"{line.successes}/{line.trials}, {line.mean:.1f} s"
-        if not math.isfinite(line.mean):
-            colour, marker = "#cc2222", "x"
-            counts = f"{line.successes}/{line.trials}" if line.trials else "not run"
-        handles += axes.plot([], [], marker, color=colour, ms=6, label=f"{line.variant}: {counts}")
-        if not math.isfinite(line.mean):
-            continue
-        rate = 100 * line.successes / line.trials
-        axes.errorbar(
-            [line.mean],
-            [rate],
-            xerr=None if math.isnan(line.mean_error) else [[min(line.mean_error, 0.9 * line.mean)], [line.mean_error]],
-            yerr=[[rate - 100 * line.low], [100 * line.high - rate]],
-            fmt="none",
-            color=colour,
-            capsize=3,
-            lw=1.2,
+def draw_panels(lines: Sequence[FrontierLine], title: str, path: Path) -> None:
+    """Draw a panel for each group, with all else and the published point behind."""
+    groups = {family: [line for line in lines if line.family == family] for family in (line.family for line in lines)}
+    groups[PRESET] = [*groups.get(PRESET, []), *groups.pop(METHOD, [])]
+    groups = {family: of for family, of in groups.items() if of}
+    rows = math.ceil(len(groups) / 2)
+    figure = Figure(figsize=(11.0, 4.3 * rows + 1.2), layout="constrained")
+    grid = figure.subplots(rows, 2, sharex=True, sharey=True, squeeze=False).ravel()
+    timed = [line for line in lines if math.isfinite(line.mean)]
+    for axes, (family, of) in zip(grid, groups.items(), strict=False):
+        _prepare(axes, timed)
+        axes.set_title("presets, and the published method" if family == PRESET else family, fontsize=11)
+        for line in timed:
+            axes.plot([line.mean], [_lost(line)], "o", ms=3, color="#cccccc", zorder=1)
+        _published(axes)
+        handles = [_drawn(axes, line, MARKERS[place % len(MARKERS)]) for place, line in enumerate(of)]
+        axes.legend(
+            handles=handles,
+            loc="upper center",
+            bbox_to_anchor=(0.5, -0.08),
+            ncols=2,
+            fontsize=8,
+            frameon=False,
+            columnspacing=1.0,
+            handletextpad=0.2,
         )
-        axes.plot([line.mean], [rate], marker, color=colour, ms=7, clip_on=False, zorder=3)
-        if line.is_base:
-            axes.plot([line.mean], [rate], "o", ms=14, mfc="none", mec=INK, mew=1.0, zorder=5, clip_on=False)
-    axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=2, fontsize=8.5, frameon=False)
+    for axes in grid[len(groups) :]:
+        axes.remove()
+    bar = figure.colorbar(
+        ScalarMappable(NORM, MAP), ax=list(grid[: len(groups)]), ticks=FORCES, fraction=0.02, aspect=60
+    )
+    bar.set_label(FORCE)
+    figure.supxlabel(TIME, fontsize=10)
+    figure.supylabel(LOST, fontsize=10)
+    figure.suptitle(
+        f"Speed against accuracy, group by group\nblack: {PAPER}; ring: the cell {BASES[0]}; grey: the other groups; x: no success\n"
+        f"{title}",
+        fontsize=9,
+    )
+    figure.savefig(path, dpi=120)
+
+
+def _lost(line: FrontierLine) -> float:
+    """Return the place of a variant on the axis of what is lost, %."""
+    return _place(1.0 - line.successes / line.trials)
+
+
+def _place(share: float) -> float:
+    return max(100.0 * share, NONE)
+
+
+def _is_remarkable(line: FrontierLine, base: FrontierLine | None) -> bool:
+    """Return whether a variant is named in the picture."""
+    if line.family in (PRESET, METHOD):
+        return not (line.variant != BASES[0] and line.is_base)
+    if line.is_base:
+        return False
+    ratio = line.mean / base.mean if base is not None else 1.0
+    return line.successes < line.trials or not 1.0 / REMARKABLE < ratio < REMARKABLE
+
+
+def _name(line: FrontierLine) -> str:
+    """Return the name of a variant in the picture, with its count."""
+    if line.family == METHOD:
+        text = f"[gibbons], simulated, {'printed figures' if line.variant == PRINTED else line.variant}"
+    elif line.family == PRESET:
+        text = line.variant
+    else:
+        text = line.variant if line.family in ("size of the errors", "part") else f"{line.family} {line.variant}"
+    return f"{text}: {line.successes}/{line.trials}"
+
+
+def _prepare(axes: Axes, timed: Sequence[FrontierLine]) -> None:
+    """Lay both logarithmic axes, with a place of its own for no loss."""
+    times = [6.0, PUBLISHED_TOTAL, *(line.mean for line in timed)]
+    first, last = min(times) / 1.35, max(times) * 1.4
+    axes.set_xscale("log")
+    axes.set_xlim(first, last)
+    axes.set_xticks([tick for tick in TIMES if first <= tick <= last], minor=False)
+    axes.set_xticks([], minor=True)
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.tick_params(labelbottom=True, labelleft=True)
+    axes.set_yscale("log")
+    axes.set_ylim(LEAST, MOST)
+    axes.set_yticks((NONE, *SHARES), ("none", *map(str, SHARES)))
+    axes.set_yticks([], minor=True)
+    axes.axhspan(LEAST, 0.75, color="#eef5ee", zorder=0)
+    axes.grid(alpha=0.25)
+
+
+def _colour(line: FrontierLine) -> Any:
+    return MAP(NORM(line.force_p95))
+
+
+def _point(axes: Axes, line: FrontierLine, marker: str, size: float) -> None:
+    axes.plot(
+        [line.mean], [_lost(line)], marker, ms=size, color=_colour(line), mec=INK, mew=0.8, zorder=4, clip_on=False
+    )
+    if line.is_base:
+        axes.plot([line.mean], [_lost(line)], "o", ms=1.9 * size, mfc="none", mec=INK, mew=1.2, zorder=5, clip_on=False)
+
+
+def _bars(axes: Axes, line: FrontierLine, width: float) -> None:
+    """Draw both intervals of a variant."""
+    lost = _lost(line)
+    below, above = lost - _place(1.0 - line.high), _place(1.0 - line.low) - lost
+    late = None if math.isnan(line.mean_error) else [[min(line.mean_error, 0.9 * line.mean)], [line.mean_error]]
+    axes.errorbar(
+        [line.mean], [lost], xerr=late, yerr=[[below], [above]], fmt="none", ecolor=INK, alpha=0.35, capsize=2, lw=width
+    )
+
+
+def _published(axes: Axes) -> Label:
+    """Draw the published point, whose force is not known, and return its name."""
+    low, high = wilson(PUBLISHED_SUCCESSES, PUBLISHED_ATTEMPTS)
+    lost = _place(1.0 - PUBLISHED_SUCCESSES / PUBLISHED_ATTEMPTS)
+    error = [[lost - _place(1.0 - high)], [_place(1.0 - low) - lost]]
+    axes.errorbar([PUBLISHED_TOTAL], [lost], yerr=error, fmt="s", color=INK, ms=9, capsize=3, lw=1, zorder=3)
+    return Label(PUBLISHED_TOTAL, lost, f"{PAPER}: {PUBLISHED_SUCCESSES}/{PUBLISHED_ATTEMPTS}", is_bold=True)
+
+
+def _drawn(axes: Axes, line: FrontierLine, marker: str) -> Any:
+    """Draw one variant in its panel and return its entry of the legend."""
+    if not math.isfinite(line.mean):
+        told = f"{line.successes}/{line.trials}" if line.trials else "not run"
+        return axes.plot([], [], "x", color=RED, ms=6, label=f"{line.variant}: {told}")[0]
+    _bars(axes, line, 1.2)
+    _point(axes, line, marker, 8)
+    told = f"{line.variant}: {line.successes}/{line.trials}, {line.mean:.1f} s, {line.force_p95:.0f} N"
+    return axes.plot([], [], marker, color=_colour(line), mec=INK, ms=7, label=told)[0]
 
 
 def draw_chain(lines: Sequence[FrontierLine], title: str, path: Path) -> None:
@@ -146,7 +246,7 @@ def draw_chain(lines: Sequence[FrontierLine], title: str, path: Path) -> None:
                 color="r",
             )
             continue
-        _success(rate, place, line.successes, line.trials, line.low, line.high, COLOURS[0])
+        _success(rate, place, line.successes, line.trials, line.low, line.high, BLUE)
         if math.isfinite(line.mean):
             stages = [0.0 if math.isnan(value) else value for value in (line.search, line.insert, line.adjust)]
             _stack(time, place, stages, line.mean, 0.0 if math.isnan(line.mean_error) else line.mean_error)

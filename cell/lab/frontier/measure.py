@@ -7,8 +7,8 @@ import math
 import platform
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,51 +16,17 @@ import numpy as np
 
 from cell.cell_config import CellConfig
 from cell.config import load
-from cell.config_files import presets
 from cell.lab.trials import SUMMARY, TABLE, VOID, TrialRow, read_table, run_trials
 from cell.provenance import config_hash, versions
-from cell.statistics import Z95, mean, wilson
-from drivers.errors import CellError, FaultCode
-from skills.catalogue import INSERT, SEARCH
+from cell.statistics import Z95, RateTest, Verdict, mean, wilson
+from drivers.errors import CellError, ConfigError, FaultCode
 from skills.contract import Outcome
-from skills.tactile.estimators import ESTIMATORS
 
 logger = logging.getLogger(__name__)
 
 FRONTIER = "frontier.csv"
-PRESET, CHAIN = "preset", "chain"
-BASES = "as shipped", "as configured"
-"""Names of the config that every variant starts from, with nothing given and with a file or keys given."""
-START = "paper"
-"""Preset from which the chain starts."""
-SWEEPS: dict[str, dict[str, tuple[str, ...]]] = {
-    "search speed": {f"{speed:g} m/s": (f"search.speed={speed:g}",) for speed in (0.03, 0.05, 0.08, 0.115, 0.15)},
-    "rotational gain": {
-        f"{gain:g} N·m/rad": (f"insert.gains.rotation={gain:g}",) for gain in (5.0, 10.0, 20.0, 40.0, 48.0)
-    },
-    "estimator": {name: (f"insert.estimator={name}",) for name in ESTIMATORS},
-    "skin rate": {f"{rate:g} Hz": (f"skin.rate={rate:g}",) for rate in (10.0, 20.0, 50.0, 100.0)},
-    "layout": {
-        "P, parallelogram": ("skin.layout=parallelogram",),
-        "D, base to base": ("skin.layout=base_to_base",),
-    },
-}
-"""Swept settings, from the config that every variant starts from: a name for each value, and its keys."""
-STEPS: tuple[tuple[str, tuple[str, ...]], ...] = (
-    (
-        "+ height evidence, judged at rest",
-        ("search.evidence", "search.event", "search.dip", "search.fall", "search.rest", "search.probe"),
-    ),
-    ("+ estimator: {estimator}", ("insert.estimator", *ESTIMATORS, "smoothing", "observer")),
-    ("+ path: {path}", ("search",)),
-    ("+ insertion that yields", ("insert",)),
-    ("+ adjustment that is guided", ("adjust",)),
-    ("+ retries: {retries}", ("retries",)),
-    ("+ all else", ("",)),
-)
-"""Steps of the chain, in order; each takes the keys that begin with its prefixes and that no earlier step took."""
-QUICK = {"skin rate": ("100 Hz",)}
-"""Sweeps that remain in a quick study."""
+TITLE = "title.txt"
+"""File of the words under which the charts are drawn: trials, seeds, errors and versions."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +34,7 @@ class Variant:
     """One variant of the cell."""
 
     family: str
-    """Family of the variant: `preset`, `chain`, or what is swept."""
+    """Group of variants that are compared: the presets, what is swept, or the steps of a chain."""
     name: str
     preset: str | None
     """Preset that replaces the config's own; None keeps that."""
@@ -116,62 +82,28 @@ class FrontierLine:
     """Endings other than success, with their counts."""
     error: str
     """Reason why the variant could not be run; empty when it could."""
+    verdict: str = ""
+    """Answer of the sequential test that ended the trials; empty where every seed was run."""
 
 
-def variants(path: Path | None, sets: Sequence[str], is_quick: bool) -> list[Variant]:
-    """Return all variants: the config itself and every preset, the sweeps, and the chain.
+def load_variant(path: Path | None, preset: str | None, sets: Sequence[str]) -> CellConfig:
+    """Return the cell of a file, a preset and single keys, at its fastest pace.
 
-    Args:
-        path: TOML file of the cell; None is the simulated cell that ships with the program.
-        sets: Keys of all variants; the presets and the sweeps go over them.
-        is_quick: Whether to return only a few.
+    Raises:
+        ConfigError: One of them cannot be used.
     """
-    names = [START] if is_quick else sorted(presets(path))
-    found = [Variant(PRESET, BASES[bool(path or sets)], None, ()), *(Variant(PRESET, name, name, ()) for name in names)]
-    for family, values in SWEEPS.items():
-        kept = QUICK.get(family, ()) if is_quick else tuple(values)
-        found += [Variant(family, name, None, values[name]) for name in kept]
-    steps = chain(_load(path, START, sets), _load(path, None, sets))
-    return found + ([steps[0], steps[-1]] if is_quick else steps)
-
-
-def _load(path: Path | None, preset: str | None, sets: Sequence[str]) -> CellConfig:
     return load(path, preset, [*sets, "sim.pace=max"]).cell
 
 
-def chain(start: CellConfig, end: CellConfig) -> list[Variant]:
-    """Return the steps from `start` to `end`, one at a time; steps that change nothing are left out."""
-    below, above = dict(_leaves(start)), dict(_leaves(end))
-    left = [key for key in above if key != "preset" and below.get(key) != above[key]]
-    taken: list[str] = []
-    steps = [Variant(CHAIN, START, START, ())]
-    for name, heads in STEPS:
-        new = [key for key in left if key.startswith(heads)]
-        left = [key for key in left if key not in new]
-        if new:
-            taken += [f"{key}={json.dumps(above[key])}" for key in new]
-            text = name.format(
-                estimator=end.params(INSERT).estimator, path=end.params(SEARCH).path, retries=end.retries
-            )
-            steps.append(Variant(CHAIN, text, START, tuple(taken)))
-    return steps
+def title_of(seeds: range, of_each: str = "") -> str:
+    """Return trials, seeds and versions in the words of charts and table.
 
-
-def _leaves(config: CellConfig) -> Iterator[tuple[str, Any]]:
-    def of(tree: dict[str, Any], at: str) -> Iterator[tuple[str, Any]]:
-        for key, value in tree.items():
-            if isinstance(value, dict):
-                yield from of(value, f"{at}{key}.")
-            else:
-                yield f"{at}{key}", value
-
-    return of(config.model_dump(mode="json"), "")
-
-
-def title_of(seeds: range) -> str:
-    """Return trials, seeds and versions in the words of charts and table."""
+    Args:
+        seeds: Seeds, one trial each.
+        of_each: Number of trials of a variant, in words; empty where every seed was run.
+    """
     return (
-        f"{len(seeds)} trials a variant, simulated, seeds {seeds[0]} to {seeds[-1]}; python {platform.python_version()}, "
+        f"{of_each or len(seeds)} trials a variant, simulated, seeds {seeds[0]} to {seeds[-1]}; python {platform.python_version()}, "
         + ", ".join(f"{name} {versions()[name]}" for name in ("mujoco", "numpy", "code"))
     )
 
@@ -184,6 +116,8 @@ def measure(
     workers: int,
     folder: Path,
     done: Callable[[int], None],
+    tests: Mapping[str, RateTest] | None = None,
+    scheduler: str | None = None,
 ) -> list[FrontierLine]:
     """Run every variant on the same seeds and write frontier.csv; finished trials in the folder are taken up.
 
@@ -196,19 +130,21 @@ def measure(
         seeds: Seeds, one trial each, for every variant.
         workers: Number of processes.
         folder: Folder of the variants' folders.
-        done: Called with the number of further trials done.
+        done: Called with the number of further trials done, or saved by a test.
+        tests: Test by family that ends a variant's trials; a family without one runs every seed.
+        scheduler: Address of a Dask scheduler whose workers shall run the trials instead.
 
     Raises:
         ConfigError: The config that every variant starts from cannot be used.
     """
-    base = _fingerprint(_load(path, None, sets))
-    ran: dict[str, tuple[str, list[TrialRow], str]] = {}
+    base = _fingerprint(load_variant(path, None, sets))
+    ran: dict[str, tuple[str, list[TrialRow], str, RateTest | None]] = {}
     lines: list[FrontierLine] = []
     for variant in tried:
         rows: list[TrialRow] = []
-        place, trouble, mark = "", "", ""
+        place, trouble, mark, verdict = "", "", "", ""
         try:
-            config = _load(path, variant.preset, [*sets, *variant.sets])
+            config = load_variant(path, variant.preset, [*sets, *variant.sets])
         except CellError as error:
             trouble = str(error)
             done(len(seeds))
@@ -216,11 +152,14 @@ def measure(
             mark = _fingerprint(config)
             if mark not in ran:
                 place = re.sub(r"\W+", "-", f"{variant.family} {variant.name}").strip("-")
-                ran[mark] = (place, *_run(config, seeds, workers, folder / place, done))
+                test = tests.get(variant.family) if tests else None
+                task = Task(config, seeds, test, folder / place, workers, scheduler)
+                ran[mark] = (place, *_run(task, done), test)
             else:
                 done(len(seeds))
-            place, rows, trouble = ran[mark]
-        lines.append(_line(variant, place, rows, trouble, is_base=mark == base))
+            place, rows, trouble, test = ran[mark]
+            verdict = answer(test, rows) if test is not None and rows else ""
+        lines.append(replace(_line(variant, place, rows, trouble, is_base=mark == base), verdict=verdict))
         _write(lines, folder / FRONTIER)
     return lines
 
@@ -230,14 +169,31 @@ def _fingerprint(config: CellConfig) -> str:
     return config_hash(config.model_copy(update={"preset": ""}))
 
 
-def _run(
-    config: CellConfig, seeds: Sequence[int], workers: int, folder: Path, done: Callable[[int], None]
-) -> tuple[list[TrialRow], str]:
-    rows = _finished(config, seeds, folder)
-    if rows:
-        done(len(seeds))
-        return rows, ""
-    told = 0
+@dataclass(frozen=True, slots=True)
+class Task:
+    """The trials of one variant: what is run, where, and when it is enough."""
+
+    config: CellConfig
+    seeds: Sequence[int]
+    test: RateTest | None
+    """Test that ends the trials before the last seed; None runs every seed."""
+    folder: Path
+    workers: int
+    scheduler: str | None
+
+    def is_enough(self, rows: Sequence[TrialRow]) -> bool:
+        """Return whether the rows of the first seeds answer the question, or are all that may be run."""
+        answered = self.test is not None and answer(self.test, rows) is not Verdict.OPEN
+        return answered or len(rows) == len(self.seeds)
+
+
+def answer(test: RateTest, rows: Sequence[TrialRow]) -> Verdict:
+    """Return what a test says of trials; whatever is not a success is lost."""
+    return test.verdict(sum(row.outcome != Outcome.SUCCESS for row in rows), len(rows))
+
+
+def _run(task: Task, done: Callable[[int], None]) -> tuple[list[TrialRow], str]:
+    rows, trouble, told = _finished(task), "", 0
 
     def advance(row: TrialRow) -> None:
         nonlocal told
@@ -245,23 +201,29 @@ def _run(
         done(1)
 
     try:
-        return run_trials(config, seeds, workers, folder, advance), ""
+        if not rows:
+            rows = run_trials(
+                task.config, task.seeds, task.workers, task.folder, advance, task.scheduler, task.is_enough
+            )
     except Exception as error:  # whatever it is, the other variants are worth having
-        logger.exception("%s", folder)
-        done(len(seeds) - told)
-        return [], " ".join(f"{type(error).__name__}: {error}".split())
+        logger.exception("%s", task.folder)
+        trouble = " ".join(f"{type(error).__name__}: {error}".split())
+    done(len(task.seeds) - told)
+    return rows, trouble
 
 
-def _finished(config: CellConfig, seeds: Sequence[int], folder: Path) -> list[TrialRow]:
-    """Return the rows of an earlier call with the same config, seeds and versions, or none."""
+def _finished(task: Task) -> list[TrialRow]:
+    """Return the rows of an earlier call with the same config, seeds, test and versions, or none."""
     try:
-        summary = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
-        rows = read_table(folder / TABLE)
+        summary = json.loads((task.folder / SUMMARY).read_text(encoding="utf-8"))
+        rows = read_table(task.folder / TABLE)
     except (OSError, ValueError, KeyError):
         return []
-    same = (config_hash(config), {"python": platform.python_version(), **versions()})
+    same = (config_hash(task.config), {"python": platform.python_version(), **versions()})
     is_same = (summary.get("config_hash"), summary.get("versions")) == same
-    return rows if is_same and [row.seed for row in rows] == sorted(seeds) else []
+    is_first = [row.seed for row in rows] == sorted(task.seeds)[: len(rows)]
+    enough = (count for count in range(1, len(rows) + 1) if task.is_enough(rows[:count]))
+    return rows if is_same and is_first and next(enough, 0) == len(rows) else []
 
 
 def _line(variant: Variant, place: str, rows: Sequence[TrialRow], trouble: str, is_base: bool) -> FrontierLine:
@@ -315,3 +277,20 @@ def _write(lines: Sequence[FrontierLine], path: Path) -> None:
         writer = csv.DictWriter(file, [field.name for field in fields(FrontierLine)], lineterminator="\n")
         writer.writeheader()
         writer.writerows(asdict(line) for line in lines)
+
+
+def read_lines(path: Path) -> list[FrontierLine]:
+    """Return the lines that `measure` wrote.
+
+    Raises:
+        ConfigError: There is no such file, or it holds something else.
+    """
+    readers: dict[Any, Callable[[str], Any]] = {int: int, float: float, str: str, bool: "True".__eq__}
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            return [
+                FrontierLine(**{field.name: readers[field.type](row[field.name]) for field in fields(FrontierLine)})
+                for row in csv.DictReader(file)
+            ]
+    except (OSError, KeyError, TypeError, ValueError) as error:
+        raise ConfigError(f"{path}: not the table of a finished study: {type(error).__name__}: {error}") from None

@@ -11,7 +11,19 @@ from cell.lab.frontier.measure import FrontierLine
 def frontier(lines: Sequence[FrontierLine], title: str) -> Table:
     """Return how well and how fast each variant works."""
     table = Table(title=title, caption="times are of the successes, s; forces are each trial's largest, N")
-    for name in ("", "variant", "success", "Wilson 95 %", "mean", "median", "p95", "force p95", "voids", "retries"):
+    for name in (
+        "",
+        "variant",
+        "success",
+        "Wilson 95 %",
+        "mean",
+        "median",
+        "p95",
+        "force p95",
+        "voids",
+        "retries",
+        "test",
+    ):
         table.add_column(name, justify="left" if name in ("", "variant") else "right")
     table.add_column("endings other than success")
     for before, line in zip((None, *lines), lines, strict=False):
@@ -24,6 +36,7 @@ def frontier(lines: Sequence[FrontierLine], title: str) -> Table:
             *(f"{value:.1f}" for value in (line.mean, line.median, line.p95, line.force_p95)),
             str(line.voids),
             str(line.retries),
+            line.verdict,
             Text(line.error or line.endings),
         )
     return table

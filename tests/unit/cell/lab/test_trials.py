@@ -100,6 +100,19 @@ def test_rows_are_sorted_by_seed(loaded, ran, tmp_path):
     assert [row.seed for row in rows] == [7, 8, 9]
 
 
+@pytest.mark.parametrize("order", [(1, 2, 3, 4, 5, 6), (3, 1, 2, 6, 5, 4), (6, 5, 4, 3, 2, 1)])
+def test_rows_end_with_the_least_number_of_first_seeds_that_is_enough_in_whatever_order_they_finish(
+    loaded, monkeypatch, tmp_path, order
+):
+    def on_processes(task, missing, workers):
+        yield from (replace(ROW, seed=seed) for seed in order)
+
+    monkeypatch.setattr(trials, "on_processes", on_processes)
+    rows = run_trials(loaded.cell, range(1, 7), 2, tmp_path, lambda row: None, is_enough=lambda rows: len(rows) >= 3)
+    assert [row.seed for row in rows] == [1, 2, 3]
+    assert [row.seed for row in read_table(tmp_path / "trials.csv")] == [1, 2, 3]
+
+
 def interrupted(folder, config, rows, rest=""):
     """Leave behind what a killed call leaves."""
     head = {"config": config_hash(config), "versions": versions()}

@@ -1,0 +1,120 @@
+"""The variants of the frontier: presets, the published method, what makes a method fail, and the way from the one to the other."""
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from cell.cell_config import CellConfig
+from cell.config_files import presets
+from cell.lab.frontier.measure import Variant, load_variant
+from cell.lab.paper.measure import UNKNOWNS
+from cell.statistics import RateTest
+from skills.catalogue import INSERT, SEARCH
+from skills.tactile.estimators import ESTIMATORS
+
+PRESET, PUBLISHED, CHAIN = "preset", "published method", "chain"
+BASES = "as shipped", "as configured"
+"""Names of the config that every variant starts from, with nothing given and with a file or keys given."""
+START = "paper"
+"""Preset from which the chain starts."""
+PRINTED, FITTED = "as printed", "the rest found by hand"
+"""Names of the published method: with the preset's figures alone, and with those that [gibbons] does not print found by hand."""
+SWEEPS: dict[str, dict[str, tuple[str, ...]]] = {
+    "size of the errors": {f"reality {scale:g}": (f"reality.scale={scale:g}",) for scale in (0.0, 1.0, 2.0, 3.0)},
+    "clearance": {f"{1e3 * gap:g} mm": (f"hole.diameter={0.008 + gap:.5f}",) for gap in (1e-4, 5e-5, 2e-5, 1e-5)},
+    "search speed": {f"{speed:g} m/s": (f"search.speed={speed:g}",) for speed in (0.05, 0.115, 0.2, 0.3)},
+    "part": {
+        **{
+            f"round {1e3 * size:g} mm": (f"peg.diameter={size:g}", f"hole.diameter={size + 1e-4:g}")
+            for size in (0.003, 0.004, 0.008, 0.016)
+        },
+        **{
+            f"{1e3 * a:g} x {1e3 * b:g} mm": (
+                f"peg.shape={'square' if a == b else 'rectangular'}",
+                f"peg.sides=[{a:g},{b:g}]",
+                f"hole.sides=[{a + 1e-4:g},{b + 1e-4:g}]",
+            )
+            for a, b in ((0.008, 0.008), (0.012, 0.008))
+        },
+    },
+    "friction of the plate": {
+        **{f"{ratio:g}": (f"contact.friction={ratio:g}",) for ratio in (0.1, 0.6, 0.8)},
+        "0.1 to 0.4": (),
+    },
+    "estimator": {name: (f"insert.estimator={name}",) for name in ESTIMATORS},
+}
+"""What is swept, from the config that every variant starts from, to where a method fails: a name for each value, and its keys."""
+STEPS: tuple[tuple[str, tuple[str, ...]], ...] = (
+    (
+        "+ height evidence, judged at rest",
+        ("search.evidence", "search.event", "search.dip", "search.fall", "search.rest", "search.probe"),
+    ),
+    ("+ estimator: {estimator}", ("insert.estimator", *ESTIMATORS, "smoothing", "observer")),
+    ("+ path: {path}", ("search",)),
+    ("+ insertion that yields", ("insert",)),
+    ("+ adjustment that is guided", ("adjust",)),
+    ("+ retries: {retries}", ("retries",)),
+    ("+ all else", ("",)),
+)
+"""Steps of the chain, in order; each takes the keys that begin with its prefixes and that no earlier step took."""
+QUICK = {"size of the errors": ("reality 0",)}
+"""Sweeps that remain in a quick study."""
+CLOSE, COARSE = RateTest(good=0.01, bad=0.05, least=8), RateTest(good=0.02, bad=0.25, least=6)
+"""Tests that end a setting's trials: of the presets, and of all else, which is there to show where a method gives up."""
+
+
+def rate_tests() -> Mapping[str, RateTest]:
+    """Return the test that ends the trials of each family."""
+    return {PRESET: CLOSE, **dict.fromkeys((PUBLISHED, *SWEEPS, CHAIN), COARSE)}
+
+
+def variants(path: Path | None, sets: Sequence[str], is_quick: bool) -> list[Variant]:
+    """Return all variants: the config itself and every preset, the published method, the sweeps, and the chain.
+
+    Args:
+        path: TOML file of the cell; None is the simulated cell that ships with the program.
+        sets: Keys of all variants; the presets and the sweeps go over them.
+        is_quick: Whether to return only a few.
+    """
+    own = BASES[bool(path or sets)]
+    found = [Variant(PRESET, own, None, ())]
+    if not is_quick:
+        found += [Variant(PRESET, name, name, ()) for name in sorted(presets(path)) if name != START]
+    by_hand = tuple(f"{unknown.key}={unknown.by_hand:g}" for unknown in UNKNOWNS)
+    found += [Variant(PUBLISHED, PRINTED, START, ())]
+    found += [] if is_quick else [Variant(PUBLISHED, FITTED, START, by_hand)]
+    for family, values in SWEEPS.items():
+        kept = QUICK.get(family, ()) if is_quick else tuple(values)
+        found += [Variant(family, name, None, values[name]) for name in kept]
+    steps = chain(load_variant(path, START, sets), load_variant(path, None, sets))
+    return found + ([steps[0], steps[-1]] if is_quick else steps)
+
+
+def chain(start: CellConfig, end: CellConfig) -> list[Variant]:
+    """Return the steps from `start` to `end`, one at a time; steps that change nothing are left out."""
+    below, above = dict(_leaves(start)), dict(_leaves(end))
+    left = [key for key in above if key != "preset" and below.get(key) != above[key]]
+    taken: list[str] = []
+    steps = [Variant(CHAIN, START, START, ())]
+    for name, heads in STEPS:
+        new = [key for key in left if key.startswith(heads)]
+        left = [key for key in left if key not in new]
+        if new:
+            taken += [f"{key}={json.dumps(above[key])}" for key in new]
+            text = name.format(
+                estimator=end.params(INSERT).estimator, path=end.params(SEARCH).path, retries=end.retries
+            )
+            steps.append(Variant(CHAIN, text, START, tuple(taken)))
+    return steps
+
+
+def _leaves(config: CellConfig) -> Iterator[tuple[str, Any]]:
+    def of(tree: dict[str, Any], at: str) -> Iterator[tuple[str, Any]]:
+        for key, value in tree.items():
+            if isinstance(value, dict):
+                yield from of(value, f"{at}{key}.")
+            else:
+                yield f"{at}{key}", value
+
+    return of(config.model_dump(mode="json"), "")
