@@ -21,6 +21,7 @@ class FaultCode(IntEnum):
     TRACKING = 2003
     NOT_PASSIVE = 2004
     SETPOINT = 2005
+    ARM_RESTLESS = 2006
     SWITCH_DISAGREES = 3001
     SUCCESS_UNPROVEN = 3002
     WRENCH_OFFSET = 3003
@@ -104,6 +105,11 @@ FAULTS: dict[FaultCode, FaultText] = {
         "a skill asked for a motion that the arm must not make",
         "a defect in the skill, or a place in the config that is outside the workspace",
         "check what the message names against [limits] and the places in the config, then reset",
+    ),
+    FaultCode.ARM_RESTLESS: FaultText(
+        "the arm goes on moving after it was halted",
+        "its controller does not obey, its model of gravity is wrong, or something moves it",
+        "press the emergency stop if it still moves; check payload and controller, then reset",
     ),
     FaultCode.SUCCESS_UNPROVEN: FaultText(
         "the skills report success and the evidence is lacking",
@@ -213,6 +219,12 @@ class NotPassiveError(CellError):
     """The held setpoint puts more energy into the arm than a stable loop can."""
 
     code = FaultCode.NOT_PASSIVE
+
+
+class ArmRestlessError(CellError):
+    """The arm still moves long after it was halted."""
+
+    code = FaultCode.ARM_RESTLESS
 
 
 class SetpointError(CellError):

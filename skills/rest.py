@@ -8,8 +8,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from drivers.errors import ArmRestlessError
 from drivers.protocols import Arm, Clock
-from drivers.quantities import ArmState
+from drivers.quantities import ArmState, Vector
 
 REST_SPEED = 0.01
 """Largest speed of every joint of an arm that stands still, rad/s."""
@@ -18,7 +19,11 @@ REST_SCANS = 5
 BRAKE_TIME = 0.1
 """Time for which an arm that moves is halted anew at every scan, s: two time constants of the hand that `halt` damps."""
 REST_TIME = 1.0
-"""Longest time for an arm to come to rest, s: the speed of a real one never reads zero."""
+"""Time from which on an arm that stays in place is at rest whatever speed it reads, s: that of a real one may never read zero."""
+PLACE_TIME = 0.1
+"""Time over which an arm has to stay in place, s: it may move on by `REST_SPEED` times that."""
+LONGEST = 3.0
+"""Longest time for an arm to come to rest, s; one that moves for longer does not obey, which is a fault."""
 
 
 class Rest:
@@ -29,6 +34,9 @@ class Rest:
         self._arm = arm
         self._since: float | None = None
         self._calm = 0
+        self._place: tuple[Vector, float] | None = None
+        """Joints and time from which on it is seen whether the arm stays in place."""
+        self._is_in_place = False
         self.is_reached = False
         """Whether the arm was brought to rest and nobody has moved it since."""
 
@@ -48,28 +56,46 @@ class Rest:
             CellError: The arm does not take the halt.
         """
         self._since, self._calm, self.is_reached = now, 0, False
+        self._place, self._is_in_place = None, False
         self._arm.halt()
 
     def take(self, arm: ArmState, now: float) -> bool:
         """Take the arm's state of one scan at the time `now`, s: brake or hold; return whether rest is reached.
 
         Raises:
+            ArmRestlessError: The arm still moves long after it was halted.
             CellError: The arm does not take the halt.
         """
         if self._since is None or self.is_reached:
             return self.is_reached
         passed = now - self._since
         self._calm = self._calm + 1 if np.max(np.abs(arm.dq)) < REST_SPEED else 0
-        self.is_reached = self._calm >= REST_SCANS or passed > REST_TIME
+        self._watch_place(arm.q, now)
+        self.is_reached = self._calm >= REST_SCANS or (passed > REST_TIME and self._is_in_place)
         if self._calm == 0 and passed <= BRAKE_TIME:
             self._arm.halt()
+        if passed > LONGEST and not self.is_reached:
+            joint = int(np.argmax(np.abs(arm.dq)))
+            raise ArmRestlessError(
+                f"arm: joint {joint + 1} moves at {abs(arm.dq[joint]):.3f} rad/s {passed:.1f} s after the halt; "
+                f"{REST_SPEED:g} rad/s allowed"
+            )
         return self.is_reached
+
+    def _watch_place(self, q: Vector, now: float) -> None:
+        """See whether the joints, rad, are where they were some scans ago."""
+        if self._place is None:
+            self._place = q, now
+        before, since = self._place
+        if now - since >= PLACE_TIME:
+            self._is_in_place = bool(np.max(np.abs(q - before)) <= REST_SPEED * (now - since))
+            self._place = q, now
 
     def wait(self, clock: Clock, period: float, meanwhile: Callable[[], None] = lambda: None) -> None:
         """Bring the arm to rest if it is not there yet, and do something `meanwhile` in every scan, one a period, s.
 
         Raises:
-            CellError: The arm is silent or does not take the halt.
+            CellError: The arm is silent, does not take the halt or goes on moving.
         """
         if not self.is_sought:
             self.seek(clock.now())

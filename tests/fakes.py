@@ -64,7 +64,7 @@ class FakeArm:
         self.clock = clock
         self.tcp = Pose(np.array([0.45, 0.0, 0.3]), HAND_DOWN)
         self.force = np.zeros(3)
-        self.dq = np.zeros(7)
+        self.q, self.dq = np.zeros(7), np.zeros(7)
         self.floor = -math.inf
         self.fault: Exception | None = None
         self.is_blocked = False
@@ -101,7 +101,9 @@ class FakeArm:
     def read(self) -> ArmState:
         if self.fault is not None:
             raise self.fault
-        return ArmState(self.clock.now(), np.zeros(7), self.dq, self.tcp, Wrench(self.force, np.zeros(3)), 2, math.inf)
+        return ArmState(
+            self.clock.now(), self.q.copy(), self.dq, self.tcp, Wrench(self.force, np.zeros(3)), 2, math.inf
+        )
 
 
 class FakeGripper:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from cell.states import State
+from drivers.errors import FaultCode
 from plc_bridge.messages import Control, Refusal, Result
 from skills.contract import Reason
 from skills.rest import REST_TIME
@@ -119,6 +120,18 @@ def test_an_arm_that_never_reads_zero_speed_counts_as_at_rest_in_time(rig):
     assert (report.result, report.state) == (Result.ABORTED, State.STOPPED)
     assert REST_TIME < states.count(State.HOLDING) * rig.supervisor._context.scan_period < REST_TIME + 0.05
     assert REST_TIME < states.count(State.STOPPING) * rig.supervisor._context.scan_period < REST_TIME + 0.05
+
+
+def test_an_arm_that_goes_on_moving_is_never_told_to_be_held(rig):
+    rig.arm.dq[0] = 0.02
+    rig.clock.every.append(lambda: rig.arm.q.__setitem__(0, 0.02 * rig.clock.time))
+    states = []
+    rig.clock.every.append(lambda: states.append(rig.plc.report.state))
+    rig.at(0.5, lambda: rig.plc.trigger(Control.HOLD))
+    report = rig.command(GRASP)
+    assert State.HOLDING in states
+    assert State.HELD not in states
+    assert (report.result, report.fault, report.state) == (Result.FAULT, FaultCode.ARM_RESTLESS, State.ABORTED)
 
 
 def test_an_abort_while_the_arm_of_a_stop_still_moves_aborts(rig):

@@ -54,6 +54,13 @@ def switch_says(rig, state):
     rig.at(0.5, lambda: setattr(rig.switch, "state", state))
 
 
+def creep(rig):
+    """Stop half a second from now an arm that goes on moving whatever it is told."""
+    rig.arm.dq[2] = 0.02
+    rig.clock.every.append(lambda: rig.arm.q.__setitem__(2, 0.02 * rig.clock.time))
+    rig.at(0.5, rig.plc.stop)
+
+
 PROVOKE = {
     FaultCode.SKIN_SILENT: (GRASP, lambda rig: faulty(rig, rig.skin, SkinSilentError("skin: silent"))),
     FaultCode.SKIN_UNTRUSTED: (GRASP, lambda rig: faulty(rig, rig.skin, SkinUntrustedError("skin: 3 taxels"))),
@@ -62,6 +69,7 @@ PROVOKE = {
     FaultCode.ARM_SILENT: (GRASP, lambda rig: faulty(rig, rig.arm, ArmSilentError("arm: no new state"))),
     FaultCode.GRIPPER_SILENT: (GRASP, lambda rig: faulty(rig, rig.gripper, GripperSilentError("gripper: silent"))),
     FaultCode.TRACKING: (GRASP, lambda rig: rig.at(0.5, lambda: setattr(rig.arm, "is_blocked", True))),
+    FaultCode.ARM_RESTLESS: (GRASP, creep),
     FaultCode.NOT_FINITE: (GRASP, lambda rig: rig.at(0.5, lambda: rig.arm.force.__setitem__(1, math.nan))),
     FaultCode.WRENCH_OFFSET: (GRASP, lambda rig: rig.at(0.5, lambda: rig.arm.force.__setitem__(2, 45.0))),
     FaultCode.SCAN_OVERRUN: (GRASP, lambda rig: rig.at(0.5, lambda: setattr(rig.clock, "lag", 0.02))),

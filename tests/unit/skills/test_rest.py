@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skills.rest import BRAKE_TIME, REST_SCANS, REST_SPEED, REST_TIME, Rest
+from drivers.errors import ArmRestlessError
+from skills.rest import BRAKE_TIME, LONGEST, REST_SCANS, REST_SPEED, REST_TIME, Rest
 from tests.fakes import FakeArm, FakeClock
 
 PERIOD = 0.01  # s
@@ -61,6 +62,29 @@ def test_an_arm_whose_speed_never_reads_zero_is_at_rest_in_time(arm):
     rest.seek(0.0)
     told = taken(rest, arm, [2.0 * REST_SPEED] * round(REST_TIME / PERIOD + 1))
     assert told[-2:] == [False, True]
+
+
+def creeping(rest, arm, speed, scans):
+    """Return what is told after each scan of an arm that moves on at this speed, rad/s, and reads twice as much."""
+    told = []
+    for scan in range(1, scans + 1):
+        arm.clock.time, arm.q[2] = PERIOD * scan, speed * PERIOD * scan
+        told.append(rest.take(replace(arm.read(), dq=np.full(7, 2.0 * REST_SPEED)), arm.clock.time))
+    return told
+
+
+@pytest.mark.parametrize(("share", "is_at_rest"), [(0.99, True), (1.01, False)])
+def test_an_arm_that_creeps_is_not_told_to_rest(arm, share, is_at_rest):
+    rest = Rest(arm)
+    rest.seek(0.0)
+    assert any(creeping(rest, arm, share * REST_SPEED, round(LONGEST / PERIOD))) == is_at_rest
+
+
+def test_an_arm_that_goes_on_moving_is_a_fault(arm):
+    rest = Rest(arm)
+    rest.seek(0.0)
+    with pytest.raises(ArmRestlessError, match=r"joint 1 moves at 0\.020 rad/s 3\.0 s after the halt"):
+        creeping(rest, arm, 0.5, round(LONGEST / PERIOD) + 1)
 
 
 def test_rest_is_left_where_the_arm_is_to_move(arm):
