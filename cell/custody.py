@@ -4,10 +4,10 @@ beside the journal.
 
 import json
 import logging
-import os
 from dataclasses import asdict
 from pathlib import Path
 
+from cell.kept_file import KeptFile
 from cell.part_state import PartState, PegEvidence, Places, after, after_run, at_start, refusal_of
 from drivers.parts import Rack
 from drivers.quantities import SwitchState
@@ -15,8 +15,8 @@ from plc_bridge.messages import PartPlace, Refusal
 
 logger = logging.getLogger(__name__)
 
-OWNER_ONLY = 0o600
-"""Permissions of the file."""
+FLUSH_TIME = 5.0
+"""Longest wait for the disk at the end of the program, s."""
 
 
 class Custody:
@@ -29,8 +29,8 @@ class Custody:
             folder: Folder of the journal.
             kind: `arm.kind` of the config: a simulated cell never speaks for a real one.
         """
-        self._path = folder / f"part-{kind}.json"
-        self._kept, self._emptied = _read(self._path)
+        self._file = KeptFile(folder / f"part-{kind}.json", "where the peg is")
+        self._kept, self._emptied = _read(self._file.path)
         self._is_known = False
         self.part = PartState(PartPlace.UNKNOWN, "nothing was looked at yet")
         """Last known state of the peg."""
@@ -78,21 +78,13 @@ class Custody:
         return is_new
 
     def keep(self, is_lasting: bool = False) -> None:
-        """Write the file, whole or not at all; with `is_lasting` wait until it is on the disk, which is for times
-        without motion.
-        """
+        """Let the file have what is known, with `is_lasting` also after a loss of power; never waits for the disk."""
         data = {**asdict(self.part), "place": self.part.place.name, "emptied": self._emptied}
-        beside = self._path.with_suffix(".tmp")
-        try:
-            handle = os.open(beside, os.O_CREAT | os.O_TRUNC | os.O_WRONLY, OWNER_ONLY)
-            with os.fdopen(handle, "w", encoding="utf-8") as file:
-                json.dump(data, file)
-                if is_lasting:
-                    file.flush()
-                    os.fsync(file.fileno())
-            beside.replace(self._path)
-        except OSError as error:
-            logger.warning("%s: where the peg is cannot be kept: %s", self._path, error.strerror)
+        self._file.put(json.dumps(data), is_lasting)
+
+    def flush(self) -> bool:
+        """Wait a moment until what is known is in the file, at the end of the program; return whether it is."""
+        return self._file.flush(FLUSH_TIME)
 
 
 def _read(path: Path) -> tuple[PartState | None, int]:

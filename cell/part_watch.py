@@ -77,6 +77,10 @@ class PartWatch:
             self._custody.keep(is_lasting=True)
         self._is_running = False
 
+    def flush(self) -> None:
+        """Wait a moment until what is known is kept, at the end of the program."""
+        self._custody.flush()
+
     def _end(self, arm: ArmState, hand: GripperState, switch: SwitchState) -> None:
         self._tell(self._custody.end(self._evidence(arm, hand, switch), self._places))
 

@@ -125,6 +125,7 @@ class Supervisor:
         finally:
             self._watchdog.stop()
             self._stand()
+            self._part.flush()
 
     def quit(self) -> None:
         """Ask `serve` to end, from any thread or signal handler; what runs is stopped first."""
@@ -402,6 +403,7 @@ class Supervisor:
         """End the program, whose scan never comes again, with the arm halted and the record closed."""
         self._abandon(ScanOverrunError(f"{self._context.stage or 'skill'}: {why}"))
         _fault_of(self._journal.close)
+        _fault_of(self._part.flush)
         _fault_of(self._cell.arm.close)
         os._exit(EXIT_BLOCKED)
 

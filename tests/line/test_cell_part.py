@@ -71,7 +71,9 @@ def line(folder, *sets, seed=1, **devices):
         clock = ScanClock(world)
         cell = replace(cell, clock=clock, **{name: make(cell) for name, make in devices.items()})
         bridge = Bridge(loaded.cell.plc, PROGRAMS, PARAMETERS, now=clock.now)
-        yield Line(cell, world, Supervisor(cell, loaded, bridge, journal), FakePlc(bridge, clock))
+        supervisor = Supervisor(cell, loaded, bridge, journal)
+        yield Line(cell, world, supervisor, FakePlc(bridge, clock))
+        supervisor._part.flush()  # as at the end of `serve`
 
 
 def test_a_dropped_peg_lies_where_it_fell_until_a_person_takes_it_away(tmp_path):

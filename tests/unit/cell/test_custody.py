@@ -35,6 +35,7 @@ def test_the_next_program_knows_what_the_last_one_knew(tmp_path, places):
     first = Custody(tmp_path, "sim")
     first.see(empty(), places, is_running=False)
     first.see(holding(places), places, is_running=True)
+    assert first.flush()
     second = Custody(tmp_path, "sim")
     second.see(empty(), places, is_running=False)
     assert second.part.place is PartPlace.UNKNOWN
@@ -44,13 +45,16 @@ def test_the_next_program_knows_what_the_last_one_knew(tmp_path, places):
 def test_what_a_simulated_cell_knows_is_nothing_to_a_real_one(tmp_path, places):
     simulated = Custody(tmp_path, "sim")
     simulated.see(holding(places), places, is_running=True)
+    assert simulated.flush()
     real = Custody(tmp_path, "franka")
     real.see(empty(), places, is_running=False)
     assert real.part.place is PartPlace.RACK
 
 
 def test_only_its_owner_reads_the_file_and_nothing_stays_beside_it(tmp_path, places):
-    Custody(tmp_path, "sim").see(holding(places), places, is_running=True)
+    custody = Custody(tmp_path, "sim")
+    custody.see(holding(places), places, is_running=True)
+    assert custody.flush()
     (file,) = tmp_path.iterdir()
     assert stat.S_IMODE(file.stat().st_mode) == 0o600
     assert json.loads(file.read_text())["place"] == "IN_HAND"
@@ -69,6 +73,7 @@ def test_a_folder_that_cannot_be_written_stops_nothing(tmp_path, places, caplog)
     custody = Custody(tmp_path / "gone", "sim")
     custody.see(holding(places), places, is_running=True)
     assert custody.part.place is PartPlace.IN_HAND
+    assert custody.flush()
     assert "cannot be kept" in caplog.text
 
 
@@ -77,6 +82,7 @@ def test_the_rack_empties_slot_by_slot_is_refused_empty_and_full_again_when_told
     custody.see(empty(), places, is_running=False)
     assert [custody.take(rack) for _ in range(rack.slots)] == list(range(rack.slots))
     assert custody.refusal(OPEN, rack, recovers_first=False) is Refusal.RACK_EMPTY
+    assert custody.flush()
     later = Custody(tmp_path, "sim")
     later.see(empty(), places, is_running=False)
     assert later.refusal(OPEN, rack, recovers_first=False) is Refusal.RACK_EMPTY
