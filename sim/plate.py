@@ -40,6 +40,12 @@ class Plate:
     outline: tuple[float, float, float, float] = contact.ENDLESS
     """Middle and half the extents of the plate along x and y of its own frame, m; beyond them nothing is touched."""
 
+    def is_below(self, place: Vector) -> bool:
+        """Whether the plate is what lies below a place, shape (3,), m, base frame."""
+        x, y, height = self.rotation.T @ (place - self.position)
+        middle_x, middle_y, half_x, half_y = self.outline
+        return bool(height > 0.0 and abs(x - middle_x) <= half_x and abs(y - middle_y) <= half_y)
+
 
 def outline_of(
     place: Vector, rotation: Vector, low: tuple[float, float], high: tuple[float, float]

@@ -136,7 +136,7 @@ class Stepper:
             self.enter_held()
 
     def fall(self) -> None:
-        """Lay a peg that the pads have lost flat on the plate, below where it was, or leave it standing in its hole.
+        """Lay a peg that the pads have lost flat on what is below it, or leave it standing in its hole.
 
         The fall itself is not simulated, only where it ends. A lying peg has no weight, because only its end and the
         edge of that end have contacts with the plate: its back end would sink in.
@@ -146,8 +146,13 @@ class Stepper:
             up = plate.rotation[:, 2]
             standing = Pose(plate.position + up * (self.scene.size.half - depth), plate.rotation)
             self.enter_free(self.scene.job.peg.part.thickness, standing)
-        else:
-            self._lie(self.scene.job.peg.part.thickness, plate.position, plate.rotation)
+            return
+        middle = self.peg_pose().position
+        place, ground = np.zeros(3), np.eye(3)
+        for below in (plate, self.scene.rack):
+            if below.is_below(middle):
+                place, ground = below.position, below.rotation
+        self._lie(self.scene.job.peg.part.thickness, place, ground)
 
     def _lie(self, width: float, place: Vector, ground: Vector) -> None:
         """Lay the peg flat on the ground below where it is, between fingers `width` m apart.

@@ -118,6 +118,18 @@ def test_a_peg_that_falls_out_of_the_hand_comes_to_rest_on_the_plate() -> None:
     assert float(np.abs(physics.physics()[1].qvel[9:]).max()) < 1e-2
 
 
+@pytest.mark.parametrize(("ground", "x"), [("rack", 0.0), ("table", 0.2)])
+def test_a_peg_that_the_hand_loses_beside_the_plate_lies_on_what_is_below_it(ground: str, x: float) -> None:
+    _, physics = cell_of(5)
+    rack, reach = physics.stepper.scene.rack, physics.stepper.scene.size.reach
+    middle = rack.position + np.array([x, 0.0, 0.1])
+    physics.stepper.enter_free(0.008, Pose(middle, np.eye(3)))
+    physics.stepper.fall()
+    lying = physics.peg_pose().position
+    np.testing.assert_allclose(lying[:2], middle[:2], atol=0.02)
+    assert lying[2] == pytest.approx((rack.position[2] if ground == "rack" else 0.0) + reach, abs=1e-3)
+
+
 def test_an_empty_slot_is_a_missed_grasp() -> None:
     cell, physics = cell_of(5)
     physics.stepper.lose()
