@@ -39,6 +39,8 @@ class Truth:
     """Time that the force, low-passed as for `peak_contact_force`, exceeded 20 N, s."""
     plate_penetration: float
     """Deepest penetration of a surface or a hole's floor that lasted longer than 2 ms, m; recorded, not judged."""
+    joint_speed: float
+    """Speed of the fastest joint, rad/s."""
 
 
 def is_void(penetration: float, clearance: float) -> bool:

@@ -189,6 +189,7 @@ class World:
             grip_slip=float(self.control.grip[slip.SLIP]),
             time_over_20N=float(self.meters[metering.OVER_TIME]),
             plate_penetration=float(self.meters[metering.SURFACE_SUSTAINED]),
+            joint_speed=float(np.max(np.abs(self.dq))),
         )
 
 

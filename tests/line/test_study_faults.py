@@ -2,6 +2,7 @@
 
 import csv
 import math
+from collections import Counter
 from dataclasses import replace
 
 import pytest
@@ -9,8 +10,9 @@ import pytest
 from cell.config import load
 from cell.lab.faults import charts, tables
 from cell.lab.faults.bench import KEYS
+from cell.lab.faults.cases import FaultCase, begun, write
 from cell.lab.faults.kinds import KINDS
-from cell.lab.faults.measure import FaultCase, cases, measure, write
+from cell.lab.faults.measure import cases, drawn, measure
 from drivers.errors import FaultCode
 
 KIND = next(kind for kind in KINDS if kind.name == "skin: unplugged")
@@ -27,19 +29,33 @@ SOUND = FaultCase(
     rest=0.1,
     rest_after=0.11,
     peak_force=20.0,
+    contact_force=10.0,
     wrong_success=False,
+    part_untrue=False,
     record=True,
     reset="success",
     actions=0,
     following="success",
 )
-COUNTED = ("wrong successes", "late rest", "over force", "part unknown", "no record", "not back")
+COUNTED = (
+    "wrong successes",
+    "late rest",
+    "late after",
+    "over force",
+    "disturbed",
+    "part untrue",
+    "part unknown",
+    "no record",
+    "not back",
+)
 
 
 def test_an_unplugged_skin_ends_the_run_at_rest_on_record_and_production_goes_on():
     seen = []
     (case,) = measure(
-        load(sets=[*KEYS, "reality.scale=0.0", "sim.pace=max"]), [(KIND, "grasp_from_rack", 0.3)], seen.append
+        lambda number: load(sets=[*KEYS, "reality.scale=0.0", "sim.pace=max"]),
+        [(KIND, "grasp_from_rack", 0.3)],
+        seen.append,
     )
     assert seen == [case]
     assert (case.outcome, case.fault, case.state) == ("fault", FaultCode.SKIN_SILENT, "ABORTED")
@@ -52,7 +68,11 @@ def test_an_unplugged_skin_ends_the_run_at_rest_on_record_and_production_goes_on
     [
         ({"wrong_success": True}, "wrong successes"),
         ({"rest": 0.31}, "late rest"),
+        ({"rest_after": 1.01}, "late after"),
         ({"peak_force": 73.0}, "over force"),
+        ({"contact_force": 73.0}, "over force"),
+        ({"kind": "plc: two at once"}, "disturbed"),
+        ({"part_untrue": True}, "part untrue"),
         ({"part": "unknown"}, "part unknown"),
         ({"record": False}, "no record"),
         ({"following": "fault"}, "not back"),
@@ -62,6 +82,29 @@ def test_an_unplugged_skin_ends_the_run_at_rest_on_record_and_production_goes_on
 def test_each_shortfall_is_counted_in_its_own_column(change, column):
     line = tables.lines([replace(SOUND, **change)], force_limit=60.0)[-1]
     assert {name: line[name] for name in COUNTED} == {name: int(name == column) for name in COUNTED}
+
+
+def test_a_plc_that_falls_silent_is_known_to_be_only_after_its_time():
+    rows = [replace(SOUND, kind="plc: killed", rest_after=3.0)]
+    assert tables.lines(rows, 60.0)[-1]["late after"] == 0
+
+
+@pytest.mark.parametrize("number", [1, len(KINDS), len(KINDS) + 5])
+def test_of_cases_that_are_drawn_each_kind_comes_once_before_one_comes_twice(number):
+    tried = drawn(cases(KINDS, is_quick=False), number, 7)
+    assert tried == drawn(cases(KINDS, is_quick=False), number, 7)
+    counts = Counter(kind.name for kind, _, _ in tried)
+    assert len(tried) == number
+    assert max(counts.values()) - (min(counts.values()) if len(counts) == len(KINDS) else 0) <= 1
+
+
+def test_a_campaign_that_was_broken_off_goes_on_where_it_was(tmp_path):
+    tried = [(KIND, "spray_search", 0.3), (KIND, "spray_search", 1.0)]
+    rows = [replace(SOUND, kind=KIND.name)]
+    assert begun(tried, tmp_path) == []
+    write(rows, tmp_path)
+    assert begun(tried, tmp_path) == rows
+    assert begun(list(reversed(tried)), tmp_path) == []
 
 
 def test_a_run_that_ended_before_the_fault_is_not_counted():

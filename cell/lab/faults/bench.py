@@ -2,6 +2,7 @@
 
 import tempfile
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field, replace
@@ -19,12 +20,23 @@ from cell.supervisor import Supervisor
 from drivers.errors import CellError
 from drivers.protocols import Clock
 from plc_bridge.bridge import Bridge
-from plc_bridge.peer import Peer
+from plc_bridge.images import CommandImage, ReportImage
+from plc_bridge.peer import CellSilentError, Peer
 from sim.board_links import EmulatedCan
 from sim.switch_board import EmulatedSwitchBoard
 from skills.catalogue import CATALOGUE
 from skills.rest import REST_SPEED
 
+WAITING = (State.IDLE, State.COMPLETE, State.STOPPED, State.ABORTED, State.HELD)
+"""States that wait for a command."""
+LIFE_TIMEOUT = 2.0
+"""Time after which a silent PLC is lost, s of wall time: twice what ships, for a computer that is busy with the cell."""
+LEASE_TIMEOUT = 30.0
+"""Silence after which the lease is free again, s of wall time."""
+LONGEST = 600.0
+"""Longest wait for one command, s of wall time."""
+CYCLE = 0.02
+"""Time between two looks at the cell, s of wall time."""
 GOING_ON = (State.STARTING, State.EXECUTE, State.COMPLETING)
 """States in which a program goes on."""
 KEYS = ("skin.kind=can", "switch.kind=serial", "switch.port=emulated")
@@ -42,6 +54,8 @@ class Sighting:
     """Time of the arm's last motion."""
     peak_force: float = 0.0
     """Largest external force at the TCP by the arm's own estimate, N."""
+    contact_force: float = 0.0
+    """Largest net force of the plates on the held peg since the grasp, N."""
 
 
 @dataclass(slots=True)
@@ -61,6 +75,18 @@ class WatchedClock:
         self.look(self.clock.now())
 
 
+class FaultyPeer(Peer):
+    """A PLC that tears its command blocks for a while."""
+
+    torn_until = 0.0
+    """Monotonic time until which the end of each block is older than its beginning, s."""
+
+    def _write(self, image: CommandImage) -> None:
+        if time.monotonic() < self.torn_until:
+            image = replace(image, life_tail=(image.life - 1) % 0x10000)
+        super()._write(image)
+
+
 @dataclass(slots=True)
 class FaultBench:
     """The served cell in the reach of the faults."""
@@ -74,7 +100,7 @@ class FaultBench:
     board: EmulatedSwitchBoard
     journal: Journal
     bridge: Bridge
-    peer: Peer
+    peer: FaultyPeer
     supervisor: Supervisor
     stop: threading.Event
     thread: threading.Thread
@@ -84,7 +110,45 @@ class FaultBench:
     delay: float = 0.0
     """Time from the stage's first scan to the fault, s."""
     inject: Callable[[], None] = lambda: None
+    plc_act: Callable[[], None] | None = None
+    """What the PLC does in its next cycle, on its own thread."""
+    is_plc_lost: bool = False
+    """Whether the PLC that started the run never reads how it ended."""
     _entered: float | None = None
+
+    def run(self, code: int) -> ReportImage:
+        """Trigger a command and return its result or refusal; where the PLC is lost meanwhile, what it reads afterwards.
+
+        Raises:
+            CellError: The cell does not answer.
+        """
+        self.is_plc_lost = False
+        try:
+            self.peer.trigger(code)
+            report = self.peer.wait_for_result(LONGEST, lambda report: self._act())
+            self.peer.acknowledge()
+            return report
+        except CellSilentError:
+            if not self.is_plc_lost:
+                raise
+        deadline = time.monotonic() + LONGEST
+        while self.supervisor.state not in WAITING and time.monotonic() < deadline:
+            time.sleep(CYCLE)
+        return self.connect()
+
+    def connect(self) -> ReportImage:
+        """Come back with a new connection, and take the lease."""
+        self.peer.close()
+        self.peer = FaultyPeer(*self.bridge.address)
+        self.peer.connect()
+        self.peer.take()
+        return self.peer.cycle()
+
+    def _act(self) -> None:
+        """Do what the PLC is to do now."""
+        act, self.plc_act = self.plc_act, None
+        if act is not None:
+            act()
 
     def restart(self) -> None:
         """Serve again after the program has ended."""
@@ -115,11 +179,14 @@ class FaultBench:
             return
         if seen.detected is None and (report.fault or self.supervisor.state not in GOING_ON):
             seen.detected = now
+        truth = self.cell.truth
+        assert truth is not None
+        if (real := truth()).joint_speed > REST_SPEED:
+            seen.moved = now
+        seen.contact_force = max(seen.contact_force, real.peak_contact_force)
         with suppress(CellError):
-            state = self.arm.arm.read()
-            if float(np.max(np.abs(state.dq))) > REST_SPEED:
-                seen.moved = now
-            seen.peak_force = max(seen.peak_force, float(np.linalg.norm(state.wrench.force)))
+            force = self.arm.arm.read().wrench.force
+            seen.peak_force = max(seen.peak_force, float(np.linalg.norm(force)))
 
 
 @contextmanager
@@ -129,8 +196,8 @@ def bench(loaded: LoadedConfig) -> Iterator[FaultBench]:
     patient = plc.model_copy(
         update={
             "modbus": plc.modbus.model_copy(update={"port": 0}),
-            "life_timeout": max(plc.life_timeout, 30.0),
-            "lease_timeout": max(plc.lease_timeout, 30.0),
+            "life_timeout": max(plc.life_timeout, LIFE_TIMEOUT),
+            "lease_timeout": max(plc.lease_timeout, LEASE_TIMEOUT),
         }
     )
     with ExitStack() as stack:
@@ -148,13 +215,13 @@ def bench(loaded: LoadedConfig) -> Iterator[FaultBench]:
         stack.callback(bridge.close)
         assert isinstance(made.skin_wire, EmulatedCan)
         (board,) = (each for each in made.boards if isinstance(each, EmulatedSwitchBoard))
-        peer = Peer(*bridge.address)
-        stack.callback(peer.close)
+        peer = FaultyPeer(*bridge.address)
         thread = _scanning(supervisor)
         tried = FaultBench(
             loaded, cell, arm, gripper, switch, made.skin_wire, board, journal, bridge, peer, supervisor, stop, thread
         )
         stack.callback(tried.end)
+        stack.callback(lambda: tried.peer.close())
         clock.look = tried.look
         peer.connect()
         peer.take()

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from cell.lab.faults.measure import FaultCase
+from cell.lab.faults.cases import FaultCase
 from cell.lab.faults.tables import REST_AFTER_LIMIT
 from cell.plots import COLOURS
 

@@ -1,37 +1,20 @@
-"""Kinds of faults: how each begins and how an operator ends it."""
+"""Kinds of faults: those of the devices, and the table of all."""
 
-import resource
-import sqlite3
-import threading
-import time
 from collections.abc import Callable
-from contextlib import closing
-from dataclasses import dataclass
 
-from cell.journal import INDEX
 from cell.lab.faults import devices
 from cell.lab.faults.bench import FaultBench
+from cell.lab.faults.computer_kinds import COMPUTER_KINDS
+from cell.lab.faults.contract import FaultKind, Undo
+from cell.lab.faults.plc_kinds import PLC_KINDS
+from cell.lab.faults.skill_kinds import SKILL_KINDS
 from drivers.quantities import SwitchState
 from drivers.skin.health import Counts
 from sim.config import WireFaults
 
 AWAY = ((0.0, 1e6),)
-HELD_UP = 0.5
-"""Time for which something holds up the scan or locks the index, s of wall time."""
-Undo = Callable[[], None]
-
-
-@dataclass(frozen=True, slots=True)
-class FaultKind:
-    """One kind of fault."""
-
-    name: str
-    begin: Callable[[FaultBench], Undo]
-    """Function that does the harm, on the scan thread, and returns what mends it."""
-    is_harmless: bool = False
-    """Whether the cell has to go on as if nothing had happened."""
-    ends_program: bool = False
-    """Whether the program ends and is started again."""
+WEAK = 2.0
+"""Closing force of a hand that has lost its strength, N."""
 
 
 def _wire(faults: WireFaults) -> Callable[[FaultBench], Undo]:
@@ -97,54 +80,8 @@ def _early(bench: FaultBench) -> Undo:
     return lambda: setattr(bench.switch, "change", lambda state: state)
 
 
-def _full(bench: FaultBench) -> Undo:
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (0, hard))
-    return lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-
-
-def _locked(bench: FaultBench) -> Undo:
-    done = threading.Event()
-
-    def hold() -> None:
-        with closing(sqlite3.connect(bench.journal.folder / INDEX, isolation_level=None, timeout=10.0)) as index:
-            index.execute("BEGIN IMMEDIATE")
-            done.wait()
-            index.execute("ROLLBACK")
-
-    thread = threading.Thread(target=hold)
-    thread.start()
-
-    def undo() -> None:
-        done.set()
-        thread.join()
-
-    return undo
-
-
-def _deleted(bench: FaultBench) -> Undo:
-    for file in bench.journal.folder.glob(f"{INDEX}*"):
-        file.unlink(missing_ok=True)
-    return lambda: None
-
-
-def _torn(bench: FaultBench) -> Undo:
-    index = bench.journal.folder / INDEX
-    index.write_bytes(b"\xff" * index.stat().st_size)
-    return lambda: None
-
-
-def _held_up(bench: FaultBench) -> Undo:
-    time.sleep(HELD_UP)
-    return lambda: None
-
-
-def _raises(bench: FaultBench) -> Undo:
-    raise ValueError("a skill that nobody tested")
-
-
-def _stop_asked(bench: FaultBench) -> Undo:
-    bench.stop.set()
+def _weak(bench: FaultBench) -> Undo:
+    bench.gripper.gripper.grip(WEAK)
     return lambda: None
 
 
@@ -176,12 +113,9 @@ KINDS: tuple[FaultKind, ...] = (
     FaultKind("hand: silent", _told("gripper", devices.silent_hand)),
     FaultKind("hand: stuck", _obeys_not("gripper", "is_stuck")),
     FaultKind("hand: lets go", _lets_go),
-    FaultKind("disk: full", _full, is_harmless=True),
-    FaultKind("disk: index locked", _locked, is_harmless=True),
-    FaultKind("disk: index deleted", _deleted, is_harmless=True),
-    FaultKind("disk: index torn", _torn, is_harmless=True),
-    FaultKind("process: starved", _held_up, is_harmless=True),
-    FaultKind("skill: raises", _raises),
-    FaultKind("program: asked to end", _stop_asked, ends_program=True),
+    FaultKind("hand: weak", _weak),
+    *COMPUTER_KINDS,
+    *PLC_KINDS,
+    *SKILL_KINDS,
 )
 """All kinds that are tried."""

@@ -1,29 +1,33 @@
 """One fault after the other in the middle of an insertion, and what becomes of it."""
 
-import csv
 import math
 import threading
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import asdict, dataclass, fields, replace
-from pathlib import Path
+from dataclasses import replace
+
+import numpy as np
 
 from cell.config import LoadedConfig
-from cell.lab.faults.bench import FaultBench, Sighting, bench
-from cell.lab.faults.kinds import FaultKind
+from cell.lab.faults.bench import LONGEST, FaultBench, Sighting, bench
+from cell.lab.faults.cases import SILENT, FaultCase, Planned
+from cell.lab.faults.contract import FaultKind
+from cell.part_state import IN_HOLE_DEPTH
 from cell.states import State
 from drivers.errors import CellError
 from plc_bridge.images import ReportImage
 from plc_bridge.messages import Control, PartPlace, Refusal, Result
+from sim.situation import PegSituation
+from sim.truth import Truth
 from skills.catalogue import CATALOGUE
 
-TABLE = "faults.csv"
 STAGES = ("grasp_from_rack", "spray_search", "tactile_insert", "spiral_adjust")
 MOMENTS = (0.05, 0.3, 1.0)
 """Times from the first scan of a stage to the fault, s."""
 QUICK_STAGES, QUICK_MOMENTS = ("grasp_from_rack", "spray_search"), (0.3,)
-LONGEST = 600.0
-"""Longest wait for one command, s of wall time."""
+CELL_CASES = 6
+"""Number of cases that one served cell goes through before a new one, whose errors are drawn anew."""
 SEEN_ON = 0.3
 """Time for which the arm is looked at after the run, s of wall time."""
 MENDED = 0.5
@@ -31,84 +35,52 @@ MENDED = 0.5
 _INSERT, _RECOVER = CATALOGUE["insert_peg"].code, CATALOGUE["recover"].code
 
 
-@dataclass(frozen=True, slots=True)
-class FaultCase:
-    """What becomes of one fault."""
-
-    kind: str
-    stage: str
-    moment: float
-    """Time from the stage's first scan to the fault, s."""
-    outcome: str
-    """Result that the PLC reads; `not reached` where the run ended before the fault was due."""
-    reason: str
-    fault: int
-    state: str
-    """State of the cell after the run."""
-    part: str
-    """Where the report says the peg is."""
-    detection: float
-    """Time from the fault to its report, s; NaN where the run went on to a success."""
-    rest: float
-    """Time from the report to the arm's last motion, s; NaN where the run went on to a success."""
-    rest_after: float
-    """Time from the fault to the arm's last motion in the run, s; NaN where the run went on to a success."""
-    peak_force: float
-    """Largest external force at the TCP from the fault on, by the arm's own estimate, N."""
-    wrong_success: bool
-    """Whether the PLC reads a success although no peg is seated."""
-    record: bool
-    """Whether the run is on record to its end, with samples unless the disk was the fault."""
-    reset: str
-    """Result of the RESET; empty where none was needed."""
-    actions: int
-    """Number of actions of an operator beside the RESET before the next peg."""
-    following: str
-    """Result of the next insertion."""
-
-    @property
-    def is_back(self) -> bool:
-        """Whether the cell is back in production after a reset and at most one action more."""
-        return self.actions <= 1 and self.following in ("success", "failure")
-
-
-SILENT = FaultCase(
-    kind="",
-    stage="",
-    moment=0.0,
-    outcome="silent",
-    reason="",
-    fault=0,
-    state="",
-    part="unknown",
-    detection=math.nan,
-    rest=math.nan,
-    rest_after=math.nan,
-    peak_force=math.nan,
-    wrong_success=False,
-    record=False,
-    reset="",
-    actions=0,
-    following="silent",
-)
-"""A cell that no longer answers."""
-
-
-def cases(kinds: Sequence[FaultKind], is_quick: bool) -> list[tuple[FaultKind, str, float]]:
+def cases(kinds: Sequence[FaultKind], is_quick: bool) -> list[Planned]:
     """Return what is tried, kind by kind."""
     stages, moments = (QUICK_STAGES, QUICK_MOMENTS) if is_quick else (STAGES, MOMENTS)
     return [(kind, stage, moment) for kind in kinds for stage in stages for moment in moments]
 
 
+def drawn(tried: Sequence[Planned], number: int, seed: int) -> list[Planned]:
+    """Return so many of the cases at random; every kind comes once before one comes twice."""
+    rng = np.random.default_rng(seed)
+    shuffled = [tried[index] for index in rng.permutation(len(tried))]
+    turns: Counter[str] = Counter()
+    ordered: list[tuple[int, int, Planned]] = []
+    for case in shuffled:
+        turns[case[0].name] += 1
+        ordered.append((turns[case[0].name], len(ordered), case))
+    return [case for _, _, case in sorted(ordered, key=lambda entry: entry[:2])][:number]
+
+
 def measure(
-    loaded: LoadedConfig, tried: Sequence[tuple[FaultKind, str, float]], watch: Callable[[FaultCase], None]
+    make: Callable[[int], LoadedConfig],
+    tried: Sequence[Planned],
+    watch: Callable[[FaultCase], None],
+    done: int = 0,
 ) -> list[FaultCase]:
-    """Try every case on one served cell; a cell that does not come back is exchanged for a new one.
+    """Try every case but the first `done`; each cell serves a few, and one that does not come back is exchanged.
+
+    Args:
+        make: Function that returns the config of the cell with this number.
+        tried: The cases.
+        watch: Function that is given each case as it is done.
+        done: Number of cases that were tried before.
 
     Raises:
         CellError: A new cell cannot be made.
     """
     found: list[FaultCase] = []
+    for first in range(done - done % CELL_CASES, len(tried), CELL_CASES):
+        batch = tried[max(first, done) : first + CELL_CASES]
+        for case in _served(make(first // CELL_CASES), batch):
+            found.append(case)
+            watch(case)
+    return found
+
+
+def _served(loaded: LoadedConfig, tried: Sequence[Planned]) -> Iterator[FaultCase]:
+    """Try cases one after the other, and give each as it is done."""
     with ExitStack() as stack:
         tested: FaultBench | None = None
         for kind, stage, moment in tried:
@@ -118,32 +90,22 @@ def measure(
                 case = _case(tested, kind, stage, moment)
             except CellError as error:
                 case = replace(SILENT, kind=kind.name, stage=stage, moment=moment, reason=str(error))
-            found.append(case)
-            watch(case)
+            yield case
             if not case.is_back:
                 stack.close()
                 tested = None
-    return found
-
-
-def write(rows: Sequence[FaultCase], folder: Path) -> Path:
-    """Write the table, one row a case; return the file."""
-    with (folder / TABLE).open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.DictWriter(stream, [field.name for field in fields(FaultCase)], lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(asdict(row) for row in rows)
-    return folder / TABLE
 
 
 def _case(tested: FaultBench, kind: FaultKind, stage: str, moment: float) -> FaultCase:
     undo: list[Callable[[], None]] = []
+    tested.plc_act = None
     threading.Event().wait(MENDED)  # the line brings the next workpiece
     tested.arm_fault(stage, moment, lambda: undo.append(kind.begin(tested)))
     try:
-        report = tested.peer.run(_INSERT, timeout=LONGEST)
+        report = tested.run(_INSERT)
         if kind.ends_program and undo:
             tested.thread.join()
-        is_seated = _is_seated(tested)
+        outcome, truth = _outcome(tested, report), _truth(tested)
         threading.Event().wait(SEEN_ON)
     finally:
         seen, tested.seen, tested.stage = tested.seen, Sighting(), 0
@@ -152,23 +114,26 @@ def _case(tested: FaultBench, kind: FaultKind, stage: str, moment: float) -> Fau
     state = State(report.state).name
     if kind.ends_program and undo:
         tested.restart()
-    went_on = seen.injected is None or report.result == Result.SUCCESS or seen.detected is None
-    record = _is_on_record(tested, report, kind)
+    went_on = seen.injected is None or outcome == "success" or seen.detected is None
+    part = PartPlace(report.part)
+    record = _is_on_record(tested, report, outcome, kind)
     reset, actions, following = _bring_back(tested)
     return FaultCase(
         kind=kind.name,
         stage=stage,
         moment=moment,
-        outcome=_word(report) if seen.injected is not None or report.refusal else "not reached",
+        outcome=outcome if seen.injected is not None or report.refusal else "not reached",
         reason=CATALOGUE.reasons.get(report.reason, str(report.reason)).lower(),
         fault=report.fault,
         state=state,
-        part=PartPlace(report.part).name.lower(),
+        part=part.name.lower(),
         detection=math.nan if went_on else (seen.detected or 0.0) - (seen.injected or 0.0),
         rest=math.nan if went_on else max(seen.moved - (seen.detected or 0.0), 0.0),
         rest_after=math.nan if went_on else max(seen.moved - (seen.injected or 0.0), 0.0),
         peak_force=seen.peak_force,
-        wrong_success=report.result == Result.SUCCESS and not is_seated,
+        contact_force=seen.contact_force,
+        wrong_success=outcome == "success" and not truth.switch_closed,
+        part_untrue=not _is_true(part, truth, tested.gripper.gripper.read().is_gripping),
         record=record,
         reset=reset,
         actions=actions,
@@ -176,19 +141,45 @@ def _case(tested: FaultBench, kind: FaultKind, stage: str, moment: float) -> Fau
     )
 
 
-def _is_seated(tested: FaultBench) -> bool:
-    """Tell whether a peg really is at the bottom of the hole."""
+def _outcome(tested: FaultBench, report: ReportImage) -> str:
+    """Return the result that the PLC reads, or what is on record where it was lost meanwhile."""
+    if tested.is_plc_lost and tested.supervisor.last is not None:
+        return tested.supervisor.last.outcome
+    return _word(report)
+
+
+def _truth(tested: FaultBench) -> Truth:
     truth = tested.cell.truth
     assert truth is not None
-    return truth().switch_closed
+    return truth()
 
 
-def _is_on_record(tested: FaultBench, report: ReportImage, kind: FaultKind) -> bool:
+def _is_true(place: PartPlace, truth: Truth, is_gripping: bool) -> bool:
+    """Tell whether the peg can be where the report says; a place that is unknown is not untrue."""
+    is_held = truth.peg is PegSituation.HELD or is_gripping
+    match place:
+        case PartPlace.UNKNOWN:
+            return True
+        case PartPlace.SEATED:
+            return truth.switch_closed
+        case PartPlace.IN_HOLE:
+            return truth.is_in_hole
+        case PartPlace.IN_HAND:
+            return is_held and truth.depth < 2.0 * IN_HOLE_DEPTH
+        case PartPlace.ON_PLATE:
+            return not is_held and not truth.is_in_hole
+    return not is_held and not truth.is_in_hole
+
+
+def _is_on_record(tested: FaultBench, report: ReportImage, outcome: str, kind: FaultKind) -> bool:
+    """Tell whether the run is on record as it ended."""
+    last = tested.supervisor.last
     try:
-        row = tested.journal.find(report.run)
+        row = tested.journal.find(last.run if tested.is_plc_lost and last is not None else report.run)
     except CellError:
         return False
-    return bool(row.ended) and row.outcome != "running" and (row.samples > 0 or kind.name.startswith("disk"))
+    is_sampled = row.samples > 0 or kind.name.startswith("disk")
+    return bool(row.ended) and row.outcome == outcome and row.fault == report.fault and is_sampled
 
 
 def _bring_back(tested: FaultBench) -> tuple[str, int, str]:

@@ -2,11 +2,15 @@
 
 import argparse
 from dataclasses import asdict
+from typing import TYPE_CHECKING
 
-from cell.arguments import natural, out_folder
+from cell.arguments import natural, out_folder, positive
 from cell.lab.arguments import add_seed, add_study, load_simulated
 from cell.lab.report import StudyReport, finite
 from cell.terminal import progress
+
+if TYPE_CHECKING:
+    from cell.config import LoadedConfig
 
 SUMMARY = "faults of every kind at every stage: time to rest, force, state, record, and whether production goes on"
 
@@ -22,6 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="instead: end the program N times, two of three by kill -9",
     )
+    parser.add_argument("--cases", type=positive, metavar="N", help="so many cases drawn by the seed instead of all")
     parser.add_argument(
         "--kind", action="append", default=[], metavar="TEXT", help="only kinds whose name contains TEXT"
     )
@@ -31,35 +36,39 @@ def run(args: argparse.Namespace) -> StudyReport:
     """Try every case, write the table and draw the chart; with --kills end the program instead."""
     if args.kills:
         return _kills(args)
-    from cell.lab.faults import charts, measure, tables
+    from cell.lab.faults import cases, charts, measure, tables
     from cell.lab.faults.bench import KEYS
     from cell.lab.faults.kinds import KINDS
     from drivers.errors import ConfigError
 
-    args.set = [*KEYS, *args.set]
-    loaded, folder = load_simulated(args, "study faults"), out_folder(args.out)
+    asked, folder = [*KEYS, *args.set], out_folder(args.out)
+
+    def make(number: int) -> "LoadedConfig":
+        args.set = [*asked, f"sim.seed={args.seed + number}"]
+        return load_simulated(args, "study faults")
+
+    limit = make(0).cell.limits.force
     kinds = [kind for kind in KINDS if not args.kind or any(text in kind.name for text in args.kind)]
     if not kinds:
         raise ConfigError(
             f"--kind {' '.join(args.kind)}: no such kind; {', '.join(kind.name for kind in KINDS)} allowed"
         )
     tried = measure.cases(kinds, args.quick)
-    rows: list[measure.FaultCase] = []
+    if args.cases is not None:
+        tried = measure.drawn(tried, args.cases, args.seed)
+    rows = cases.begun(tried, folder)
     with progress() as bars:
-        bar = bars.add_task("faults", total=len(tried))
+        bar = bars.add_task("faults", total=len(tried), completed=len(rows))
 
-        def watch(case: measure.FaultCase) -> None:
+        def watch(case: cases.FaultCase) -> None:
             rows.append(case)
-            measure.write(rows, folder)  # a campaign that is broken off leaves what it found
+            cases.write(rows, folder)  # a campaign that is broken off leaves what it found
             bars.advance(bar)
 
-        measure.measure(loaded, tried, watch)
+        measure.measure(make, tried, watch, len(rows))
     charts.draw(rows, folder / charts.CHART)
-    limit = loaded.cell.limits.force
     result = {"kinds": tables.lines(rows, limit), "cases": [asdict(row) for row in rows]}
-    return StudyReport(
-        [tables.table(rows, limit)], finite(result), [measure.write(rows, folder), folder / charts.CHART]
-    )
+    return StudyReport([tables.table(rows, limit)], finite(result), [cases.write(rows, folder), folder / charts.CHART])
 
 
 def _kills(args: argparse.Namespace) -> StudyReport:

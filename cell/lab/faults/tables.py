@@ -7,10 +7,13 @@ from typing import Any
 
 from rich.table import Table
 
-from cell.lab.faults.measure import FaultCase
+from cell.lab.faults.cases import FaultCase
+from cell.lab.faults.kinds import KINDS
 
 REST_LIMIT, REST_AFTER_LIMIT, FORCE_SHARE = 0.3, 1.0, 1.2
 """Longest time to rest from the report and from the fault, s, and largest share of the force limit."""
+HARMLESS = frozenset(kind.name for kind in KINDS if kind.is_harmless)
+SLOW = frozenset(kind.name for kind in KINDS if kind.slow)
 
 
 def lines(rows: Sequence[FaultCase], force_limit: float) -> list[dict[str, Any]]:
@@ -33,9 +36,13 @@ def _line(kind: str, rows: Sequence[FaultCase], force_limit: float) -> dict[str,
         "rest": _largest([row.rest for row in rows]),
         "rest_after": _largest([row.rest_after for row in rows]),
         "force": _largest([row.peak_force for row in rows]),
+        "contact": _largest([row.contact_force for row in rows]),
         "wrong successes": sum(row.wrong_success for row in rows),
         "late rest": sum(row.rest > REST_LIMIT for row in rows),
-        "over force": sum(row.peak_force > FORCE_SHARE * force_limit for row in rows),
+        "late after": sum(row.rest_after > REST_AFTER_LIMIT for row in rows if row.kind not in SLOW),
+        "over force": sum(max(row.peak_force, row.contact_force) > FORCE_SHARE * force_limit for row in rows),
+        "disturbed": sum(row.outcome in ("fault", "aborted") for row in rows if row.kind in HARMLESS),
+        "part untrue": sum(row.part_untrue for row in rows),
         "part unknown": sum(row.part == "unknown" for row in rows),
         "no record": sum(not row.record for row in rows),
         "not back": sum(not row.is_back for row in rows),
@@ -47,7 +54,7 @@ def table(rows: Sequence[FaultCase], force_limit: float) -> Table:
     found = lines(rows, force_limit)
     shown = Table(
         title="Faults by kind",
-        caption="largest times in s from fault to report, from report to rest, from fault to rest; largest force in N; the last six columns count cases and should be 0",
+        caption="largest times in s from fault to report, from report to rest, from fault to rest; largest force at the tool by the arm and of the plates on the peg in truth, N; the last nine columns count cases and should be 0",
     )
     for name in found[0]:
         shown.add_column(name, justify="left" if name in ("kind", "codes") else "right")

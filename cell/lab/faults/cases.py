@@ -1,0 +1,117 @@
+"""What becomes of one fault, and the table of cases on the disk."""
+
+import csv
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from cell.lab.faults.contract import FaultKind
+
+TABLE = "faults.csv"
+Planned = tuple[FaultKind, str, float]
+"""A kind, the stage, and the time from the stage's first scan to the fault, s."""
+
+
+@dataclass(frozen=True, slots=True)
+class FaultCase:
+    """What becomes of one fault."""
+
+    kind: str
+    stage: str
+    moment: float
+    """Time from the stage's first scan to the fault, s."""
+    outcome: str
+    """Result that the PLC reads; `not reached` where the run ended before the fault was due."""
+    reason: str
+    fault: int
+    state: str
+    """State of the cell after the run."""
+    part: str
+    """Where the report says the peg is."""
+    detection: float
+    """Time from the fault to its report, s; NaN where the run went on to a success."""
+    rest: float
+    """Time from the report to the arm's last motion, s; NaN where the run went on to a success."""
+    rest_after: float
+    """Time from the fault to the arm's last motion in the run, s; NaN where the run went on to a success."""
+    peak_force: float
+    """Largest external force at the TCP from the fault on, by the arm's own estimate, N."""
+    contact_force: float
+    """Largest true net force of plate or hole on the held peg in the run, N."""
+    wrong_success: bool
+    """Whether the PLC reads a success although no peg is seated."""
+    part_untrue: bool
+    """Whether the peg is elsewhere than the report says."""
+    record: bool
+    """Whether the run is on record to its end, with samples unless the disk was the fault."""
+    reset: str
+    """Result of the RESET; empty where none was needed."""
+    actions: int
+    """Number of actions of an operator beside the RESET before the next peg."""
+    following: str
+    """Result of the next insertion."""
+
+    @property
+    def is_back(self) -> bool:
+        """Whether the cell is back in production after a reset and at most one action more."""
+        return self.actions <= 1 and self.following in ("success", "failure")
+
+
+SILENT = FaultCase(
+    kind="",
+    stage="",
+    moment=0.0,
+    outcome="silent",
+    reason="",
+    fault=0,
+    state="",
+    part="unknown",
+    detection=math.nan,
+    rest=math.nan,
+    rest_after=math.nan,
+    peak_force=math.nan,
+    contact_force=math.nan,
+    wrong_success=False,
+    part_untrue=False,
+    record=False,
+    reset="",
+    actions=0,
+    following="silent",
+)
+"""A cell that no longer answers."""
+
+
+def write(rows: Sequence[FaultCase], folder: Path) -> Path:
+    """Write the table, one row a case; return the file."""
+    with (folder / TABLE).open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.DictWriter(stream, [field.name for field in fields(FaultCase)], lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(asdict(row) for row in rows)
+    return folder / TABLE
+
+
+def begun(tried: Sequence[Planned], folder: Path) -> list[FaultCase]:
+    """Return the rows that a call which was broken off has left of these cases; none where the table is of others."""
+    if not (folder / TABLE).exists():
+        return []
+    with (folder / TABLE).open(newline="", encoding="utf-8") as stream:
+        lines = list(csv.DictReader(stream))
+    names = [field.name for field in fields(FaultCase)]
+    if lines and list(lines[0]) != names:
+        return []
+    rows = [
+        FaultCase(**{field.name: _value(field.type, line[field.name]) for field in fields(FaultCase)}) for line in lines
+    ]
+    same = [
+        (row.kind, row.stage, row.moment) == (kind.name, stage, moment)
+        for row, (kind, stage, moment) in zip(rows, tried, strict=False)
+    ]
+    return rows if all(same) and len(rows) <= len(tried) else []
+
+
+def _value(kind: object, text: str) -> Any:
+    if kind is bool:
+        return text == "True"
+    return text if kind is str else int(text) if kind is int else float(text)

@@ -1,0 +1,108 @@
+"""Faults of the computer that the cell runs on: its disk, its clock, its time."""
+
+import resource
+import sqlite3
+import threading
+import time
+from contextlib import closing
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+from cell import event_log, record
+from cell.journal import INDEX, now_text
+from cell.lab.faults.bench import FaultBench
+from cell.lab.faults.contract import FaultKind, Undo
+
+STEPPED = timedelta(hours=1)
+"""Length by which the computer's clock is put back."""
+HELD_UP = 0.5
+"""Time for which something holds up the scan, s of wall time."""
+
+
+def _full(bench: FaultBench) -> Undo:
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, hard))
+    return lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def _locked(bench: FaultBench) -> Undo:
+    done = threading.Event()
+
+    def hold() -> None:
+        with closing(sqlite3.connect(bench.journal.folder / INDEX, isolation_level=None, timeout=10.0)) as index:
+            index.execute("BEGIN IMMEDIATE")
+            done.wait()
+            index.execute("ROLLBACK")
+
+    thread = threading.Thread(target=hold)
+    thread.start()
+
+    def undo() -> None:
+        done.set()
+        thread.join()
+
+    return undo
+
+
+def _deleted(bench: FaultBench) -> Undo:
+    for file in bench.journal.folder.glob(f"{INDEX}*"):
+        file.unlink(missing_ok=True)
+    return lambda: None
+
+
+def _torn(bench: FaultBench) -> Undo:
+    index = bench.journal.folder / INDEX
+    index.write_bytes(b"\xff" * index.stat().st_size)
+    return lambda: None
+
+
+def _folder_gone(bench: FaultBench) -> Undo:
+    folder = bench.journal.folder
+    away = folder.with_name(f"{folder.name}-away")
+    folder.rename(away)
+    return lambda: _put_back(away, folder)
+
+
+def _put_back(away: Path, folder: Path) -> None:
+    if folder.exists():  # the cell has made it anew
+        for file in folder.iterdir():
+            file.replace(away / file.name)
+        folder.rmdir()
+    away.rename(folder)
+
+
+def _clock_stepped(bench: FaultBench) -> Undo:
+    def stepped() -> str:
+        return (datetime.now(UTC) - STEPPED).isoformat(timespec="milliseconds")
+
+    for module in (record, event_log):
+        setattr(module, "now_text", stepped)  # noqa: B010 - an import of theirs, which the type checker does not lend
+
+    def undo() -> None:
+        for module in (record, event_log):
+            setattr(module, "now_text", now_text)  # noqa: B010
+
+    return undo
+
+
+def _held_up(bench: FaultBench) -> Undo:
+    time.sleep(HELD_UP)
+    return lambda: None
+
+
+def _stop_asked(bench: FaultBench) -> Undo:
+    bench.stop.set()
+    return lambda: None
+
+
+COMPUTER_KINDS: tuple[FaultKind, ...] = (
+    FaultKind("disk: full", _full, is_harmless=True),
+    FaultKind("disk: index locked", _locked, is_harmless=True),
+    FaultKind("disk: index deleted", _deleted, is_harmless=True),
+    FaultKind("disk: index torn", _torn, is_harmless=True),
+    FaultKind("disk: folder gone", _folder_gone, is_harmless=True),
+    FaultKind("clock: put back an hour", _clock_stepped, is_harmless=True),
+    FaultKind("process: starved", _held_up, is_harmless=True),
+    FaultKind("program: asked to end", _stop_asked, ends_program=True),
+)
+"""All kinds of the computer."""

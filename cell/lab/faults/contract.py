@@ -1,0 +1,24 @@
+"""One kind of fault: how it begins and how an operator ends it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from cell.lab.faults.bench import FaultBench
+
+Undo = Callable[[], None]
+"""Function that mends what was broken."""
+
+
+@dataclass(frozen=True, slots=True)
+class FaultKind:
+    """One kind of fault."""
+
+    name: str
+    begin: Callable[[FaultBench], Undo]
+    """Function that does the harm, on the scan thread, and returns what mends it."""
+    is_harmless: bool = False
+    """Whether the cell has to go on as if nothing had happened."""
+    ends_program: bool = False
+    """Whether the program ends and is started again."""
+    slow: str = ""
+    """Reason why the arm may move for longer than a second after the fault; empty where it may not."""

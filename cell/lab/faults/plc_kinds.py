@@ -1,0 +1,81 @@
+"""Faults of PLCs and of their network, through the real server."""
+
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+
+from cell.lab.faults.bench import FaultBench
+from cell.lab.faults.contract import FaultKind, Undo
+from cell.lab.line.attacks import connect_storm, half_frames
+from cell.lab.line.cell_process import Doors
+from drivers.errors import CellError
+from plc_bridge.messages import Control
+from plc_bridge.peer import CellSilentError, Peer
+from skills.catalogue import CATALOGUE
+
+LASTING = 0.5
+"""Time for which torn blocks, storms and strangers last, s of wall time."""
+SILENT = "its life counter stands still for plc.life_timeout before anybody can know"
+_INSERT = CATALOGUE["insert_peg"].code
+
+
+def _killed(bench: FaultBench) -> Undo:
+    def act() -> None:
+        bench.is_plc_lost = True
+        bench.peer.close()
+        raise CellSilentError("the PLC was switched off")
+
+    bench.plc_act = act
+    return lambda: None
+
+
+def _frozen(bench: FaultBench) -> Undo:
+    def act() -> None:
+        bench.is_plc_lost = True
+        raise CellSilentError("the PLC's program stands still")  # and its connection stays open until it comes back
+
+    bench.plc_act = act
+    return lambda: None
+
+
+def _torn(bench: FaultBench) -> Undo:
+    bench.peer.torn_until = time.monotonic() + LASTING
+    return lambda: setattr(bench.peer, "torn_until", 0.0)
+
+
+def _meanwhile(work: Callable[[FaultBench], None]) -> Callable[[FaultBench], Undo]:
+    def begin(bench: FaultBench) -> Undo:
+        thread = threading.Thread(target=work, args=(bench,), daemon=True)
+        thread.start()
+        return thread.join
+
+    return begin
+
+
+def _storm(bench: FaultBench) -> None:
+    doors, now = Doors(bench.bridge.address, None), time.monotonic()
+    connect_storm(doors, now + LASTING / 2.0)
+    half_frames(doors, now + LASTING)
+
+
+def _second(bench: FaultBench) -> None:
+    """Let another PLC ask for the lease, and for everything that only its holder may ask for."""
+    peer, until = Peer(*bench.bridge.address), time.monotonic() + LASTING
+    with suppress(CellError):
+        peer.connect()
+        peer.take()
+        while time.monotonic() < until:
+            for code in (_INSERT, Control.HOLD, Control.RESET, Control.CLEARED):
+                peer.trigger(code)
+    peer.close()
+
+
+PLC_KINDS: tuple[FaultKind, ...] = (
+    FaultKind("plc: killed", _killed, slow=SILENT),
+    FaultKind("plc: frozen", _frozen, slow=SILENT),
+    FaultKind("plc: blocks torn", _torn, is_harmless=True),
+    FaultKind("plc: storm of connections", _meanwhile(_storm), is_harmless=True),
+    FaultKind("plc: two at once", _meanwhile(_second), is_harmless=True),
+)
+"""All kinds of the PLC."""
