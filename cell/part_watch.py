@@ -13,7 +13,7 @@ from cell.custody import Custody
 from cell.part_state import UNRESOLVED, PegEvidence, Places, evidence_of, places_of, told
 from cell.record import Ending
 from cell.success import LastLook, Proof, judged
-from drivers.errors import CellError
+from drivers.errors import CellError, SwitchUnknownError
 from drivers.frames import end_point
 from drivers.quantities import ArmState, GripperState, SwitchState
 from plc_bridge.messages import PartPlace, Refusal, Report
@@ -23,6 +23,11 @@ from skills.entry import Claim, Entry
 from skills.flow import StageRecord
 
 logger = logging.getLogger(__name__)
+
+LONGEST_UNKNOWN = 0.5
+"""Longest time without a valid answer of the switch for which a run goes on that needs it for its success, s."""
+PROVEN_BY_SWITCH = (Claim.SEATED, Claim.LEFT, Claim.INSERTED)
+"""Claims that the switch has to prove."""
 
 
 class PartWatch:
@@ -34,24 +39,42 @@ class PartWatch:
         self._custody = Custody(folder, cell.config.arm.kind)
         self._places = _places(cell.config)
         self._proof, self._is_running, self._has_looked = Proof(), False, False
+        self._needs_switch = False
+        self._unknown_since: float | None = None
+        """Time since which the switch has not answered in the run, s."""
         self._hole, self._peak_force = (0.0, 0.0), 0.0
 
-    def begin(self, config: CellConfig) -> None:
-        """Note that a run with this config begins."""
+    def begin(self, config: CellConfig, claim: Claim) -> None:
+        """Note that a run with this config begins, of a program whose success says this."""
         self._places, self._is_running = _places(config), True
+        self._needs_switch, self._unknown_since = claim in PROVEN_BY_SWITCH, None
         self._proof, self._hole, self._peak_force = Proof(), (0.0, 0.0), 0.0
 
     def see(self, seen: Observation) -> None:
-        """Take one scan, in a run or outside one."""
+        """Take one scan, in a run or outside one.
+
+        Raises:
+            SwitchUnknownError: The run's success could not be proven, because the switch has not answered for too long.
+        """
         evidence = evidence_of(seen.arm, seen.gripper, seen.switch, seen.tip, seen.peg.theta)
         self._tell(self._custody.see(evidence, self._places, self._is_running))
         if not self._is_running:
             return
+        self._require_switch(seen)
         self._proof = self._proof.after(seen)
         self._peak_force = max(self._peak_force, math.hypot(*seen.arm.wrench.force))
         part = self._custody.part
         if part.is_held and part.place in (PartPlace.IN_HOLE, PartPlace.SEATED):
             self._hole = part.tip[:2]
+
+    def _require_switch(self, seen: Observation) -> None:
+        """Make sure that a switch on which the run's success depends answers; a recovery goes on without it."""
+        if seen.switch is not SwitchState.UNKNOWN or not self._needs_switch or self._context.stage == RECOVER.name:
+            self._unknown_since = None
+            return
+        self._unknown_since = seen.stamp if self._unknown_since is None else self._unknown_since
+        if seen.stamp - self._unknown_since > LONGEST_UNKNOWN:
+            raise SwitchUnknownError(f"switch: no valid answer for {LONGEST_UNKNOWN:g} s; success could not be proven")
 
     def look(self) -> None:
         """Look at arm, hand and switch outside a run; whatever does not answer, the peg is where it was."""

@@ -304,7 +304,7 @@ class Supervisor:
             self._run = RunRecord(self._journal, command, entry.name, config, taken, seed)
             self._events.run = self._run.row.run
             self.report = replace(self.report, run=self._run.row.run)
-            self._part.begin(config)
+            self._part.begin(config, entry.claim)
             self._prepare(config)
             self._enter(Event.FINISHED)
             self._watchdog.watch(True)

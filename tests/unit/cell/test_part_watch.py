@@ -1,5 +1,10 @@
-from cell.part_watch import PartWatch
+import pytest
+
+from cell.part_watch import LONGEST_UNKNOWN, PROVEN_BY_SWITCH, PartWatch
+from drivers.errors import SwitchUnknownError
+from drivers.quantities import SwitchState
 from plc_bridge.messages import Report
+from skills.entry import Claim
 
 HOLE = (0.5, 0.01)
 
@@ -7,5 +12,31 @@ HOLE = (0.5, 0.01)
 def test_a_run_under_way_does_not_tell_the_hole_of_the_last_one(rig, tmp_path):
     watch = PartWatch(rig.cell, rig.cell.context(0), tmp_path)
     assert watch.filled(Report(hole=HOLE)).hole == HOLE
-    watch.begin(rig.loaded.cell)
+    watch.begin(rig.loaded.cell, Claim.INSERTED)
     assert watch.filled(Report(hole=HOLE)).hole == (0.0, 0.0)
+
+
+def scanned(rig, watch, claim, stage, scans):
+    """Let a switch that does not answer be seen so many times, one scan after the other."""
+    ctx = watch._context
+    ctx.stage, rig.switch.state = stage, SwitchState.UNKNOWN
+    watch.begin(rig.loaded.cell, claim)
+    for _ in range(scans):
+        rig.clock.time += ctx.scan_period
+        watch.see(ctx.observe())
+
+
+@pytest.mark.parametrize("claim", PROVEN_BY_SWITCH)
+def test_a_run_that_needs_the_switch_does_not_go_on_without_it(rig, tmp_path, claim):
+    watch = PartWatch(rig.cell, rig.cell.context(0), tmp_path)
+    scans = round(LONGEST_UNKNOWN / watch._context.scan_period)
+    scanned(rig, watch, claim, "spray_search", scans)
+    with pytest.raises(SwitchUnknownError, match=r"no valid answer for 0\.5 s"):
+        scanned(rig, watch, claim, "spray_search", scans + 2)
+
+
+def test_neither_a_recovery_nor_a_grasp_needs_the_switch(rig, tmp_path):
+    watch = PartWatch(rig.cell, rig.cell.context(0), tmp_path)
+    scans = 3 * round(LONGEST_UNKNOWN / watch._context.scan_period)
+    scanned(rig, watch, Claim.INSERTED, "recover", scans)
+    scanned(rig, watch, Claim.HELD, "grasp_from_rack", scans)
