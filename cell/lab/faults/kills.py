@@ -5,9 +5,10 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Callable, Sequence
-from contextlib import closing, suppress
-from dataclasses import dataclass
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager, suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,15 +17,29 @@ from cell.journal import Journal
 from cell.journal_schema import LOST
 from cell.samples import read_samples
 from drivers.errors import CellError
-from plc_bridge.messages import Result
+from plc_bridge.messages import Control, PartPlace, Result
 from plc_bridge.peer import Peer
 from skills.catalogue import CATALOGUE
 
 LATEST = 4.0
 """Longest time from the start of an insertion to the signal, s of wall time; the cell is as fast as it goes."""
+CYCLE = 0.02
+"""Time between two cycles of the PLC, s of wall time."""
 ENDING = 30.0
 """Longest wait for a program that was asked to end, s of wall time."""
-_INSERT, _RECOVER = CATALOGUE["insert_peg"].code, CATALOGUE["recover"].code
+LEFT = {
+    "rack": ("rack", "unknown"),
+    "in_hand": ("unknown",),
+    "in_hole": ("in_hole", "unknown"),
+    "seated": ("rack", "unknown"),
+    "bin": ("bin", "rack", "unknown"),
+    "on_plate": ("on_plate",),
+    "unknown": ("unknown",),
+}
+"""Places that the next start may tell by the place that was told last: a peg may have gone on for the moment until the end, and of one
+that was held nobody knows once the hand is empty.
+"""
+_INSERT = CATALOGUE["insert_peg"].code
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,13 +61,18 @@ class Kill:
     """Number of runs that are reported as under way after the next start."""
     twice: int
     """Number of runs whose number an earlier one had."""
+    part: str
+    """Place of the peg as the PLC had read it last."""
+    part_next: str
+    """Place of the peg as the next start tells it, of a world whose hand and hole are empty."""
 
     @property
     def is_sound(self) -> bool:
         """Whether nothing was lost but the last second, and nothing is said that is not true."""
         is_ended_well = self.status == (0 if self.signal == "SIGTERM" else -signal.SIGKILL)
         is_told = self.told == 0 or self.outcome not in ("", "running")
-        return is_ended_well and is_told and self.still_running == 0 and self.twice == 0
+        is_part_kept = self.part_next in LEFT[self.part]
+        return is_ended_well and is_told and is_part_kept and self.still_running == 0 and self.twice == 0
 
 
 def kill(tries: int, seed: int, arguments: Sequence[str], watch: Callable[[Kill], None]) -> list[Kill]:
@@ -61,16 +81,52 @@ def kill(tries: int, seed: int, arguments: Sequence[str], watch: Callable[[Kill]
     Raises:
         CellError: A cell cannot be started.
     """
-    rng, found = np.random.default_rng(seed), []
+    rng, found = np.random.default_rng(seed), list[Kill]()
     with tempfile.TemporaryDirectory() as folder:
         for number in range(tries):
             how = signal.SIGTERM if number % 3 == 2 else signal.SIGKILL
-            found.append(_one(Path(folder), how, float(rng.uniform(0.0, LATEST)), arguments))
-            watch(found[-1])
+            part_now, case = _one(Path(folder), how, float(rng.uniform(0.0, LATEST)), arguments)
+            found[-1:] = [replace(last, part_next=part_now) for last in found[-1:]]
+            found.append(case)
+            watch(case)
+        with _served(Path(folder), arguments) as (_, address):
+            found[-1:] = [replace(last, part_next=_part_at(address)) for last in found[-1:]]
     return found
 
 
-def _one(folder: Path, how: signal.Signals, after: float, arguments: Sequence[str]) -> Kill:
+def _one(folder: Path, how: signal.Signals, after: float, arguments: Sequence[str]) -> tuple[str, Kill]:
+    """Return where the peg is when the cell starts, and what the signal leaves, without what the next start will say."""
+    with Journal(folder, is_read_only=True) as journal:
+        before = {row.run for row in journal.runs(1_000_000)}
+    with _served(folder, arguments) as (process, address):
+        part_now = _part_at(address)
+        told, part = _insert(address, after)
+        process.send_signal(how)
+        status = process.wait(ENDING)
+    with Journal(folder) as journal:
+        rows = {row.run: row for row in journal.runs(1_000_000)}
+    row = rows.get(told)
+    samples = 0
+    if row is not None and row.outcome == LOST:
+        with suppress(CellError):
+            samples = int(read_samples(folder / f"run-{told:06d}.arrows")["stamp"].size)
+    return part_now, Kill(
+        signal=how.name,
+        after=after,
+        status=status,
+        told=told,
+        outcome="" if row is None else row.outcome,
+        samples=row.samples if row is not None and row.outcome != LOST else samples,
+        still_running=sum(each.outcome == "running" for each in rows.values()),
+        twice=int(told in before),
+        part=part.name.lower(),
+        part_next="",
+    )
+
+
+@contextmanager
+def _served(folder: Path, arguments: Sequence[str]) -> Iterator[tuple["subprocess.Popen[str]", tuple[str, int]]]:
+    """Yield a served cell in a process of its own, and where it listens."""
     command = [
         sys.executable,
         "-m",
@@ -82,55 +138,41 @@ def _one(folder: Path, how: signal.Signals, after: float, arguments: Sequence[st
         "plc.modbus.port=0",
         *arguments,
     ]
-    with Journal(folder, is_read_only=True) as journal:
-        before = {row.run for row in journal.runs(1_000_000)}
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
         try:
             assert process.stdout is not None
             words = process.stdout.readline().split()
             if not words:
                 raise CellError(f"the cell does not start: {' '.join(command)}")
-            told = _insert(words[-1], after)
-            process.send_signal(how)
-            status = process.wait(ENDING)
+            host, port = words[-1].rsplit(":", 1)
+            yield process, (host, int(port))
         finally:
             process.kill()
-    with Journal(folder) as journal:
-        rows = {row.run: row for row in journal.runs(1_000_000)}
-    row = rows.get(told)
-    samples = 0
-    if row is not None and row.outcome == LOST:
-        with suppress(CellError):
-            samples = int(read_samples(folder / f"run-{told:06d}.arrows")["stamp"].size)
-    return Kill(
-        signal=how.name,
-        after=after,
-        status=status,
-        told=told,
-        outcome="" if row is None else row.outcome,
-        samples=row.samples if row is not None and row.outcome != LOST else samples,
-        still_running=sum(each.outcome == "running" for each in rows.values()),
-        twice=int(told in before),
-    )
 
 
-def _insert(address: str, after: float) -> int:
-    """Start insertions until the moment of the signal; return the number of the run that was told last."""
-    host, port = address.rsplit(":", 1)
+def _part_at(address: tuple[str, int]) -> str:
+    """Return where a served cell says that its peg is."""
+    with closing(Peer(*address)) as peer:
+        return PartPlace(peer.look().part).name.lower()
+
+
+def _insert(address: tuple[str, int], after: float) -> tuple[int, PartPlace]:
+    """Start insertions until the moment of the signal; return the number of the run and the place of the peg told last."""
     done = threading.Event()
     timer = threading.Timer(after, done.set)
     told = 0
-    with closing(Peer(host, int(port))) as peer:
+    with closing(Peer(*address)) as peer:
         peer.connect()
         peer.take()
         timer.start()
         code, report = _INSERT, peer.trigger(_INSERT)
         while not done.is_set():
+            time.sleep(CYCLE)
             report = peer.cycle()
             if report.refusal or report.result != Result.NONE:
                 # A peg that an earlier end left somewhere is cleared away first.
-                code = _RECOVER if report.refusal else _INSERT
+                code = Control.CLEARED if report.refusal else _INSERT
                 peer.acknowledge()
                 report = peer.trigger(code)
             told = report.run or told
-    return told
+    return told, PartPlace(report.part)

@@ -11,6 +11,7 @@ from cell.lab.faults.skill_kinds import SKILL_KINDS
 from drivers.quantities import SwitchState
 from drivers.skin.health import Counts
 from sim.config import WireFaults
+from skills.catalogue import GRASP
 
 AWAY = ((0.0, 1e6),)
 WEAK = 2.0
@@ -81,8 +82,9 @@ def _early(bench: FaultBench) -> Undo:
 
 
 def _weak(bench: FaultBench) -> Undo:
-    bench.gripper.gripper.grip(WEAK)
-    return lambda: None
+    hand = bench.gripper.gripper
+    hand.grip(WEAK)
+    return lambda: hand.grip(bench.cell.config.params(GRASP).force) if hand.read().is_gripping else None
 
 
 KINDS: tuple[FaultKind, ...] = (

@@ -195,11 +195,16 @@ def _bring_back(tested: FaultBench) -> tuple[str, int, str]:
             actions += 1
             if tested.supervisor.state in (State.ABORTED, State.STOPPED):
                 tested.peer.run(Control.RESET, timeout=LONGEST)
-            # What the hand does not hold after all a person takes away.
-            tested.peer.run(_RECOVER if actions == 1 else Control.CLEARED, timeout=LONGEST)
+            tested.peer.run(_remedy(following, tested), timeout=LONGEST)
             following = tested.peer.run(_INSERT, timeout=LONGEST)
         return reset, actions, _word(following)
     return reset, actions, "silent"
+
+
+def _remedy(report: ReportImage, tested: FaultBench) -> int:
+    """Return the command that the report's place of the peg asks for: the hand lets go of what it holds, or a person acts."""
+    is_held = report.part in (PartPlace.IN_HAND, PartPlace.IN_HOLE) and tested.gripper.gripper.read().is_gripping
+    return _RECOVER if is_held else Control.CLEARED
 
 
 def _word(report: ReportImage) -> str:

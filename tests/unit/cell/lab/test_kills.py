@@ -4,7 +4,18 @@ import pytest
 
 from cell.lab.faults.kills import Kill
 
-SOUND = Kill("SIGKILL", 1.0, -9, told=3, outcome="lost", samples=100, still_running=0, twice=0)
+SOUND = Kill(
+    "SIGKILL",
+    1.0,
+    -9,
+    told=3,
+    outcome="lost",
+    samples=100,
+    still_running=0,
+    twice=0,
+    part="in_hand",
+    part_next="unknown",
+)
 
 
 @pytest.mark.parametrize(
@@ -16,7 +27,16 @@ def test_an_end_that_lost_nothing_is_sound(kill):
 
 @pytest.mark.parametrize(
     "change",
-    [{"outcome": ""}, {"outcome": "running"}, {"still_running": 1}, {"twice": 1}, {"status": 0}, {"signal": "SIGTERM"}],
+    [
+        {"part_next": "rack"},
+        {"part": "on_plate"},
+        {"outcome": ""},
+        {"outcome": "running"},
+        {"still_running": 1},
+        {"twice": 1},
+        {"status": 0},
+        {"signal": "SIGTERM"},
+    ],
 )
 def test_what_is_lost_untrue_or_rude_is_not(change):
     assert not replace(SOUND, **change).is_sound
