@@ -10,7 +10,7 @@ from skills.clearance import Attitude, Box, boxes_of, nearest, require_clear
 from skills.motion import Goal, Way
 
 JOB = load().cell.job()
-UP, ALONG = np.array([0.0, 0.0, 1.0]), np.array([0.0, -1.0, 0.0])
+UP, ALONG, SIDE = np.array([0.0, 0.0, 1.0]), np.array([0.0, -1.0, 0.0]), np.array([1.0, 0.0, 0.0])
 TILTED = np.array([np.sin(0.7854), 0.0, np.cos(0.7854)])
 HELD = InHandTip(0.0, JOB.peg.length, 0.0)
 PLATE, RACK = np.array(JOB.hole.centre), np.array(JOB.rack.first)
@@ -36,13 +36,33 @@ def test_the_edge_of_a_tilted_peg_is_what_comes_nearest():
     assert (what, where) == ("peg", "plate")
 
 
+@pytest.mark.parametrize("azimuth", [0.0, 0.5 * np.pi, np.pi])
+@pytest.mark.parametrize("x", np.linspace(-0.035, 0.035, 8))
+def test_closed_fingers_are_farther_from_the_plate_than_the_edge_of_the_tilted_peg_all_over_it(x, azimuth):
+    """The closing axis leans with the peg, as in a search; the fingers of a hand that is wide open would reach the plate."""
+    side = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+    axis, closing = (UP + side) / np.sqrt(2.0), (side - UP) / np.sqrt(2.0)
+    gap, what, _ = nearest(Attitude(PLATE + np.array([x, 0.0, 0.005]), axis, closing), JOB, HELD, boxes_of(JOB))
+    assert what == "peg"
+    assert gap == pytest.approx(0.005 - JOB.peg.part.reach * np.sin(0.7854), abs=2e-4)
+
+
+@pytest.mark.parametrize("x", np.linspace(-0.02, 0.02, 9))
+def test_the_way_from_the_rack_to_a_likely_place_anywhere_on_the_plate_is_clear(x):
+    axis, closing = (UP + SIDE) / np.sqrt(2.0), (SIDE - UP) / np.sqrt(2.0)
+    start, goal = RACK + 0.05 * UP, PLATE + np.array([x, -0.01, 0.005])
+    laid = Way(Goal(start, UP, SIDE), Goal(goal, axis, closing))
+    places = (laid.at(share)[0] for share in np.linspace(0.0, 1.0, 25))
+    require_clear([Attitude(at.tip, at.axis, at.roll) for at in places], JOB, HELD, CLEARANCE)
+
+
 def test_the_way_from_rack_to_plate_is_clear():
     require_clear(way(RACK + 0.05 * UP, PLATE + 0.01 * UP, (UP, TILTED)), JOB, HELD, CLEARANCE)
 
 
 def test_a_rack_below_a_plate_is_not_left_straight_through_the_plates_edge():
     low = JOB.model_copy(update={"rack": JOB.rack.model_copy(update={"first": (0.5, -0.12, 0.0)})})
-    with pytest.raises(SetpointError, match=r"hand would come to -\d+\.\d mm from the plate with the tip at"):
+    with pytest.raises(SetpointError, match=r"(hand|peg) would come to -\d+\.\d mm from the plate with the tip at"):
         require_clear(way((0.5, -0.12, 0.02), PLATE + 0.01 * UP), low, HELD, CLEARANCE)
 
 
