@@ -112,7 +112,7 @@ def stiffness(model: ModelConfig, timestep: float) -> tuple[float, float]:
     """Return the contacts' `solref`: a time constant, s, and a damping ratio, or -k and -b where k is given."""
     if model.stiffness is not None:
         return -model.stiffness, -2.0 * math.sqrt(model.stiffness)
-    return model.time_constant * timestep, 1.0
+    return max(model.time_constant * timestep, model.contact_time), 1.0
 
 
 def flags(model: ModelConfig) -> str:

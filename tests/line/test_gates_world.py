@@ -172,9 +172,6 @@ def test_half_the_time_step_changes_no_outcome(
     assert [ending for ending, _ in coarse] == [ending for ending, _ in fine]
 
 
-@pytest.mark.xfail(
-    strict=True, reason="known shortfall: with a grip that yields, half the step raises the peak by 3 N in the median"
-)
 def test_half_the_time_step_changes_the_peak_force_by_less_than_another_seed_does(
     halved: tuple[list[tuple[str, float]], list[tuple[str, float]]],
 ) -> None:
