@@ -18,8 +18,10 @@ from skills.flow import StageRecord
 from skills.seating import CLOSED_TOLERANCE
 from skills.surface import Plane, nominal
 
-SEATED_TOLERANCE = 0.002
-"""Largest difference between the depth of a seated peg, from the surface that its search has felt, and the hole's, m."""
+MOST_SHALLOW, MOST_DEEP = 0.001, 0.002
+"""Largest differences between the depth of a seated peg, from the surface that its search has felt, and the hole's, m: less deep, as
+where the switch closes early, and deeper, as a peg looks that the hole has pushed up in the hand since.
+"""
 PLANE_TOLERANCE = 0.005
 """Largest distance of a felt surface from where the job says that the plate is, m."""
 AWAY = 0.03
@@ -113,12 +115,13 @@ def _require_seated(plane: Plane | None, proof: Proof, look: LastLook, job: Job)
         raise _unproven(f"the switch is {look.switch} at the end of the run; closed needed")
     if proof.seated_tip is None:
         raise _unproven("the switch did not close while the hand held the peg")
-    surface, tolerance = (plane, SEATED_TOLERANCE) if plane is not None else (nominal(job.hole), CLOSED_TOLERANCE)
-    depth = surface.depth(proof.seated_tip)
-    if not abs(depth - job.hole.depth) <= tolerance:
+    surface, less, more = nominal(job.hole), CLOSED_TOLERANCE, CLOSED_TOLERANCE
+    if plane is not None:
+        surface, less, more = plane, MOST_SHALLOW, MOST_DEEP
+    depth, low, high = surface.depth(proof.seated_tip), job.hole.depth - less, job.hole.depth + more
+    if not low <= depth <= high:
         raise SwitchDisagreesError(
-            f"switch closed with the tip {1e3 * depth:.1f} mm deep; {1e3 * job.hole.depth:.1f} mm"
-            f" +- {1e3 * tolerance:.0f} mm expected"
+            f"switch closed with the tip {1e3 * depth:.1f} mm deep; {1e3 * low:.1f} to {1e3 * high:.1f} mm expected"
         )
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from cell.part_state import PartState
 from cell.record import Ending
-from cell.success import AWAY, PLANE_TOLERANCE, SEATED_TOLERANCE, LastLook, Proof, judged
+from cell.success import AWAY, MOST_DEEP, MOST_SHALLOW, PLANE_TOLERANCE, LastLook, Proof, judged
 from drivers.errors import SuccessUnprovenError, SwitchDisagreesError
 from drivers.frames import UP
 from drivers.quantities import GripperState, SwitchState
@@ -62,9 +62,9 @@ def test_what_is_no_success_stays_what_it_is(job, outcome):
 
 
 @pytest.mark.parametrize(("beyond", "is_seated"), [(-1e-5, True), (1e-5, False)])
-@pytest.mark.parametrize("side", [-1.0, 1.0])
-def test_the_depth_is_that_of_a_seated_peg(job, side, beyond, is_seated):
-    proof = proven(job, job.hole.depth + side * (SEATED_TOLERANCE + beyond))
+@pytest.mark.parametrize(("side", "most"), [(-1.0, MOST_SHALLOW), (1.0, MOST_DEEP)])
+def test_the_depth_is_that_of_a_seated_peg(job, side, most, beyond, is_seated):
+    proof = proven(job, job.hole.depth + side * (most + beyond))
     if is_seated:
         assert judge(job, proof=proof) is SUCCESS
         return
@@ -72,9 +72,10 @@ def test_the_depth_is_that_of_a_seated_peg(job, side, beyond, is_seated):
         judge(job, proof=proof)
 
 
-def test_a_switch_that_closes_4_mm_early_disagrees(job):
-    with pytest.raises(SwitchDisagreesError, match=r"16\.0 mm deep; 20\.0 mm \+- 2 mm expected"):
-        judge(job, proof=proven(job, job.hole.depth - 0.004))
+@pytest.mark.parametrize("early", [0.0011, 0.004])
+def test_a_switch_that_closes_more_than_a_millimetre_early_disagrees(job, early):
+    with pytest.raises(SwitchDisagreesError, match=r"mm deep; 19\.0 to 22\.0 mm expected"):
+        judge(job, proof=proven(job, job.hole.depth - early))
 
 
 def test_the_depth_is_counted_from_the_surface_that_the_search_felt(job):
