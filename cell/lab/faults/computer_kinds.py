@@ -1,7 +1,9 @@
 """Faults of the computer that the cell runs on: its disk, its clock, its time."""
 
+import os
 import resource
 import sqlite3
+import subprocess
 import threading
 import time
 from contextlib import closing
@@ -90,6 +92,17 @@ def _held_up(bench: FaultBench) -> Undo:
     return lambda: None
 
 
+def _paused(bench: FaultBench) -> Undo:
+    """Let the whole program be stopped and continued by a signal, as a terminal or a debugger does."""
+    process = os.getpid()
+    pause = subprocess.Popen(["sh", "-c", f"kill -STOP {process}; sleep {HELD_UP}; kill -CONT {process}"])
+
+    def undo() -> None:
+        pause.wait()
+
+    return undo
+
+
 def _stop_asked(bench: FaultBench) -> Undo:
     bench.stop.set()
     return lambda: None
@@ -103,6 +116,7 @@ COMPUTER_KINDS: tuple[FaultKind, ...] = (
     FaultKind("disk: folder gone", _folder_gone, is_harmless=True),
     FaultKind("clock: put back an hour", _clock_stepped, is_harmless=True),
     FaultKind("process: starved", _held_up, is_harmless=True),
+    FaultKind("process: stopped and continued", _paused, is_harmless=True),
     FaultKind("program: asked to end", _stop_asked, ends_program=True),
 )
 """All kinds of the computer."""

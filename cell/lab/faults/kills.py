@@ -25,6 +25,8 @@ LATEST = 4.0
 """Longest time from the start of an insertion to the signal, s of wall time; the cell is as fast as it goes."""
 CYCLE = 0.02
 """Time between two cycles of the PLC, s of wall time."""
+ENDS = (signal.SIGKILL, signal.SIGKILL, signal.SIGTERM, signal.SIGKILL, signal.SIGKILL, signal.SIGHUP)
+"""Signals, one after the other."""
 ENDING = 30.0
 """Longest wait for a program that was asked to end, s of wall time."""
 LEFT = {
@@ -69,7 +71,7 @@ class Kill:
     @property
     def is_sound(self) -> bool:
         """Whether nothing was lost but the last second, and nothing is said that is not true."""
-        is_ended_well = self.status == (0 if self.signal == "SIGTERM" else -signal.SIGKILL)
+        is_ended_well = self.status == (-signal.SIGKILL if self.signal == "SIGKILL" else 0)
         is_told = self.told == 0 or self.outcome not in ("", "running")
         is_part_kept = self.part_next in LEFT[self.part]
         return is_ended_well and is_told and is_part_kept and self.still_running == 0 and self.twice == 0
@@ -84,7 +86,7 @@ def kill(tries: int, seed: int, arguments: Sequence[str], watch: Callable[[Kill]
     rng, found = np.random.default_rng(seed), list[Kill]()
     with tempfile.TemporaryDirectory() as folder:
         for number in range(tries):
-            how = signal.SIGTERM if number % 3 == 2 else signal.SIGKILL
+            how = ENDS[number % len(ENDS)]
             part_now, case = _one(Path(folder), how, float(rng.uniform(0.0, LATEST)), arguments)
             found[-1:] = [replace(last, part_next=part_now) for last in found[-1:]]
             found.append(case)

@@ -73,12 +73,17 @@ def _lets_go(bench: FaultBench) -> Undo:
     return lambda: None
 
 
-def _early(bench: FaultBench) -> Undo:
-    truth = bench.cell.truth
-    assert truth is not None
-    depth = bench.cell.config.hole.depth - 0.006
-    bench.switch.change = lambda state: SwitchState.CLOSED if truth().depth >= depth else state
-    return lambda: setattr(bench.switch, "change", lambda state: state)
+def _early(lead: float) -> Callable[[FaultBench], Undo]:
+    """Return how a switch begins to close so much before the peg is seated, m."""
+
+    def begin(bench: FaultBench) -> Undo:
+        truth = bench.cell.truth
+        assert truth is not None
+        depth = bench.cell.config.hole.depth - lead
+        bench.switch.change = lambda state: SwitchState.CLOSED if truth().depth >= depth else state
+        return lambda: setattr(bench.switch, "change", lambda state: state)
+
+    return begin
 
 
 def _weak(bench: FaultBench) -> Undo:
@@ -103,7 +108,8 @@ KINDS: tuple[FaultKind, ...] = (
     FaultKind("switch: wire broken", _board(WireFaults(corrupt=0.5))),
     FaultKind("switch: never", _told("switch", lambda state: SwitchState.OPEN)),
     FaultKind("switch: always", _told("switch", lambda state: SwitchState.CLOSED)),
-    FaultKind("switch: early", _early),
+    FaultKind("switch: 6 mm early", _early(0.006)),
+    FaultKind("switch: 2 mm early", _early(0.002)),
     FaultKind("switch: flapping", _told("switch", devices.flapping())),
     FaultKind("arm: reflex", _told("arm", devices.reflex)),
     FaultKind("arm: stopped", _told("arm", devices.stopped)),
