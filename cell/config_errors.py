@@ -165,7 +165,9 @@ def allowed(schema: Mapping[str, Any], root: Mapping[str, Any] | None = None) ->
     if branches:
         return " or ".join(dict.fromkeys(branches))
     if "properties" in schema:
-        return f"a section with {', '.join(schema['properties'])}"
+        needed = schema.get("required", ())
+        names = [f"{name} (needed)" if name in needed else name for name in schema["properties"]]
+        return f"a section with {', '.join(names)}"
     if schema.get("type") == "object":
         return f"a table, each value {allowed(schema.get('additionalProperties', {}), root)}"
     if schema.get("type") == "array":

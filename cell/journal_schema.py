@@ -8,7 +8,7 @@
 | `configs` | config that a run was made with, whole, under the digest that runs name in `config_hash`  |
 
 The number of the layout is the index's `PRAGMA user_version`. Layout 1, of version 0.1, has the table `runs` alone and
-says 0 there; layout 2 is the present one.
+says 0 there; layout 4 is the present one.
 """
 
 import sqlite3
@@ -18,7 +18,7 @@ from typing import Any
 
 from drivers.errors import JournalError
 
-LAYOUT = 3
+LAYOUT = 4
 """Number of the present layout."""
 RUNNING = "running"
 """Outcome of a run that has not ended."""
@@ -113,6 +113,8 @@ class StageRow:
     """Largest estimated external force at the TCP, N."""
     deepest: float | None = None
     """Largest depth of the held peg's tip below the plate's surface over the area of the hole, m."""
+    facts: str = "{}"
+    """What the skill's result says beside its end, as a JSON object: the fields that the skill adds to `SkillResult`."""
 
 
 class EventKind(StrEnum):

@@ -1,15 +1,16 @@
 """The observations of a run that are kept for its row and the rows of its stages; pure."""
 
+import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 
 import numpy as np
 
 from cell.journal_schema import RunRow, StageRow
 from drivers.errors import CellError
 from drivers.parts import Hole
-from skills.contract import Observation, Outcome, Reason
+from skills.contract import Observation, Outcome, Reason, SkillResult
 from skills.flow import StageRecord
 from skills.seating import depth_of
 
@@ -109,6 +110,7 @@ class RunTrace:
             outcome=record.result.outcome,
             reason="" if reason is Reason.NONE else reason.name.lower(),
             retried=int(record.retried),
+            facts=json.dumps(_facts(record.result), default=_plain),
         )
 
     def _visit_of(self, record: StageRecord) -> Visit | None:
@@ -120,6 +122,17 @@ def _is_over(seen: Observation, hole: Hole) -> bool:
     """Tell whether the tip is over the area of the hole, with half the area's size on each side to spare."""
     x, y = seen.tip[0] - hole.centre[0], seen.tip[1] - hole.centre[1]
     return bool(abs(x) <= hole.area[0] and abs(y) <= hole.area[1])
+
+
+def _facts(result: SkillResult) -> dict[str, object]:
+    """Return what a skill's result says beside the fields of every skill's."""
+    common = {each.name for each in fields(SkillResult)}
+    return {name: value for name, value in asdict(result).items() if name not in common}
+
+
+def _plain(value: object) -> object:
+    """Return a value that JSON has no word for as numbers in lists, or as text."""
+    return value.tolist() if isinstance(value, np.ndarray | np.generic) else str(value)
 
 
 def _finite(value: float | None) -> float | None:

@@ -317,7 +317,7 @@ class Supervisor:
                 self._context.job = self._learning.prepared(self._context.job, command.recipe)
                 records.extend(entry.run(config.skill_set(), self._context))
             for record in records:
-                CATALOGUE.stage_number(record.name)
+                CATALOGUE.require_known(record)
 
         fault = _fault_of(work)
         self._watchdog.watch(False)

@@ -1,11 +1,12 @@
 """A report of the line and a run on record in words, as terminals show them; nothing is printed here."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict
 
 from rich.table import Table
 
-from cell.journal_schema import RunRow
+from cell.journal_schema import RunRow, StageRow
 from cell.part_state import REMEDIES
 from cell.states import State
 from plc_bridge.images import Diagnostics, ReportImage
@@ -43,8 +44,8 @@ def line(image: ReportImage, counts: Diagnostics) -> str:
     return " ".join(f"{key}={value}" for key, value in (*told.items(), *asdict(counts).items()))
 
 
-def run(row: RunRow) -> Table:
-    """Return the whole record of one run in words."""
+def run(row: RunRow, stages: Sequence[StageRow] = ()) -> Table:
+    """Return the whole record of one run in words, and what the skills of its stages said."""
     table = Table(show_header=False)
     for name in RunRow.__slots__:
         value = getattr(row, name)
@@ -55,4 +56,15 @@ def run(row: RunRow) -> Table:
         elif name == "part" and value:
             value = f"{value}: {REMEDIES[PartPlace[value.upper()]]}"
         table.add_row(name, str(value))
+    for stage in stages:
+        facts = ", ".join(f"{name} {_short(value)}" for name, value in json.loads(stage.facts).items())
+        if facts:
+            table.add_row(stage.name, facts)
     return table
+
+
+def _short(value: object) -> str:
+    """Return a fact of a result in few digits."""
+    if isinstance(value, list):
+        return f"({', '.join(_short(each) for each in value)})"
+    return f"{value:.5g}" if isinstance(value, float) else str(value)

@@ -320,10 +320,10 @@ class SkillContext:
             self.rest.take(seen.arm, seen.stamp)
             paused = seen.arm if request is Request.HOLD else paused
             self._keep_to_setpoint(seen, request, paused)
+            self.record(seen, self.held)
             if limited:
                 self._check(seen)
                 self._keep_passive(guard, seen, request)
-            self.record(seen, self.held)
             if holding:
                 self._require_peg(seen)
             else:

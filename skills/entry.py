@@ -156,6 +156,20 @@ class Catalogue(Mapping[str, Entry]):
         """
         return tuple(times.get(self.stages.get(number, ""), 0.0) for number in range(1, max(self.stages) + 1))
 
+    def require_known(self, record: StageRecord) -> None:
+        """Make sure that the line has a number for a stage that ended and for why it ended.
+
+        Raises:
+            ConfigError: No skill has that name, or the reason is neither one of every skill's nor in the entry's `reasons`.
+        """
+        self.stage_number(record.name)
+        reason = record.result.reason
+        if self.reasons.get(reason.value) != reason.name:
+            raise ConfigError(
+                f"skill catalogue: {record.name}: reason {reason.value} {reason.name}: not in `reasons` of its entry;"
+                " one of those, or of `Reason`, allowed"
+            )
+
     def stage_number(self, name: str) -> int:
         """Return the number of a stage on the PLC line; 0 for the empty name, before the first stage.
 
@@ -174,7 +188,8 @@ def _require_distinct(what: str, claims: Iterable[tuple[Any, str]]) -> None:
     owners: dict[Any, str] = {}
     for value, name in claims:
         if value in owners:
-            raise ConfigError(f"skill catalogue: {name}: {what} {value} is that of {owners[value]}; a free one allowed")
+            owner = "another entry" if owners[value] == name else owners[value]
+            raise ConfigError(f"skill catalogue: {name}: {what} {value} is that of {owner}; a free one allowed")
         owners[value] = name
 
 
@@ -187,8 +202,10 @@ def _require_sound(skill: Skill[Any]) -> None:
         if field is None or field.annotation is not Gains:
             raise ConfigError(f"skill catalogue: {skill.name}: steered {name!r}: a parameter of type Gains allowed")
     for reason in skill.reasons or ():
-        if reason.value < FIRST_OWN_REASON or reason.name in Reason.__members__:
+        where = f"skill catalogue: {skill.name}: reason {reason.value} {reason.name}"
+        if reason.value < FIRST_OWN_REASON:
             raise ConfigError(
-                f"skill catalogue: {skill.name}: reason {reason.value} {reason.name}: a word of its own,"
-                f" numbered from {FIRST_OWN_REASON} on, allowed"
+                f"{where}: the number is kept for words of every skill; {FIRST_OWN_REASON} or more allowed"
             )
+        if reason.name in Reason.__members__:
+            raise ConfigError(f"{where}: the word is one of every skill's; a word of its own allowed")

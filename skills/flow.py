@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from drivers.errors import CellError
 from skills.contract import Interrupted, Outcome, Reason, SkillContext, SkillResult
 
 Step = Callable[[SkillContext], SkillResult]
@@ -26,7 +27,7 @@ def run_stage(name: str, step: Step, ctx: SkillContext) -> StageRecord:
     """Run one step under its name; an interruption becomes its result.
 
     Raises:
-        CellError: Something is broken; the supervisor stops, reports and re-arms.
+        CellError: The step answers with something else than a result, or something is broken; the supervisor stops, reports and re-arms.
     """
     ctx.stage = name
     ctx.progress(0.0)
@@ -36,6 +37,8 @@ def run_stage(name: str, step: Step, ctx: SkillContext) -> StageRecord:
     except Interrupted as interruption:
         outcome = Outcome.ABORTED if interruption.reason is Reason.STOPPED else Outcome.FAILURE
         result = SkillResult(outcome, interruption.reason, ctx.clock.now() - started)
+    if not isinstance(result, SkillResult):
+        raise CellError(f"{name}: run returned {type(result).__name__}; a SkillResult allowed")
     ctx.ended(name, result.elapsed)
     return StageRecord(name, result, started, ctx.clock.now())
 

@@ -26,6 +26,7 @@ def run(args: argparse.Namespace) -> int:
 
     with read_journal(args) as journal:
         row = journal.find(args.number)
+        stages = journal.stages(row.run)
     samples = read_samples(journal.samples_path(row.run))
     folder = out_folder(args.export) if args.export else journal.folder
     files = [folder / f"run-{row.run:06d}.png"]
@@ -33,6 +34,10 @@ def run(args: argparse.Namespace) -> int:
     if args.export:
         files.append(folder / f"run-{row.run:06d}.csv")
         export_csv(samples, files[-1])
-    show(args, words.run(row), {**asdict(row), "files": [str(path) for path in files]})
+    show(
+        args,
+        words.run(row, stages),
+        {**asdict(row), "stages": [asdict(stage) for stage in stages], "files": [str(path) for path in files]},
+    )
     written(args, files)
     return GOOD

@@ -1,4 +1,4 @@
-"""Skin, switch, arm and hand all behind their wires; arm and hand are killed in the middle of a run.
+"""Whole insertions with skin, switch, arm and hand all behind their wires; arm and hand are killed in the middle.
 
 What boards that are killed do is in `tests/line/test_cell_wires.py`: here a second of a run costs two of a processor.
 """
@@ -42,4 +42,8 @@ def test_whatever_is_killed_in_the_middle_ends_in_its_fault_and_serves_again_aft
             assert rehearsal.reset().state == State.IDLE
             rehearsal.wait(1.0)
         assert rehearsal.insert().result is Result.SUCCESS
-        assert wired.world.world.truth().switch_closed
+        truth = wired.world.world.truth()
+        assert truth.switch_closed
+        assert not truth.is_void
+        assert wired.arm.figures().missed == 0
+        assert wired.world.largest_rate < loaded.cell.arm_model().joints.torque_rate[0]

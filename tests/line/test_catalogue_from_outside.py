@@ -15,14 +15,18 @@ from drivers.transport.can_bus import CanBus
 from plc_bridge.config import CanConfig
 from plc_bridge.messages import Result
 from plc_bridge.registers import STAGES
+from skills.catalogue import CATALOGUE
 
 HERE = Path(__file__).resolve().parents[2]
 PACKAGES = ("cell", "config", "drivers", "plc_bridge", "sim", "skills")
-CODE, STAGE, PATIENCE = 107, 7, 60.0
+CODE, STAGE = max(CATALOGUE.by_code) + 1, max(CATALOGUE.stages) + 1
+OWN = max(99, *CATALOGUE.reasons) + 1
+"""Numbers that nothing in the catalogue has."""
+PATIENCE = 60.0
 
 STIFF = "translation=500.0, rotation=4000.0"
 
-SKILL = '''"""Hold still for a while and see whether the peg is held at an angle."""
+SKILL = f'''"""Hold still for a while and see whether the peg is held at an angle."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -35,7 +39,7 @@ from skills.motion import VALIDITY, Gains
 class Unexpected(IntEnum):
     """Its own words for why it ended so."""
 
-    OTHER_ANGLE = 100
+    OTHER_ANGLE = {OWN}
 
 
 class LookParams(SkillParams):
@@ -199,7 +203,7 @@ def assert_read_back(house, bus, where):
     done = subprocess.run(line, env=environment, cwd=house, capture_output=True, text=True, check=True)
     seen, unseen = json.loads(done.stdout)
     assert seen[:3] == [Result.SUCCESS, STAGE, 0]
-    assert unseen[:3] == [Result.FAILURE, STAGE, 100]
+    assert unseen[:3] == [Result.FAILURE, STAGE, OWN]
     for *_, times, total in (seen, unseen):
         assert (times[STAGE - 1], total) == pytest.approx((0.5, 0.5))
 
@@ -210,6 +214,8 @@ def test_the_terminal_runs_them(house, tmp_path):
     row = json.loads(good.stdout)
     assert (good.returncode, row["outcome"], row["stage"]) == (0, "success", "look")
     assert json.loads(row["stage_times"]) == [["look", pytest.approx(0.5)]]
+    (stage,) = json.loads(told(house, "show", str(row["run"]), "--json", "--journal", str(tmp_path)).stdout)["stages"]
+    assert json.loads(stage["facts"]) == {"theta": pytest.approx(0.1)}
     bad = told(house, *words, "--set", "insert.estimator=fixed", "--set", "fixed.theta=0.2")
     row = json.loads(bad.stdout)
     assert (bad.returncode, row["outcome"], row["reason"]) == (1, "failure", "other_angle")
@@ -230,7 +236,7 @@ def test_the_map_names_them(house):
     meanings = {entry["name"]: entry["meaning"] for entry in words}
     assert f"{CODE} look" in meanings["command_code"]
     assert f"{STAGE} look" in meanings["report_stage"]
-    assert "100 OTHER_ANGLE" in meanings["report_reason"]
+    assert f"{OWN} OTHER_ANGLE" in meanings["report_reason"]
 
 
 @pytest.mark.parametrize(

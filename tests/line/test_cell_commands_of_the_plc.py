@@ -234,6 +234,8 @@ def test_a_force_beyond_the_limit_ends_the_skill_as_a_failure(rig):
     report = rig.command(GRASP)
     assert (report.result, report.reason) == (Result.FAILURE, Reason.FORCE_LIMIT)
     assert rig.arm.is_halted
+    assert report.peak_force >= limit, "the scan that broke the limit is missing on record"
+    assert rig.supervisor.last.peak_force >= limit
 
 
 @pytest.mark.parametrize(("beyond", "reason"), [(0.0, Reason.NOT_SEATED), (1e-4, Reason.WORKSPACE)])

@@ -36,8 +36,8 @@ NEARER = ["hole.centre=[0.40, 0.0, 0.1]"]
     ("wrong", "told"),
     [
         ("plc.tls.foo=1", ["--set", "plc.tls.foo: unknown key", "authority, certificate"]),
-        ("plc.can=3", ["--set", "plc.can = 3", "a section with interface, channel"]),
-        ("plc.rtu=true", ["--set", "plc.rtu = True", "a section with port, unit"]),
+        ("plc.can=3", ["--set", "plc.can = 3", "a section with interface (needed), channel (needed)"]),
+        ("plc.rtu=true", ["--set", "plc.rtu = True", "a section with port (needed), unit"]),
         ("peg.diametre=0.008", ["--set", "peg.diametre", "unknown key", "diameter, length"]),
         ("peg.diameter=8", ["--set", "peg.diameter = 8", "0.002 to 0.03", "metres", "0.008"]),
         ("hole.area=[60, 60]", ["hole.area", "60", "0 to 0.2", "metres"]),

@@ -1,5 +1,6 @@
 """What keeps two entries of the catalogue apart, and what is derived from them."""
 
+from dataclasses import replace
 from enum import IntEnum
 
 import pytest
@@ -8,7 +9,13 @@ from drivers.errors import ConfigError
 from skills.catalogue import CATALOGUE, GRASP, SEARCH
 from skills.contract import Outcome, Reason, SkillParams, SkillResult
 from skills.entry import Catalogue, Program, Skill
+from skills.flow import StageRecord
 from skills.motion import Gains
+
+CODE = max(CATALOGUE.by_code) + 1
+STAGE = max(CATALOGUE.stages) + 1
+OWN = max(99, *CATALOGUE.reasons) + 1
+"""Numbers that no entry of the catalogue has, whatever somebody has added to it."""
 
 
 class KnockParams(SkillParams):
@@ -17,11 +24,11 @@ class KnockParams(SkillParams):
 
 
 class KnockReason(IntEnum):
-    NOBODY_HOME = 100
+    NOBODY_HOME = OWN
 
 
 def knock(**changes):
-    told = {"name": "knock", "code": 110, "stage": 7, "section": "knock", "params": KnockParams}
+    told = {"name": "knock", "code": CODE, "stage": STAGE, "section": "knock", "params": KnockParams}
     return Skill(**{**told, "perform": lambda params, ctx: SkillResult(Outcome.SUCCESS, Reason.NONE, 0.0), **changes})
 
 
@@ -36,15 +43,15 @@ def clash(*entries):
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"name": "recover"}, ("name recover",)),
+        ({"name": "recover"}, ("recover: name recover is that of another entry",)),
         ({"code": 102}, ("knock: command code 102", "spray_search")),
         ({"stage": 2}, ("knock: stage 2", "spray_search")),
         ({"stage": 0}, ("knock: stage 0", "from 1")),
         ({"section": "search"}, ("knock: config section search", "spray_search")),
         ({"steered": ("times",)}, ("knock: steered 'times'", "Gains")),
         ({"steered": ("strength",)}, ("knock: steered 'strength'", "Gains")),
-        ({"reasons": IntEnum("Low", {"TIRED": 11})}, ("knock: reason 11 TIRED", "from 100")),
-        ({"reasons": IntEnum("Taken", {"NO_HOLE": 101})}, ("knock: reason 101 NO_HOLE", "its own")),
+        ({"reasons": IntEnum("Low", {"TIRED": 11})}, ("knock: reason 11 TIRED", "100 or more")),
+        ({"reasons": IntEnum("Taken", {"NO_HOLE": OWN})}, (f"knock: reason {OWN} NO_HOLE", "of its own")),
     ],
 )
 def test_a_clash_is_told_in_one_line_that_names_both(changes, words):
@@ -58,19 +65,31 @@ def test_a_program_cannot_have_the_command_code_of_a_skill():
 
 
 def test_two_skills_cannot_give_one_reason_two_numbers():
-    other = knock(name="ring", code=111, stage=8, section="ring", reasons=IntEnum("Ring", {"NOBODY_HOME": 101}))
+    other = knock(
+        name="ring", code=CODE + 1, stage=STAGE + 1, section="ring", reasons=IntEnum("Ring", {"NOBODY_HOME": OWN + 1})
+    )
     assert "ring: reason NOBODY_HOME is that of knock" in clash(knock(reasons=KnockReason), other)
 
 
 def test_tables_derive_from_the_entries():
     found = Catalogue(knock(reasons=KnockReason, counts=True), SEARCH, GRASP)
-    assert found.stages == {1: "grasp_from_rack", 2: "spray_search", 7: "knock"}
+    assert found.stages == {1: "grasp_from_rack", 2: "spray_search", STAGE: "knock"}
     assert found.counted == ("spray_search", "knock")
-    assert (found.reasons[3], found.reasons[100]) == ("NO_HOLE", "NOBODY_HOME")
-    assert found.in_places({"knock": 2.5, "grasp_from_rack": 1.0}) == (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2.5)
+    assert (found.reasons[3], found.reasons[OWN]) == ("NO_HOLE", "NOBODY_HOME")
+    assert found.in_places({"knock": 2.5, "grasp_from_rack": 1.0}) == (1.0, *[0.0] * (STAGE - 2), 2.5)
 
 
 def test_a_stage_that_no_skill_has_is_told():
     assert CATALOGUE.stage_number("") == 0
     with pytest.raises(ConfigError, match=r"stage 'knock': no such skill; grasp_from_rack, .* allowed"):
         CATALOGUE.stage_number("knock")
+
+
+def test_an_end_that_the_line_has_no_number_for_is_told():
+    found = Catalogue(knock(reasons=KnockReason), SEARCH, GRASP)
+    ended = StageRecord("knock", SkillResult(Outcome.FAILURE, KnockReason.NOBODY_HOME, 1.0), 0.0, 1.0)
+    found.require_known(ended)
+    with pytest.raises(ConfigError, match=rf"knock: reason {OWN} NOBODY_HOME: not in `reasons` of its entry"):
+        Catalogue(knock(), SEARCH, GRASP).require_known(ended)
+    with pytest.raises(ConfigError, match="stage 'ring': no such skill"):
+        found.require_known(replace(ended, name="ring"))
