@@ -14,6 +14,8 @@ from sim.config import WireFaults
 from skills.catalogue import GRASP
 
 AWAY = ((0.0, 1e6),)
+THERE = "before the peg is there the switch says what it should"
+"""Reason why a switch that is wrong is not found out at once."""
 WEAK = 2.0
 """Closing force of a hand that has lost its strength, N."""
 
@@ -88,7 +90,8 @@ def _early(lead: float) -> Callable[[FaultBench], Undo]:
 
 def _weak(bench: FaultBench) -> Undo:
     hand = bench.gripper.gripper
-    hand.grip(WEAK)
+    if hand.read().is_gripping:
+        hand.grip(WEAK)
     return lambda: hand.grip(bench.cell.config.params(GRASP).force) if hand.read().is_gripping else None
 
 
@@ -106,10 +109,10 @@ KINDS: tuple[FaultKind, ...] = (
     FaultKind("skin: random", _taxels(devices.at_random)),
     FaultKind("switch: unplugged", _board(WireFaults(unplugged=AWAY))),
     FaultKind("switch: wire broken", _board(WireFaults(corrupt=0.5))),
-    FaultKind("switch: never", _told("switch", lambda state: SwitchState.OPEN)),
+    FaultKind("switch: never", _told("switch", lambda state: SwitchState.OPEN), slow=THERE),
     FaultKind("switch: always", _told("switch", lambda state: SwitchState.CLOSED)),
-    FaultKind("switch: 6 mm early", _early(0.006)),
-    FaultKind("switch: 2 mm early", _early(0.002)),
+    FaultKind("switch: 6 mm early", _early(0.006), slow=THERE),
+    FaultKind("switch: 2 mm early", _early(0.002), slow=THERE),
     FaultKind("switch: flapping", _told("switch", devices.flapping())),
     FaultKind("arm: reflex", _told("arm", devices.reflex)),
     FaultKind("arm: stopped", _told("arm", devices.stopped)),
@@ -119,9 +122,9 @@ KINDS: tuple[FaultKind, ...] = (
     FaultKind("arm: wrench offset", _told("arm", devices.offset_wrench)),
     FaultKind("arm: deaf", _obeys_not("arm", "is_deaf")),
     FaultKind("hand: silent", _told("gripper", devices.silent_hand)),
-    FaultKind("hand: stuck", _obeys_not("gripper", "is_stuck")),
+    FaultKind("hand: stuck", _obeys_not("gripper", "is_stuck"), slow="a hand that shall not move shows nothing of it"),
     FaultKind("hand: lets go", _lets_go),
-    FaultKind("hand: weak", _weak),
+    FaultKind("hand: weak", _weak, slow="a weak hand shows only once the peg slips"),
     *COMPUTER_KINDS,
     *PLC_KINDS,
     *SKILL_KINDS,

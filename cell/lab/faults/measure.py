@@ -23,9 +23,10 @@ from sim.truth import Truth
 from skills.catalogue import CATALOGUE
 
 STAGES = ("grasp_from_rack", "spray_search", "tactile_insert", "spiral_adjust")
-MOMENTS = (0.05, 0.3, 1.0)
+MOMENTS = (0.05, 0.3, 0.6, 1.0, 2.0)
 """Times from the first scan of a stage to the fault, s."""
-QUICK_STAGES, QUICK_MOMENTS = ("grasp_from_rack", "spray_search"), (0.3,)
+QUICK = 150
+"""Number of cases that a campaign is cut short to."""
 CELL_CASES = 6
 """Number of cases that one served cell goes through before a new one, whose errors are drawn anew."""
 SEEN_ON = 0.3
@@ -35,10 +36,9 @@ MENDED = 0.5
 _INSERT, _RECOVER = CATALOGUE["insert_peg"].code, CATALOGUE["recover"].code
 
 
-def cases(kinds: Sequence[FaultKind], is_quick: bool) -> list[Planned]:
-    """Return what is tried, kind by kind."""
-    stages, moments = (QUICK_STAGES, QUICK_MOMENTS) if is_quick else (STAGES, MOMENTS)
-    return [(kind, stage, moment) for kind in kinds for stage in stages for moment in moments]
+def cases(kinds: Sequence[FaultKind]) -> list[Planned]:
+    """Return all that can be tried, kind by kind."""
+    return [(kind, stage, moment) for kind in kinds for stage in STAGES for moment in MOMENTS]
 
 
 def drawn(tried: Sequence[Planned], number: int, seed: int) -> list[Planned]:

@@ -85,6 +85,6 @@ SKILL_KINDS: tuple[FaultKind, ...] = (
     FaultKind("skill: asks for far away", _asks(lambda: _shifted(np.array([FAR, 0.0, 0.0])))),
     FaultKind("skill: presses", _asks(lambda: _shifted(-DEEP * UP))),
     FaultKind("skill: drifts downward", _asks(_drifting)),
-    FaultKind("skill: lies", _lies),
+    FaultKind("skill: lies", _lies, slow="what it says is judged when the run ends"),
 )
 """All kinds of the skills."""

@@ -53,9 +53,9 @@ def run(args: argparse.Namespace) -> StudyReport:
         raise ConfigError(
             f"--kind {' '.join(args.kind)}: no such kind; {', '.join(kind.name for kind in KINDS)} allowed"
         )
-    tried = measure.cases(kinds, args.quick)
-    if args.cases is not None:
-        tried = measure.drawn(tried, args.cases, args.seed)
+    tried, most = measure.cases(kinds), args.cases or (measure.QUICK if args.quick else None)
+    if most is not None:
+        tried = measure.drawn(tried, most, args.seed)
     rows = cases.begun(tried, folder)
     with progress() as bars:
         bar = bars.add_task("faults", total=len(tried), completed=len(rows))
