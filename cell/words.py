@@ -28,7 +28,7 @@ def report(image: ReportImage) -> dict[str, object]:
         "run": image.run,
         "lease": LeaseState(image.lease).name.lower(),
         "holder": image.holder,
-        "stage_times": list(image.stage_times),
+        "stage_times": _named(image.stage_times),
         "total_time": image.total_time,
         "part": PartPlace(image.part).name.lower(),
         "part_depth": image.part_depth,
@@ -38,9 +38,14 @@ def report(image: ReportImage) -> dict[str, object]:
     }
 
 
+def _named(times: Sequence[float]) -> dict[str, float]:
+    """Return the times of the stages that were run, s, by their names."""
+    return {CATALOGUE.stages.get(number, str(number)): time for number, time in enumerate(times, 1) if time}
+
+
 def line(image: ReportImage, counts: Diagnostics) -> str:
     """Return a report and the counts as one line."""
-    told = {key: value for key, value in report(image).items() if value not in ("", "none")}
+    told = {key: value for key, value in report(image).items() if value not in ("", "none", {})}
     return " ".join(f"{key}={value}" for key, value in (*told.items(), *asdict(counts).items()))
 
 

@@ -173,8 +173,8 @@ class ModelConfig(ConfigModel):
     time_constant: Annotated[float, Field(ge=0.1, le=1e3)] = 2.0
     """Time constant of the contacts, multiple of the time step. Source: measured by `cell study contact`."""
     contact_time: Annotated[float, Field(ge=0.0, le=0.1)] = 1e-3
-    """Least time constant of the contacts, s, that of the shipped step near the hole: under a finer step they stay as soft, and
-    forces as they are. Source: decision 0062.
+    """Least time constant of the contacts, s; that of the shipped step near the hole, so that under a finer step they stay
+    as soft, and forces as they are. Source: decision 0062.
     """
     stiffness: Annotated[float, Field(ge=1e2, le=1e10)] | None = None
     """Stiffness of the contacts instead of their time constant, with critical damping, 1/s²; force by penetration and
