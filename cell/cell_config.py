@@ -173,7 +173,7 @@ class CellConfig(Catalogued):
         require_shallow(peg, hole, rack)
         if self.sim is not None:
             require_apart(hole, rack)
-        require_clear_way(self.params(GRASP), self.params(SEARCH), rack)
+        require_clear_way(self.params(GRASP), self.params(SEARCH), rack, peg)
         require_workspace(self.limits)
         return self
 

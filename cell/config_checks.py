@@ -46,7 +46,7 @@ def require_apart(hole: Hole, rack: Rack) -> None:
         )
 
 
-def require_clear_way(grasp: GraspFromRackParams, search: SpraySearchParams, rack: Rack) -> None:
+def require_clear_way(grasp: GraspFromRackParams, search: SpraySearchParams, rack: Rack, peg: Peg) -> None:
     """Make sure that the peg is drawn out of its slot, and comes down to the plate in the time for that.
 
     Raises:
@@ -56,7 +56,7 @@ def require_clear_way(grasp: GraspFromRackParams, search: SpraySearchParams, rac
         raise ValueError(
             f"grasp.clearance = {grasp.clearance}: leaves the peg in its slot; more than rack.depth = {rack.depth} allowed"
         )
-    slowest = (search.height + search.push_offset) / (search.touch_down - TOUCHED_TIME)
+    slowest = (search.first_height(peg.part.reach) + search.push_offset) / (search.touch_down - TOUCHED_TIME)
     if search.descent < slowest:
         raise ValueError(
             f"search.descent = {search.descent}: not down within search.touch_down = {search.touch_down} s;"

@@ -65,7 +65,7 @@ def run(
     Returns:
         Where the tip fell in, or why the search ended without a fall.
     """
-    course = make_course(params, ctx.job, ctx.rng, _with_prior(belief, ctx))
+    course = make_course(params, ctx.job, ctx.rng, _with_prior(belief, ctx), ctx.is_length_known)
     start = (course.first[0], course.first[1])
     if (stuck := _approach(params, ctx, course)) is not None:
         return SpraySearchResult(Outcome.FAILURE, Reason.NOT_SEATED, LONGEST, _point(stuck), start, 0, 0, None)

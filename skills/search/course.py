@@ -38,6 +38,8 @@ class Course:
     """Middle of the area for the tip, shape (2,), m, base frame."""
     first: Vector
     """Place above the path's first point, shape (3,), m, base frame."""
+    height: float
+    """Height of that place above the plate's stated surface, m."""
     axis: Vector
     """Axis of the peg, unit, shape (3,), base frame."""
     closing: Vector
@@ -46,7 +48,13 @@ class Course:
     """Axis of the base frame that is swept fast, 0 or 1."""
 
 
-def make_course(params: SpraySearchParams, job: Job, rng: np.random.Generator, belief: Belief = ANYWHERE) -> Course:
+def make_course(
+    params: SpraySearchParams,
+    job: Job,
+    rng: np.random.Generator,
+    belief: Belief = ANYWHERE,
+    is_length_known: bool = True,
+) -> Course:
     """Return the course over the area: lanes from the corner next to a random point of it, or sinusoids from that
     point.
 
@@ -57,6 +65,7 @@ def make_course(params: SpraySearchParams, job: Job, rng: np.random.Generator, b
         job: The part and the area.
         rng: Draws the point, and for lanes how far beyond the area, or the likely place, the first one begins.
         belief: Likely place of the hole, and the rest of the path of earlier attempts.
+        is_length_known: Whether the peg in the hand has touched the plate before; a search that is the first comes down from higher.
     """
     hole, part = job.hole, job.peg.part
     fast, pitch = 0 if params.fast_axis == "x" else 1, params.pitch * hole.part.inscribed
@@ -76,8 +85,9 @@ def make_course(params: SpraySearchParams, job: Job, rng: np.random.Generator, b
     middle = np.array(hole.centre[:2])
     if params.edge_leads:
         middle = middle - ahead * np.array([math.cos(azimuth), math.sin(azimuth)])
-    first = np.array([*(middle + path.at(0.0)[0]), hole.centre[2] + params.height])
-    return Course(path, middle, first, axis, closing, fast)
+    height = params.height if is_length_known else params.first_height(part.reach)
+    first = np.array([*(middle + path.at(0.0)[0]), hole.centre[2] + height])
+    return Course(path, middle, first, height, axis, closing, fast)
 
 
 def _as_believed(belief: Belief, job: Job, rows: Rows, path: Path, outside: float, way: float) -> Path:

@@ -11,6 +11,8 @@ from skills.tactile.hole_event import HoleEventParams
 
 TOUCHED_TIME = 0.1
 """Time for which the plate has to bear the push before it counts as touched, s; the blow at touch-down is shorter."""
+FREE_GAP = 1.5e-3
+"""Gap that a peg of the largest length leaves above the plate before its first touch-down, m: heights that err, a hand that lags."""
 
 
 class SpraySearchParams(SkillParams):
@@ -100,3 +102,15 @@ class SpraySearchParams(SkillParams):
     """Distance between the turns of the probing spiral, m. Source: chosen, not measured."""
     timeout: PositiveFloat
     """Longest search, s; 100 in [gibbons]. Source: [gibbons], Sec. VI."""
+
+    def first_height(self, reach: float) -> float:
+        """Return the height above the stated surface from which a peg comes down that has not touched the plate since its grasp,
+        m: one that stands `length_bound` further out of the hand touches nothing before.
+
+        Args:
+            reach: Largest distance of a point of the peg's end from its axis, m.
+        """
+        if self.length_bound == 0.0:
+            return self.height
+        lowest = self.length_bound * math.cos(self.tilt) + reach * math.sin(self.tilt)
+        return max(self.height, lowest + FREE_GAP)

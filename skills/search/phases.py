@@ -125,7 +125,7 @@ def next_phase(phase: Phase, felt: Felt, params: SpraySearchParams, course: Cour
         point: Place on the course, from its middle, shape (2,), m.
     """
     if isinstance(phase, ComingDown):
-        return _touched(phase, felt, params)
+        return _touched(phase, felt, params, course)
     if isinstance(phase, Sliding):
         return Resting(felt.tip[:2], felt.tcp, felt.stamp) if felt.is_edge else phase
     if isinstance(phase, Probing):
@@ -141,9 +141,9 @@ def after_rest(phase: Resting, felt: Felt, params: SpraySearchParams, course: Co
     return Probing(detour, phase.place) if is_probed else Sliding(detour)
 
 
-def _touched(phase: ComingDown, felt: Felt, params: SpraySearchParams) -> Phase:
+def _touched(phase: ComingDown, felt: Felt, params: SpraySearchParams, course: Course) -> Phase:
     """Slide once the setpoint is down and the plate bears the push, or after the longest time to come down."""
-    is_down = felt.elapsed * params.descent >= params.height + params.push_offset
+    is_down = felt.elapsed * params.descent >= course.height + params.push_offset
     if (felt.is_pressed and is_down) or felt.elapsed >= params.touch_down:
         return Sliding(replace(phase.detour, since=felt.elapsed))
     return phase

@@ -11,7 +11,7 @@ from tests.reality_files import reality_of
 
 def test_a_peg_that_stands_5_mm_further_out_of_the_hand_is_inserted(tmp_path):
     path = reality_of(tmp_path, alone=False, peg_depth_in_hand=0.005)
-    config = load(sets=[f'reality.file="{path}"', "search.height=0.01"]).cell
+    config = load(sets=[f'reality.file="{path}"']).cell
     row = run_trial(config, 62006)
     assert (row.outcome, row.peak_contact_force < config.limits.force) == ("success", True)
 

@@ -46,7 +46,7 @@ NEARER = ["hole.centre=[0.40, 0.0, 0.1]"]
             "grasp.clearance=0.03",
             ["--set", "grasp.clearance = 0.03", "leaves the peg in its slot", "rack.depth = 0.03"],
         ),
-        ("search.descent=0.001", ["--set", "search.descent = 0.001", "not down within", "at least 0.0167"]),
+        ("search.descent=0.001", ["--set", "search.descent = 0.001", "not down within", "at least 0.0207"]),
         ("insert.estimator=eye", ["insert.estimator", "'eye'", '"image"']),
         ("preset=hasty", ["preset", "'hasty'", "presets/"]),
         ("peg.shape=oval", ["peg.shape", "'oval'", '"square"']),
