@@ -29,14 +29,8 @@ SWEEPS: dict[str, dict[str, tuple[str, ...]]] = {
             f"round {1e3 * size:g} mm": (f"peg.diameter={size:g}", f"hole.diameter={size + 1e-4:g}")
             for size in (0.003, 0.004, 0.008, 0.016)
         },
-        **{
-            f"{1e3 * a:g} x {1e3 * b:g} mm": (
-                f"peg.shape={'square' if a == b else 'rectangular'}",
-                f"peg.sides=[{a:g},{b:g}]",
-                f"hole.sides=[{a + 1e-4:g},{b + 1e-4:g}]",
-            )
-            for a, b in ((0.008, 0.008), (0.012, 0.008))
-        },
+        "8 x 8 mm": ("peg.shape=square", "peg.sides=[0.008,0.008]", "hole.sides=[0.0081,0.0081]"),
+        "12 x 8 mm": ("peg.shape=rectangular", "peg.sides=[0.012,0.008]", "hole.sides=[0.0121,0.0081]"),
     },
     "friction of the plate": {
         **{f"{ratio:g}": (f"contact.friction={ratio:g}",) for ratio in (0.1, 0.6, 0.8)},
