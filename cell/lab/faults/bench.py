@@ -29,8 +29,8 @@ from skills.rest import REST_SPEED
 
 WAITING = (State.IDLE, State.COMPLETE, State.STOPPED, State.ABORTED, State.HELD)
 """States that wait for a command."""
-LIFE_TIMEOUT = 2.0
-"""Time after which a silent PLC is lost, s of wall time: twice what ships, for a computer that is busy with the cell."""
+LIFE_TIMEOUT, PATIENCE = 2.0, 30.0
+"""Times after which a silent PLC is lost, s of wall time: where one shall fall silent, and where a busy computer alone may hold it up."""
 LEASE_TIMEOUT = 30.0
 """Silence after which the lease is free again, s of wall time."""
 LONGEST = 600.0
@@ -190,13 +190,13 @@ class FaultBench:
 
 
 @contextmanager
-def bench(loaded: LoadedConfig) -> Iterator[FaultBench]:
-    """Yield a served cell, which is closed at the end."""
+def bench(loaded: LoadedConfig, life_timeout: float = PATIENCE) -> Iterator[FaultBench]:
+    """Yield a served cell, which is closed at the end; the time is that after which a silent PLC is lost, s of wall time."""
     plc = loaded.cell.plc
     patient = plc.model_copy(
         update={
             "modbus": plc.modbus.model_copy(update={"port": 0}),
-            "life_timeout": max(plc.life_timeout, LIFE_TIMEOUT),
+            "life_timeout": max(plc.life_timeout, life_timeout),
             "lease_timeout": max(plc.lease_timeout, LEASE_TIMEOUT),
         }
     )

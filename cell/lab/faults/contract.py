@@ -20,5 +20,7 @@ class FaultKind:
     """Whether the cell has to go on as if nothing had happened."""
     ends_program: bool = False
     """Whether the program ends and is started again."""
+    silences_plc: bool = False
+    """Whether the PLC falls silent, which the cell of this kind then notices within seconds."""
     slow: str = ""
     """Reason why the arm may move for longer than a second after the fault; empty where it may not."""

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from cell.config import LoadedConfig
-from cell.lab.faults.bench import LONGEST, FaultBench, Sighting, bench
+from cell.lab.faults.bench import LIFE_TIMEOUT, LONGEST, PATIENCE, FaultBench, Sighting, bench
 from cell.lab.faults.cases import SILENT, FaultCase, Planned
 from cell.lab.faults.contract import FaultKind
 from cell.part_state import IN_HOLE_DEPTH
@@ -83,9 +83,10 @@ def _served(loaded: LoadedConfig, tried: Sequence[Planned]) -> Iterator[FaultCas
     """Try cases one after the other, and give each as it is done."""
     with ExitStack() as stack:
         tested: FaultBench | None = None
+        life_timeout = LIFE_TIMEOUT if any(kind.silences_plc for kind, _, _ in tried) else PATIENCE
         for kind, stage, moment in tried:
             if tested is None:
-                tested = stack.enter_context(bench(loaded))
+                tested = stack.enter_context(bench(loaded, life_timeout))
             try:
                 case = _case(tested, kind, stage, moment)
             except CellError as error:

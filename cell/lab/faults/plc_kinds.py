@@ -72,8 +72,8 @@ def _second(bench: FaultBench) -> None:
 
 
 PLC_KINDS: tuple[FaultKind, ...] = (
-    FaultKind("plc: killed", _killed, slow=SILENT),
-    FaultKind("plc: frozen", _frozen, slow=SILENT),
+    FaultKind("plc: killed", _killed, silences_plc=True, slow=SILENT),
+    FaultKind("plc: frozen", _frozen, silences_plc=True, slow=SILENT),
     FaultKind("plc: blocks torn", _torn, is_harmless=True),
     FaultKind("plc: storm of connections", _meanwhile(_storm), is_harmless=True),
     FaultKind("plc: two at once", _meanwhile(_second), is_harmless=True),
