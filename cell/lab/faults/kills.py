@@ -4,7 +4,6 @@ import signal
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
@@ -21,8 +20,8 @@ from plc_bridge.messages import Control, PartPlace, Result
 from plc_bridge.peer import Peer
 from skills.catalogue import CATALOGUE
 
-LATEST = 4.0
-"""Longest time from the start of an insertion to the signal, s of wall time; the cell is as fast as it goes."""
+LONGEST = 300.0
+"""Longest time until an insertion has come so far, s of wall time."""
 CYCLE = 0.02
 """Time between two cycles of the PLC, s of wall time."""
 ENDS = (signal.SIGKILL, signal.SIGKILL, signal.SIGTERM, signal.SIGKILL, signal.SIGKILL, signal.SIGHUP)
@@ -49,8 +48,8 @@ class Kill:
     """What one signal leaves."""
 
     signal: str
-    after: float
-    """Time from the start of an insertion to the signal, s of wall time."""
+    progress: int
+    """Progress of an insertion at which the signal comes, percent; 100 is after its end."""
     status: int
     """Exit status of the program; negative is the signal that killed it."""
     told: int
@@ -87,7 +86,8 @@ def kill(tries: int, seed: int, arguments: Sequence[str], watch: Callable[[Kill]
     with tempfile.TemporaryDirectory() as folder:
         for number in range(tries):
             how = ENDS[number % len(ENDS)]
-            part_now, case = _one(Path(folder), how, float(rng.uniform(0.0, LATEST)), arguments)
+            drawn = [*arguments, "--set", f"sim.seed={seed + number}"]
+            part_now, case = _one(Path(folder), how, int(rng.integers(0, 101)), drawn)
             found[-1:] = [replace(last, part_next=part_now) for last in found[-1:]]
             found.append(case)
             watch(case)
@@ -96,13 +96,13 @@ def kill(tries: int, seed: int, arguments: Sequence[str], watch: Callable[[Kill]
     return found
 
 
-def _one(folder: Path, how: signal.Signals, after: float, arguments: Sequence[str]) -> tuple[str, Kill]:
+def _one(folder: Path, how: signal.Signals, progress: int, arguments: Sequence[str]) -> tuple[str, Kill]:
     """Return where the peg is when the cell starts, and what the signal leaves, without what the next start will say."""
     with Journal(folder, is_read_only=True) as journal:
         before = {row.run for row in journal.runs(1_000_000)}
     with _served(folder, arguments) as (process, address):
         part_now = _part_at(address)
-        told, part = _insert(address, after)
+        told, part = _insert(address, progress)
         process.send_signal(how)
         status = process.wait(ENDING)
     with Journal(folder) as journal:
@@ -114,7 +114,7 @@ def _one(folder: Path, how: signal.Signals, after: float, arguments: Sequence[st
             samples = int(read_samples(folder / f"run-{told:06d}.arrows")["stamp"].size)
     return part_now, Kill(
         signal=how.name,
-        after=after,
+        progress=progress,
         status=status,
         told=told,
         outcome="" if row is None else row.outcome,
@@ -158,23 +158,26 @@ def _part_at(address: tuple[str, int]) -> str:
         return PartPlace(peer.look().part).name.lower()
 
 
-def _insert(address: tuple[str, int], after: float) -> tuple[int, PartPlace]:
-    """Start insertions until the moment of the signal; return the number of the run and the place of the peg told last."""
-    done = threading.Event()
-    timer = threading.Timer(after, done.set)
-    told = 0
+def _insert(address: tuple[str, int], progress: int) -> tuple[int, PartPlace]:
+    """Let an insertion come so far, percent, and return the number of the run and the place of the peg that were told last.
+
+    Raises:
+        CellError: It does not come so far.
+    """
+    deadline = time.monotonic() + LONGEST
     with closing(Peer(*address)) as peer:
         peer.connect()
         peer.take()
-        timer.start()
-        code, report = _INSERT, peer.trigger(_INSERT)
-        while not done.is_set():
-            time.sleep(CYCLE)
-            report = peer.cycle()
-            if report.refusal or report.result != Result.NONE:
-                # A peg that an earlier end left somewhere is cleared away first.
+        code, report = int(_INSERT), peer.trigger(_INSERT)
+        while True:
+            if report.refusal or (code == Control.CLEARED and report.result != Result.NONE):
+                # A peg that an earlier end left somewhere is taken away first.
                 code = Control.CLEARED if report.refusal else _INSERT
                 peer.acknowledge()
                 report = peer.trigger(code)
-            told = report.run or told
-    return told, PartPlace(report.part)
+            elif code == _INSERT and (report.result != Result.NONE or (report.run and report.progress >= progress)):
+                return report.run, PartPlace(report.part)
+            elif time.monotonic() > deadline:
+                raise CellError(f"the insertion does not come to {progress} % in {LONGEST:g} s")
+            time.sleep(CYCLE)
+            report = peer.cycle()

@@ -6,7 +6,7 @@ from cell.lab.faults.kills import Kill
 
 SOUND = Kill(
     "SIGKILL",
-    1.0,
+    40,
     -9,
     told=3,
     outcome="lost",
