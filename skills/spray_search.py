@@ -69,7 +69,9 @@ def run(
     start = (course.first[0], course.first[1])
     if (stuck := _approach(params, ctx, course)) is not None:
         return SpraySearchResult(Outcome.FAILURE, Reason.NOT_SEATED, LONGEST, _point(stuck), start, 0, 0, None)
-    evidence = Evidence(params, surface or SurfaceEstimate(), event or HoleEvent(params.event, params.timeout))
+    evidence = Evidence(
+        params, surface or SurfaceEstimate(), event or HoleEvent(params.event, params.timeout), ctx.scan_period
+    )
     sweep, tip = Sweep(params, ctx, course, evidence), course.first
     for seen in ctx.scan(params.timeout, holding=True):
         tip = seen.tip

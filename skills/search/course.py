@@ -1,6 +1,7 @@
 """The course of a search: where the tip goes and how the peg is held on the way; pure but for its random draws."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,7 @@ from drivers.quantities import Vector
 from skills.paths import Lanes, lanes, spray_paint
 from skills.search.belief import Belief
 from skills.search.params import SpraySearchParams
-from skills.search.tour import Left, Path, Rows, first_look, outwards, tour
+from skills.search.tour import Left, Path, Rows, Stroke, first_look, outwards, tour
 
 CROSSINGS = 18.5
 """Largest number of hole diameters, or shorter sides, that a lane crosses in a second; 0.15 m/s over a hole of 8.1 mm,
@@ -46,6 +47,8 @@ class Course:
     """Closing axis of the hand, unit, shape (3,), base frame."""
     fast: int
     """Axis of the base frame that is swept fast, 0 or 1."""
+    likely_until: float = 0.0
+    """Time along the path up to which the peg comes by where the hole is likely, s; 0 where that is nowhere."""
 
 
 def make_course(
@@ -79,7 +82,9 @@ def make_course(
         path = lanes(over, pitch, speed, fast, begin, max(outside - params.margin[0], 0.0))
     else:
         path = spray_paint(over, pitch, speed, fast, begin)
-    path = _as_believed(belief, job, Rows(over, fast, pitch, speed), path, outside, math.copysign(1.0, begin[fast]))
+    path, likely_until = _as_believed(
+        belief, job, Rows(over, fast, pitch, speed), path, outside, math.copysign(1.0, begin[fast])
+    )
     axis, closing = part.leaning(params.tilt_azimuth, params.tilt)
     ahead, azimuth = part.reach * math.cos(params.tilt), part.azimuth(params.tilt_azimuth)
     middle = np.array(hole.centre[:2])
@@ -87,23 +92,31 @@ def make_course(
         middle = middle - ahead * np.array([math.cos(azimuth), math.sin(azimuth)])
     height = params.height if is_length_known else params.first_height(part.reach)
     first = np.array([*(middle + path.at(0.0)[0]), hole.centre[2] + height])
-    return Course(path, middle, first, height, axis, closing, fast)
+    return Course(path, middle, first, height, axis, closing, fast, likely_until)
 
 
-def _as_believed(belief: Belief, job: Job, rows: Rows, path: Path, outside: float, way: float) -> Path:
-    """Return the path that a belief asks for; `path` is the one without a belief."""
+def _as_believed(belief: Belief, job: Job, rows: Rows, path: Path, outside: float, way: float) -> tuple[Path, float]:
+    """Return the path that a belief asks for, and the time along it up to which the hole is likely, s; `path` is the one without a belief."""
     left, width, likely = belief.left, job.hole.part.inscribed, belief.likely
     if likely is None:
         # Down beside the place where the peg was tried last, and not into it.
-        return path if left is None else tour([], rows.speed, Left(left.path, left.since + 1.5 * width / rows.speed))
+        if left is not None:
+            path = tour([], rows.speed, Left(left.path, left.since + 1.5 * width / rows.speed))
+        return path, 0.0
     middle = job.hole.centre[:2]
     looks = first_look(likely, middle, rows, width, outside, way)
     if left is not None:
-        return tour(looks, rows.speed, left)
+        return tour(looks, rows.speed, left), _time(looks, rows)
     # One stroke right through the likely place is a small price where the hole is somewhere else; several are not.
     (begin, end), looks = looks[0], looks[:1] if len(looks) <= MOST_LOOKS else []
     is_enough = SURE * likely.deviation[1 - rows.fast] <= rows.pitch / 2
     start = end if is_enough else begin
     # What all the strokes have missed lies between them: a second cover of lanes begins half a pitch off.
     then = Left(path, path.cover if isinstance(path, Lanes) else 0.0)
-    return tour([*looks, *outwards(likely, middle, rows, start[rows.fast], way)], rows.speed, then)
+    strokes = [*looks, *outwards(likely, middle, rows, start[rows.fast], way)]
+    return tour(strokes, rows.speed, then), _time(looks, rows)
+
+
+def _time(strokes: Sequence[Stroke], rows: Rows) -> float:
+    """Return the time along strokes, s."""
+    return sum(math.dist(*stroke) for stroke in strokes) / rows.speed

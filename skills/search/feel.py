@@ -21,6 +21,16 @@ EXPLAINED = 1.5e-3
 At the tilt of the search 1 degree of theta is 0.9 mm of length, and 0.3 mm of height are 0.4 mm."""
 
 
+LATE = 0.06
+"""Time after which a height teaches the surface estimate, s: a peg that falls while little of the plate is felt yet would take the
+estimate down with it, and the dip would not be seen. A peg that crosses half a hole of 8 mm at 0.14 m/s falls for 0.03 s."""
+
+
+LIKELY = 0.5
+"""Share of the dip threshold that is evidence of an edge where the hole is likely: a rest in vain there costs less than the whole area, which
+follows on a fall that was missed."""
+
+
 class Bearing:
     """Whether the plate bears the push: the mean force of a while, so that neither a blow nor noise is taken for it."""
 
@@ -60,11 +70,14 @@ def excess_of(height: float, axis: Vector, bound: float) -> float | None:
 class Evidence:
     """Watches the height of the plate and the skin for evidence of an edge; one object serves one search."""
 
-    def __init__(self, params: SpraySearchParams, surface: SurfaceEstimate, event: HoleEvent) -> None:
-        """Take the surface estimate and the detector of the skin's events."""
+    def __init__(
+        self, params: SpraySearchParams, surface: SurfaceEstimate, event: HoleEvent, scan_period: float
+    ) -> None:
+        """Take the surface estimate, the detector of the skin's events, and the scan's period, s."""
         self._params, self._surface, self._event = params, surface, event
+        self._late = deque[tuple[Vector, int]](maxlen=max(round(LATE / scan_period), 1))
 
-    def update(self, seen: Observation, edge: Vector, sense: int) -> tuple[float, bool]:
+    def update(self, seen: Observation, edge: Vector, sense: int, is_likely: bool = False) -> tuple[float, bool]:
         """Return the depth of the peg's lowest point `edge` below the surface estimate, m, and whether there is
         evidence of an edge.
 
@@ -72,18 +85,25 @@ class Evidence:
             seen: Observation of this scan.
             edge: Lowest point of the peg, shape (3,), m, base frame.
             sense: Sense of the pass along its lane, -1 or 1.
+            is_likely: Whether the peg comes by where the hole is likely.
         """
+        threshold = self._params.dip_threshold * (LIKELY if is_likely else 1.0)
         is_event = seen.is_new_frame and self._event.update(seen.frame)
         below = self._surface.below(edge, sense)
-        return below, is_event if self._params.evidence == "skin" else below > self._params.dip_threshold
+        return below, is_event if self._params.evidence == "skin" else below > threshold
 
     def learn(self, edge: Vector, sense: int) -> None:
-        """Update the surface estimate by a scan without an edge."""
-        self._surface.learn(edge, sense)
+        """Take a scan without an edge; the surface estimate is updated by one that is `LATE` back."""
+        if len(self._late) == self._late.maxlen:
+            self._surface.learn(*self._late.popleft())
+        self._late.append((edge, sense))
 
     def restart(self) -> None:
-        """Tell the skin's detector that the peg has begun to move in another way, which changes the readings."""
+        """Tell the skin's detector that the peg has begun to move in another way, which changes the readings; heights of the way
+        before are not learnt any more.
+        """
         self._event.restart()
+        self._late.clear()
 
     def forget(self, below: float) -> None:
         """Start the surface estimate anew where all of the plate seems to lie `below`, m: theta has jumped, and the

@@ -60,7 +60,7 @@ class Sweep:
         self._point, self._velocity = point, velocity = course.path.at(self._along)
         sense = -1 if velocity[course.fast] < 0.0 else 1
         edge = self._edge = self._ctx.job.peg.part.lowest(seen.tip, seen.axis, seen.arm.tcp.rotation[:, 2])
-        felt = self._felt(seen, *self._evidence.update(seen, edge, sense))
+        felt = self._felt(seen, *self._evidence.update(seen, edge, sense, self._along < course.likely_until))
         before = self._phase
         self._enter(next_phase(before, felt, params, course, point), felt)
         if isinstance(before, ComingDown) and isinstance(self._phase, Sliding) and felt.is_pressed:

@@ -1,0 +1,83 @@
+"""Evidence of an edge by the height of the plate, also where little of it was felt yet."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from cell.config import load
+from skills.catalogue import SEARCH
+from skills.search.belief import Belief
+from skills.search.course import make_course
+from skills.search.feel import LATE, LIKELY, Evidence
+from skills.search.tour import GATE, Likely
+from skills.surface import SurfaceEstimate
+from skills.tactile.hole_event import HoleEvent
+
+CONFIG = load().cell
+JOB, PARAMS = CONFIG.job(), CONFIG.params(SEARCH)
+PERIOD, SPEED, RUN_UP = 0.01, 0.14, 0.15
+BLIND = SimpleNamespace(is_new_frame=False)
+"""An observation without a frame: the height alone is asked."""
+
+
+def felt(dip: float, scans: int, *, is_likely: bool) -> float:
+    """Return the largest depth below the estimate, m, or infinity where it was evidence, of an edge that runs up from rest over a
+    level plate, and after so many scans falls by `dip`, m, within three scans and stays there for five.
+    """
+    evidence = Evidence(PARAMS, SurfaceEstimate(), HoleEvent(PARAMS.event, PARAMS.timeout), PERIOD)
+    place, deepest = 0.0, 0.0
+    for k in range(scans + 8):
+        place += PERIOD * SPEED * min(k * PERIOD / RUN_UP, 1.0)
+        edge = np.array([0.0, place, -dip * min(max(k - scans, 0) / 3.0, 1.0)])
+        below, is_edge = evidence.update(BLIND, edge, 1, is_likely)
+        if is_edge:
+            return np.inf
+        deepest = max(deepest, below)
+        evidence.learn(edge, 1)
+    return deepest
+
+
+def test_a_shallow_fall_right_after_the_run_up_is_seen_where_the_hole_is_likely():
+    assert felt(5e-4, 15, is_likely=True) == np.inf
+
+
+def test_a_level_plate_is_no_evidence_where_the_hole_is_likely():
+    assert felt(0.0, 60, is_likely=True) <= 0.0
+
+
+def test_a_fall_under_way_does_not_take_the_estimate_with_it():
+    """What is left below the full dip is the doubt about slopes that were never felt."""
+    evidence = Evidence(PARAMS, SurfaceEstimate(), HoleEvent(PARAMS.event, PARAMS.timeout), PERIOD)
+    for k in range(40):
+        evidence.learn(np.array([0.0, 1e-3 * k, 0.0]), 1)
+    before, _ = evidence.update(BLIND, np.array([0.0, 0.04, -5e-4]), 1)
+    for k in range(round(LATE / PERIOD)):
+        evidence.learn(np.array([0.0, 0.04 + 1e-3 * k, -5e-4]), 1)
+    after, _ = evidence.update(BLIND, np.array([0.0, 0.04, -5e-4]), 1)
+    assert after == pytest.approx(before, abs=5e-5)
+
+
+def test_elsewhere_the_whole_threshold_counts():
+    dip = 0.75 * PARAMS.dip_threshold
+    assert LIKELY < 0.75
+    known = SurfaceEstimate()
+    for k in range(400):
+        known.learn(np.array([0.0, 1e-3 * (k % 60), 0.0]), 1)
+    evidence = Evidence(PARAMS, known, HoleEvent(PARAMS.event, PARAMS.timeout), PERIOD)
+    edge = np.array([0.0, 0.03, -dip - 1e-4])
+    assert [evidence.update(BLIND, edge, 1, is_likely)[1] for is_likely in (False, True)] == [False, True]
+
+
+def test_the_likely_place_is_passed_when_the_whole_threshold_counts_again():
+    deviation = 7e-4
+    at = (JOB.hole.centre[0] + 0.01, JOB.hole.centre[1] - 0.01)
+    belief = Belief(Likely(at, (deviation, deviation)))
+    course = make_course(PARAMS, JOB, np.random.default_rng(3), belief)
+    first, last = (course.path.at(time)[0] - (0.01, -0.01) for time in (0.0, course.likely_until))
+    beyond = GATE * deviation + JOB.hole.part.inscribed / 2
+    assert last[course.fast] * -np.sign(first[course.fast]) == pytest.approx(beyond, abs=1e-6)
+
+
+def test_a_search_that_knows_nothing_has_no_likely_place():
+    assert make_course(PARAMS, JOB, np.random.default_rng(3)).likely_until == 0.0
