@@ -43,6 +43,7 @@ from skills.catalogue import INSERT, RECOVER
 from skills.contract import SkillContext
 from skills.setpoint_gate import GatedArm
 from skills.tactile.blend import Blend
+from skills.tactile.blind import Blind
 from skills.tactile.estimators import ESTIMATORS, TouchSetup
 from skills.tactile.observer import Observer
 from skills.tactile.pose import Estimator, Tracker
@@ -145,7 +146,9 @@ def make_tracker(config: CellConfig) -> Tracker:
     smoothing = config.smoothing
     if (blend := config.handling().blend) is not None:
         smoothing = smoothing.model_copy(update={"blend": blend})
-    return Observer(config.observer) if smoothing.method == "observer" else Blend(smoothing)
+    if smoothing.method == "observer":
+        return Observer(config.observer)
+    return Blend(smoothing) if smoothing.method == "blend" else Blind(smoothing)
 
 
 def assemble(config: CellConfig) -> Cell:

@@ -17,9 +17,10 @@ class Smoothing(ConfigModel):
     Source: chosen, not measured.
     """
 
-    method: Literal["blend", "observer"] = "blend"
+    method: Literal["blend", "observer", "frozen", "straight"] = "blend"
     """How theta is kept from frame to frame; `blend` weighs and holds it, `observer` follows it at every scan, see
-    `skills.tactile.observer`. Source: decision 0017.
+    `skills.tactile.observer`; for studies alone, `frozen` holds what the frames of the grasp told and `straight` takes
+    theta for 0, see `skills.tactile.blind`. Source: decision 0017.
     """
     blend: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
     """Weight of a new frame in the running estimate, fraction; 1 takes each frame as it is, as [gibbons] does."""

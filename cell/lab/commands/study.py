@@ -37,6 +37,7 @@ STUDIES = (
     "stability",
     "frontier",
     "reality",
+    "touch",
     "paper",
     "events",
     "startup",

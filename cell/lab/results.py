@@ -1,0 +1,75 @@
+"""Results of trials of one kind: success, time, force, and how far the peg turned in the hand."""
+
+import csv
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+
+import numpy as np
+
+from cell.lab.trials import TrialRow
+from cell.statistics import wilson
+from drivers.quantities import Vector
+from sim.metering import OVER_FORCE
+from skills.contract import Outcome
+
+
+@dataclass(frozen=True, slots=True)
+class TrialsResult:
+    """Result of trials of one kind; times are of the successes, s, forces each trial's largest, N; NaN where there are none."""
+
+    name: str
+    trials: int
+    successes: int
+    low: float
+    """Lower end of the Wilson 95 % interval of the success rate."""
+    high: float
+    mean: float
+    """Mean of the total time, search + insertion + adjustment."""
+    p95: float
+    force_median: float
+    within: int
+    """Number of trials whose largest contact force is at most `OVER_FORCE`."""
+    turn_median: float
+    """Median over all trials of the largest turn of the peg in the hand, rad."""
+    turn_p95: float
+    endings: str
+    """Endings other than success with their counts, or the reason why nothing could be run."""
+
+
+def result_of(name: str, trials: Sequence[TrialRow], trouble: str = "") -> TrialsResult:
+    """Return the result of trials, or of none where `trouble` says why they could not be run."""
+    good = [trial for trial in trials if trial.outcome == Outcome.SUCCESS]
+    times = np.array([trial.total_time for trial in good], dtype=float)
+    forces = np.array([trial.peak_contact_force for trial in trials], dtype=float)
+    turns = np.array([trial.max_in_hand_rotation for trial in trials], dtype=float)
+    low, high = wilson(len(good), len(trials))
+    lost = Counter(f"{trial.stage} {trial.reason}".strip() for trial in trials if trial.outcome != Outcome.SUCCESS)
+    return TrialsResult(
+        name=name,
+        trials=len(trials),
+        successes=len(good),
+        low=low,
+        high=high,
+        mean=float(times.mean()) if len(times) else float("nan"),
+        p95=_quantile(times, 0.95),
+        force_median=_quantile(forces, 0.5),
+        within=int(np.count_nonzero(forces <= OVER_FORCE)),
+        turn_median=_quantile(turns, 0.5),
+        turn_p95=_quantile(turns, 0.95),
+        endings=trouble or ", ".join(f"{count} x {text}" for text, count in lost.most_common()),
+    )
+
+
+def write_results(found: Sequence[TrialsResult], path: Path) -> Path:
+    """Write a row for each result as CSV; return the file."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, [field.name for field in fields(TrialsResult)], lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(asdict(each) for each in found)
+    return path
+
+
+def _quantile(values: Vector, share: float) -> float:
+    return float(np.quantile(values, share)) if len(values) else float("nan")
