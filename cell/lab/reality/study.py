@@ -15,7 +15,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what is simulated, and the number of trials at each scale of each error."""
     add_study(parser)
     add_seed(parser)
-    add_trials(parser, "of each size of each error; 40, with --quick 1")
+    add_trials(parser, "of each size of each error; 40, of each row at most 12, with --quick 1")
+    parser.add_argument("--rows", action="store_true", help="instead, a table of named errors, each at one stated size")
     add_workers(parser)
 
 
@@ -25,6 +26,8 @@ def run(args: argparse.Namespace) -> StudyReport:
     from cell.lab.frontier.measure import title_of
     from cell.lab.reality import charts, measure, tables
 
+    if args.rows:
+        return _run_rows(args)
     config = load_simulated(args, "study reality").cell
     folder = out_folder(args.out)
     seeds = range(args.seed, args.seed + (args.trials or (1 if args.quick else 40)))
@@ -47,3 +50,28 @@ def run(args: argparse.Namespace) -> StudyReport:
     }
     shown = [tables.sizes(lines, title), tables.tolerances(sheet), tables.ranking(ranks)]
     return StudyReport(shown, finite(result), files)
+
+
+def _run_rows(args: argparse.Namespace) -> StudyReport:
+    """Run the named rows on the same seeds and write their table."""
+    from cell.lab.frontier.measure import title_of
+    from cell.lab.reality import measure, rows, tables
+    from cell.lab.results import write_results
+
+    config = load_simulated(args, "study reality").cell
+    folder = out_folder(args.out)
+    seeds = range(args.seed, args.seed + (args.trials or (1 if args.quick else 12)))
+    tried = rows.ROWS[: rows.QUICK] if args.quick else rows.ROWS
+    with progress() as bars:
+        bar = bars.add_task("trials", total=len(tried) * len(seeds))
+        found = rows.measure(
+            rows.TriedCell(args.config, args.set, config, measure.errors_of(config)),
+            tried,
+            seeds,
+            args.workers,
+            folder,
+            lambda count: bars.advance(bar, count),
+        )
+    title = f"at most {title_of(seeds)}"
+    result = {"title": title, "rows": [asdict(row) for row in found]}
+    return StudyReport([tables.rows(found, title)], finite(result), [write_results(found, folder / rows.ROWS_FILE)])

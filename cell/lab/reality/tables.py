@@ -7,6 +7,7 @@ from rich.text import Text
 
 from cell.lab.frontier.measure import FrontierLine
 from cell.lab.reality.measure import Rank, Tolerance
+from cell.lab.results import TrialsResult
 
 
 def sizes(lines: Sequence[FrontierLine], title: str) -> Table:
@@ -45,4 +46,22 @@ def ranking(ranks: Sequence[Rank]) -> Table:
         table.add_column(name, justify="left" if name == "error" else "right")
     for rank in ranks:
         table.add_row(rank.error, f"{rank.time:.2f}", f"{rank.force:.2f}")
+    return table
+
+
+def rows(found: Sequence[TrialsResult], title: str) -> Table:
+    """Return success, time and force under each named error."""
+    table = Table(title=title, caption="times are of the successes, s; forces are each trial's largest, N")
+    for name in ("error", "success", "Wilson 95 %", "mean", "p95", "force median", "within 20 N"):
+        table.add_column(name, justify="left" if name == "error" else "right")
+    table.add_column("endings other than success")
+    for row in found:
+        table.add_row(
+            row.name,
+            f"{row.successes}/{row.trials}",
+            f"{100 * row.low:.1f} to {100 * row.high:.1f} %",
+            *(f"{value:.1f}" for value in (row.mean, row.p95, row.force_median)),
+            f"{row.within}/{row.trials}",
+            Text(row.endings),
+        )
     return table
