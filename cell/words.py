@@ -62,7 +62,10 @@ def run(row: RunRow, stages: Sequence[StageRow] = ()) -> Table:
             value = f"{value}: {REMEDIES[PartPlace[value.upper()]]}"
         table.add_row(name, str(value))
     for stage in stages:
-        facts = ", ".join(f"{name} {_short(value)}" for name, value in json.loads(stage.facts).items())
+        told = {
+            name: value for name, value in json.loads(stage.facts).items() if not isinstance(value, dict | type(None))
+        }
+        facts = ", ".join(f"{name} {_short(value)}" for name, value in told.items())
         if facts:
             table.add_row(stage.name, facts)
     return table
