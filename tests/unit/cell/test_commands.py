@@ -11,7 +11,7 @@ from cell.journal import Journal
 from cell.journal_schema import RunRow
 from cell.lab.commands.study import STUDIES, load_study
 from cell.nearest import did_you_mean
-from cell.versions import PINS, packages
+from cell.versions import PINS, licence, packages
 from drivers.errors import FaultCode
 
 ROOT = Path(__file__).parents[3]
@@ -102,6 +102,15 @@ def test_the_version_is_told_with_those_that_the_suite_ran_with(capsys):
     assert told.startswith(f"cell {project['version']}, Python ")
     assert "numpy" in told
     assert "differs" not in told
+
+
+def test_every_package_of_the_program_says_under_which_licence_it_is():
+    licences = {line.name: line.licence for line in packages()}
+    assert "not stated" not in licences.values()
+    assert licences["python-can"] == "LGPL-3.0-only"  # an expression
+    assert licences["rich"] == "MIT License"  # a classifier
+    assert licences["shtab"] == "MPL-2.0"  # a text alone
+    assert licence("nobody-wrote-this") == "not installed"
 
 
 def test_every_package_of_the_program_is_pinned():
