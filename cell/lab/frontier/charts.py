@@ -82,10 +82,12 @@ def draw_picture(lines: Sequence[FrontierLine], title: str, path: Path) -> None:
     bar.ax.axhline(20.0, color=INK, lw=2)
     axes.set_xlabel(TIME)
     axes.set_ylabel(LOST)
-    hidden = sorted({f"{line.family}: {line.variant}" for line in lines if line.trials and line not in timed})
+    hidden = sorted(
+        {f"{line.family} {line.variant}, 0/{line.trials}" for line in lines if line.trials and line not in timed}
+    )
     figure.suptitle("Speed against accuracy: quicker is further left, surer further down", fontsize=13)
     axes.set_title(
-        f"{title}" + (f"\nwithout a success, so without a time: {', '.join(hidden)}" if hidden else ""), fontsize=7.5
+        f"{title}" + (f"\nwithout a success, so without a time: {'; '.join(hidden)}" if hidden else ""), fontsize=7.5
     )
     place_labels(figure, axes, labels)
     figure.savefig(path, dpi=130)
