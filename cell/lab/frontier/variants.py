@@ -23,7 +23,7 @@ PRINTED, FITTED = "as printed", "the rest found by hand"
 SWEEPS: dict[str, dict[str, tuple[str, ...]]] = {
     "size of the errors": {f"reality {scale:g}": (f"reality.scale={scale:g}",) for scale in (0.0, 1.0, 2.0, 3.0)},
     "clearance": {f"{1e3 * gap:g} mm": (f"hole.diameter={0.008 + gap:.5f}",) for gap in (1e-4, 5e-5, 2e-5, 1e-5)},
-    "search speed": {f"{speed:g} m/s": (f"search.speed={speed:g}",) for speed in (0.05, 0.115, 0.2, 0.3)},
+    "search speed": {f"{speed:g} m/s": (f"search.speed={speed:g}",) for speed in (0.05, 0.115, 0.15)},
     "part": {
         **{
             f"round {1e3 * size:g} mm": (f"peg.diameter={size:g}", f"hole.diameter={size + 1e-4:g}")
@@ -38,7 +38,8 @@ SWEEPS: dict[str, dict[str, tuple[str, ...]]] = {
     },
     "estimator": {name: (f"insert.estimator={name}",) for name in ESTIMATORS},
 }
-"""What is swept, from the config that every variant starts from, to where a method fails: a name for each value, and its keys."""
+"""What is swept, from the config that every variant starts from, to where a method fails: a name for each value, and its keys. A search does
+not go faster than 0.15 m/s over a hole of 8.1 mm, whatever is asked."""
 STEPS: tuple[tuple[str, tuple[str, ...]], ...] = (
     (
         "+ height evidence, judged at rest",
