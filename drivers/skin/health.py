@@ -38,8 +38,10 @@ class SkinHealthConfig(ConfigModel):
     """Number of equal readings in a row that are no measurement, because noise moves a live taxel."""
     frozen_frames: Annotated[int, Field(ge=2, le=100_000)] = 5
     """Number of frames in a row, equal in every taxel, that come from a board that no longer measures."""
-    drift_time: Annotated[float, Field(ge=1.0, le=1e5)] = 30.0
-    """Time constant with which the baseline follows the untouched skin, s."""
+    drift_time: Annotated[float, Field(ge=1.0, le=1e5)] = 3.0
+    """Time constant with which the baseline follows the untouched skin, s; derived from the noise and drift of [cyskin].
+    Source: decision 0066.
+    """
     touch: Annotated[float, Field(ge=3.0, le=20.0)] = 5.0
     """Height above the baseline from which a taxel is touched, standard deviations of its noise."""
     least_touch: Annotated[float, Field(ge=1.0, le=5000.0)] = 50.0

@@ -124,3 +124,19 @@ def test_zero_near_a_baseline_of_zero_is_a_measurement():
     still = (np.arange(150).reshape(50, 3) % 4).astype(np.uint16)
     health = SkinHealth(SkinHealthConfig(), still)
     assert health.update(np.zeros(3, dtype=np.uint16), 1.0)[1].all()
+
+
+def test_the_baseline_keeps_up_with_the_drift_of_a_skin_that_is_gripped_most_of_the_time():
+    """Forty parts, each in the hand for 20 s, with 5 s of an open hand before the next; noise and drift as in [cyskin]."""
+    rng, noise, period = np.random.default_rng(7), 200.0, 0.1
+    offset, stamp = np.full(TAXELS, 5000.0), 0.0
+    health = SkinHealth(SkinHealthConfig(), _still(noise=noise))
+    behind = []
+    for _ in range(40):
+        for load in [8000.0] * 200 + [0.0] * 50:
+            stamp += period
+            offset += 0.11 * noise * np.sqrt(period) * rng.standard_normal(TAXELS)
+            raw = np.rint(offset + load + noise * rng.standard_normal(TAXELS))
+            health.update(raw.astype(np.uint16), stamp)
+        behind.append(health.baseline - offset)
+    assert np.std(behind[10:]) < 0.4 * noise
