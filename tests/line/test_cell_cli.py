@@ -83,7 +83,8 @@ def test_a_defect_is_one_line_too(capsys, monkeypatch):
 def test_check_says_what_is_wrong_with_the_switch(capsys, port, told):
     if port == "emulated":
         emulated_or_skip()
-    status = main(["check", "--json", "--set", f"switch={{kind='serial', port='{port}'}}", "--set", "sim.pace=max"])
+    sets = [f"switch={{kind='serial', port='{port}'}}", "sim.pace=max", "plc.modbus.port=0"]
+    status = main(["check", "--json", *(word for text in sets for word in ("--set", text))])
     found = {entry["device"]: entry["found"] for entry in json.loads(capsys.readouterr().out)}
     assert told in found["switch"]
     assert (status == GOOD) == (told == "ok")
