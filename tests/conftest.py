@@ -1,6 +1,9 @@
 """What tests share."""
 
+import fcntl
 import logging
+import os
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -17,6 +20,18 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         "--hardware", type=Path, metavar="FILE", help="config of a real cell: tests/contract runs on it too"
     )
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> Iterator[None]:
+    """Let a test that keeps time with other processes have the machine for itself, beside the other workers of this run."""
+    run = os.environ.get("PYTEST_XDIST_TESTRUNUID")
+    if run is None:
+        return (yield)
+    is_alone = item.get_closest_marker("alone") is not None
+    with (Path(tempfile.gettempdir()) / f"cell-tests-{run}").open("w") as turn:
+        fcntl.flock(turn, fcntl.LOCK_EX if is_alone else fcntl.LOCK_SH)
+        return (yield)
 
 
 @pytest.fixture(scope="session")

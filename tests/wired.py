@@ -111,8 +111,9 @@ class Rehearsal:
     def wait(self, seconds: float) -> None:
         """Let the cell wait for commands for so long."""
         end = self._clock.now() + seconds
-        while self._clock.now() < end:
+        while (before := self._clock.now()) < end:
             self._supervisor.scan()
+            assert self._clock.now() > before, f"time stands still: {self._report}"
 
     def give(self, code: int) -> Report:
         self._number += 1

@@ -11,6 +11,8 @@ pytest.importorskip(
 from tests.emulation import emulated_or_skip
 from tests.franka.desk import desk
 
+pytestmark = pytest.mark.alone
+
 
 def test_a_cell_is_found_whole_by_its_file_and_a_board_that_is_pulled_is_named():
     emulated_or_skip()

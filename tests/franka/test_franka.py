@@ -21,12 +21,15 @@ from drivers.errors import ArmReflexError, ArmSilentError, ArmStoppedError, Devi
 from drivers.gripper.franka import FrankaGripper
 from drivers.gripper.franka_config import FrankaGripperConfig
 from drivers.quantities import ImpedanceSetpoint
+from tests.franka.insertion import inserted
 from tests.franka.simulated import address, served
 
 HOST = address(1)
 FIGURES = load(sets=["reality.scale=0.0"]).cell.arm_model()
 LONGEST = 20.0
 """s."""
+
+pytestmark = pytest.mark.alone
 
 
 @pytest.fixture(scope="module")
@@ -208,3 +211,13 @@ def test_a_kernel_that_is_not_real_time_is_told(simulated):
     config = FrankaArmConfig(kind="franka", model="panda", host=HOST, collision_torque=60.0, collision_force=60.0)
     with pytest.raises(DeviceNotOpenedError, match="kernel does not have realtime capabilities"):
         FrankaArm(config, world.world.arm, world).open()
+
+
+def test_a_whole_insertion_runs_through_the_clients(simulated):
+    told = inserted(address(4), 2)
+    assert told["fault"] == ""
+    assert told["outcome"] == "success"
+    assert told["switch_closed"]
+    assert not told["is_void"]
+    assert told["loop"]["missed"] == 0
+    assert told["largest_torque_rate"] < FIGURES.joints.torque_rate[0]
