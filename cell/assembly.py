@@ -326,7 +326,13 @@ def bench_skin(config: CellConfig, rod_half: float) -> "tuple[Skin, Clock, Calib
     from sim.bench import CalibrationBench
     from sim.disturb import draw
 
-    if config.sim is None or config.contact is None or config.grip is None or not config.is_skin_simulated():
+    if (
+        not config.is_simulated
+        or config.sim is None
+        or config.contact is None
+        or config.grip is None
+        or not config.is_skin_simulated()
+    ):
         raise ConfigError("a bench needs a simulated skin or an emulated board")
     bench = CalibrationBench(config.peg.part.thickness, rod_half)
     drawn = draw(config.arm_model(), config.job(), config.contact, config.grip, config.sim.seed)

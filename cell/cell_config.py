@@ -10,6 +10,7 @@ from cell.config_checks import (
     require_prior_inside,
     require_reach,
     require_shallow,
+    require_sighted,
     require_stable,
     require_steady,
     require_turned_as_hole,
@@ -171,8 +172,10 @@ class CellConfig(Catalogued):
         if getattr(self, section) is None:
             raise ValueError(f'[{section}]: missing; needed because peg.shape = "{peg.shape}"')
         require_shallow(peg, hole, rack)
-        if self.sim is not None:
+        if self.is_simulated:
             require_apart(hole, rack)
+        else:
+            require_sighted(self.smoothing)
         require_clear_way(self.params(GRASP), self.params(SEARCH), rack, peg)
         require_workspace(self.limits)
         return self
@@ -218,21 +221,27 @@ class CellConfig(Catalogued):
             raise ValueError(f'switch.port = "{EMULATED}": needs a simulated cell; the name of a port allowed')
         if self.arm.kind == "franka" and simulated:
             raise ValueError(f'{simulated[0]}.kind = "sim": needs a simulated arm, and arm.kind = "franka" is none')
-        if self.arm.kind == "sim" and self.gripper.kind != "sim":
+        if self.is_simulated and self.gripper.kind != "sim":
             raise ValueError(
                 f'gripper.kind = "{self.gripper.kind}": needs the real arm; "sim" allowed with a simulated one'
             )
+        return self
+
+    @model_validator(mode="after")
+    def _fits_world(self) -> Self:
+        if not self.is_simulated or self.sim is None:
+            return self
         period = self.arm_model().control_period
-        if self.sim is not None and abs(period / self.sim.timestep - round(period / self.sim.timestep)) > 1e-9:
+        if abs(period / self.sim.timestep - round(period / self.sim.timestep)) > 1e-9:
             raise ValueError(
                 f"sim.timestep = {self.sim.timestep}: does not divide the arm's control period of {period} s; a part of it allowed"
             )
-        if self.sim is not None and not self.sim.model.has_hole_for(self.peg.part):
+        if not self.sim.model.has_hole_for(self.peg.part):
             raise ValueError(
                 f'sim.model.hole = "{self.sim.model.hole}": facets round a hole, and peg.shape = "{self.peg.shape}";'
                 ' "exact" allowed'
             )
-        if self.sim is not None and not self.hole.present and self.sim.model.hole not in ("exact", "unpredicted"):
+        if not self.hole.present and self.sim.model.hole not in ("exact", "unpredicted"):
             raise ValueError(
                 f'sim.model.hole = "{self.sim.model.hole}": facets round a hole, and hole.present = false; "exact" allowed'
             )
@@ -265,13 +274,18 @@ class CellConfig(Catalogued):
             length=self.peg.length,
         )
 
+    @property
+    def is_simulated(self) -> bool:
+        """Whether the arm is a simulated one; a physical cell, too, takes the sections of the world from its base."""
+        return self.arm.kind == "sim"
+
     def require_simulated(self, what: str) -> None:
         """Make sure that this is a simulated cell.
 
         Raises:
             ConfigError: The cell is a real one; `what` is the command that needs a simulated one.
         """
-        if self.arm.kind != "sim":
+        if not self.is_simulated:
             raise ConfigError(f'{what}: arm.kind = "{self.arm.kind}": runs on simulated cells alone; "sim" allowed')
 
     def is_skin_emulated(self) -> bool:

@@ -14,6 +14,7 @@ from skills.grasp_from_rack import GraspFromRackParams
 from skills.motion import Gains
 from skills.search.params import TOUCHED_TIME, SpraySearchParams
 from skills.setpoint_gate import Limits
+from skills.tactile.blend import BLIND, Smoothing
 
 LEAST_TURN = 1e-3
 """Turn of a peg with corners against its hole that is left out of account, rad; what a rounded figure makes."""
@@ -44,6 +45,16 @@ def require_apart(hole: Hole, rack: Rack) -> None:
             f"rack.first = {list(rack.first)}: the rack overlaps the plate; slots outside x {least[0]:g} to {most[0]:g}, y"
             f" {least[1]:g} to {most[1]:g} allowed"
         )
+
+
+def require_sighted(smoothing: Smoothing) -> None:
+    """Make sure that a physical cell looks at its skin.
+
+    Raises:
+        ValueError: Its theta is one that only studies of what touch is worth want.
+    """
+    if smoothing.method in BLIND:
+        raise ValueError(f'smoothing.method = "{smoothing.method}": for simulated cells alone; blend, observer allowed')
 
 
 def require_clear_way(grasp: GraspFromRackParams, search: SpraySearchParams, rack: Rack, peg: Peg) -> None:

@@ -118,7 +118,7 @@ class RunRecord:
                 versions=json.dumps(versions()),
                 config_hash=digest_of(text),
                 parameters=json.dumps(dict(command.parameters)),
-                is_simulated=int(config.sim is not None),
+                is_simulated=int(config.is_simulated),
                 seed=seed,
             ),
             scene_facts(config),

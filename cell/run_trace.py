@@ -125,9 +125,10 @@ def _is_over(seen: Observation, hole: Hole) -> bool:
 
 
 def _facts(result: SkillResult) -> dict[str, object]:
-    """Return what a skill's result says beside the fields of every skill's."""
+    """Return what a skill's result says beside the fields of every skill's; JSON has no word for what is not finite."""
     common = {each.name for each in fields(SkillResult)}
-    return {name: value for name, value in asdict(result).items() if name not in common}
+    told = {name: value for name, value in asdict(result).items() if name not in common}
+    return {name: _finite(value) if isinstance(value, float) else value for name, value in told.items()}
 
 
 def _plain(value: object) -> object:

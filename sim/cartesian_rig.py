@@ -26,7 +26,7 @@ HINGE = 6
 class Views(NamedTuple):
     """The arrays that the compiled loop reads and writes."""
 
-    state: engine.State
+    state: engine.Bodies
     tip: Vector
     """Place of the tip, shape (3,), m."""
     axes: Vector

@@ -40,7 +40,7 @@ class Models(NamedTuple):
     """Mouth of the hole that the twin keeps away from, see `is_far`; nothing is near a hole of negative radius."""
 
 
-class State(NamedTuple):
+class Bodies(NamedTuple):
     """The mjData that is stepped."""
 
     data: int
@@ -55,9 +55,9 @@ class State(NamedTuple):
     """View of the words in which the contact function leaves the penetration."""
 
 
-def state_of(data: mujoco.MjData) -> State:
+def state_of(data: mujoco.MjData) -> Bodies:
     """Return the views of an mjData."""
-    return State(data._address, data.qpos, data.qvel, data.qfrc_applied, data.userdata)
+    return Bodies(data._address, data.qpos, data.qvel, data.qfrc_applied, data.userdata)
 
 
 class Watch(NamedTuple):
@@ -76,7 +76,7 @@ class Watch(NamedTuple):
     """Whether the arm feels what the plates do to the peg."""
 
 
-class Control(NamedTuple):
+class Drives(NamedTuple):
     """The commands, and the figures that the devices' models work with."""
 
     arm: Vector
@@ -113,13 +113,13 @@ class Span(NamedTuple):
 
 @njit(cache=True)
 def advance(
-    models: Models, state: State, watch: Watch, control: Control, meters: Vector, span: Span
+    models: Models, state: Bodies, watch: Watch, control: Drives, meters: Vector, span: Span
 ) -> int:  # pragma: no cover
     """Advance the physics by a span of time, with the torque law once every control period.
 
     Args:
         models: The model, and its twin for where nothing can touch the hole.
-        state: State of both models; updated.
+        state: Bodies of both models; updated.
         watch: Bodies that the meters look at.
         control: Commands and figures of the devices.
         meters: Meters, see `sim.metering`; updated.
@@ -163,7 +163,7 @@ def advance(
 
 
 @njit(cache=True)
-def _drive_fingers(state: State, drive: Vector) -> None:  # pragma: no cover
+def _drive_fingers(state: Bodies, drive: Vector) -> None:  # pragma: no cover
     """Apply the hand's drive to the two fingers, which move at 7 and 8."""
     closing, speed, strongest = drive[DRIVE_FORCE], drive[DRIVE_SPEED], drive[DRIVE_OPENING]
     for i in range(7, 9):
@@ -176,7 +176,7 @@ def _drive_fingers(state: State, drive: Vector) -> None:  # pragma: no cover
 
 
 @njit(cache=True)
-def judged_step(model: int, state: State, meters: Vector, ticks: int) -> None:  # pragma: no cover
+def judged_step(model: int, state: Bodies, meters: Vector, ticks: int) -> None:  # pragma: no cover
     """Take one step with a model and meter its penetration; `ticks` as `metering.judge` has it."""
     metering.clear(state.userdata)
     native.step(model, state.data)

@@ -117,7 +117,7 @@ def push(model: mujoco.MjModel, peg: Part, tilt: float, azimuth: float, force: f
 
 @njit(cache=True)
 def _push(
-    model: int, state: engine.State, force: float, steps: int, window: int, meters: Vector
+    model: int, state: engine.Bodies, force: float, steps: int, window: int, meters: Vector
 ) -> float:  # pragma: no cover
     qpos, qvel, qfrc = state.qpos, state.qvel, state.qfrc
     speed = 0.0
@@ -161,7 +161,7 @@ def drag(model: mujoco.MjModel, peg: Part, tilt: float, direction: float, beside
 @njit(cache=True)
 def _drag(
     model: int,
-    state: engine.State,
+    state: engine.Bodies,
     start: Vector,
     speed: Vector,
     force: float,

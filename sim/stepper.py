@@ -42,7 +42,7 @@ class Stepper:
         self._arm, self._model_of, self._grip, self._pad, self._pace = arm, sim.model, grip, pad, pace
         self.law_every = round(arm.control_period / sim.timestep)
         """Number of ticks in a control period."""
-        self.control = engine.Control(
+        self.control = engine.Drives(
             impedance.figures(arm),
             np.zeros(impedance.WORDS),
             impedance.new_state(arm),

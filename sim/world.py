@@ -87,7 +87,7 @@ class World:
         self._pace.keep()
 
     @property
-    def control(self) -> engine.Control:
+    def control(self) -> engine.Drives:
         """Commands, which the devices write."""
         return self.stepper.control
 

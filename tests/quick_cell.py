@@ -7,11 +7,12 @@ from pathlib import Path
 
 from cell.assembly import Cell
 from cell.config import LoadedConfig
+from cell.desk import CommandLine
 from cell.journal import Journal
 from cell.journal_schema import RunRow
 from cell.line import PARAMETERS, PROGRAMS
 from cell.live import Live
-from cell.supervisor import CommandLine, Supervisor
+from cell.supervisor import Supervisor
 from drivers.errors import CellError
 from plc_bridge.bridge import Bridge
 from plc_bridge.config import PlcConfig

@@ -118,7 +118,7 @@ class PageHub:
         return {
             "build": self._build,
             "version": installed(PROGRAM),
-            "simulated": cell.arm.kind == "sim",
+            "simulated": cell.is_simulated,
             "programs": list(CATALOGUE),
             "recipes": sorted(self._loaded.recipes),
             "stages": [{"number": number, "name": name} for number, name in CATALOGUE.stages.items()],

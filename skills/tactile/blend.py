@@ -10,6 +10,9 @@ from drivers.config_model import ConfigModel
 from drivers.quantities import Pose
 from skills.tactile.pose import NO_PEG, PegPose
 
+BLIND = ("frozen", "straight")
+"""Methods of a cell that stops looking at its skin, see `skills.tactile.blind`."""
+
 
 class Smoothing(ConfigModel):
     """How theta is carried from frame to frame; unfiltered noise of theta would move the tip at the skin's rate.

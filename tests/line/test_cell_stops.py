@@ -73,7 +73,7 @@ def test_an_error_in_the_supervisor_itself_is_a_fault_with_the_record_closed(wor
         raise RuntimeError(f"nobody thought of {outcome}")
 
     supervisor = Supervisor(cell, loaded, Ended(at), journal)
-    monkeypatch.setattr(supervisor, "_settle", broken)
+    monkeypatch.setattr(supervisor._execution, "_settle", broken)
     supervisor.serve()
     assert moving(cell) < REST_SPEED
     assert (supervisor.report.state, supervisor.report.fault) == (State.ABORTED, FaultCode.SOFTWARE)

@@ -14,7 +14,8 @@ from cell.config import load
 from cell.lab.frontier import measure as frontier
 from cell.lab.frontier.measure import Variant
 from cell.lab.reality.measure import ALL, errors_of, ranking, size_at, tolerances, variants
-from cell.lab.trials import TABLE, TrialRow, read_table
+from cell.lab.trials import TABLE, read_table
+from tests.trial_rows import SEATED
 
 ERRORS = errors_of(load(sets=["sim.pace=max"]).cell)
 
@@ -71,7 +72,7 @@ def test_the_error_that_the_time_depends_on_ranks_first():
     for seed in range(200):
         height, force = rng.normal(size=2)
         drawn = {"reality.place.plate_height": f"{height}", "reality.grip.force": f"{math.exp(0.1 * force)}"}
-        rows.append(replace(ROW, seed=seed, total_time=10.0 + height + 0.1 * rng.normal(), errors=drawn))
+        rows.append(replace(SEATED, seed=seed, total_time=10.0 + height + 0.1 * rng.normal(), errors=drawn))
     first, second = ranking(ERRORS, rows)
     assert first.error == "place.plate_height"
     assert first.time > 0.7
@@ -79,7 +80,7 @@ def test_the_error_that_the_time_depends_on_ranks_first():
 
 
 def _line(family: str, scale: str, successes: int) -> frontier.FrontierLine:
-    rows = [replace(ROW, seed=n, outcome="success" if n < successes else "failure") for n in range(100)]
+    rows = [replace(SEATED, seed=n, outcome="success" if n < successes else "failure") for n in range(100)]
     return frontier._line(Variant(family, scale, None, ()), "", rows, "", is_base=False)
 
 
@@ -87,30 +88,3 @@ def _is_ideal(name: str, text: str) -> bool:
     from sim.reality import KINDS
 
     return all(float(word) == KINDS[name.removeprefix("reality.")].ideal for word in text.split())
-
-
-ROW = TrialRow(
-    seed=1,
-    outcome="success",
-    reason="",
-    stage="release_and_retract",
-    grasp_time=4.0,
-    search_time=4.0,
-    insert_time=2.0,
-    adjust_time=2.0,
-    total_time=8.0,
-    retries=0,
-    peak_contact_force=15.0,
-    max_penetration=0.0,
-    max_in_hand_rotation=0.1,
-    theta_rmse=0.01,
-    tip_rmse=1e-3,
-    hole_x=0.5,
-    hole_y=0.0,
-    start_x=0.5,
-    start_y=0.0,
-    switch_closed=True,
-    depth=0.02,
-    sim_time=15.0,
-    wall_time=1.0,
-)

@@ -11,6 +11,7 @@ from cell.config_errors import RENAMED
 from cell.config_files import DEFAULT, SHIPPED, arm_file
 from cell.config_layers import parse_set
 from cell.margins import inertias
+from cell.supervisor import is_timed
 from drivers.config_model import ConfigModel
 from drivers.errors import ConfigError
 from skills.catalogue import SEARCH
@@ -222,10 +223,26 @@ def test_a_cell_takes_from_its_base_what_it_does_not_say(real):
     assert (cell.arm.kind, base.arm.kind) == ("franka", "sim")
 
 
+@pytest.mark.parametrize("pace", ["1.0", "max"])
+def test_a_physical_cell_keeps_time_whatever_its_base_says_of_the_world(real, pace):
+    physical, simulated = load(real, sets=[f"sim.pace={pace}"]).cell, load(sets=[f"sim.pace={pace}"]).cell
+    assert (physical.is_simulated, simulated.is_simulated) == (False, True)
+    assert is_timed(physical)
+    assert is_timed(simulated) == (pace == "1.0")
+
+
 def test_a_wrong_value_of_the_base_is_told_of_the_base(real):
     shutil.copy(DEFAULT, real.parent / "sim.toml")
     (real.parent / "sim.toml").write_text(DEFAULT.read_text().replace("timeout = 100.0", "timeout = -1.0"))
     assert line_about(path=real).startswith(f"{real.parent / 'sim.toml'}: search.timeout")
+
+
+@pytest.mark.parametrize("method", ["frozen", "straight"])
+def test_only_a_simulated_cell_may_go_blind(real, method):
+    assert load(sets=[f"smoothing.method={method}"]).cell.smoothing.method == method
+    assert f'smoothing.method = "{method}": for simulated cells alone' in line_about(
+        f"smoothing.method={method}", path=real
+    )
 
 
 @pytest.mark.parametrize("force", [0.0, -1.0])

@@ -9,39 +9,12 @@ from cell.config import load
 from cell.lab.reality import rows
 from cell.lab.reality.measure import errors_of
 from cell.lab.results import result_of
-from cell.lab.trials import TrialRow
 from sim.config import RealityConfig
 from sim.reality import KINDS, read
+from tests.trial_rows import SEATED
 
 CONFIG = load(sets=["sim.pace=max"]).cell
 ERRORS = errors_of(CONFIG)
-
-
-ROW = TrialRow(
-    seed=1,
-    outcome="success",
-    reason="",
-    stage="release_and_retract",
-    grasp_time=4.0,
-    search_time=4.0,
-    insert_time=2.0,
-    adjust_time=2.0,
-    total_time=8.0,
-    retries=0,
-    peak_contact_force=15.0,
-    max_penetration=0.0,
-    max_in_hand_rotation=0.1,
-    theta_rmse=0.01,
-    tip_rmse=1e-3,
-    hole_x=0.5,
-    hole_y=0.0,
-    start_x=0.5,
-    start_y=0.0,
-    switch_closed=True,
-    depth=0.02,
-    sim_time=15.0,
-    wall_time=1.0,
-)
 
 
 def drawn(row, tmp_path):
@@ -77,12 +50,12 @@ def test_blocks_double_and_hold_every_seed_once():
 
 @pytest.mark.parametrize(("lost", "goes_on"), [(1, True), (2, False)])
 def test_a_row_that_can_no_longer_be_borne_ends(lost, goes_on):
-    trials = [replace(ROW, outcome="failure" if n < lost else "success") for n in range(4)]
+    trials = [replace(SEATED, outcome="failure" if n < lost else "success") for n in range(4)]
     assert rows.may_be_borne(trials) == goes_on
 
 
 def test_a_result_counts_what_is_within_20_n_and_names_what_was_lost():
-    lost = replace(ROW, outcome="failure", stage="spray_search", reason="no_hole", peak_contact_force=20.5)
-    found = result_of("some error", [ROW, lost])
+    lost = replace(SEATED, outcome="failure", stage="spray_search", reason="no_hole", peak_contact_force=20.5)
+    found = result_of("some error", [SEATED, lost])
     assert (found.successes, found.trials, found.within, found.mean) == (1, 2, 1, 8.0)
     assert found.endings == "1 x spray_search no_hole"

@@ -1,0 +1,133 @@
+"""The desk between a cell and its line: the PackML state, the report, the answers to commands, and what onlookers see."""
+
+import logging
+from dataclasses import replace
+from typing import Protocol
+
+from cell.event_log import EventLog, warnings_of
+from cell.journal import Journal
+from cell.live import Live, Look
+from cell.part_watch import PartWatch
+from cell.record import StageClock
+from cell.states import Event, State, after
+from cell.watchdog import LateScans
+from drivers.errors import CellError
+from drivers.protocols import Clock
+from plc_bridge.messages import Command, Control, Refusal, Report, Result
+from skills.catalogue import CATALOGUE
+
+logger = logging.getLogger(__name__)
+
+
+class CommandLine(Protocol):
+    """Where commands come from and reports go: the bridge to the PLC, or a technician's terminal."""
+
+    def poll(self) -> Command | None:
+        """Return the next command, or None; never waits.
+
+        Raises:
+            PlcLostError: Whoever started what is running has fallen silent.
+        """
+
+    def publish(self, report: Report) -> None:
+        """Make the report readable; never waits."""
+
+    def accept(self, command: Command) -> None:
+        """Tell whoever gave a command that it is done: a program begins, a control is obeyed; never waits."""
+
+    def refuse(self, command: Command, refusal: Refusal) -> None:
+        """Tell whoever gave a command that it is not done, and why; never waits."""
+
+
+class Desk:
+    """Keeps the state and the report of one cell; for the scan thread."""
+
+    def __init__(
+        self, line: CommandLine, live: Live, journal: Journal, clock: Clock, part: PartWatch, late: LateScans
+    ) -> None:
+        """Begin idle; the part, the journal's troubles and the late scans are told with every report."""
+        self._line, self._live, self._journal, self._part, self._late = line, live, journal, part, late
+        self.events = EventLog(journal, clock.now)
+        self.state = State.IDLE
+        self.report = Report(state=State.IDLE)
+
+    def enter(self, event: Event) -> None:
+        """Go where an event leads from the present state; one that leads nowhere changes nothing."""
+        before, self.state = self.state, after(self.state, event)
+        if self.state is before:
+            return
+        self.events.state(before, self.state)
+        if event is not Event.FINISHED:
+            self.report = replace(self.report, transition=Control[event.name])
+
+    def leave_complete(self) -> None:
+        """Be idle again where the last run is complete."""
+        if self.state is State.COMPLETE:
+            self.enter(Event.RESET)
+            self.enter(Event.FINISHED)
+
+    def open(self, command: Command, fault: int = 0) -> None:
+        """Begin the report on a command; of the one before, run, transition and warnings stay."""
+        before = self.report
+        self.report = Report(
+            command.sequence, fault=fault, run=before.run, transition=before.transition, warnings=before.warnings
+        )
+
+    def tell_times(self, clock: StageClock) -> None:
+        """Put the times of the stages into the report."""
+        self.report = replace(
+            self.report,
+            stage_times=CATALOGUE.in_places(clock.times),
+            total_time=sum(clock.times.get(name, 0.0) for name in CATALOGUE.counted),
+        )
+
+    def tell_part(self) -> None:
+        """Put the peg's place and the evidence of it into the report."""
+        self.report = self._part.filled(self.report)
+
+    def publish(self) -> None:
+        """Give the report to the line, with everything in it that changes from scan to scan."""
+        self.tell_part()
+        before, warnings = self.report, warnings_of(self._journal, self._late.is_warned)
+        if (before.state, before.warnings, before.overruns) != (self.state, warnings, self._late.count):
+            self.events.warned(before.warnings, warnings)
+            self.report = replace(before, state=self.state, warnings=warnings, overruns=self._late.count)
+        self._line.publish(self.report)
+
+    def fault(self, error: CellError) -> None:
+        """Be aborted, and report why; moving again takes a reset."""
+        self._say(error)
+        self.events.fault(error)
+        self.enter(Event.ABORT)
+        if self.state is State.ABORTING:
+            self.enter(Event.FINISHED)
+        result = self.report.result
+        if result is Result.NONE and self.report.sequence != 0:
+            result = Result.FAULT
+        self.report = replace(self.report, result=result, fault=error.code)
+
+    def tell_blocked(self, error: CellError) -> None:
+        """Tell of a scan that does not come, from the watchdog's thread; the report itself stays the scan's own."""
+        self._say(error)
+        self._line.publish(replace(self.report, state=State.ABORTING, fault=error.code))
+
+    def _say(self, error: CellError) -> None:
+        logger.error("fault %d: %s", error.code, error)
+        self._live.fault = str(error)
+
+    def show(self, look: Look) -> None:
+        """Let onlookers see one scan."""
+        self._live.show(look)
+
+    def poll(self) -> Command | None:
+        """Return the next command, or None; raises as `CommandLine.poll`."""
+        return self._line.poll()
+
+    def accept(self, command: Command) -> None:
+        """Answer that a command is obeyed."""
+        self._line.accept(command)
+
+    def refuse(self, command: Command, refusal: Refusal) -> None:
+        """Answer that a command is not obeyed, and why."""
+        self.events.refusal(command, refusal)
+        self._line.refuse(command, refusal)
