@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Self
 
 from cell.journal_index import INDEX as INDEX
 from cell.journal_index import Index
-from cell.journal_schema import ConfigRow, EventRow, RunRow, StageRow
+from cell.journal_schema import ConfigRow, EventRow, RunRow, RunTold, StageRow, StageTold
 from cell.provenance import versions
 from cell.run_query import RunQuery
 from drivers.errors import JournalError
@@ -182,11 +182,16 @@ class Journal:
         where, values = query.where()
         return self._reading().rows(RunRow, f"WHERE {where} ORDER BY run DESC LIMIT ?", [*values, last])
 
-    def stages_of(self, query: RunQuery) -> list[StageRow]:
-        """Return the stages of all runs that a question is about, by run and in the order in which they were tried."""
+    def told(self, query: RunQuery) -> list[RunTold]:
+        """Return what a report tells of the runs that a question is about, oldest first."""
         where, values = query.where()
-        condition = f"WHERE run IN (SELECT run FROM runs WHERE {where}) ORDER BY run, place"
-        return self._reading().rows(StageRow, condition, values)
+        return self._reading().values(RunTold, f"FROM runs WHERE {where} ORDER BY run", values)
+
+    def stages_told(self, query: RunQuery) -> list[StageTold]:
+        """Return what a report tells of the stages of those runs, all tries of a run together."""
+        where, values = query.where()
+        tried = f"FROM stages WHERE run IN (SELECT run FROM runs WHERE {where}) GROUP BY run, name"
+        return self._reading().values(StageTold, tried, values)
 
     def events(self, since: str = "", run: int | None = None) -> list[EventRow]:
         """Return the events, oldest first, from the wall time `since`, ISO 8601 UTC, on; of one run where it is named."""

@@ -8,12 +8,15 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from cell.journal_schema import (
+    EXPRESSIONS,
     LAYOUT,
     TABLES,
     ConfigRow,
     EventRow,
     RunRow,
+    RunTold,
     StageRow,
+    StageTold,
     migrate,
     names,
     require_known_layout,
@@ -21,6 +24,7 @@ from cell.journal_schema import (
 from drivers.errors import JournalError
 
 Row = TypeVar("Row", RunRow, StageRow, EventRow, ConfigRow)
+Told = TypeVar("Told", RunTold, StageTold)
 
 INDEX = "runs.sqlite"
 OWNER_ONLY, OWNERS_FOLDER = 0o600, 0o700
@@ -81,6 +85,11 @@ class Index:
         """Return the rows of a table that `where`, with `values` in the places of its question marks, selects."""
         cursor = self.execute(f"SELECT {', '.join(names(row))} FROM {TABLES[row]} {where}", values or [])
         return [row(*found) for found in cursor]
+
+    def values(self, told: type[Told], rest: str, values: list[object]) -> list[Told]:
+        """Return values by the expressions that `told` has for its fields; `rest` is the statement from FROM on."""
+        fields = ", ".join(expression or name for name, expression in EXPRESSIONS[told].items())
+        return [told._make(found) for found in self.execute(f"SELECT {fields} {rest}", values)]
 
     def put(self, row: Any, *, is_numbered_here: bool = False, how: str = "INSERT") -> None:
         """Write a row; where `is_numbered_here`, the index counts up the number in its first column.

@@ -14,7 +14,7 @@ says 0 there; layout 4 is the present one.
 import sqlite3
 from dataclasses import MISSING, Field, dataclass, fields
 from enum import StrEnum
-from typing import Any
+from typing import Any, NamedTuple
 
 from drivers.errors import JournalError
 
@@ -164,6 +164,42 @@ class ConfigRow:
     config: str
     """The config as JSON."""
 
+
+class RunTold(NamedTuple):
+    """What a report tells of one run: some columns of it, as a report asks for those of hundred thousand runs."""
+
+    run: int
+    started: str
+    outcome: str
+    stage: str
+    reason: str
+    fault: int
+    stage_times: str
+    """Times as in the row where no try of a stage is on record, as in journals of layout 1; else empty."""
+    cycle_time: float | None
+    peak_force: float | None
+
+
+class StageTold(NamedTuple):
+    """What a report tells of one stage of one run, all its tries together."""
+
+    run: int
+    name: str
+    counted: float | None
+    """Sum of the times that the skill counts as its own, s."""
+    whole: float
+    """Sum of the times with the way to the stage's place, s."""
+    residual: float | None
+    """Largest residual of theta, 0 to 1."""
+
+
+EXPRESSIONS: dict[type, dict[str, str]] = {
+    RunTold: dict.fromkeys(RunTold._fields, "")
+    | {"stage_times": "iif(run IN (SELECT run FROM stages), '', stage_times)"},
+    StageTold: dict.fromkeys(StageTold._fields, "")
+    | {"counted": "sum(counted)", "whole": "sum(ended - began)", "residual": "max(residual)"},
+}
+"""Expression of each field that is more than its column."""
 
 _TYPES: dict[Any, str] = {
     int: "INTEGER NOT NULL",

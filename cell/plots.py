@@ -8,9 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from cell.journal_schema import RunRow
-from cell.skin_view import BRIGHT
 from drivers.errors import ConfigError
-from drivers.quantities import FINGER_NAMES, FINGERS, TaxelFrame, Vector
+from drivers.quantities import BRIGHT, FINGER_NAMES, FINGERS, TaxelFrame, Vector
 from drivers.skin.layout import Layout, finger_positions
 from skills.catalogue import ADJUST, INSERT, SEARCH
 

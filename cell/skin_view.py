@@ -16,13 +16,11 @@ from cell.assembly import SkinLine, assemble, opened, played_skin
 from cell.cell_config import CellConfig
 from drivers.errors import CellError, ConfigError
 from drivers.protocols import Clock
-from drivers.quantities import FINGER_NAMES, FINGERS, Mask, TaxelFrame, Vector
+from drivers.quantities import BRIGHT, FINGER_NAMES, FINGERS, Mask, TaxelFrame, Vector
 from drivers.skin.figures import SkinFigures
 from drivers.skin.layout import Layout, finger_positions
 from drivers.transport.traffic import TrafficEndedError
 
-BRIGHT = 15_000.0
-"""Reading at which a taxel is shown brightest, counts."""
 _CELL = 5
 """Width of one taxel in the terminal, characters."""
 _MM_PER_CHARACTER = 1.5

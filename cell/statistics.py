@@ -38,12 +38,8 @@ def spread(values: Sequence[float]) -> dict[str, float] | None:
     """Return mean, median and 95th percentile, or None of nothing."""
     if not values:
         return None
-    return {
-        "mean": float(np.mean(values)),
-        "median": float(np.median(values)),
-        "p95": float(np.percentile(values, 95)),
-        "n": len(values),
-    }
+    median, p95 = np.percentile(found := np.array(values), [50, 95])
+    return {"mean": float(found.mean()), "median": float(median), "p95": float(p95), "n": len(values)}
 
 
 class Verdict(StrEnum):

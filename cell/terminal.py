@@ -19,11 +19,12 @@ PIPE_WIDTH = 200
 
 
 def show(args: argparse.Namespace, picture: "RenderableType", data: object) -> None:
-    """Print a result: `picture` for people, or with --json `data` for programs."""
+    """Print a result at once: `picture` for people, or with --json `data` for programs."""
     if args.json:
         print(json.dumps(data, indent=2))
     else:
         console(None if sys.stdout.isatty() else PIPE_WIDTH).print(_folded(picture))
+    sys.stdout.flush()  # what follows may take time
 
 
 def _folded(picture: "RenderableType") -> "RenderableType":

@@ -11,6 +11,8 @@ Mask = NDArray[np.bool_]
 
 FINGERS = 2
 FINGER_NAMES = ("left", "right")
+BRIGHT = 15_000.0
+"""Reading of a taxel that is pressed hard, counts; pictures show it brightest."""
 TAXELS = 20
 """Number of taxels on one finger: two modules of ten."""
 

@@ -24,16 +24,18 @@ def run(args: argparse.Namespace) -> int:
     from rich.table import Table
 
     from cell.line import PROGRAMS
-    from cell.report.document import tables, write
     from cell.report.facts import facts_of
+    from cell.report.words import tables
     from plc_bridge.messages import FIRST_PROGRAM
 
     query = query_of(args)
     if query.program is None:
         query = replace(query, program=PROGRAMS[FIRST_PROGRAM])
     with read_journal(args) as journal:
-        facts = facts_of(journal.select(query), journal.stages_of(query), query.since)
+        facts = facts_of(journal.told(query), journal.stages_told(query), query.since)
     if args.out is not None:
+        from cell.report.document import write  # the charts, which who only reads does not wait for
+
         write(facts, args.out)
     shown = []
     for title, head, rows in tables(facts):

@@ -19,9 +19,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Draw the run, export its samples if asked to, and show what is on record."""
+    """Show what is on record; then draw the run, and export its samples if asked to."""
     from cell import words
-    from cell.plots import plot_run
     from cell.samples import export_csv, read_samples
 
     with read_journal(args) as journal:
@@ -29,15 +28,17 @@ def run(args: argparse.Namespace) -> int:
         stages = journal.stages(row.run)
     samples = read_samples(journal.samples_path(row.run))
     folder = out_folder(args.export) if args.export else journal.folder
-    files = [folder / f"run-{row.run:06d}.png"]
-    plot_run(row, samples, files[0])
-    if args.export:
-        files.append(folder / f"run-{row.run:06d}.csv")
-        export_csv(samples, files[-1])
+    picture, table = (folder / f"run-{row.run:06d}.{kind}" for kind in ("png", "csv"))
+    files = [picture, table] if args.export else [picture]
     show(
         args,
         words.run(row, stages),
         {**asdict(row), "stages": [asdict(stage) for stage in stages], "files": [str(path) for path in files]},
     )
+    from cell.plots import plot_run  # the charts, which the words do not wait for
+
+    plot_run(row, samples, picture)
+    if args.export:
+        export_csv(samples, table)
     written(args, files)
     return GOOD

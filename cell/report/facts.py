@@ -8,7 +8,7 @@ from datetime import datetime
 
 import numpy as np
 
-from cell.journal_schema import RunRow, StageRow
+from cell.journal_schema import RunTold, StageTold
 from cell.statistics import Z95, spread, wilson
 from drivers.errors import FAULTS, FaultCode
 from skills.catalogue import CATALOGUE, GRASP
@@ -101,10 +101,11 @@ class Facts:
     drift: Drift | None
 
 
-def facts_of(runs: Sequence[RunRow], stages: Sequence[StageRow], since: str = "") -> Facts:
-    """Return what runs and their stages say together; runs newest first."""
-    ended = [row for row in reversed(runs) if row.outcome != "running"]
+def facts_of(runs: Sequence[RunTold], stages: Sequence[StageTold], since: str = "") -> Facts:
+    """Return what runs, oldest first, and their stages say together."""
+    ended = [row for row in runs if row.outcome != "running"]
     good = [row for row in ended if row.outcome == "success"]
+    of_good = _by_name(stages, {row.run for row in good})
     residuals = _residuals(ended, stages)
     return Facts(
         since=since,
@@ -114,8 +115,8 @@ def facts_of(runs: Sequence[RunRow], stages: Sequence[StageRow], since: str = ""
         total=Yield(len(good), len(ended)),
         by_day=_by_day(ended),
         cycle=spread([row.cycle_time for row in good if row.cycle_time is not None]),
-        insertion=spread([time for row in good if (time := _insertion(row)) is not None]),
-        stages=_stage_times({row.run for row in good}, stages),
+        insertion=spread(_insertions(good, of_good)),
+        stages=_stage_times(of_good),
         losses=_losses(ended),
         forces=[row.peak_force for row in ended if row.peak_force is not None],
         residuals=residuals,
@@ -137,36 +138,54 @@ def drift_of(residuals: Sequence[tuple[float, float]]) -> Drift | None:
     return Drift(len(value), slope, slope - Z95 * error, slope + Z95 * error)
 
 
-def _insertion(row: RunRow) -> float | None:
-    times = dict(json.loads(row.stage_times))
-    found = [times[name] for name in CATALOGUE.counted if name in times]
-    return sum(found) if found else None
-
-
-def _by_day(ended: Sequence[RunRow]) -> list[tuple[str, Yield]]:
-    days: dict[str, list[bool]] = defaultdict(list)
-    for row in ended:
-        day = datetime.fromisoformat(row.started).astimezone().date().isoformat()
-        days[day].append(row.outcome == "success")
-    return [(day, Yield(sum(good), len(good))) for day, good in days.items()]
-
-
-def _stage_times(good: set[int], stages: Sequence[StageRow]) -> list[StageTimes]:
-    counted: dict[str, dict[int, float]] = defaultdict(lambda: defaultdict(float))
-    whole: dict[str, dict[int, float]] = defaultdict(lambda: defaultdict(float))
+def _by_name(stages: Sequence[StageTold], runs: set[int]) -> dict[str, list[StageTold]]:
+    """Return the stages of some runs by name."""
+    found: dict[str, list[StageTold]] = defaultdict(list)
     for stage in stages:
-        if stage.run in good:
-            whole[stage.name][stage.run] += stage.ended - stage.began
+        if stage.run in runs:
+            found[stage.name].append(stage)
+    return found
+
+
+def _insertions(good: Sequence[RunTold], stages: Mapping[str, Sequence[StageTold]]) -> list[float]:
+    """Return the time that the stages which count took together, s, of each run that has any of them on record."""
+    sums: dict[int, float] = defaultdict(float)
+    for name in CATALOGUE.counted:
+        for stage in stages.get(name, ()):
             if stage.counted is not None:
-                counted[stage.name][stage.run] += stage.counted
-    names = [name for name in CATALOGUE.stages.values() if name in whole]
-    return [
-        StageTimes(name, len(whole[name]), spread(list(counted[name].values())), spread(list(whole[name].values())))
-        for name in names
-    ]
+                sums[stage.run] += stage.counted
+    for row in good:
+        if row.stage_times and any(name in CATALOGUE.counted for name, _ in json.loads(row.stage_times)):
+            sums[row.run] = sum(time for name, time in json.loads(row.stage_times) if name in CATALOGUE.counted)
+    return list(sums.values())
 
 
-def _losses(ended: Sequence[RunRow]) -> list[Loss]:
+def _by_day(ended: Sequence[RunTold]) -> list[tuple[str, Yield]]:
+    hours: dict[str, list[int]] = defaultdict(lambda: [0, 0])
+    for row in ended:
+        # No time zone changes its offset but at a full quarter of an hour.
+        counts = hours[row.started[: len("2025-01-31T06:0")]]
+        counts[0] += row.outcome == "success"
+        counts[1] += 1
+    days: dict[str, list[int]] = defaultdict(lambda: [0, 0])
+    for hour, (good, runs) in hours.items():
+        day = days[datetime.fromisoformat(f"{hour}0:00+00:00").astimezone().date().isoformat()]
+        day[0] += good
+        day[1] += runs
+    return [(day, Yield(good, runs)) for day, (good, runs) in days.items()]
+
+
+def _stage_times(stages: Mapping[str, Sequence[StageTold]]) -> list[StageTimes]:
+    found = []
+    for name in CATALOGUE.stages.values():
+        if name in stages:
+            counted = [stage.counted for stage in stages[name] if stage.counted is not None]
+            whole = [stage.whole for stage in stages[name]]
+            found.append(StageTimes(name, len(whole), spread(counted), spread(whole)))
+    return found
+
+
+def _losses(ended: Sequence[RunTold]) -> list[Loss]:
     ways = Counter(_way(row) for row in ended if row.outcome != "success")
     lost, so_far, found = sum(ways.values()), 0, []
     for what, count in sorted(ways.items(), key=lambda way: (-way[1], way[0])):
@@ -175,7 +194,7 @@ def _losses(ended: Sequence[RunRow]) -> list[Loss]:
     return found
 
 
-def _way(row: RunRow) -> str:
+def _way(row: RunTold) -> str:
     if row.fault:
         known = FaultCode(row.fault) if row.fault in set(FaultCode) else None
         return f"fault {row.fault}" + (f": {FAULTS[known].meaning}" if known is not None else "")
@@ -183,13 +202,12 @@ def _way(row: RunRow) -> str:
     return f"{words} in {row.stage.replace('_', ' ')}" if row.stage else words
 
 
-def _residuals(ended: Sequence[RunRow], stages: Sequence[StageRow]) -> list[tuple[float, float]]:
+def _residuals(ended: Sequence[RunTold], stages: Sequence[StageTold]) -> list[tuple[float, float]]:
     seen = {stage.run: stage.residual for stage in stages if stage.name == GRASP.name and stage.residual is not None}
-    if not ended:
+    known = [row for row in ended if row.run in seen]
+    if not known:
         return []
-    start = datetime.fromisoformat(ended[0].started)
-    return [
-        ((datetime.fromisoformat(row.started) - start).total_seconds() / DAY, residual)
-        for row in ended
-        if (residual := seen.get(row.run)) is not None
-    ]
+    # Wall times are ISO 8601 in UTC throughout, which numpy reads at once.
+    times = np.array([row.started.partition("+")[0] for row in (ended[0], *known)], dtype="datetime64[ms]")
+    days = (times[1:] - times[0]) / np.timedelta64(1, "D")
+    return list(zip(days.tolist(), (seen[row.run] for row in known), strict=True))

@@ -41,6 +41,7 @@ STUDIES = (
     "paper",
     "events",
     "startup",
+    "records",
     "page",
     "faults",
     "learning",

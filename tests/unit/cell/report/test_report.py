@@ -3,15 +3,19 @@
 import json
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
 
 from cell.journal import Journal
+from cell.journal_index import Index
 from cell.journal_schema import ConfigRow, RunRow, StageRow
 from cell.report.comparison import compared
-from cell.report.document import tables, write
-from cell.report.facts import LEAST_DRIFT, drift_of, facts_of
+from cell.report.document import write
+from cell.report.facts import LEAST_DRIFT, Facts, drift_of, facts_of
+from cell.report.words import tables
 from cell.run_query import RunQuery, since_text
 from drivers.errors import ConfigError
 from skills.catalogue import ADJUST, CATALOGUE, GRASP, SEARCH
@@ -25,6 +29,17 @@ def row(number: int, days_ago: float = 0.0, **what) -> RunRow:
     started = (NOW - timedelta(days=days_ago)).isoformat(timespec="milliseconds")
     told = {"serial": f"A-{number}", **(what or SUCCESS)}
     return RunRow(number, started, "insert_peg", 0, source="10.0.0.5:4711", sequence=number, **told)
+
+
+def told(runs: list[RunRow], stages: list[StageRow] = ()) -> Facts:
+    """Return the facts of runs and stages that a journal has on record."""
+    with TemporaryDirectory() as folder:
+        index = Index(Path(folder), is_read_only=False)
+        for each in (*runs, *stages):
+            index.put(each)
+        index.close()
+        with Journal(Path(folder), is_read_only=True) as journal:
+            return facts_of(journal.told(RunQuery()), journal.stages_told(RunQuery()))
 
 
 def stage(run: int, name: str, counted: float, **what) -> StageRow:
@@ -60,7 +75,8 @@ def journal(tmp_path):
 )
 def test_a_question_finds_its_runs_and_their_stages(journal, query, found):
     assert [run.run for run in journal.select(query)] == found
-    assert sorted(stage.run for stage in journal.stages_of(query)) == sorted(found)
+    assert [run.run for run in journal.told(query)] == sorted(found)
+    assert sorted(stage.run for stage in journal.stages_told(query)) == sorted(found)
 
 
 @pytest.mark.parametrize("text", ["7", "d7", "yesterday", "9999999w", "999999w", "2025-13-01"])
@@ -76,16 +92,17 @@ def test_a_date_is_in_local_time_and_a_span_ends_now():
 
 
 def test_yield_counts_ended_runs_and_says_how_sure_it_is(journal):
-    facts = facts_of(journal.select(RunQuery()), [])
+    facts = facts_of(journal.told(RunQuery()), [])
     assert (facts.total.good, facts.total.runs, facts.total.share) == (2, 4, 0.5)
     low, high = facts.total.interval
     assert (low, high) == pytest.approx((0.150, 0.850), abs=1e-3)  # [wilson] of 2 in 4
     assert facts.outcomes == {"success": 2, "fault": 1, "failure": 1}
+    assert [(day.good, day.runs) for _, day in facts.by_day] == [(1, 1), (0, 1), (0, 1), (1, 1)]
 
 
 def test_reasons_come_in_order_of_their_number_and_add_up():
     lost = [row(n, outcome="failure", stage="spray_search", reason="no_hole") for n in (1, 2, 3)]
-    facts = facts_of([*lost, row(4, outcome="fault", stage="tactile_insert", fault=1001)], [])
+    facts = told([*lost, row(4, outcome="fault", stage="tactile_insert", fault=1001)])
     assert [(loss.what, loss.count, loss.cumulative) for loss in facts.losses] == [
         ("no hole in spray search", 3, 0.75),
         ("fault 1001: no taxel frame arrived in time", 1, 1.0),
@@ -94,13 +111,13 @@ def test_reasons_come_in_order_of_their_number_and_add_up():
 
 def test_times_tell_the_stage_alone_from_the_stage_with_its_transfer():
     tries = [stage(1, SEARCH.name, 2.0), stage(1, SEARCH.name, 3.0, place=2), stage(2, SEARCH.name, 9.0)]
-    (found,) = facts_of([row(2, outcome="aborted"), row(1)], tries).stages
+    (found,) = told([row(2, outcome="aborted"), row(1)], tries).stages
     assert (found.n, found.counted["median"], found.whole["median"]) == (1, 5.0, 13.0)
 
 
 def test_the_insertion_is_the_sum_that_the_published_table_counts():
     times = json.dumps([(GRASP.name, 4.0), (SEARCH.name, 5.0), ("tactile_insert", 1.0), (ADJUST.name, 2.0)])
-    assert facts_of([row(1, **SUCCESS, stage_times=times)], []).insertion["mean"] == pytest.approx(8.0)
+    assert told([row(1, **SUCCESS, stage_times=times)]).insertion["mean"] == pytest.approx(8.0)
     assert len(CATALOGUE.counted) == 3
 
 
@@ -123,7 +140,9 @@ def test_no_runs_are_no_error(tmp_path):
 
 def test_a_report_is_one_file_that_asks_nobody_and_prints_what_comes_from_outside_as_it_is(journal, tmp_path):
     lost = row(9, outcome="failure", stage="spray_search", reason=EVIL)
-    facts = facts_of([lost, *journal.select(RunQuery())], journal.stages_of(RunQuery()))
+    begun = journal.begin(replace(lost, outcome="running"))
+    journal.finish(replace(lost, run=begun.run))
+    facts = facts_of(journal.told(RunQuery()), journal.stages_told(RunQuery()))
     write(facts, tmp_path / "report.html")
     write(facts, tmp_path / "report.pdf")
     text = (tmp_path / "report.html").read_text()
@@ -157,3 +176,19 @@ def test_two_runs_differ_where_their_configs_do():
 def test_a_config_that_was_not_kept_is_said():
     found = dict(compared([row(1), row(2)], [[], []], [None, "{}"]))
     assert found["config"] == [("config on record", "not kept", "kept")]
+
+
+def test_all_tries_of_a_stage_in_a_run_count_together_with_the_worst_residual(journal):
+    tries = [stage(1, GRASP.name, 2.0, residual=0.1), stage(1, GRASP.name, 3.0, place=2, residual=0.3)]
+    facts = told([row(1)], tries)
+    assert (facts.stages[0].counted["mean"], facts.stages[0].whole["mean"], facts.residuals) == (
+        5.0,
+        13.0,
+        [(0.0, 0.3)],
+    )
+
+
+def test_an_insertion_of_a_journal_without_stages_is_what_its_row_says():
+    times = json.dumps([(SEARCH.name, 5.0), (ADJUST.name, 2.0)])
+    on_record = [row(1, **SUCCESS, stage_times=times), row(2, **SUCCESS, stage_times=times)]
+    assert told(on_record, [stage(2, SEARCH.name, 4.0)]).insertion["mean"] == pytest.approx((7.0 + 4.0) / 2)

@@ -1,0 +1,1 @@
+"""Study of the time that questions about many runs take."""

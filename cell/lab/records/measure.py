@@ -1,0 +1,187 @@
+"""The cost of a question to a journal that a busy line has filled for weeks.
+
+A few runs are made in the simulation and recorded by the product itself; the journal is then filled with copies of
+their rows, one run every 15 s, whose times and serial numbers differ. Each question is a process of its own, as a
+technician asks it.
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from statistics import median
+
+import numpy as np
+
+from cell.journal import Journal
+from cell.journal_index import Index
+from cell.journal_schema import EventRow, RunRow, StageRow
+from cell.lab.startup.measure import heavy_imports
+from cell.run_query import RunQuery
+
+LIMIT = 1.0
+"""Longest time of a question, s."""
+PERIOD = 15.0
+"""Time from one run of the line to the next, s."""
+MADE: tuple[tuple[str, ...], ...] = (
+    ("--set", "sim.seed=1"),
+    ("--set", "sim.seed=2", "--set", "hole.present=false", "--set", "search.timeout=2.0"),
+    ("--set", "sim.seed=3", "--set", "limits.force=6.0"),
+)
+"""Runs that are made, each by these options of `cell run insert_peg`: a good one, one without a hole, and a fault."""
+BATCH = 2000
+"""Number of runs that are written at once."""
+
+
+@dataclass(frozen=True, slots=True)
+class Made:
+    """One recorded run with everything on record of it."""
+
+    row: RunRow
+    stages: Sequence[StageRow]
+    events: Sequence[EventRow]
+
+
+@dataclass(frozen=True, slots=True)
+class QuestionLine:
+    """Result for one question."""
+
+    question: str
+    runs: int
+    """Number of runs on record."""
+    time: float
+    """Median time from the command to the first words of its answer, s."""
+    worst: float
+    """Longest time, s."""
+    asked: int
+    heavy: str
+    """Heavy packages that it imports."""
+
+    @property
+    def holds(self) -> bool:
+        """Whether the median is within the limit."""
+        return self.time <= LIMIT
+
+
+def fill(folder: Path, runs: int, done: Callable[[int], None], kinds: Sequence[Sequence[str]] = MADE) -> None:
+    """Make a few runs, and fill their journal with copies up to a number of runs.
+
+    Args:
+        folder: Folder of the journal.
+        runs: Number of runs in the end.
+        done: Called with the number of runs that were added.
+        kinds: Options of the runs that are made; most copies are of the first.
+
+    Raises:
+        RuntimeError: A run was not recorded.
+    """
+    for options in kinds:
+        command = [sys.executable, "-m", "cell", "run", "insert_peg", "--journal", str(folder), *options]
+        subprocess.run([*command, "--set", "sim.pace=max"], capture_output=True, check=False)
+    made = _made(folder)
+    if len(made) != len(kinds):
+        raise RuntimeError(f"{folder}: {len(made)} of {len(kinds)} runs on record")
+    rng, first = np.random.default_rng(runs), datetime.now(UTC) - timedelta(seconds=PERIOD * runs)
+    index = Index(folder, is_read_only=False)
+    try:
+        for begin in range(len(made), runs, BATCH):
+            end = min(begin + BATCH, runs)
+            with index.at_once():
+                for number in range(begin, end):
+                    # Nine of ten are good, as on a line that a person has to look after.
+                    kind = 0 if rng.random() < 0.9 else int(rng.integers(1, len(made)))
+                    _put(index, made[kind], number + 1, first + timedelta(seconds=PERIOD * number), rng)
+            done(end - begin)
+    finally:
+        index.close()
+    with Journal(folder, is_read_only=True) as journal:
+        shutil.copyfile(journal.samples_path(1), journal.samples_path(shown(runs)))
+
+
+def shown(runs: int) -> int:
+    """Return the number of the run that is asked for by its number, the only copy with samples."""
+    return runs // 2
+
+
+def questions(runs: int) -> dict[str, tuple[str, ...]]:
+    """Return the questions by name, each as the arguments of its command."""
+    run = shown(runs)
+    return {
+        "runs": ("runs",),
+        "runs --since 1d --outcome failure": ("runs", "--since", "1d", "--outcome", "failure"),
+        "runs --fault 2004 --last 1000": ("runs", "--fault", "2004", "--last", "1000"),
+        "runs --part SERIAL": ("runs", "--part", f"SN{run:07d}"),
+        "show RUN": ("show", str(run)),
+        "compare RUN RUN": ("compare", str(run), str(run + 1)),
+        "report --since 1d": ("report", "--since", "1d"),
+        "report --since 7d": ("report", "--since", "7d"),
+        "report": ("report",),
+    }
+
+
+def measure(folder: Path, runs: int, times: int, done: Callable[[], None]) -> list[QuestionLine]:
+    """Ask every question of a journal.
+
+    Args:
+        folder: Folder of the journal.
+        runs: Number of runs in it.
+        times: Number of times that each is asked.
+        done: Called after every question.
+    """
+    lines = []
+    for name, arguments in questions(runs).items():
+        asked = (*arguments, "--journal", str(folder))
+        took = [_asked(asked) for _ in range(times)]
+        lines.append(QuestionLine(name, runs, median(took), max(took), times, " ".join(heavy_imports(asked))))
+        done()
+    return lines
+
+
+def _made(folder: Path) -> list[Made]:
+    with Journal(folder, is_read_only=True) as journal:
+        rows = reversed(journal.select(RunQuery()))
+        return [Made(row, journal.stages(row.run), journal.events(run=row.run)) for row in rows]
+
+
+def _put(index: Index, made: Made, run: int, started: datetime, rng: np.random.Generator) -> None:
+    """Write a copy of a run under another number, of another part and time."""
+    stretch = float(np.exp(0.2 * rng.normal()))
+    cycle = made.row.cycle_time
+    ended = started + timedelta(seconds=stretch * (cycle or 0.0))
+    index.put(
+        replace(
+            made.row,
+            run=run,
+            serial=f"SN{run:07d}",
+            started=started.isoformat(timespec="milliseconds"),
+            ended=ended.isoformat(timespec="milliseconds"),
+            cycle_time=None if cycle is None else stretch * cycle,
+        )
+    )
+    for stage in made.stages:
+        index.put(replace(stage, run=run, began=stretch * stage.began, ended=stretch * stage.ended))
+    for event in made.events:
+        index.put(replace(event, run=run, time=started.isoformat(timespec="milliseconds")), is_numbered_here=True)
+
+
+def _asked(arguments: Sequence[str]) -> float:
+    """Return the time from a command to the first words of its answer, s.
+
+    Raises:
+        RuntimeError: The command did not end well.
+    """
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    command, began = [sys.executable, "-m", "cell", *arguments], time.perf_counter()
+    with subprocess.Popen(command, stdout=subprocess.PIPE, env=environment) as process:
+        assert process.stdout is not None
+        process.stdout.read(1)
+        took = time.perf_counter() - began
+        process.stdout.read()
+    if process.returncode != 0:
+        raise RuntimeError(f"cell {' '.join(arguments)}: exit status {process.returncode}")
+    return took

@@ -1,0 +1,43 @@
+"""`cell study records`: what questions cost whose journal holds the runs of weeks."""
+
+import argparse
+import csv
+from dataclasses import asdict
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from cell.arguments import out_folder, positive
+from cell.lab.arguments import add_out
+from cell.lab.report import StudyReport
+from cell.terminal import progress
+
+SUMMARY = "how soon questions about runs are answered where the journal holds the runs of weeks"
+RUNS, QUICK_RUNS = 100_000, 2_000
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add where the table goes, and how many runs are on record."""
+    add_out(parser)
+    parser.add_argument("--runs", type=positive, default=RUNS, metavar="N", help=f"runs on record; {RUNS}")
+    parser.add_argument(
+        "--quick", action="store_true", help=f"{QUICK_RUNS} runs, each question once instead of 5 times"
+    )
+
+
+def run(args: argparse.Namespace) -> StudyReport:
+    """Fill a journal, ask, and write the table."""
+    from cell.lab.records import measure, tables
+
+    folder, runs = out_folder(args.out), QUICK_RUNS if args.quick else args.runs
+    with progress() as bars, TemporaryDirectory() as journal:
+        filled = bars.add_task("runs", total=runs - len(measure.MADE))
+        measure.fill(Path(journal), runs, lambda count: bars.advance(filled, count))
+        bar = bars.add_task("questions", total=len(measure.questions(runs)))
+        lines = measure.measure(Path(journal), runs, 1 if args.quick else 5, lambda: bars.advance(bar))
+    rows = [asdict(line) | {"holds": line.holds} for line in lines]
+    file = folder / "records.csv"
+    with file.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+    return StudyReport([tables.table(lines)], rows, [file])

@@ -1,0 +1,21 @@
+"""The study of questions to many runs, at its smallest, on a journal that the product itself has begun."""
+
+from cell.journal import Journal
+from cell.lab.records import measure
+from cell.run_query import RunQuery
+
+RUNS = 40
+
+
+def test_a_filled_journal_answers_as_one_that_the_cell_has_written(tmp_path):
+    measure.fill(tmp_path, RUNS, lambda count: None, measure.MADE[1:])
+    with Journal(tmp_path, is_read_only=True) as journal:
+        rows = journal.select(RunQuery())
+        assert [row.run for row in rows] == list(range(RUNS, 0, -1))
+        assert {row.outcome for row in rows[-2:]} == {"failure", "fault"}
+        assert len(journal.told(RunQuery(serial=f"SN{RUNS:07d}"))) == 1
+        assert journal.stages(RUNS)
+        assert journal.events(run=RUNS)
+    (line, *_) = measure.measure(tmp_path, RUNS, 1, lambda: None)
+    assert line.question == "runs"
+    assert line.time > 0.0
