@@ -7,6 +7,7 @@ satisfies its protocol. Simulated classes are imported only when a config asks f
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
+from datetime import date
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,6 +17,8 @@ import numpy as np
 from cell.cell_config import CellConfig
 from cell.checks import LOOP_TIME, check_clock, loop_verdict, remedy, verdict
 from cell.config_files import ERRORS_FILE, SHIPPED
+from drivers import impedance
+from drivers.arm.calibration import ArmCalibration, read_arm_calibration
 from drivers.arm.franka import FrankaArm
 from drivers.arm.franka_config import FrankaArmConfig
 from drivers.clock import WallClock
@@ -24,7 +27,7 @@ from drivers.gripper.franka import FrankaGripper
 from drivers.gripper.franka_config import FrankaGripperConfig
 from drivers.parts import Job
 from drivers.protocols import Arm, Clock, Device, Gripper, Skin, SuccessSwitch
-from drivers.quantities import Pose
+from drivers.quantities import Pose, Vector
 from drivers.scene_facts import Sight
 from drivers.skin.board_config import EMULATED, CanSkinConfig, SerialSkinConfig
 from drivers.skin.boards import CanSkin, SerialSkin
@@ -90,6 +93,8 @@ class Cell:
     """Function that returns the true state, which no sensor tells; None on hardware."""
     sight: Callable[[], Sight] | None = None
     """Function that returns the true poses of peg and hole, for pictures of a run; None on hardware."""
+    arm_calibration: ArmCalibration | None = None
+    """Calibration that the arm's learning begins with; None where the config names none."""
     boards: tuple[Device, ...] = ()
     """Emulated boards that are powered before the devices are opened."""
     skin_wire: "EmulatedCan | EmulatedLine | None" = None
@@ -152,9 +157,14 @@ def make_tracker(config: CellConfig) -> Tracker:
 
 
 def assemble(config: CellConfig) -> Cell:
-    """Return the cell of a config, with nothing opened yet."""
+    """Return the cell of a config, with nothing opened yet.
+
+    Raises:
+        ConfigError: A file that the config names is wrong, too old, or of another device.
+    """
+    calibration = _arm_calibration(config, date.today())
     if isinstance(config.arm, FrankaArmConfig):
-        return _hardware(config, config.arm)
+        return _hardware(config, config.arm, calibration)
     from sim.arm import SimArm
     from sim.busy_clock import BusyClock
     from sim.gripper import SimGripper
@@ -178,10 +188,11 @@ def assemble(config: CellConfig) -> Cell:
     return Cell(
         config=config,
         clock=clock,
-        arm=SimArm(world),
+        arm=SimArm(world, _law(config, calibration)),
         gripper=SimGripper(world),
         skin=_calibrated(config, felt.skin),
         switch=switch,
+        arm_calibration=calibration,
         restock=line.stock,
         exchange=line.exchange,
         refill=line.refill,
@@ -195,7 +206,38 @@ def assemble(config: CellConfig) -> Cell:
     )
 
 
-def _hardware(config: CellConfig, arm: FrankaArmConfig) -> Cell:
+def _arm_calibration(config: CellConfig, today: date) -> ArmCalibration | None:
+    """Return the arm's calibration, if the config names one, and make sure that no calibration is too old.
+
+    Raises:
+        ConfigError: A file cannot be used; one line with the file, what was found and what is allowed.
+    """
+    files = config.calibration
+    if files.skin is not None:
+        _require_age(files.skin, _calibration(files.skin, config.skin.layout).date, files.longest_age, today)
+    if files.arm is None:
+        return None
+    found = read_arm_calibration(files.arm, config.arm_model(), config.arm_unit())
+    _require_age(files.arm, found.date, files.longest_age, today)
+    return found
+
+
+def _require_age(path: Path, measured: date, longest: float, today: date) -> None:
+    age = (today - measured).days
+    if not 0 <= age <= longest / 86400.0:
+        raise ConfigError(
+            f"{path}: measured on {measured}, {age} days ago; 0 to {longest / 86400.0:g} days of calibration.longest_age"
+            " allowed: calibrate anew, or see the computer's date"
+        )
+
+
+def _law(config: CellConfig, calibration: ArmCalibration | None) -> Vector:
+    """Return the state that the arm's law begins with."""
+    arm = config.arm_model()
+    return impedance.new_state(arm, None if calibration is None else calibration.believed(arm))
+
+
+def _hardware(config: CellConfig, arm: FrankaArmConfig, calibration: ArmCalibration | None) -> Cell:
     """Return a cell around a real arm, whose other devices are then real as well."""
     assert isinstance(config.gripper, FrankaGripperConfig)
     assert isinstance(config.switch, SerialSwitchConfig)
@@ -204,7 +246,8 @@ def _hardware(config: CellConfig, arm: FrankaArmConfig) -> Cell:
     return Cell(
         config=config,
         clock=clock,
-        arm=FrankaArm(arm, config.arm_model(), clock),
+        arm=FrankaArm(arm, config.arm_model(), clock, _law(config, calibration)),
+        arm_calibration=calibration,
         gripper=FrankaGripper(config.gripper, config.arm_model().hand.stroke),
         skin=_calibrated(config, felt.skin),
         switch=_serial_switch(config.switch, clock),

@@ -77,11 +77,15 @@ class JournalConfig(ConfigModel):
 class CalibrationConfig(ConfigModel):
     """Section [calibration]: files of measured values.
 
-    Source: measured by `cell calibrate skin`.
+    Source: measured by `cell calibrate`.
     """
 
     skin: FilePath | None = None
     """File of the skin's measured gains and point spread, written by `cell calibrate skin`."""
+    arm: FilePath | None = None
+    """File of the measured friction and remainder of gravity of the arm's joints, written by `cell calibrate arm`; learning begins with it."""
+    longest_age: Annotated[float, Field(gt=0.0, le=3.2e8)] = 31536000.0
+    """Age from which on a file of measured values is refused, s; the default is 365 days. Source: chosen, not measured."""
 
 
 def _catalogued() -> type[ConfigModel]:
@@ -260,6 +264,12 @@ class CellConfig(Catalogued):
     def arm_model(self) -> ArmModel:
         """Return the figures of the cell's arm."""
         return read_arm(arm_file(self.arm.model))
+
+    def arm_unit(self) -> str:
+        """Return what tells the cell's own arm from others of its kind, for the files that were measured with it."""
+        if isinstance(self.arm, FrankaArmConfig):
+            return f"at {self.arm.host}"
+        return f"simulated, seed {self.sim.seed if self.sim is not None else 0}"
 
     def place(self) -> Place:
         """Return the place and the attitude in which the arm works with a peg that the skin steers."""

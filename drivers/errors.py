@@ -152,6 +152,10 @@ FAULTS: dict[FaultCode, FaultText] = {
 }
 
 
+class NotCalibratedError(Exception):
+    """A calibration ended without figures, while nothing is broken; the message says why."""
+
+
 class CellError(Exception):
     """A fault: something is broken, and `code` is the number that the PLC reads.
 

@@ -111,11 +111,22 @@ def pack(setpoint: ImpedanceSetpoint, stamp: float) -> Vector:
     return words
 
 
-def new_state(arm: ArmModel) -> Vector:
-    """Return the state of the law before its first step, shape (STATE_WORDS,), with nothing learnt of the arm's joints."""
+def new_state(arm: ArmModel, believed: tuple[Vector, Vector] | None = None) -> Vector:
+    """Return the state of the law before its first step, shape (STATE_WORDS,).
+
+    Args:
+        arm: Figures of the arm.
+        believed: Figures of each joint that learning begins with, and their standard deviations, each of the shape of
+            `learning.figures_of`; None where nothing is known but what the arm's file holds for likely.
+    """
     state = np.zeros(STATE_WORDS)
-    learning.begin(state[LEARNING:], np.zeros((JOINTS, learning.FIGURES)), learning.doubts(arm))
+    learning.begin(state[LEARNING:], *(believed or (np.zeros((JOINTS, learning.FIGURES)), learning.doubts(arm))))
     return state
+
+
+def unexplained(state: Vector) -> Vector:
+    """Return the torque on each joint that was commanded and did not become motion, shape (7,), N·m; `state` is the law's."""
+    return learning.unexplained(state[LEARNING:])
 
 
 def restart(state: Vector) -> None:

@@ -81,6 +81,10 @@ class ArmState:
     """Index in `q` of the joint that turns the elbow."""
     setpoint_age: float
     """Time since the held setpoint was handed over, s; infinite when nothing is held."""
+    unexplained: Vector | None = None
+    """Torque on each joint that was commanded and did not become motion of the arm's model, low-passed, shape (7,), N·m: friction, the
+    remainder of gravity, contact. None where the arm does not tell it.
+    """
 
     def posture(self, elbow: float) -> Vector:
         """Return the joint positions with the elbow's joint at `elbow`, rad, shape (7,)."""

@@ -3,16 +3,18 @@
 import math
 
 from drivers import impedance
-from drivers.quantities import ArmState, ImpedanceSetpoint, Pose, Wrench
+from drivers.quantities import ArmState, ImpedanceSetpoint, Pose, Vector, Wrench
 from sim.world import World
 
 
 class SimArm:
     """Runs the impedance law inside the world's own loop, at the arm's control rate."""
 
-    def __init__(self, world: World) -> None:
-        """Attach to the world that carries the arm."""
+    def __init__(self, world: World, law: Vector | None = None) -> None:
+        """Attach to the world that carries the arm; `law` is the state that the law begins with, None with nothing known."""
         self._world = world
+        if law is not None:
+            world.control.law[:] = law
 
     def open(self) -> None:
         """Hold still where the arm stands."""
@@ -58,4 +60,5 @@ class SimArm:
             elbow=world.arm.kinematics.elbow - 1,
             wrench=Wrench(wrench[:3], wrench[3:]),
             setpoint_age=now - words[impedance.STAMP] if words[impedance.VALID_UNTIL] >= now else math.inf,
+            unexplained=impedance.unexplained(world.control.law),
         )

@@ -7,44 +7,74 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cell.arguments import add_config, load_config
-from cell.terminal import GOOD, ask, progress, show
-from drivers.errors import ConfigError
+from cell.terminal import GOOD, NOT_GOOD, ask, complain, progress, show
+from drivers.errors import ConfigError, NotCalibratedError
 
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from cell.cell_config import CellConfig
+    from drivers.arm.calibration import ArmCalibration
     from drivers.skin.calibration import SkinCalibration
 
-SUMMARY = "measure a device and write a dated file"
+SUMMARY = "measure skin or arm and write a dated file"
 STOPS_ITSELF = False
+FRICTION_RANGE = (0.5, 2.0)
+"""Friction over the published figure that a cell is made for: what `config/reality.toml` draws, and `cell study reality` shows to be borne."""
+OFFSET_RANGE = 2.0
+"""Standard deviations of the arm's own file that an offset may reach."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add which device, and where the file goes."""
     add_config(parser)
-    parser.add_argument("device", choices=["skin"], metavar="DEVICE", help="skin")
+    parser.add_argument("device", choices=list(DEVICES), metavar="DEVICE", help=" or ".join(DEVICES))
     parser.add_argument("--out", type=Path, metavar="DIR", help="instead of calibration/ beside the config file")
 
 
 def run(args: argparse.Namespace) -> int:
     """Measure, write the file, and show what was found."""
-    from cell.calibrate import calibrate_skin
     from cell.config_files import DEFAULT
 
     today = date.today()
     config = load_config(args).cell
-    path = (args.out or (args.config or DEFAULT).parent / "calibration") / f"skin_{today.isoformat()}.toml"
+    path = (args.out or (args.config or DEFAULT).parent / "calibration") / f"{args.device}_{today.isoformat()}.toml"
+    try:
+        return DEVICES[args.device](args, config, today, path)
+    except NotCalibratedError as error:
+        complain(f"{error}; nothing written")
+        return NOT_GOOD
+
+
+def _skin(args: argparse.Namespace, config: "CellConfig", today: date, path: Path) -> int:
+    from cell.calibrate import calibrate_skin
+
     if not config.is_skin_simulated() and not sys.stdin.isatty():
         raise ConfigError("calibrate skin: somebody has to turn a rod between the pads; a terminal needed")
     with progress() as bars:
         bar = bars.add_task("angles")
         found = calibrate_skin(config, today, lambda done, of: bars.update(bar, completed=done, total=of), ask)
     found.write(path)
-    show(args, _table(found, path), {**found.model_dump(mode="json"), "file": str(path)})
+    show(args, _skin_table(found, path), {**found.model_dump(mode="json"), "file": str(path)})
     return GOOD
 
 
-def _table(found: "SkinCalibration", path: Path) -> "Table":
+def _arm(args: argparse.Namespace, config: "CellConfig", today: date, path: Path) -> int:
+    from cell.calibrate_arm import calibrate_arm
+
+    with progress() as bars:
+        bar = bars.add_task("motions")
+        found = calibrate_arm(config, today, lambda done, of: bars.update(bar, completed=done, total=of))
+    found.write(path)
+    show(args, _arm_table(found, config, path), {**found.model_dump(mode="json"), "file": str(path)})
+    return GOOD
+
+
+DEVICES = {"skin": _skin, "arm": _arm}
+"""Function that calibrates each device."""
+
+
+def _skin_table(found: "SkinCalibration", path: Path) -> "Table":
     import numpy as np
     from rich.table import Table
 
@@ -56,3 +86,52 @@ def _table(found: "SkinCalibration", path: Path) -> "Table":
     table.add_row("point spread (mm)", f"{found.point_spread * 1e3:.2f}")
     table.add_row("not explained", f"{found.residual:.1%}")
     return table
+
+
+def _arm_table(found: "ArmCalibration", config: "CellConfig", path: Path) -> "Table":
+    from rich.table import Table
+
+    joints = config.arm_model().joints
+    caption = (
+        "N·m, with half the width of the 95 % interval; published: friction of the arm's file, and the standard deviation that it holds"
+        " for likely of the offset"
+    )
+    table = Table(title=f"{found.arm}, {found.unit}; written: {path}", caption=caption)
+    for name in (
+        "joint",
+        *(f"friction at {v:g} rad/s" for v in found.speeds),
+        "published",
+        "offset",
+        "published",
+        "left",
+        "verdict",
+    ):
+        table.add_column(name, justify="left" if name == "verdict" else "right")
+    for j in range(len(joints.friction)):
+        table.add_row(
+            str(j + 1),
+            *(_figure(each.value[j], each.interval[j]) for each in found.friction),
+            f"{joints.friction[j]:.2f}",
+            _figure(found.offset.value[j], found.offset.interval[j]),
+            f"± {joints.offset[j]:.2f}",
+            f"{found.unexplained[j]:.2f}",
+            _verdict(found, j, joints.friction[j], joints.offset[j]),
+        )
+    return table
+
+
+def _figure(value: float, interval: float) -> str:
+    return f"{value:.2f} ± {interval:.2f}"
+
+
+def _verdict(found: "ArmCalibration", joint: int, friction: float, offset: float) -> str:
+    """Return whether a joint is one that the cell is made for."""
+    share = found.friction[-1].value[joint] / friction if friction > 0.0 else 1.0
+    told = []
+    if not FRICTION_RANGE[0] <= share <= FRICTION_RANGE[1]:
+        told.append(
+            f"friction {share:.1f} times the published: {FRICTION_RANGE[0]:g} to {FRICTION_RANGE[1]:g} expected"
+        )
+    if abs(found.offset.value[joint]) > OFFSET_RANGE * offset:
+        told.append("offset: see the payload that the arm's controller knows")
+    return "; ".join(told) or "as expected"

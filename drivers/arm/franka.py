@@ -42,10 +42,18 @@ _ERRORS: dict[LoopPhase, type[CellError]] = {
 class FrankaArm:
     """Hands setpoints to the torque loop, and reads what it last saw."""
 
-    def __init__(self, config: FrankaArmConfig, arm: ArmModel, clock: Clock) -> None:
-        """Describe the arm, whose figures are those of `arm`; `clock` is the cell's."""
+    def __init__(self, config: FrankaArmConfig, arm: ArmModel, clock: Clock, law: Vector | None = None) -> None:
+        """Describe the arm.
+
+        Args:
+            config: Where the arm is, and how it is watched.
+            arm: Figures of the arm.
+            clock: The cell's clock.
+            law: State that the law begins with, shape (STATE_WORDS,); None begins with nothing known of the joints.
+        """
         self._config, self._clock = config, clock
         self._arm, self._figures = arm, impedance.figures(arm)
+        self._law = impedance.new_state(arm) if law is None else law
         self._process: subprocess.Popen[bytes] | None = None
         self._link: LoopLink | None = None
         self._is_open = False
@@ -73,7 +81,7 @@ class FrankaArm:
             "torque": self._config.collision_torque,
             "force": self._config.collision_force,
             "figures": self._figures.tolist(),
-            "law": impedance.new_state(self._arm).tolist(),
+            "law": self._law.tolist(),
             "period": self._arm.control_period,
         }
         handle = os.memfd_create("arm")
@@ -152,7 +160,8 @@ class FrankaArm:
         self._require_running()
         while True:
             count = link.is_settled("state_sequence")
-            q, dq, force, torque = (link[name][0].copy() for name in ("q", "dq", "force", "torque"))
+            told = ("q", "dq", "force", "torque", "unexplained")
+            q, dq, force, torque, unexplained = (link[name][0].copy() for name in told)
             if count is not None and link.is_settled("state_sequence") == count:
                 break
         now = self._clock.now()
@@ -171,6 +180,7 @@ class FrankaArm:
             elbow=self._arm.kinematics.elbow - 1,
             wrench=Wrench(force, torque),
             setpoint_age=now - self._handed if self._valid_until >= now else math.inf,
+            unexplained=unexplained,
         )
 
     @property

@@ -88,6 +88,12 @@ def figures_of(state: Vector) -> tuple[Vector, Vector]:
     return state[LEARNT:COVARIANCE].reshape(JOINTS, FIGURES).copy(), np.sqrt(np.einsum("ijj->ij", covariance))
 
 
+def unexplained(state: Vector) -> Vector:
+    """Return the torque on each joint that was commanded and did not become motion, as the observer has it, shape (7,), N·m."""
+    observed: Vector = -state[RESIDUAL : RESIDUAL + JOINTS]
+    return observed
+
+
 @njit(cache=True)
 def observe(state: Vector, M: Vector, dq: Vector, period: float, is_free: bool) -> None:  # pragma: no cover
     """Update the observer by the torques commanded since the last update, and learn where the hand moves freely.
