@@ -118,7 +118,7 @@ def calibrate_arm(
 def _alone(config: CellConfig) -> CellConfig:
     """Return the config without the calibration that is measured anew, and where it is simulated as fast as may be."""
     changes: dict[str, object] = {"calibration": config.calibration.model_copy(update={"arm": None})}
-    if config.sim is not None:
+    if config.is_simulated and config.sim is not None:
         changes["sim"] = config.sim.model_copy(update={"pace": "max"})
     return config.model_copy(update=changes)
 

@@ -48,6 +48,8 @@ class Desk:
         """Begin idle; the part, the journal's troubles and the late scans are told with every report."""
         self._line, self._live, self._journal, self._part, self._late = line, live, journal, part, late
         self.events = EventLog(journal, clock.now)
+        self.misfit = ""
+        """What of the arm's calibration does not fit what the arm did in the last run, as one line; empty where all fits."""
         self.state = State.IDLE
         self.report = Report(state=State.IDLE)
 
@@ -88,9 +90,9 @@ class Desk:
     def publish(self) -> None:
         """Give the report to the line, with everything in it that changes from scan to scan."""
         self.tell_part()
-        before, warnings = self.report, warnings_of(self._journal, self._late.is_warned)
+        before, warnings = self.report, warnings_of(self._journal, self._late.is_warned, bool(self.misfit))
         if (before.state, before.warnings, before.overruns) != (self.state, warnings, self._late.count):
-            self.events.warned(before.warnings, warnings)
+            self.events.warned(before.warnings, warnings, self.misfit)
             self.report = replace(before, state=self.state, warnings=warnings, overruns=self._late.count)
         self._line.publish(self.report)
 

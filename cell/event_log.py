@@ -39,11 +39,12 @@ class EventLog:
         """Note a fault."""
         self._note(EventKind.FAULT, error.code.name, error.code, text=str(error))
 
-    def warned(self, before: int, now: int) -> None:
-        """Note the warnings, sums of `Warnings`, that have come or gone."""
+    def warned(self, before: int, now: int, misfit: str = "") -> None:
+        """Note the warnings, sums of `Warnings`, that have come or gone; `misfit` says what of the arm's calibration does not fit."""
+        texts = {Warnings.NOT_RECORDED: self._journal.trouble, Warnings.ARM_CALIBRATION: misfit}
         for bit, name in WARNINGS.items():
             if (before ^ now) & bit:
-                text = self._journal.trouble if bit == Warnings.NOT_RECORDED and now & bit else ""
+                text = texts.get(bit, "") if now & bit else ""
                 self._note(EventKind.WARNING, name if now & bit else f"{name} is over", text=text)
 
     def _note(self, kind: EventKind, name: str, code: int = 0, command: Command | None = None, text: str = "") -> None:
@@ -59,16 +60,18 @@ WARNINGS = {
     Warnings.NOT_RECORDED: "not recorded",
     Warnings.DISK_LOW: "disk low",
     Warnings.SCAN_OVERRUNS: "scan overruns",
+    Warnings.ARM_CALIBRATION: "arm calibration",
 }
 """Name of each warning."""
 
 
-def warnings_of(journal: Journal, is_late: bool) -> int:
-    """Return the warnings about the records and about late scans, as a sum of `Warnings`."""
+def warnings_of(journal: Journal, is_late: bool, is_misfit: bool) -> int:
+    """Return the warnings about the records, late scans and the arm's calibration, as a sum of `Warnings`."""
     return (
         (Warnings.NOT_RECORDED if journal.trouble else 0)
         + (Warnings.DISK_LOW if journal.is_disk_low else 0)
         + (Warnings.SCAN_OVERRUNS if is_late else 0)
+        + (Warnings.ARM_CALIBRATION if is_misfit else 0)
     )
 
 

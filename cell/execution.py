@@ -4,6 +4,7 @@ import logging
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+from cell.arm_watch import ArmWatch
 from cell.assembly import Cell, choices, make_estimator, make_tracker
 from cell.brake import Brake, fault_of
 from cell.cell_config import CellConfig
@@ -65,6 +66,7 @@ class Execution:
         self._first_seed = cell.config.sim.seed if cell.config.sim is not None else 0
         self._seed, self._stocked = self._first_seed, 0
         self.learning = Learning(journal.folder, cell.config.learning)
+        self._arm = ArmWatch(cell.arm_calibration, cell.config.arm_model())
         self._done = Progress(())
         self._run: RunRecord | None = None
         self.last: RunRow | None = None
@@ -101,6 +103,7 @@ class Execution:
         run, self._run = self._run, None
         ending, fault = self._judged(claim, records, fault, run.clock.stage if run is not None else "")
         self._part.end()
+        self._desk.misfit = self._arm.end()
         if run is not None:
             self._desk.report = replace(self._desk.report, hole=hole_found(records) or self._desk.report.hole)
             if ending.outcome is Outcome.SUCCESS:
@@ -130,6 +133,7 @@ class Execution:
         self._desk.events.run = self._run.row.run
         self._desk.report = replace(self._desk.report, run=self._run.row.run)
         self._part.begin(config, entry.claim)
+        self._arm.begin()
         ctx = self._context
         ctx.job = config.job(slot=ctx.job.slot)
         ctx.limits, ctx.stage, ctx.held = config.limits, "", None
@@ -236,6 +240,7 @@ class Execution:
         run = self._run
         assert run is not None
         self._part.see(seen)
+        self._arm.see(seen, setpoint)
         run.add(seen, setpoint, self._cell.sight() if self._cell.sight is not None else None)
         self.show(seen)
         if self._desk.state is State.HOLDING and self._brake.is_at_rest:

@@ -91,6 +91,11 @@ class Supervisor:
         """Place of the peg, the evidence of it, and what to do, as one line."""
         return self._part.told
 
+    @property
+    def misfit(self) -> str:
+        """What of the arm's calibration does not fit what the arm did in the last run, as one line; empty where all fits."""
+        return self._desk.misfit
+
     # The scan outside a program.
 
     def serve(self) -> None:

@@ -71,6 +71,7 @@ class Warnings:
     NOT_RECORDED = 1
     DISK_LOW = 2
     SCAN_OVERRUNS = 4
+    ARM_CALIBRATION = 8
 
 
 AFTER_A_LOSS = 1
@@ -246,7 +247,7 @@ def _report_block() -> list[Register]:
         "warnings",
         "u16",
         f"sum of {Warnings.NOT_RECORDED} records not written, {Warnings.DISK_LOW} disk low, "
-        f"{Warnings.SCAN_OVERRUNS} scan overruns",
+        f"{Warnings.SCAN_OVERRUNS} scan overruns, {Warnings.ARM_CALIBRATION} arm calibration does not fit",
     )
     block.add("overruns", "u32", "scans that took longer than their period since the start")
     block.add("peak_force", "u32", "largest force of the run at the tool", unit="N", scale=0.01)

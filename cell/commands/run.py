@@ -116,6 +116,8 @@ def _run_here(args: argparse.Namespace) -> int:
         return _complain(f"fault {fault}: nothing was run") if fault else NOT_GOOD
     where = supervisor.where_the_peg_is
     show(args, Group(words.run(row), where), {**asdict(row), "peg": where})
+    if supervisor.misfit:
+        complain(f"warning: {supervisor.misfit}")
     if row.outcome == Outcome.FAULT:
         return _complain(f"fault {row.fault}: {row.message}")
     return GOOD if row.outcome == Outcome.SUCCESS else NOT_GOOD

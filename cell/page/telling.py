@@ -53,6 +53,7 @@ _WARNINGS = {
     Warnings.NOT_RECORDED: "runs are not recorded",
     Warnings.DISK_LOW: "the disk is almost full",
     Warnings.SCAN_OVERRUNS: "scans take longer than their period",
+    Warnings.ARM_CALIBRATION: "the arm's calibration does not fit what the arm does",
 }
 
 

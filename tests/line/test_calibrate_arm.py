@@ -1,0 +1,122 @@
+"""`cell calibrate arm`: what it finds of a simulated arm is true within its intervals, and a run notices where it is not."""
+
+import logging
+import math
+import re
+import signal
+from datetime import date, timedelta
+
+import numpy as np
+import pytest
+
+from cell import calibrate_arm as module
+from cell.calibrate_arm import Sweep, calibrate_arm
+from cell.cli import NOT_GOOD, WRONG_USE, main
+from cell.config import load
+from cell.journal import Journal
+from drivers.errors import NotCalibratedError
+from sim import joint_drive
+from sim.drawn_arm import drawn_arm
+from sim.reality import read_shipped
+
+SHORT = Sweep(speeds=(0.15, 0.35), even=0.4, together=2.0)
+SEED = ["--set", "sim.seed=80001", "--set", "sim.pace=max"]
+
+
+@pytest.fixture(autouse=True)
+def _quiet():
+    root = logging.getLogger()
+    level = root.level
+    yield
+    root.handlers.clear()
+    root.setLevel(level)
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory):
+    """Return a calibration of one drawn arm, and its file."""
+    found = calibrate_arm(
+        load(sets=["sim.seed=80001", "insert.estimator=image"]).cell, date.today(), lambda done, of: None, SHORT
+    )
+    path = tmp_path_factory.mktemp("calibration") / "arm.toml"
+    found.write(path)
+    return found, path
+
+
+def torques(speed):
+    """Return what each joint of the drawn arm takes at a velocity, shape (7,), N·m."""
+    config = load(sets=["sim.seed=80001"]).cell
+    arm = drawn_arm(config.arm_model(), read_shipped().draw(80001, config.reality))
+    words = joint_drive.words_of(arm, 1e-3, (5e-4, 2e-3))
+    return np.array(
+        [
+            math.copysign(dry, speed) + joint_drive.friction(words, joint, speed) - gravity
+            for joint, (dry, gravity) in enumerate(zip(arm.friction.dry, arm.gravity, strict=True))
+        ]
+    )
+
+
+def test_friction_and_offset_are_what_was_drawn_within_their_intervals(measured):
+    found, _ = measured
+    for speed, friction in zip(found.speeds, found.friction, strict=True):
+        true = 0.5 * (torques(speed) - torques(-speed))
+        assert np.all(np.abs(np.array(friction.value) - true) < friction.interval)
+    true = np.mean([torques(sense * speed) for speed in found.speeds for sense in (-1, 1)], axis=0)
+    assert np.all(np.abs(np.array(found.offset.value) - true) < found.offset.interval)
+
+
+def test_a_run_of_the_arm_that_was_calibrated_says_nothing(measured, capsys, tmp_path):
+    main(["run", "grasp_from_rack", *SEED, "--set", f"calibration.arm={measured[1]}", "--journal", str(tmp_path)])
+    assert "calibration" not in capsys.readouterr().err
+
+
+def test_a_run_of_an_arm_that_has_changed_says_so_and_puts_it_on_record(measured, capsys, tmp_path):
+    changed = ["--set", "reality.scale=0", "--set", f"calibration.arm={measured[1]}"]
+    main(["run", "grasp_from_rack", *SEED, *changed, "--journal", str(tmp_path)])
+    assert re.search(r"^cell: warning: calibration\.arm of .* does not fit: joint \d", capsys.readouterr().err, re.M)
+    with Journal(tmp_path, is_read_only=True) as journal:
+        assert next(e.text for e in journal.events() if e.name == "arm calibration").startswith("calibration.arm of")
+
+
+def test_a_calibration_that_is_too_old_is_refused_in_one_line(measured, capsys, tmp_path):
+    found, _ = measured
+    found.model_copy(update={"date": date.today() - timedelta(days=366)}).write(tmp_path / "arm.toml")
+    status = main(["check", *SEED, "--set", f"calibration.arm={tmp_path / 'arm.toml'}"])
+    error = capsys.readouterr().err
+    assert status == WRONG_USE
+    assert "366 days ago; 0 to 365 days of calibration.longest_age allowed" in error
+    assert error.count("\n") == 1
+
+
+def test_the_calibration_of_another_arm_is_refused(measured, capsys):
+    assert main(["check", "--set", "sim.seed=80002", "--set", f"calibration.arm={measured[1]}"]) == WRONG_USE
+    assert "of another arm" in capsys.readouterr().err
+
+
+def test_a_force_that_nothing_explains_ends_the_calibration_without_a_file(capsys, tmp_path):
+    assert main(["calibrate", "arm", *SEED, "--set", "limits.force=3", "--out", str(tmp_path)]) == NOT_GOOD
+    assert "FORCE_LIMIT" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_whoever_breaks_it_off_finds_the_arm_at_rest_and_the_old_file(monkeypatch, capsys, tmp_path):
+    old, seen = tmp_path / f"arm_{date.today().isoformat()}.toml", []
+    old.write_text("old\n", encoding="utf-8")
+
+    def broken_off(arm, *rest):
+        seen.append(rest[2])
+        signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(module, "_to_and_fro", broken_off)
+    assert main(["calibrate", "arm", *SEED, "--out", str(tmp_path)]) == NOT_GOOD
+    assert capsys.readouterr().err == "cell: stopped\n"
+    assert old.read_text(encoding="utf-8") == "old\n"
+    assert list(tmp_path.iterdir()) == [old]
+    (ctx,) = seen
+    assert ctx.rest.is_reached
+
+
+def test_an_arm_that_tells_no_torques_is_not_calibrated(monkeypatch):
+    monkeypatch.setattr("drivers.impedance.unexplained", lambda law: None)
+    with pytest.raises(NotCalibratedError, match="does not tell what torque"):
+        calibrate_arm(load(sets=["reality.scale=0"]).cell, date.today(), lambda done, of: None, SHORT)
