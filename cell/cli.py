@@ -48,6 +48,7 @@ COMMANDS = {
     "run": "cell.commands.run",
     "watch": "cell.commands.watch",
     "trials": "cell.lab.commands.trials",
+    "tune": "cell.lab.commands.tune",
     "skin": "cell.commands.skin",
     "calibrate": "cell.commands.calibrate",
     "study": "cell.lab.commands.study",

@@ -1,0 +1,125 @@
+"""`cell tune`: a recipe that fulfils a wish for time, force and success, with the evidence for it."""
+
+import argparse
+import os
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cell.arguments import add_config, natural, out_folder, positive
+from cell.lab.arguments import load_simulated
+from cell.terminal import GOOD, NOT_GOOD, complain, progress, show, written
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rich.table import Table
+
+    from cell.lab.trials import TrialRow
+    from cell.lab.tune.measure import Candidate
+
+SUMMARY = "a recipe that fulfils a wish for time, force and success, searched for in simulation"
+STOPS_ITSELF = False
+RECIPE = "recipe.toml"
+AWAY = 1_000_000
+"""Distance from the seeds that settings are chosen by to those that the best one is judged on."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the wish, how much is tried for it, and where the recipe goes."""
+    add_config(parser)
+    parser.add_argument(
+        "--want", required=True, metavar="WISH", help='as in "p95<=8 s, force<=20 N, success>=98 %%"; mean<= as well'
+    )
+    parser.add_argument("--candidates", type=positive, default=18, metavar="N", help="settings to try; 18")
+    parser.add_argument("--trials", type=positive, default=16, metavar="N", help="insertions by each at most; 16")
+    parser.add_argument(
+        "--judge", type=positive, default=60, metavar="N", help="insertions by the best one, on other seeds; 60"
+    )
+    parser.add_argument("--seed", type=natural, default=1, metavar="S", help="of the first trial")
+    parser.add_argument(
+        "--workers", type=positive, default=os.cpu_count() or 1, metavar="N", help="processes; one for each core"
+    )
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Search, judge, write the recipe; NOT_GOOD with what was reached where the wish is not fulfilled."""
+    from cell.lab.tune import measure
+    from cell.lab.tune.wish import wishes_of
+
+    wishes = wishes_of(args.want)
+    load_simulated(args, "tune")
+    space = measure.Space(args.config, args.set)
+    folder, seeds = out_folder(args.out), range(args.seed, args.seed + args.trials)
+    with progress() as bars:
+        bar = bars.add_task("settings", total=args.candidates * len(seeds))
+        tried = measure.tune(
+            space, wishes, seeds, args.candidates, args.workers, folder, lambda count: bars.advance(bar, count)
+        )
+        best = tried[0]
+        bar = bars.add_task("judging", total=args.judge)
+        fresh = range(args.seed + AWAY, args.seed + AWAY + args.judge)
+        rows = measure.judge(space, best.sets, fresh, args.workers, folder / "judged", lambda row: bars.advance(bar))
+    evidence = [(wish.text, wish.found(rows), wish.holds(rows)) for wish in wishes]
+    is_good = all(holds for _, _, holds in evidence)
+    recipe = folder / RECIPE
+    recipe.write_text(_recipe(args.want, best, tried, evidence, rows), encoding="utf-8")
+    show(args, _table(evidence, best), _data(best, tried, evidence, is_good, recipe))
+    written(args, [recipe])
+    if not is_good:
+        nearest = "; ".join(f"{wish}: {found}" for wish, found, _ in evidence)
+        complain(f"--want {args.want}: not fulfilled by any of {len(tried)} settings; nearest: {nearest}")
+    return GOOD if is_good else NOT_GOOD
+
+
+def _recipe(
+    want: str,
+    best: "Candidate",
+    tried: "Sequence[Candidate]",
+    evidence: "Sequence[tuple[str, str, bool]]",
+    rows: "Sequence[TrialRow]",
+) -> str:
+    from cell.lab.tune.measure import toml
+    from cell.provenance import versions
+
+    style = ", ".join(f"{name} {place:.2f}" for name, place in best.style.items())
+    seeds = [row.seed for row in rows]
+    lines = [
+        f"Wished: {want}. Found by `cell tune` on {datetime.now(UTC):%Y-%m-%d}, code {versions()['code']},",
+        f"among {len(tried)} settings between the presets (0 careful, 1 balanced, 2 fast): {style}.",
+        f"Judged on {len(rows)} simulated insertions, seeds {min(seeds)} to {max(seeds)}, that it was not chosen by:",
+        *(f"{wish}: {found}{'' if holds else ' - NOT fulfilled'}" for wish, found, holds in evidence),
+    ]
+    return "".join(f"# {line}\n" for line in lines) + toml(best.sets)
+
+
+def _data(
+    best: "Candidate",
+    tried: "Sequence[Candidate]",
+    evidence: "Sequence[tuple[str, str, bool]]",
+    is_good: bool,
+    recipe: Path,
+) -> dict[str, object]:
+    from dataclasses import asdict
+
+    return {
+        "fulfilled": is_good,
+        "judged": [{"wish": wish, "found": found, "holds": holds} for wish, found, holds in evidence],
+        "best": asdict(best),
+        "tried": [asdict(each) for each in tried],
+        "file": str(recipe),
+    }
+
+
+def _table(evidence: "Sequence[tuple[str, str, bool]]", best: "Candidate") -> "Table":
+    from rich.table import Table
+
+    table = Table(title="The best setting, judged on seeds that it was not chosen by", title_justify="left")
+    for name in ("wish", "reached", "holds"):
+        table.add_column(name)
+    for wish, found, holds in evidence:
+        table.add_row(wish, found, "yes" if holds else "no")
+    place = ", ".join(f"{name} {each:.2f}" for name, each in best.style.items())
+    table.caption = f"0 careful, 1 balanced, 2 fast: {place}"
+    return table

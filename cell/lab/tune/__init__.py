@@ -1,0 +1,1 @@
+"""Search for a recipe that fulfils a wish for time, force and success."""

@@ -1,0 +1,129 @@
+"""A technician's wish for time, force and success, and how far trials are from it; pure."""
+
+import math
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cell.lab.trials import TrialRow
+from cell.statistics import wilson
+from drivers.errors import ConfigError
+from skills.contract import Outcome
+
+_TERM = re.compile(r"\s*(\w+)\s*(<=|>=)\s*([0-9.]+)\s*(s|N|%)?\s*")
+LOST = 3.0
+"""Cost of a lost trial beside one that just fulfils the wish, which costs 1."""
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """One quantity that may be wished for."""
+
+    sign: str
+    unit: str
+    value: Callable[[Sequence[TrialRow]], float]
+    """Function that returns the quantity of trials, in its unit; NaN where they have none."""
+    meaning: str
+
+
+def _times(rows: Sequence[TrialRow]) -> list[float]:
+    return [row.total_time for row in rows if row.outcome == Outcome.SUCCESS and row.total_time is not None]
+
+
+def _quantile(values: Sequence[float], share: float) -> float:
+    return float(np.quantile(values, share)) if values else math.nan
+
+
+def _share(rows: Sequence[TrialRow]) -> float:
+    return 100.0 * sum(row.outcome == Outcome.SUCCESS for row in rows) / len(rows) if rows else math.nan
+
+
+KINDS: dict[str, Kind] = {
+    "mean": Kind(
+        "<=", "s", lambda rows: float(np.mean(_times(rows) or [math.nan])), "mean of search + insertion + adjustment"
+    ),
+    "p95": Kind("<=", "s", lambda rows: _quantile(_times(rows), 0.95), "95th percentile of the same"),
+    "force": Kind(
+        "<=",
+        "N",
+        lambda rows: _quantile([row.peak_contact_force for row in rows], 0.95),
+        "largest contact force of 95 % of the trials",
+    ),
+    "success": Kind(">=", "%", _share, "share of the trials that succeed"),
+}
+"""Quantities that may be wished for, by name."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """One condition."""
+
+    name: str
+    limit: float
+
+    @property
+    def kind(self) -> Kind:
+        """The quantity."""
+        return KINDS[self.name]
+
+    @property
+    def text(self) -> str:
+        """The condition in words that `wishes_of` reads."""
+        return f"{self.name}{self.kind.sign}{self.limit:g} {self.kind.unit}"
+
+    def holds(self, rows: Sequence[TrialRow]) -> bool:
+        """Return whether trials fulfil it."""
+        value = self.kind.value(rows)
+        return value <= self.limit if self.kind.sign == "<=" else value >= self.limit
+
+    def found(self, rows: Sequence[TrialRow]) -> str:
+        """Return what trials reached, in words."""
+        value = f"{self.kind.value(rows):.3g} {self.kind.unit}"
+        if self.name != "success":
+            return value
+        low, high = wilson(sum(row.outcome == Outcome.SUCCESS for row in rows), len(rows))
+        return f"{value} of {len(rows)}, 95 % interval {100 * low:.1f} to {100 * high:.1f} %"
+
+
+def wishes_of(text: str) -> tuple[Wish, ...]:
+    """Return the conditions of a text such as `p95<=8 s, force<=20 N`.
+
+    Raises:
+        ConfigError: It has another form, or says one thing twice.
+    """
+    known = ", ".join(f"{name}{kind.sign}{kind.unit}" for name, kind in KINDS.items())
+    found: dict[str, Wish] = {}
+    for term in text.split(","):
+        match = _TERM.fullmatch(term)
+        kind = KINDS.get(match[1]) if match else None
+        if match is None or kind is None or match[2] != kind.sign or match[4] not in (None, kind.unit):
+            raise ConfigError(f"--want {text}: {term.strip()!r}: {known} allowed, as in p95<=8 s, force<=20 N")
+        if match[1] in found:
+            raise ConfigError(f"--want {text}: {match[1]} twice; each once allowed")
+        try:
+            limit = float(match[3])
+        except ValueError:
+            raise ConfigError(f"--want {text}: {match[3]} is no number; 8 or 8.5 allowed") from None
+        if not 0.0 < limit <= (100.0 if match[4] == "%" or kind.unit == "%" else math.inf):
+            raise ConfigError(
+                f"--want {text}: {limit:g}: more than 0{', at most 100 %' if kind.unit == '%' else ''} allowed"
+            )
+        found[match[1]] = Wish(match[1], limit)
+    return tuple(found.values())
+
+
+def cost(row: TrialRow, wishes: Sequence[Wish]) -> float:
+    """Return what one trial costs by a wish: 1 where it just fulfils it, more beyond, less where it is quicker.
+
+    Time counts throughout, so that of two settings that fulfil the wish the quicker one costs less; what of time and force
+    lies beyond the limit counts twice more, and a lost trial costs `LOST`.
+    """
+    if row.outcome != Outcome.SUCCESS or row.total_time is None:
+        return LOST
+    limits = {wish.name: wish.limit for wish in wishes}
+    time = row.total_time / limits.get("p95", limits.get("mean", 60.0))
+    beyond = max(time - 1.0, 0.0) if "p95" in limits else 0.0
+    force = max(row.peak_contact_force / limits["force"] - 1.0, 0.0) if "force" in limits else 0.0
+    return min(time + 2.0 * (beyond + force), LOST)

@@ -1,0 +1,96 @@
+"""A wish is read as it is meant, the dearer of two trials is the one further from it, and every setting lies between presets."""
+
+import shutil
+from dataclasses import replace
+
+import pytest
+
+from cell.config import load
+from cell.config_files import DEFAULT
+from cell.lab.tune.measure import SECTIONS, STYLES, Space, toml
+from cell.lab.tune.wish import LOST, cost, wishes_of
+from drivers.errors import ConfigError
+from tests.trial_rows import SEATED
+
+WISHES = wishes_of("p95<=8 s, force<=20 N")
+
+
+def test_a_wish_is_read_with_and_without_units():
+    assert [wish.text for wish in wishes_of("p95 <= 8, force<=20N,success>=98 %")] == [
+        "p95<=8 s",
+        "force<=20 N",
+        "success>=98 %",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        ("p95<=8 N", "p95<=s"),
+        ("p95>=8", "'p95>=8'"),
+        ("speed<=8", "mean<=s, p95<=s, force<=N, success>=%"),
+        ("p95<=8, p95<=9", "p95 twice"),
+        ("success>=101 %", "at most 100 %"),
+        ("force<=0 N", "more than 0"),
+        ("p95<=1.2.3", "no number"),
+        ("", "p95<=8 s, force<=20 N"),
+    ],
+)
+def test_a_wish_that_says_nothing_is_told_what_is_allowed(wrong, told):
+    with pytest.raises(ConfigError) as caught:
+        wishes_of(wrong)
+    assert told in str(caught.value)
+
+
+def test_a_trial_that_just_fulfils_the_wish_costs_one():
+    assert cost(replace(SEATED, total_time=8.0, peak_contact_force=20.0), WISHES) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("dearer", "cheaper"),
+    [
+        ({"total_time": 9.0}, {"total_time": 7.0}),
+        ({"peak_contact_force": 25.0}, {"peak_contact_force": 19.0}),
+        ({"outcome": "failure"}, {"total_time": 11.0}),
+        ({"total_time": 10.0}, {"total_time": 6.0, "peak_contact_force": 25.0}),
+    ],
+)
+def test_what_is_further_from_the_wish_costs_more(dearer, cheaper):
+    assert cost(replace(SEATED, **dearer), WISHES) > cost(replace(SEATED, **cheaper), WISHES)
+    assert cost(replace(SEATED, total_time=1000.0), WISHES) == LOST
+
+
+def test_a_wish_holds_of_what_trials_reached():
+    rows = [replace(SEATED, total_time=6.0 + 0.1 * n, peak_contact_force=float(n)) for n in range(20)]
+    p95, force = WISHES
+    assert p95.holds(rows)
+    assert force.found(rows) == "18.1 N"
+    (success,) = wishes_of("success>=98")
+    assert not success.holds([*rows, replace(SEATED, outcome="failure")])
+    assert success.found(rows) == "100 % of 20, 95 % interval 83.9 to 100.0 %"
+
+
+@pytest.mark.parametrize(("place", "style"), list(enumerate(STYLES)))
+def test_whole_numbers_are_the_presets(place, style):
+    space = Space(None, [])
+    found = space.config(space.sets(dict.fromkeys(SECTIONS, float(place))))
+    preset = load(None, style, ["sim.pace=max"]).cell
+    assert (found.search, found.insert, found.adjust) == (preset.search, preset.insert, preset.adjust)
+
+
+def test_between_two_presets_every_figure_lies_between_theirs():
+    sets = Space(None, []).sets({"search": 1.5, "insert": 1.0, "adjust": 0.5})
+    assert "search.speed=0.1275" in sets
+    assert "search.margin=[0.002, 0.001]" in sets
+    assert not any(text.startswith("insert.") for text in sets)
+
+
+def test_a_recipe_is_read_as_the_setting_that_it_was_made_of(tmp_path):
+    space = Space(None, [])
+    sets = space.sets({"search": 0.3, "insert": 1.7, "adjust": 1.2})
+    (tmp_path / "recipes").mkdir()
+    (tmp_path / "recipes" / "7.toml").write_text(toml(sets))
+    shutil.copy(DEFAULT, tmp_path / "cell.toml")
+    recipe = load(tmp_path / "cell.toml").recipes[7]
+    found = space.config(sets)
+    assert (recipe.search, recipe.insert, recipe.adjust) == (found.search, found.insert, found.adjust)
