@@ -57,6 +57,8 @@ mouth with z outward.
 """
 TAXEL_COLUMNS = tuple(f"taxel_{finger}_{taxel}" for finger in ("left", "right") for taxel in range(TAXELS))
 """Columns of `taxels` in CSV, counts, one for each taxel."""
+JOINT_COLUMNS = {"joints": "joint", "velocities": "joint_velocity", "torques": "joint_torque"}
+"""Lists with a value for each joint, rad, rad/s and commanded N·m, each with what the columns of single joints begin with."""
 BATCH = 100
 """Number of rows that are written at once; one second at the usual scan rate."""
 _SWITCH = {SwitchState.CLOSED: 1.0, SwitchState.OPEN: 0.0, SwitchState.UNKNOWN: -1.0}
@@ -72,8 +74,8 @@ class SampleBlock:
     """Values of `COLUMNS`, shape (columns, BATCH)."""
     taxels: Vector = field(default_factory=lambda: np.empty((BATCH, FINGERS * TAXELS)))
     """Readings of the taxels, counts, shape (BATCH, 40)."""
-    joints: list[list[float]] = field(default_factory=list)
-    """Joint positions of each scan, rad."""
+    joints: dict[str, list[list[float]]] = field(default_factory=lambda: {name: [] for name in JOINT_COLUMNS})
+    """Values of all joints at each scan, by the names of `JOINT_COLUMNS`."""
     used: int = 0
     """Number of scans in the block."""
 
@@ -93,7 +95,10 @@ class SampleBlock:
         row[19], row[20], row[21] = seen.gripper.width, _SWITCH[seen.switch], seen.frame.sequence
         row[_TRUTH : _TRUTH + 14] = _NO_SIGHT if sight is None else (*_seven(sight.peg), *_seven(sight.hole))
         self.taxels[self.used] = seen.frame.values.reshape(-1)
-        self.joints.append(seen.arm.q.tolist())
+        arm = seen.arm
+        torque = np.full_like(arm.q, np.nan) if arm.commanded is None else arm.commanded
+        for name, values in zip(JOINT_COLUMNS, (arm.q, arm.dq, torque), strict=True):
+            self.joints[name].append(values.tolist())
         self.used += 1
 
 

@@ -13,7 +13,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from cell.journal_schema import RunRow
-from cell.sample_blocks import COLUMNS, TAXEL_COLUMNS
+from cell.sample_blocks import COLUMNS, JOINT_COLUMNS
+from cell.samples import columns_of
 from drivers.errors import ConfigError
 from drivers.quantities import Vector
 from skills.catalogue import CATALOGUE
@@ -21,7 +22,16 @@ from skills.catalogue import CATALOGUE
 FRAME = "base"
 """Frame in which places, axes and forces are given: that of the robot's base."""
 _UNITS = {"stamp": "s", "theta": "rad", "theta_stamp": "s", "width": "m", "stage": "", "switch": "", "frame": ""}
-_PREFIXES = {"tip_": "m", "tcp_": "m", "setpoint_": "m", "axis_": "", "force_": "N"}
+_PREFIXES = {
+    "joint_velocity_": "rad/s",
+    "joint_torque_": "N·m",
+    "joint_": "rad",
+    "tip_": "m",
+    "tcp_": "m",
+    "setpoint_": "m",
+    "axis_": "",
+    "force_": "N",
+}
 _NOTES = {
     "stamp": "cell's clock",
     "stage": "number of the skill; the file's own metadata names them",
@@ -31,6 +41,7 @@ _NOTES = {
     "theta_stamp": "cell's clock, when theta was measured",
     "width": "opening of the hand",
     "taxel": "signed, baseline removed, positive is pressure",
+    "joint_torque": "as the law commanded it, without what the arm itself adds against gravity",
 }
 
 
@@ -42,18 +53,7 @@ def unit_of(column: str) -> str:
         return "" if "_q" in column else "m"
     if column.startswith("taxel_"):
         return "counts"
-    if column.startswith("joint_"):
-        return "rad"
     return next(unit for prefix, unit in _PREFIXES.items() if column.startswith(prefix))
-
-
-def columns_of(samples: dict[str, Vector]) -> dict[str, Vector]:
-    """Return samples with one flat column for each taxel and joint."""
-    flat = {name: samples[name] for name in COLUMNS}
-    taxels = samples["taxels"].reshape(-1, len(TAXEL_COLUMNS))  # without a scan they have no columns either
-    flat |= {name: taxels[:, place] for place, name in enumerate(TAXEL_COLUMNS)}
-    flat |= {f"joint_{number + 1}": samples["joints"][:, number] for number in range(samples["joints"].shape[1])}
-    return flat
 
 
 def write_samples_parquet(row: RunRow, samples: dict[str, Vector], path: Path) -> None:
@@ -114,7 +114,7 @@ def _metadata(column: str) -> dict[str, str]:
     told = {"unit": unit_of(column)}
     if unit_of(column) in ("m", "N") and column != "width":
         told["frame"] = FRAME
-    note = _NOTES.get(column, _NOTES["taxel"] if column.startswith("taxel_") else "")
+    note = _NOTES.get(column) or next((text for name, text in _NOTES.items() if column.startswith(f"{name}_")), "")
     return told | ({"note": note} if note else {})
 
 
@@ -134,7 +134,7 @@ _TOPICS: dict[str, tuple[str, dict[str, object]]] = {
     "/force": _schema("cell.Force", frame_id={"type": "string"}, force=_VECTOR, magnitude={"type": "number"}),
     "/peg": _schema("cell.Peg", theta={"type": "number"}, age={"type": "number"}),
     "/touch": _schema("cell.Touch", left=_NUMBERS, right=_NUMBERS),
-    "/joints": _schema("cell.Joints", position=_NUMBERS),
+    "/joints": _schema("cell.Joints", position=_NUMBERS, velocity=_NUMBERS, effort=_NUMBERS),
     "/cell": _schema("cell.State", stage={"type": "string"}, width={"type": "number"}, switch={"type": "number"}),
 }
 """What each topic carries: SI units, radians, counts; the pose and its time are as Foxglove's schema has them."""
@@ -158,7 +158,8 @@ def _messages(row: RunRow, samples: dict[str, Vector]) -> Iterator[tuple[int, st
         yield time, "/force", {**stamp, "frame_id": FRAME, "force": force, "magnitude": _finite(size)}
         yield time, "/peg", {**stamp, "theta": at["theta"], "age": _finite(age)}
         yield time, "/touch", {**stamp, "left": left.tolist(), "right": right.tolist()}
-        yield time, "/joints", {**stamp, "position": samples["joints"][scan].tolist()}
+        joints = ([_finite(each) for each in samples[name][scan].tolist()] for name in JOINT_COLUMNS)
+        yield time, "/joints", {**stamp, **dict(zip(("position", "velocity", "effort"), joints, strict=True))}
         stage = CATALOGUE.stages.get(int(samples["stage"][scan]), "")
         yield time, "/cell", {**stamp, "stage": stage, "width": at["width"], "switch": at["switch"]}
 

@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow as pa
 from pydantic import ValidationError
 
-from cell.sample_blocks import COLUMNS, TAXEL_COLUMNS, SampleBlock
+from cell.sample_blocks import COLUMNS, JOINT_COLUMNS, TAXEL_COLUMNS, SampleBlock
 from drivers.errors import JournalError
 from drivers.quantities import FINGERS, TAXELS, Vector
 from drivers.scene_facts import SceneFacts
@@ -19,7 +19,7 @@ _SCHEMA = pa.schema(
     [
         *((name, pa.float64()) for name in COLUMNS),
         ("taxels", pa.list_(pa.float64(), FINGERS * TAXELS)),
-        ("joints", pa.list_(pa.float64())),
+        *((name, pa.list_(pa.float64())) for name in JOINT_COLUMNS),
     ]
 )
 _FACTS = b"scene"
@@ -62,7 +62,7 @@ class SampleFile:
         taxels = pa.array(block.taxels[: block.used].reshape(-1))
         columns = [pa.array(column[: block.used]) for column in block.values]
         columns.append(pa.FixedSizeListArray.from_arrays(taxels, FINGERS * TAXELS))
-        columns.append(pa.array(block.joints, type=_SCHEMA.field("joints").type))
+        columns += [pa.array(block.joints[name], type=_SCHEMA.field(name).type) for name in JOINT_COLUMNS]
         batch = pa.record_batch(columns, schema=_SCHEMA)
         with self._told():
             if ending:
@@ -106,8 +106,8 @@ def _require_empty(path: Path) -> None:
 def read_samples(path: Path) -> dict[str, Vector]:
     """Return the columns of a run, as far as they reached the disk.
 
-    Beside `COLUMNS`, `taxels` has shape (n, 40), counts, and `joints` shape (n, joints), rad. A column that an earlier
-    version did not record is NaN, and `joints` has no columns then.
+    Beside `COLUMNS`, `taxels` has shape (n, 40), counts, and each of `JOINT_COLUMNS` shape (n, joints). A column that an
+    earlier version did not record is NaN, and a list of joints has no columns then.
 
     Raises:
         JournalError: There is no such file.
@@ -118,7 +118,7 @@ def read_samples(path: Path) -> dict[str, Vector]:
     samples: dict[str, Vector] = {
         name: table.column(name).to_numpy() if name in schema.names else missing for name in COLUMNS
     }
-    for name in ("taxels", "joints"):
+    for name in ("taxels", *JOINT_COLUMNS):
         values = np.empty(0)
         if name in schema.names:
             values = table.column(name).combine_chunks().flatten().to_numpy(zero_copy_only=False)
@@ -168,12 +168,20 @@ def _read(path: Path) -> tuple[pa.Schema, list[pa.RecordBatch], str]:
     return schema, batches, ending
 
 
+def columns_of(samples: dict[str, Vector]) -> dict[str, Vector]:
+    """Return samples with one flat column for each taxel and each joint."""
+    flat = {name: samples[name] for name in COLUMNS}
+    taxels = samples["taxels"].reshape(-1, len(TAXEL_COLUMNS))  # without a scan they have no columns either
+    flat |= {name: taxels[:, place] for place, name in enumerate(TAXEL_COLUMNS)}
+    for name, beginning in JOINT_COLUMNS.items():
+        flat |= {f"{beginning}_{place + 1}": samples[name][:, place] for place in range(samples[name].shape[1])}
+    return flat
+
+
 def export_csv(samples: dict[str, Vector], path: Path) -> None:
     """Write samples as CSV, one row a scan."""
-    joints = [f"joint_{number}" for number in range(1, samples["joints"].shape[1] + 1)]
+    flat = columns_of(samples)
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        writer.writerow([*COLUMNS, *TAXEL_COLUMNS, *joints])
-        scalars = zip(*(samples[name].tolist() for name in COLUMNS), strict=True)
-        lists = zip(scalars, samples["taxels"].tolist(), samples["joints"].tolist(), strict=True)
-        writer.writerows((*row, *taxels, *q) for row, taxels, q in lists)
+        writer.writerow(flat)
+        writer.writerows(zip(*(column.tolist() for column in flat.values()), strict=True))

@@ -124,6 +124,11 @@ def new_state(arm: ArmModel, believed: tuple[Vector, Vector] | None = None) -> V
     return state
 
 
+def commanded(state: Vector) -> Vector:
+    """Return the torque on each joint that the law commanded last, shape (7,), N·m."""
+    return state[TORQUE : TORQUE + JOINTS].copy()
+
+
 def unexplained(state: Vector) -> Vector:
     """Return the torque on each joint that was commanded and did not become motion, shape (7,), N·m; `state` is the law's."""
     return learning.unexplained(state[LEARNING:])

@@ -81,6 +81,10 @@ class ArmState:
     """Index in `q` of the joint that turns the elbow."""
     setpoint_age: float
     """Time since the held setpoint was handed over, s; infinite when nothing is held."""
+    commanded: Vector | None = None
+    """Torque on each joint that the law commanded last, without what the arm itself adds against gravity, shape (7,), N·m. None where
+    the arm does not tell it.
+    """
     unexplained: Vector | None = None
     """Torque on each joint that was commanded and did not become motion of the arm's model, low-passed, shape (7,), N·m: friction, the
     remainder of gravity, contact. None where the arm does not tell it.

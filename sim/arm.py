@@ -60,5 +60,6 @@ class SimArm:
             elbow=world.arm.kinematics.elbow - 1,
             wrench=Wrench(wrench[:3], wrench[3:]),
             setpoint_age=now - words[impedance.STAMP] if words[impedance.VALID_UNTIL] >= now else math.inf,
+            commanded=impedance.commanded(world.control.law),
             unexplained=impedance.unexplained(world.control.law),
         )

@@ -160,8 +160,8 @@ class FrankaArm:
         self._require_running()
         while True:
             count = link.is_settled("state_sequence")
-            told = ("q", "dq", "force", "torque", "unexplained")
-            q, dq, force, torque, unexplained = (link[name][0].copy() for name in told)
+            told = ("q", "dq", "force", "torque", "commanded", "unexplained")
+            q, dq, force, torque, commanded, unexplained = (link[name][0].copy() for name in told)
             if count is not None and link.is_settled("state_sequence") == count:
                 break
         now = self._clock.now()
@@ -180,6 +180,7 @@ class FrankaArm:
             elbow=self._arm.kinematics.elbow - 1,
             wrench=Wrench(force, torque),
             setpoint_age=now - self._handed if self._valid_until >= now else math.inf,
+            commanded=commanded,
             unexplained=unexplained,
         )
 

@@ -26,6 +26,7 @@ _LAYOUT = np.dtype(
         ("dq", np.float64, 7),
         ("force", np.float64, 3),
         ("torque", np.float64, 3),
+        ("commanded", np.float64, 7),
         ("unexplained", np.float64, 7),
         ("phase", np.int64),
         ("resets_done", np.int64),

@@ -161,6 +161,7 @@ class TorqueLoop:
         link.begin("state_sequence")
         link["time"][0] = self._time
         link["q"][0], link["dq"][0] = q, dq
+        link["commanded"][0] = impedance.commanded(self._law)
         link["unexplained"][0] = impedance.unexplained(self._law)
         link["force"][0] = wrench[:3]
         link["torque"][0] = (

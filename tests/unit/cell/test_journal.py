@@ -12,7 +12,7 @@ from cell.journal_schema import LAYOUT, ConfigRow, EventKind, EventRow, RunRow, 
 from cell.provenance import config_hash
 from cell.record import scene_facts
 from cell.run_query import RunQuery
-from cell.sample_blocks import BATCH, COLUMNS, TAXEL_COLUMNS, SampleStream
+from cell.sample_blocks import BATCH, COLUMNS, JOINT_COLUMNS, TAXEL_COLUMNS, SampleStream
 from cell.samples import SampleFile, export_csv, read_facts, read_samples
 from drivers.errors import JournalError
 from drivers.frames import rotation_about, rotation_of
@@ -220,11 +220,14 @@ def test_joints_and_the_true_poses_come_back_as_they_were(tmp_path, seen):
     lean = rotation_about(np.array([0.6, 0.0, 0.8]), 2.0)
     sight = Sight(peg=Pose(np.array([0.5, 0.1, 0.2]), lean), hole=Pose(np.array([0.4, 0.0, 0.1]), np.eye(3)))
     stream = Stream(tmp_path / "a.arrows")
-    stream.add(seen, None, 2, sight)
+    torque = np.arange(7.0)
+    stream.add(replace(seen, arm=replace(seen.arm, commanded=torque)), None, 2, sight)
     stream.close()
     samples = read_samples(tmp_path / "a.arrows")
     quaternion = np.array([samples[f"true_peg_q{part}"][0] for part in "wxyz"])
     assert samples["joints"].tolist() == [seen.arm.q.tolist()]
+    assert samples["velocities"].tolist() == [seen.arm.dq.tolist()]
+    assert samples["torques"].tolist() == [torque.tolist()]
     assert samples["true_hole_x"].tolist() == [0.4]
     np.testing.assert_allclose(rotation_of(quaternion), lean, atol=1e-15)
 
@@ -237,17 +240,26 @@ def test_a_cell_that_knows_no_truth_records_none(tmp_path, seen):
     assert all(np.isnan(samples[name]).all() for name in COLUMNS if name.startswith("true_"))
 
 
+def test_an_arm_that_tells_no_torque_leaves_it_open(tmp_path, seen):
+    stream = Stream(tmp_path / "a.arrows")
+    stream.add(replace(seen, arm=replace(seen.arm, commanded=None)), None, 2)
+    stream.close()
+    assert np.isnan(read_samples(tmp_path / "a.arrows")["torques"]).tolist() == [[True] * 7]
+
+
 def test_samples_of_an_earlier_version_are_read_without_what_it_did_not_record(tmp_path, seen):
     stream = Stream(tmp_path / "new.arrows")
     stream.add(seen, None, 3)
     stream.close()
     with pa.OSFile(str(tmp_path / "new.arrows")) as file:
         table = pa.ipc.open_stream(file).read_all()
-    early = table.select([name for name in table.column_names if name != "joints" and not name.startswith("true_")])
+    early = table.select(
+        [name for name in table.column_names if name not in JOINT_COLUMNS and not name.startswith("true_")]
+    )
     with pa.OSFile(str(tmp_path / "old.arrows"), "wb") as file, pa.ipc.new_stream(file, early.schema) as writer:
         writer.write_table(early)
     samples = read_samples(tmp_path / "old.arrows")
-    assert (samples["stage"].tolist(), samples["taxels"].shape, samples["joints"].shape) == ([3.0], (1, 40), (1, 0))
+    assert (samples["stage"].tolist(), samples["taxels"].shape, samples["torques"].shape) == ([3.0], (1, 40), (1, 0))
     assert np.isnan(samples["true_peg_x"]).all()
 
 
@@ -283,7 +295,7 @@ def test_csv_has_a_row_a_scan(tmp_path, seen):
     stream.close()
     export_csv(read_samples(tmp_path / "a.arrows"), tmp_path / "a.csv")
     lines = (tmp_path / "a.csv").read_text().splitlines()
-    joints = [f"joint_{number}" for number in range(1, 8)]
+    joints = [f"{name}_{number}" for name in ("joint", "joint_velocity", "joint_torque") for number in range(1, 8)]
     assert (lines[0].split(","), len(lines)) == ([*COLUMNS, *TAXEL_COLUMNS, *joints], 2)
 
 

@@ -52,12 +52,12 @@ import os, sys
 from pathlib import Path
 from cell.journal import Journal
 from cell.journal_schema import RunRow
-from cell.sample_blocks import SampleBlock
+from cell.sample_blocks import JOINT_COLUMNS, SampleBlock
 journal = Journal(Path(sys.argv[1]))
 journal.open()
 for _ in range(2):
     row = journal.begin(RunRow(0, "2025-01-01", "insert_peg", 1, "A-17", "plc", 42))
-    block = SampleBlock(used=2, joints=[[0.0], [0.0]])
+    block = SampleBlock(used=2, joints={name: [[0.0], [0.0]] for name in JOINT_COLUMNS})
     block.values[:], block.taxels[:] = 0.0, 0.0
     block.values[0, :2], block.values[13, :2], block.values[1, :2] = (1.0, 3.5), 12.0, 2.0
     journal.write(row.run, block)

@@ -7,10 +7,10 @@ import pytest
 from cell.journal_schema import RunRow
 from cell.journal_upkeep import samples_path
 from cell.run_samples import RunSamples
-from cell.sample_blocks import SampleBlock
+from cell.sample_blocks import JOINT_COLUMNS, SampleBlock
 
 ROW = RunRow(1, "2025-01-01T00:00:00.000+00:00", "insert_peg", 1, "A-17", "plc", 42)
-BLOCK = SampleBlock(used=2, joints=[[0.0], [0.0]])
+BLOCK = SampleBlock(used=2, joints={name: [[0.0], [0.0]] for name in JOINT_COLUMNS})
 
 
 @pytest.fixture

@@ -9,9 +9,9 @@ import pytest
 from cell.cli import GOOD, main
 from cell.journal import Journal
 from cell.journal_schema import RunRow
-from cell.sample_blocks import COLUMNS
-from cell.sample_export import columns_of, unit_of, write_mcap, write_runs_parquet, write_samples_parquet
-from cell.samples import read_samples
+from cell.sample_blocks import COLUMNS, JOINT_COLUMNS
+from cell.sample_export import unit_of, write_mcap, write_runs_parquet, write_samples_parquet
+from cell.samples import columns_of, read_samples
 from tests.fakes import Rig
 from tests.filmed_runs import record
 
@@ -37,6 +37,8 @@ def test_every_column_has_its_unit_and_frame_in_the_file(samples, tmp_path):
         "rad",
         "counts",
     )
+    assert (unit_of("joint_velocity_7"), unit_of("joint_torque_1")) == ("rad/s", "N·m")
+    assert b"without what the arm itself adds against gravity" in schema.field("joint_torque_1").metadata[b"note"]
     assert json.loads(schema.metadata[b"run"])["serial"] == ROW.serial
 
 
@@ -55,10 +57,8 @@ def test_pandas_and_duckdb_read_the_same_samples(samples, tmp_path):
 
 
 def test_a_run_without_a_scan_is_a_file_without_rows(samples, tmp_path):
-    none = {name: values[:0] for name, values in samples.items()} | {
-        "taxels": np.empty((0, 0)),
-        "joints": np.empty((0, 0)),
-    }
+    none = {name: values[:0] for name, values in samples.items()}
+    none |= dict.fromkeys(("taxels", *JOINT_COLUMNS), np.empty((0, 0)))
     write_samples_parquet(ROW, none, tmp_path / "none.parquet")
     assert pq.read_table(tmp_path / "none.parquet").num_rows == 0
 
@@ -88,6 +88,11 @@ def test_an_mcap_reader_finds_every_scan_under_its_schema(samples, tmp_path):
     assert (name, topic, time) == ("foxglove.PoseInFrame", "/tip", NSEC)
     assert tip["pose"]["position"]["z"] == pytest.approx(samples["tip_z"][0])
     assert np.linalg.norm(list(tip["pose"]["orientation"].values())) == pytest.approx(1.0)
+    joints = next(message for _, topic, _, message in found if topic == "/joints")
+    assert [joints[name] for name in ("position", "velocity")] == [
+        samples[name][0].tolist() for name in ("joints", "velocities")
+    ]
+    assert len(joints["effort"]) == 7
     touch = next(message for _, topic, _, message in found if topic == "/touch")
     assert touch["left"] + touch["right"] == samples["taxels"][0].tolist()
 
