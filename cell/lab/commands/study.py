@@ -38,6 +38,7 @@ STUDIES = (
     "frontier",
     "reality",
     "touch",
+    "calibration",
     "paper",
     "events",
     "startup",
