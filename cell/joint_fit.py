@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cell.statistics import student
 from drivers.arm.learning import DRY_RATE, SMOOTH_RATE
 from drivers.quantities import Vector
 
@@ -13,10 +14,6 @@ RESOLVED = 0.03
 """Least half width of an interval, N·m: what a momentum observer errs by where rotors and torque path are not in the model."""
 RESOLVED_SHARE = 0.02
 """Share of a figure by which the observer errs beside that, fraction."""
-Z = 1.959964
-"""Quantile of the normal distribution that belongs to 95 %."""
-FEW = {1: 12.706, 2: 4.303, 3: 3.182, 4: 2.776}
-"""Student's quantiles that belong to 95 % where the expansion is too coarse, by degrees of freedom."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,11 +39,6 @@ class JointFit:
     offset: tuple[float, float]
     friction: tuple[tuple[float, float], ...]
     """Friction at each speed."""
-
-
-def student(freedom: int) -> float:
-    """Return Student's quantile that belongs to 95 %, within 1 %: from 5 degrees of freedom on by its expansion."""
-    return FEW.get(freedom) or Z + (Z**3 + Z) / (4 * freedom) + (5 * Z**5 + 16 * Z**3 + 3 * Z) / (96 * freedom**2)
 
 
 def fit(passes: Sequence[Pass], speeds: Sequence[float]) -> JointFit:

@@ -11,6 +11,16 @@ Z95 = 1.959963984540054
 """Two-sided 95 % quantile of the normal distribution."""
 
 
+FEW = {1: 12.706, 2: 4.303, 3: 3.182, 4: 2.776}
+"""Student's quantiles that belong to 95 % where the expansion is too coarse, by degrees of freedom."""
+
+
+def student(freedom: int) -> float:
+    """Return Student's quantile that belongs to 95 %, within 1 %: from 5 degrees of freedom on by its expansion in their inverse."""
+    z = Z95
+    return FEW.get(freedom) or z + (z**3 + z) / (4 * freedom) + (5 * z**5 + 16 * z**3 + 3 * z) / (96 * freedom**2)
+
+
 def wilson(successes: int, attempts: int, z: float = Z95) -> tuple[float, float]:
     """Return the Wilson score interval of a success rate, [wilson], by default at 95 %.
 

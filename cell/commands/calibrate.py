@@ -6,18 +6,20 @@ from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cell.arguments import add_config, load_config
+from cell.arguments import add_config, load_config, positive
 from cell.terminal import GOOD, NOT_GOOD, ask, complain, progress, show
 from drivers.errors import ConfigError, NotCalibratedError
 
 if TYPE_CHECKING:
+    from rich.console import Group
     from rich.table import Table
 
+    from cell.calibrate_places import Places
     from cell.cell_config import CellConfig
     from drivers.arm.calibration import ArmCalibration
     from drivers.skin.calibration import SkinCalibration
 
-SUMMARY = "measure skin or arm and write a dated file"
+SUMMARY = "measure skin, arm or places and write a dated file"
 STOPS_ITSELF = False
 FRICTION_RANGE = (0.5, 2.0)
 """Friction over the published figure that a cell is made for: what `config/reality.toml` draws, and `cell study reality` shows to be borne."""
@@ -29,6 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add which device, and where the file goes."""
     add_config(parser)
     parser.add_argument("device", choices=list(DEVICES), metavar="DEVICE", help=" or ".join(DEVICES))
+    parser.add_argument("--pegs", type=positive, metavar="N", help="pegs to touch the places off with; 3")
     parser.add_argument("--out", type=Path, metavar="DIR", help="instead of calibration/ beside the config file")
 
 
@@ -37,6 +40,8 @@ def run(args: argparse.Namespace) -> int:
     from cell.config_files import DEFAULT
 
     today = date.today()
+    if args.pegs is not None and args.device != "places":
+        raise ConfigError("--pegs: only for places")
     config = load_config(args).cell
     path = (args.out or (args.config or DEFAULT).parent / "calibration") / f"{args.device}_{today.isoformat()}.toml"
     try:
@@ -70,7 +75,24 @@ def _arm(args: argparse.Namespace, config: "CellConfig", today: date, path: Path
     return GOOD
 
 
-DEVICES = {"skin": _skin, "arm": _arm}
+def _places(args: argparse.Namespace, config: "CellConfig", today: date, path: Path) -> int:
+    from dataclasses import asdict
+
+    from cell.calibrate_places import PEGS, calibrate_places
+
+    pegs = PEGS if args.pegs is None else args.pegs
+    if not 2 <= pegs <= config.rack.slots:
+        raise ConfigError(f"--pegs {pegs}: 2 to {config.rack.slots} of rack.slots allowed")
+    with progress() as bars:
+        bar = bars.add_task("touches")
+        found = calibrate_places(config, today, lambda done, of: bars.update(bar, completed=done, total=of), pegs)
+    found.write(path)
+    data = {**asdict(found), "date": today.isoformat(), "file": str(path), "write": found.sections}
+    show(args, _places_table(found, config, path), data)
+    return GOOD
+
+
+DEVICES = {"skin": _skin, "arm": _arm, "places": _places}
 """Function that calibrates each device."""
 
 
@@ -135,3 +157,39 @@ def _verdict(found: "ArmCalibration", joint: int, friction: float, offset: float
     if abs(found.offset.value[joint]) > OFFSET_RANGE * offset:
         told.append("offset: see the payload that the arm's controller knows")
     return "; ".join(told) or "as expected"
+
+
+def _places_table(found: "Places", config: "CellConfig", path: Path) -> "Group":
+    import math
+
+    from rich.console import Group
+    from rich.table import Table
+
+    def mm(value: float) -> str:
+        return f"{value * 1e3:+.2f}"
+
+    def within(value: float) -> str:
+        return f"± {value * 1e3:.2f}"
+
+    table = Table(
+        "place",
+        "off by",
+        "95 %",
+        title=f"{found.unit}; written: {path}",
+        caption="mm, beside what the config says, as this arm sees it",
+    )
+    table.add_row(
+        "plate, height in the middle", mm(found.height - config.hole.centre[2]), within(found.height_interval)
+    )
+    table.add_row("plate, tilt (degrees)", f"{math.degrees(found.tilt):.2f}", "")
+    table.add_row("plate, uneven (rms)", f"{found.uneven * 1e3:.2f}", "")
+    for axis, off, interval in zip("xy", found.rack, found.rack_interval, strict=True):
+        table.add_row(f"rack, along {axis}", mm(off), within(interval))
+    for number, longer in enumerate(found.pegs, 1):
+        table.add_row(f"peg {number}, further out of the hand than the mean", mm(longer), "")
+    told = (
+        f"for the cell's file:\n\n{found.sections}"
+        if found.sections
+        else "all is where the file says, as far as these pegs can tell"
+    )
+    return Group(table, told)

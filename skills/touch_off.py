@@ -1,0 +1,89 @@
+"""Touch a surface from above with the peg in the hand, and tell how high it is: a guarded motion whose force is bounded."""
+
+from collections import deque
+
+import numpy as np
+
+from drivers.frames import UP
+from drivers.quantities import ImpedanceSetpoint, Twist, Vector
+from skills.contract import SkillContext
+from skills.grasp_from_rack import ACROSS_RACK
+from skills.motion import VALIDITY, Goal, Transfer, move
+
+SPEED = 0.01
+"""Speed at which the peg comes down and goes up again, m/s."""
+TOUCH = 4.0
+"""Mean force along z from which on the surface is touched, N; more where noise asks for it."""
+MOST = 12.0
+"""Largest force by which the setpoint may lead the tip, N; friction of the arm's joints takes some of it."""
+SCANS = 5
+"""Number of scans whose mean force counts, and of those that tell the height."""
+REST = 0.3
+"""Time for which the peg rests on the surface before its height is told, s."""
+CLEAR = 0.012
+"""Height over the stated surface from which the peg comes down, m: the longest peg that is believed is free there."""
+DEEPEST = 0.012
+"""Depth below the stated surface at which the peg turns back, m."""
+
+
+def touch_off(place: Vector, transfer: Transfer, ctx: SkillContext) -> Vector | None:
+    """Bring the upright peg down on a surface, and return the place that it touches, shape (3,), m, base frame; then go up again.
+
+    Args:
+        place: Place on the surface as it is stated, shape (3,), m, base frame.
+        transfer: How the peg goes there.
+        ctx: The skill's context; it holds a peg.
+
+    Returns:
+        None where nothing was touched down to `DEEPEST`.
+
+    Raises:
+        Interrupted: Stop request, a force beyond the limit, or the peg was lost.
+    """
+    above = Goal(place + CLEAR * UP, UP, ACROSS_RACK)
+    for _ in move(above, transfer, ctx, ctx.in_hand()):
+        pass
+    ctx.zero_wrench()
+    touched = _come_down(place, transfer, ctx)
+    height = ctx.observe().tip[2]
+    up = Goal(np.array([*place[:2], max(float(height), float(place[2])) + CLEAR]), UP, ACROSS_RACK)
+    for _ in move(up, transfer.model_copy(update={"speed": SPEED}), ctx, ctx.in_hand(), limited=False):
+        pass
+    return touched
+
+
+def _come_down(place: Vector, transfer: Transfer, ctx: SkillContext) -> Vector | None:
+    """Come down until the surface bears the peg, rest there, and return the peg's lowest point; None where there is no surface."""
+    identity, in_hand = ctx.new_id(), ctx.in_hand()
+    stiffness, damping = transfer.gains.stiffness(), transfer.gains.damping_ratios()
+    lead, forces = MOST / transfer.gains.translation, deque[float](maxlen=SCANS)
+    threshold = ctx.zero.guarded(TOUCH, SCANS)
+    tip, since = place + CLEAR * UP, None
+    lowest: deque[Vector] = deque(maxlen=SCANS)
+    for seen in ctx.scan((CLEAR + DEEPEST) / SPEED + 2.0 * REST, holding=True):
+        forces.append(float(seen.arm.wrench.force[2]))
+        lowest.append(ctx.job.peg.part.lowest(seen.tip, seen.axis, seen.arm.tcp.rotation[:, 2]))
+        is_moving = since is None
+        if since is None and len(forces) == SCANS and float(np.mean(forces)) > threshold:
+            since = seen.elapsed
+        if since is not None and seen.elapsed - since >= REST:
+            return np.asarray(np.mean(lowest, axis=0))
+        if is_moving:
+            tip = np.array([*place[:2], max(tip[2] - SPEED * seen.step, seen.tip[2] - lead)])
+        if tip[2] < place[2] - DEEPEST:
+            return None
+        ctx.follow(
+            ImpedanceSetpoint(
+                id=identity,
+                tip=tip,
+                axis=UP,
+                roll=ACROSS_RACK,
+                stiffness=stiffness,
+                damping_ratio=damping,
+                valid_until=seen.stamp + VALIDITY,
+                in_hand=in_hand,
+                posture=seen.arm.posture(transfer.elbow),
+                twist=Twist(-SPEED * UP, np.zeros(3)) if is_moving else None,
+            )
+        )
+    return None

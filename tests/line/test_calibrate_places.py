@@ -1,0 +1,95 @@
+"""`cell calibrate places`: what it touches off is what was drawn, with bounded force, and nothing is written of what is none."""
+
+import json
+import logging
+import math
+import signal
+from datetime import date
+
+import numpy as np
+import pytest
+
+from cell import calibrate_places as module
+from cell.calibrate_places import MOST_FORCE, calibrate_places
+from cell.cli import GOOD, NOT_GOOD, WRONG_USE, main
+from cell.config import load
+from drivers.errors import NotCalibratedError
+from tests.reality_files import reality_of
+
+RACK = (0.0015, -0.001, 0.0)
+FAST = ["--pegs", "2", "--set", "insert.estimator=pca"]
+
+
+@pytest.fixture(autouse=True)
+def _quiet():
+    root = logging.getLogger()
+    level = root.level
+    yield
+    root.handlers.clear()
+    root.setLevel(level)
+
+
+def errors(folder, **figures):
+    """Return the options of a cell with these errors and no others."""
+    return ["--set", f"reality.file={json.dumps(str(reality_of(folder, **figures)))}"]
+
+
+def test_plate_and_rack_are_where_they_were_drawn_and_the_force_is_bounded(tmp_path, capsys, monkeypatch):
+    felt = []
+    touch_off = module.touch_off
+
+    def touched(place, transfer, ctx):
+        ctx.record = lambda seen, setpoint: felt.append(np.linalg.norm(seen.arm.wrench.force))
+        return touch_off(place, transfer, ctx)
+
+    monkeypatch.setattr(module, "touch_off", touched)
+    drawn = errors(tmp_path, place_plate_height=0.002, place_plate_tilt=0.01, place_rack=RACK)
+    assert main(["calibrate", "places", *FAST, *drawn, "--out", str(tmp_path / "new"), "--json"]) == GOOD
+    found = json.loads(capsys.readouterr().out)
+    assert abs(found["height"] - 0.102) < found["height_interval"] < 1.2e-3
+    assert [math.hypot(*lean) for lean in found["lean"]] == pytest.approx([0.01, 0.01], abs=1.5e-3)
+    assert np.all(np.abs(np.subtract(found["rack"], RACK[:2])) < found["rack_interval"])
+    assert max(felt) < MOST_FORCE
+    assert (tmp_path / "new" / f"places_{found['date']}.toml").read_text(encoding="utf-8").endswith(found["write"])
+    assert found["write"].startswith("[hole]\ncentre = [0.50000, 0.00000, 0.10")
+
+
+def test_a_plate_that_is_not_there_is_told_and_nothing_is_written(tmp_path, capsys):
+    drawn = errors(tmp_path, place_plate_height=-0.02)
+    assert main(["calibrate", "places", *FAST, *drawn, "--out", str(tmp_path / "new")]) == NOT_GOOD
+    assert "nothing to touch at x = 0.450" in capsys.readouterr().err
+    assert not (tmp_path / "new").exists()
+
+
+def test_too_much_force_ends_it(monkeypatch):
+    monkeypatch.setattr(module, "MOST_FORCE", 2.0)
+    with pytest.raises(NotCalibratedError, match=r"no peg from slot 1: FORCE_LIMIT|FORCE_LIMIT at 2 N allowed"):
+        calibrate_places(load(sets=["sim.seed=80001"]).cell, date.today(), lambda done, of: None, 2)
+
+
+def test_whoever_breaks_it_off_finds_the_arm_at_rest_and_the_old_file(tmp_path, monkeypatch, capsys):
+    old, seen = tmp_path / f"places_{date.today().isoformat()}.toml", []
+    old.write_text("old\n", encoding="utf-8")
+
+    def broken_off(place, transfer, ctx):
+        seen.append(ctx)
+        signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(module, "touch_off", broken_off)
+    assert main(["calibrate", "places", *FAST, "--set", "reality.scale=0", "--out", str(tmp_path)]) == NOT_GOOD
+    assert capsys.readouterr().err == "cell: stopped\n"
+    assert [file.read_text(encoding="utf-8") for file in tmp_path.iterdir()] == ["old\n"]
+    assert seen[0].rest.is_reached
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        (["places", "--pegs", "5"], "--pegs 5: 2 to 4 of rack.slots allowed"),
+        (["places", "--pegs", "1"], "--pegs 1: 2 to 4"),
+        (["arm", "--pegs", "2"], "--pegs: only for places"),
+    ],
+)
+def test_wrong_use_is_one_line(asked, said, capsys):
+    assert main(["calibrate", *asked]) == WRONG_USE
+    assert said in capsys.readouterr().err
