@@ -69,8 +69,9 @@ class Sweep:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sample:
-    """One scan of a motion: velocities of the joints, rad/s, and the torques that they took beside the model's, N·m."""
+    """One scan of a motion: time since it began, s, velocities of the joints, rad/s, and the torques that they took beside the model's, N·m."""
 
+    elapsed: float
     dq: Vector
     torque: Vector
 
@@ -184,7 +185,8 @@ def _pass(
             f"calibrate arm: joint {joint + 1} went at {sense * rate:.3f} rad/s where {speed:g} was asked for; {AWAKE * speed:g}"
             " needed: it is held by something, or rubs too much for the gains of grasp.transfer"
         )
-    return Pass(joint, sense * speed, rate, float(np.mean([each.torque[joint] for each in seen])))
+    drift = float(np.polyfit([each.elapsed for each in seen], [each.dq[joint] for each in seen], 1)[0])
+    return Pass(joint, sense * speed, rate, float(np.mean([each.torque[joint] for each in seen])), drift)
 
 
 def _seen(arm: ArmModel, at: Vector, to: Vector, speed: float, config: CellConfig, ctx: SkillContext) -> list[Sample]:
@@ -197,7 +199,7 @@ def _seen(arm: ArmModel, at: Vector, to: Vector, speed: float, config: CellConfi
         return at + share * way, rate * way
 
     return [
-        Sample(seen.arm.dq, _unexplained(seen))
+        Sample(seen.elapsed, seen.arm.dq, _unexplained(seen))
         for seen in _follow(arm, path, duration, config.params(GRASP).transfer, ctx)
         if RUN_UP + SETTLED <= seen.elapsed <= duration - RUN_UP
     ]
@@ -215,7 +217,7 @@ def _all_together(arm: ArmModel, start: Vector, config: CellConfig, ctx: SkillCo
         return start + grown * np.sin(turned), growth * np.sin(turned) + grown * rates * np.cos(turned)
 
     return [
-        Sample(seen.arm.dq, _unexplained(seen))
+        Sample(seen.elapsed, seen.arm.dq, _unexplained(seen))
         for seen in _follow(arm, path, duration, config.params(GRASP).transfer, ctx)
     ]
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,6 +14,8 @@ RESOLVED = 0.03
 """Least half width of an interval, N·m: what a momentum observer errs by where rotors and torque path are not in the model."""
 RESOLVED_SHARE = 0.02
 """Share of a figure by which the observer errs beside that, fraction."""
+ROTOR = 0.3
+"""Inertia that a rotor may add to the model's, kg·m², and by how much it may add more or less: 0 to 0.61 are published, see `config/arms/fr3.toml`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +30,8 @@ class Pass:
     """Velocity that the joint had, rad/s."""
     torque: float
     """Torque that it took beside what moves the arm's model, N·m."""
+    drift: float = 0.0
+    """Rate at which that velocity changed, rad/s²: rotors, which are not in the model, take torque for it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,12 +49,13 @@ def fit(passes: Sequence[Pass], speeds: Sequence[float]) -> JointFit:
     """Return what the passes of one joint tell.
 
     Friction at a speed is half the difference between the mean torques there and back, whatever its law; the offset is the mean of
-    all such means. Dry and smooth friction are fitted to the passes, neither less than 0.
+    all such means. What a rotor may have taken to change its velocity during a pass is taken off, and stands in the interval as often again. Dry and smooth friction are fitted to the passes, neither less than 0.
 
     Args:
         passes: Passes at each of the speeds, two or more in either sense.
         speeds: Speeds whose friction is told, rad/s.
     """
+    passes = [replace(each, torque=each.torque - ROTOR * each.drift) for each in passes]
     groups = {(s, sense): [p.torque for p in passes if p.speed == sense * s] for s in speeds for sense in (-1.0, 1.0)}
     freedom = sum(len(group) - 1 for group in groups.values())
     scatter = math.sqrt(sum(float(np.var(group)) * len(group) for group in groups.values()) / freedom)
@@ -59,11 +64,15 @@ def fit(passes: Sequence[Pass], speeds: Sequence[float]) -> JointFit:
     dry, smooth = _levels(passes, float(np.mean([np.mean(group) for group in groups.values()])))
     for speed in speeds:
         back, there = groups[speed, -1.0], groups[speed, 1.0]
+        drift = float(
+            np.mean([each.drift * math.copysign(1.0, each.speed) for each in passes if abs(each.speed) == speed])
+        )
         had = float(np.mean([abs(p.rate) for p in passes if abs(p.speed) == speed]))
         # A joint that was a little slower than asked for is taken to the speed by the fitted curve.
         slower = smooth[0] * (math.tanh(speed / SMOOTH_RATE) - math.tanh(had / SMOOTH_RATE))
         half = 0.5 * (float(np.mean(there)) - float(np.mean(back))) + slower
-        frictions.append((half, _interval(half, 0.5 * quantile * scatter * math.sqrt(1 / len(there) + 1 / len(back)))))
+        statistical = 0.5 * quantile * scatter * math.sqrt(1 / len(there) + 1 / len(back))
+        frictions.append((half, _interval(half, math.hypot(statistical, ROTOR * drift))))
         middles.append(0.5 * (float(np.mean(there)) + float(np.mean(back))))
     offset = float(np.mean(middles))
     apart = student(len(speeds) - 1) * float(np.std(middles, ddof=1)) / math.sqrt(len(speeds))
