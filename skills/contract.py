@@ -32,6 +32,7 @@ from skills.scan_guards import (
     new_window,
     require_finite_skin,
     require_finite_theta,
+    require_level_skin,
     require_tracking,
     way_back,
 )
@@ -371,6 +372,8 @@ class SkillContext:
         low, high = self.limits.low, self.limits.high
         if not (low[0] <= x <= high[0] and low[1] <= y <= high[1] and low[2] <= z <= high[2]):
             self._interrupt(Reason.WORKSPACE)
+        if seen.is_new_frame:
+            require_level_skin(seen.frame)
 
     def _keep_passive(self, guard: PassivityGuard, seen: Observation, request: Request) -> None:
         held = self.held if request is Request.RUN else None

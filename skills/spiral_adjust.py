@@ -12,7 +12,7 @@ from drivers.quantities import ImpedanceSetpoint, InHandTip, Pose, Twist, Vector
 from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillResult
 from skills.motion import VALIDITY, Gains, anchored, tilted_by
 from skills.paths import dither, spiral
-from skills.seating import CLOSED_TOLERANCE, OPEN_TOLERANCE, depth_of, is_seated, require_short_of_bottom
+from skills.seating import OPEN_TOLERANCE, depth_of, is_seated, require_short_of_bottom
 from skills.surface import Plane, nominal
 
 ARRIVING = 3.0
@@ -22,6 +22,8 @@ SLIDING = 0.03
 its motion and not aside, so that nothing has to be freed, and a peg that is turned beyond its play while it goes down
 strikes the wall.
 """
+AT_BOTTOM = 2.0
+"""Multiple of the stall timeout that a peg at the bottom is given."""
 SMOOTHING = 0.3
 """Share of a new scan in the tip's speed: theta's noise moves the tip."""
 
@@ -40,8 +42,8 @@ class SpiralAdjustParams(SkillParams):
     """Largest radius of the spiral, m; `stall_timeout` may end the spiral before. Source: [gibbons], Sec. VI."""
     stall_timeout: Annotated[float, Field(gt=0.0, le=120.0)]
     """Stall timeout: time in which a peg that goes no deeper by `jammed` is given up, s; such a peg is not in the hole or
-    will not go in so. Close to the bottom the timeout alone counts. Source: chosen, not measured; reason in decision
-    0030.
+    will not go in so. Close to the bottom it is given twice as long, and then the switch does not tell what is there.
+    Source: chosen, not measured; reason in decision 0030.
     """
     timeout: PositiveFloat
     """Longest adjustment, s; where the radius is largest sooner, the spiral starts again."""
@@ -207,11 +209,9 @@ def run(params: SpiralAdjustParams, ctx: SkillContext, plane: Plane | None = Non
         elapsed, running, tip = seen.elapsed, seen.running, aim.tip(seen.arm.tcp)
         if is_seated(seen.switch, tip, hole):
             return _result(Outcome.SUCCESS, Reason.NONE, running, offset, depth_of(tip, hole))
-        if depth_of(tip, hole) > hole.depth + CLOSED_TOLERANCE:
-            break  # no tip is below the bottom of an open switch: the fingers have slid down the peg
         depth = plane.depth(tip)
         stall = stall.after(depth, elapsed, params.jammed)
-        if elapsed - stall.since > params.stall_timeout and depth_of(tip, hole) < hole.depth - OPEN_TOLERANCE:
+        if elapsed - stall.since > given_up_after(depth_of(tip, hole), hole.depth, params):
             break
         guide = guide.after(depth, elapsed, params)
         if guide.is_jammed:
@@ -241,6 +241,15 @@ def run(params: SpiralAdjustParams, ctx: SkillContext, plane: Plane | None = Non
         )
     require_short_of_bottom(tip, hole)
     return _result(Outcome.FAILURE, Reason.NOT_SEATED, running, offset, depth_of(tip, hole))
+
+
+def given_up_after(depth: float, bottom: float, params: SpiralAdjustParams) -> float:
+    """Return the time without progress after which a peg at `depth`, m, is given up, s.
+
+    At the bottom the hand shakes it for longer, since the last millimetre is short of `jammed`; a switch that still says
+    open then disagrees with the depth.
+    """
+    return params.stall_timeout * (AT_BOTTOM if depth >= bottom - OPEN_TOLERANCE else 1.0)
 
 
 def _compliance(params: SpiralAdjustParams, is_arriving: bool) -> tuple[Vector, Vector]:
