@@ -7,7 +7,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from cell.journal import INDEX, Journal
+from cell.journal import INDEX, Journal, default_folder
 from cell.journal_schema import LAYOUT, ConfigRow, EventKind, EventRow, RunRow, StageRow
 from cell.provenance import config_hash
 from cell.record import scene_facts
@@ -302,3 +302,17 @@ def test_csv_has_a_row_a_scan(tmp_path, seen):
 def test_no_samples_are_told_by_their_file(tmp_path):
     with pytest.raises(JournalError, match="no samples on record"):
         read_samples(tmp_path / "gone.arrows")
+
+
+def test_records_lie_among_the_user_s_own_data(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    assert default_folder() == tmp_path / "tactile-insertion-cell"
+    monkeypatch.delenv("XDG_DATA_HOME")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert default_folder() == tmp_path / ".local" / "share" / "tactile-insertion-cell"
+
+
+def test_a_journal_without_runs_says_so(journal):
+    with pytest.raises(JournalError, match=r"run 3: not in .*; no runs are on record yet"):
+        journal.find(3)
+    assert (journal.is_disk_low, journal.trouble) == (False, "")

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from cell.part_state import (
@@ -14,6 +15,7 @@ from cell.part_state import (
     after,
     after_run,
     at_start,
+    evidence_of,
     places_of,
     refusal_of,
     told,
@@ -203,3 +205,41 @@ def test_every_place_is_told_with_what_to_do_in_one_line(place):
     assert line.startswith(f"peg {place.name.lower().replace('_', ' ')}, 12.0 mm deep (hand grips 8.0 mm): ")
     assert line.endswith(REMEDIES[place])
     assert "\n" not in line
+
+
+def test_the_evidence_names_what_was_read(places):
+    assert held_at(places, 0.012).evidence == "hand grips 8.0 mm, its end 12.0 mm deep, switch open"
+    assert held_at(places, -0.1).evidence == "hand grips 8.0 mm, switch open"
+    x, y, z = places.bin
+    above = after(EMPTY, seen(places, (x, y, z)), places, is_running=True)
+    gone = after(above, seen(places, (x, y, z), gripping=False), places, is_running=True)
+    assert (gone.place, gone.evidence) == (PartPlace.BIN, "let go above the bin, hand 40.0 mm open")
+
+
+def test_a_peg_that_is_in_no_hole_is_told_without_a_depth():
+    assert told(EMPTY) == f"peg rack (in the rack): {REMEDIES[PartPlace.RACK]}"
+
+
+def test_a_peg_that_was_held_when_the_program_ended_and_is_gone_is_told_so(places):
+    now = at_start(held_at(places, 0.012), seen(places, at_depth(places, -0.1), gripping=False), places)
+    assert now.evidence == "in hole when the program ended; the hand is empty now"
+
+
+def test_a_peg_that_is_back_in_its_slot_or_came_along_is_told_so(places):
+    x, y, z = places.slots[0]
+    held = after(EMPTY, seen(places, (x, y, z - 0.001)), places, is_running=True)
+    gone = after(held, seen(places, (x, y, z), gripping=False), places, is_running=True)
+    assert (gone.place, gone.evidence) == (PartPlace.RACK, "let go in its slot, hand 40.0 mm open")
+    seated = PartState(PartPlace.SEATED, "let go", depth=0.02)
+    out = after_run(seated, seen(places, at_depth(places, -0.1), gripping=False), places)
+    assert (out.place, out.evidence) == (PartPlace.UNKNOWN, "was seated and let go; the switch is open now")
+
+
+def test_a_peg_that_was_held_and_is_gone_is_held_no_more(places):
+    assert not at_start(held_at(places, 0.012), seen(places, at_depth(places, -0.1), gripping=False), places).is_held
+
+
+def test_a_peg_whose_end_nobody_can_tell_is_where_the_hand_is(rig):
+    state = rig.cell.context(0).observe()
+    for tip, where in ((np.array([0.1, 0.2, 0.3]), (0.1, 0.2, 0.3)), (np.full(3, np.nan), (0.45, 0.0, 0.3))):
+        assert evidence_of(state.arm, state.gripper, OPEN, tip, 0.0).tip == where

@@ -166,3 +166,25 @@ def test_a_switch_that_opens_again_takes_its_proof_back_while_the_hand_holds_the
         assert (proof.seated_tip is not None) == is_proven
     rig.gripper.release(0.04)
     assert proof.after(ctx.observe()).seated_tip is not None
+
+
+def test_the_proof_says_where_hand_and_peg_were_when_the_switch_closed_on_a_held_peg(rig):
+    ctx = rig.cell.context(0)
+    rig.gripper.grip(30.0)
+    seated = ctx.observe()
+    rig.switch.state = CLOSED
+    proof = Proof(was_open=True).after(ctx.observe())
+    rig.arm.tcp = replace(rig.arm.tcp, position=rig.arm.tcp.position + 0.05 * UP)
+    proof = proof.after(ctx.observe())
+    np.testing.assert_allclose(proof.seated_hand, seated.arm.tcp.position)
+    np.testing.assert_allclose(proof.seated_tip, seated.tip)
+
+
+def test_a_switch_that_was_open_before_the_hand_took_hold_was_open(rig):
+    ctx = rig.cell.context(0)
+    assert Proof().after(ctx.observe()).was_open is True
+
+
+def test_a_switch_that_disagrees_is_told_with_the_depth_that_was_found_and_those_expected(job):
+    with pytest.raises(SwitchDisagreesError, match=r"tip 15\.0 mm deep; 19\.0 to 22\.0 mm expected"):
+        judge(job, proof=proven(job, 0.015))

@@ -1,6 +1,9 @@
+import threading
+
 import pytest
 
-from cell.watchdog import LOOK_PERIOD, WARNED, WINDOW, LateScans, older
+from cell import watchdog
+from cell.watchdog import GIVEN_UP, LOOK_PERIOD, WARNED, WINDOW, LateScans, ScanWatchdog, older
 from drivers.errors import ScanOverrunError
 from skills.scan_guards import ScanLimits
 
@@ -48,3 +51,101 @@ def test_a_cell_that_does_not_run_in_real_time_is_a_fault():
 def test_a_starved_watchdog_counts_only_what_it_saw_against_a_simulated_scan():
     assert older(0.1, 5.0, is_simulated=True) == pytest.approx(0.1 + 2 * LOOK_PERIOD)
     assert older(0.1, 5.0, is_simulated=False) == pytest.approx(5.1)
+
+
+def test_late_scans_that_ended_a_run_do_not_end_the_next():
+    late = LateScans(PERIOD, LIMITS)
+    with pytest.raises(
+        ScanOverrunError, match="51 of the last 100 took longer than 20 ms by the wall clock; 50 allowed"
+    ):
+        scanned(late, [3.0 * PERIOD] * 51)
+    late.rest()
+    scanned(late, [3.0 * PERIOD] * 50)
+    scanned(late, [PERIOD] * 95)
+    assert not late.is_warned
+    assert late.count == 101
+
+
+class Looked:
+    """A watchdog whose looks come when the test says, with a wall clock that goes on meanwhile."""
+
+    def __init__(self, monkeypatch, is_simulated=False):
+        self.time, self.stop = 50.0, threading.Event()
+        self.halts, self.given_up = [], []
+        monkeypatch.setattr(watchdog.time, "monotonic", lambda: self.time)
+        self.dog = ScanWatchdog(
+            0.2,
+            is_simulated=is_simulated,
+            halt=self.halts.append,
+            stop=self.stop,
+            give_up=self.given_up.append,
+        )
+        self.dog._end = self
+
+    def looks(self, times, wait=0.02, meanwhile=lambda: None):
+        """Let it look so many times, every time after a wait, s."""
+        self.left, self.step, self.meanwhile = times, wait, meanwhile
+        self.dog._look()
+
+    def wait(self, period):
+        assert period == LOOK_PERIOD
+        self.left -= 1
+        self.time += self.step
+        self.meanwhile()
+        return self.left < 0
+
+
+def test_a_scan_that_does_not_come_in_time_halts_the_arm_once_and_is_a_fault_when_it_comes(monkeypatch):
+    looked = Looked(monkeypatch)
+    looked.dog.watch(True)
+    looked.looks(9)
+    assert looked.halts == []
+    looked.looks(40, 0.021)
+    assert looked.halts == ["no scan for 0.21 s; 0.2 s allowed: it computes or waits too long"]
+    with pytest.raises(ScanOverrunError, match=r"adjust: no scan for 0\.21 s"):
+        looked.dog.beat("adjust")
+    looked.dog.watch(True)
+    looked.dog.beat("adjust")
+
+
+def test_scans_that_come_and_a_cell_that_waits_are_left_alone(monkeypatch):
+    looked = Looked(monkeypatch)
+    looked.dog.watch(True)
+    looked.looks(100, 0.19, meanwhile=lambda: looked.dog.beat(""))
+    looked.dog.watch(False)
+    looked.looks(100)
+    assert looked.halts == []
+
+
+def test_a_watchdog_that_starved_with_a_simulated_scan_does_not_blame_it(monkeypatch):
+    looked = Looked(monkeypatch, is_simulated=True)
+    looked.dog.watch(True)
+    looked.looks(5, 1.0)
+    assert looked.halts == []
+
+
+def test_a_program_that_shall_end_does_not_wait_for_ever(monkeypatch):
+    looked = Looked(monkeypatch)
+    looked.dog.watch(True)
+    looked.looks(round(GIVEN_UP / 0.02) + 10)
+    assert looked.given_up == []
+    looked.stop.set()
+    looked.looks(round(GIVEN_UP / 0.02))
+    assert looked.given_up == []
+    looked.looks(round(GIVEN_UP / 0.02) + 3)
+    assert looked.given_up[0] == looked.halts[0]
+
+
+def test_before_the_first_program_nobody_is_late(monkeypatch):
+    looked = Looked(monkeypatch)
+    looked.dog.beat("")
+    looked.looks(100)
+    assert looked.halts == []
+
+
+def test_a_skill_without_a_name_is_called_one(monkeypatch):
+    looked = Looked(monkeypatch)
+    looked.dog.watch(True)
+    looked.looks(20)
+    with pytest.raises(ScanOverrunError, match=r"^skill: no scan"):
+        looked.dog.beat("")

@@ -7,8 +7,9 @@ import pytest
 
 from cell.config_files import arm_file
 from drivers import impedance
+from drivers.arm import dynamics, learning
 from drivers.arm.model import read_arm
-from drivers.quantities import ImpedanceSetpoint, InHandTip, Vector
+from drivers.quantities import ImpedanceSetpoint, InHandTip, Twist, Vector
 
 Q: Vector = np.array([0.1, -0.5, 0.2, -2.2, 0.1, 1.8, 0.9])
 PANDA = read_arm(arm_file("panda"))
@@ -106,3 +107,56 @@ def test_the_integral_is_saturated_and_a_new_id_empties_it() -> None:
     words[impedance.INTEGRAL_GAIN] = 0.0
     impedance.torque(ARM, words, state, Q, np.zeros(7), 0.0, PERIOD)
     np.testing.assert_array_equal(state[impedance.INTEGRAL : impedance.INTEGRAL + 3], 0.0)
+
+
+def test_every_part_of_a_setpoint_reaches_the_torque_loop_in_its_own_words():
+    given = setpoint(
+        np.array([1.0, 2.0, 3.0]),
+        np.array([4.0, 5.0, 6.0]),
+        in_hand=InHandTip(20.0, 21.0, 99.0),
+        roll=np.array([7.0, 8.0, 9.0]),
+        twist=Twist(np.array([10.0, 11.0, 12.0]), np.array([13.0, 14.0, 15.0])),
+        integral_gain=16.0,
+        integral_limit=17.0,
+        is_free=True,
+        posture=np.arange(30.0, 37.0),
+    )
+    words = impedance.pack(given, 18.0)
+    gains = [500.0] * 3 + [20.0] * 3
+    assert words.tolist() == [
+        *(1, 1, 2, 3, 4, 5, 6, *gains, *[1.0] * 6, 10.0),
+        *(1, 20, 21, 1, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17),
+        *(1, 30, 31, 32, 33, 34, 35, 36, 18, 1),
+    ]
+
+
+def test_what_a_setpoint_leaves_out_is_marked_as_left_out():
+    words = impedance.pack(setpoint(np.ones(3), np.ones(3)), 0.5)
+    flags = [impedance.HAS_HAND, impedance.HAS_ROLL, impedance.HAS_POSTURE, impedance.IS_FREE]
+    assert words[flags].tolist() == [0.0] * 4
+    assert words[impedance.TWIST : impedance.TWIST + 6].tolist() == [0.0] * 6
+
+
+def test_the_hand_hangs_where_the_arm_s_tables_put_it():
+    """With all joints at zero a Panda's flange lies 88 mm before and 926 mm above its base, and everything below it hangs down."""
+    arm = impedance.figures(PANDA)
+    position, finger, _, _ = impedance.forward(arm, np.zeros(7))
+    assert position == pytest.approx([0.088, 0.0, 0.926 - PANDA.hand.finger_centre])
+    assert finger[:, 0] == pytest.approx([0.0, 0.0, -1.0])
+    assert arm[impedance.TORQUE_MAX : impedance.TORQUE_MAX + 7].tolist() == [87.0] * 4 + [12.0] * 3
+    assert arm[impedance.MASSES :].tolist() == dynamics.masses(PANDA).tolist()
+
+
+def test_a_new_state_has_learnt_nothing_and_a_restart_keeps_what_was_learnt():
+    state = impedance.new_state(PANDA)
+    known = state[impedance.LEARNING :]
+    blank = np.zeros_like(known)
+    learning.begin(blank, np.zeros((7, learning.FIGURES)), learning.doubts(PANDA))
+    assert known.tolist() == blank.tolist()
+    state[: impedance.LEARNING] = 3.0
+    known[:] = 0.25
+    kept = known.copy()
+    learning.pause(kept)
+    impedance.restart(state)
+    assert state[: impedance.LEARNING].tolist() == [0.0] * impedance.LEARNING
+    assert known.tolist() == kept.tolist()

@@ -158,3 +158,48 @@ def test_largest_read_is_served():
 def test_exceptions_are_told_from_answers():
     assert is_exception(b"\x83\x02")
     assert not is_exception(b"\x03\x00")
+
+
+@pytest.mark.parametrize(("request_", "asked"), [("01 0000 0001", 1), ("02 0000 0001", 2)])
+def test_coils_and_discrete_inputs_are_two_tables(station, request_, asked):
+    tables = []
+    station.read_bits = lambda function, address, count: tables.append(function) or [True]
+    respond(bytes.fromhex(request_), station)
+    assert tables == [asked]
+
+
+@pytest.mark.parametrize(
+    ("request_", "asked"), [("03 0000 0001", 3), ("04 0000 0001", 4), ("17 0 0001 0 0001 02 7", 3)]
+)
+def test_holding_and_input_registers_are_two_tables_and_an_exchange_reads_the_first(station, request_, asked):
+    tables = []
+    station.read_words = lambda function, address, count: tables.append(function) or [1]
+    words = request_.split()
+    widths = {"17": (2, 4, 4, 4, 4, 2, 4)}.get(words[0], (2, 4, 4))
+    respond(bytes.fromhex("".join(word.zfill(width) for word, width in zip(words, widths, strict=True))), station)
+    assert set(tables) == {asked}
+
+
+@pytest.mark.parametrize(
+    ("request_", "bits"),
+    [
+        ("05 0001 FF00", [True, True, True]),
+        ("05 0000 0000", [False, False, True]),
+        ("0F 0000 0003 01 02", [False, True, False]),
+    ],
+)
+def test_coils_are_written_as_they_are_asked(station, request_, bits):
+    respond(bytes.fromhex(request_), station)
+    assert station.bits[:3] == bits
+
+
+def test_eight_coils_come_in_one_byte(station):
+    assert respond(bytes.fromhex("0F 0000 0008 01 FF"), station) == bytes.fromhex("0F 0000 0008")
+    assert respond(bytes.fromhex("0F 0000 0008 02 FF00"), station) == bytes.fromhex("8F 03")
+    assert respond(bytes.fromhex("0F 0000 0009 01 FF"), station) == bytes.fromhex("8F 03")
+
+
+def test_an_exchange_of_many_words_is_refused_for_its_address_and_not_for_its_size(station):
+    words = "0001" * 64
+    assert respond(bytes.fromhex(f"17 0000 0001 0000 0040 80 {words}"), station) == bytes.fromhex("97 02")
+    assert respond(bytes.fromhex("17 8000 0001 0000 0001 02 0001"), station) == bytes.fromhex("97 02")

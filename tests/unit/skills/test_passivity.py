@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -81,3 +82,39 @@ def test_a_guard_that_saw_nothing_held_starts_anew():
     swing(guard, [2.0])
     assert guard.update(None, at(0.0), 0.5) is PassivityVerdict.PASSIVE
     assert swing(guard, [2.0]) == [PassivityVerdict.PASSIVE]
+
+
+def drawn(seed):
+    """Return a hand anywhere, a turn about any axis and a slide of its wrist in any direction, both per second."""
+    rng = np.random.default_rng(seed)
+    rotation = rotation_about(np.array([0.0, 0.6, 0.8]), rng.uniform(-3.0, 3.0)) @ HAND_DOWN
+    rotation = rotation_about(ACROSS, rng.uniform(-3.0, 3.0)) @ rotation
+    return Pose(rng.normal(size=3), rotation), rng.normal(size=3), 0.1 * rng.normal(size=3)
+
+
+def moved_by(hand, point, turn, slide, period):
+    """Return the hand after a turn, rad/s, about a point of it that slides, m/s."""
+    rate = float(np.linalg.norm(turn))
+    turned = rotation_about(turn / rate, rate * period)
+    return Pose(point + slide * period + turned @ (hand.position - point), turned @ hand.rotation)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_energy_is_that_of_the_wrist_s_slide_and_of_the_turn_about_it_whatever_the_pose(seed):
+    hand, turn, slide = drawn(seed)
+    wrist = hand.position - WRIST * hand.rotation[:, 0]
+    gains = np.array([2500.0, 900.0, 400.0, 40.0, 20.0, 10.0])
+    share = share_of_limit(
+        replace(setpoint(), stiffness=gains), hand, moved_by(hand, wrist, turn, slide, 1e-4), 1e-4, LIMIT
+    )
+    pushing = MASS * gains[:3] @ slide**2 / LIMIT**2
+    assert share == pytest.approx(pushing + INERTIA * gains[3:] @ turn**2 / (LEVER * LIMIT) ** 2, rel=1e-3)
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("in_hand", [None, InHandTip(0.4, 0.05, 0.0)])
+def test_a_planned_turn_and_slide_of_the_peg_s_end_are_no_energy_whatever_the_pose(seed, in_hand):
+    hand, turn, slide = drawn(seed)
+    end = hand.position if in_hand is None else end_point(hand, in_hand.theta, in_hand.length)[0]
+    planned = setpoint(Twist(slide, turn), in_hand)
+    assert share_of_limit(planned, hand, moved_by(hand, end, turn, slide, 1e-5), 1e-5, LIMIT) < 1e-6

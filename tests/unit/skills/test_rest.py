@@ -107,3 +107,17 @@ def test_waiting_brings_a_moving_arm_to_rest(arm):
 
     Rest(arm).wait(clock, PERIOD, calm)
     assert len(meanwhile) == 7 + REST_SCANS - 1  # 0.5 to the power of 7 is below the limit
+
+
+def test_an_arm_that_nobody_has_halted_is_not_at_rest(arm):
+    rest = Rest(arm)
+    assert (rest.is_reached, rest.is_sought, rest.take(arm.read(), 0.0)) == (False, False, False)
+
+
+def test_an_arm_whose_encoders_jitter_is_in_place_whenever_it_was_halted(arm):
+    rest, state = Rest(arm), arm.read()
+    rest.seek(100.0)
+    scans = range(1, round(1.3 * REST_TIME / PERIOD))
+    jitter = [replace(state, q=np.full(7, 3e-4 * (n % 2)), dq=np.full(7, 2.0 * REST_SPEED)) for n in scans]
+    told = [rest.take(each, 100.0 + PERIOD * n) for n, each in zip(scans, jitter, strict=True)]
+    assert told.index(True) == pytest.approx(REST_TIME / PERIOD, abs=2)

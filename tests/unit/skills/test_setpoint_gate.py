@@ -193,3 +193,14 @@ def test_after_a_halt_a_setpoint_is_judged_from_where_the_arm_is():
     gated.read()
     gated.follow(setpoint(arm.tcp.position.copy()))
     assert not arm.is_halted
+
+
+def test_a_setpoint_is_judged_by_the_state_that_the_scan_has_read_and_by_a_fresh_one_before_the_first(monkeypatch):
+    arm = FakeArm(FakeClock())
+    gated, reads, read = GatedArm(arm, SPEED, LIMITS), [], arm.read
+    monkeypatch.setattr(arm, "read", lambda: reads.append(1) or read())
+    gated.follow(setpoint(arm.tcp.position.copy()))
+    gated.follow(setpoint(arm.tcp.position.copy()))
+    gated.read()
+    gated.follow(setpoint(arm.tcp.position.copy()))
+    assert len(reads) == 2

@@ -1,7 +1,9 @@
 import numpy as np
 import pytest
 
-from drivers.skin.health import ERROR_COUNT, SkinHealth, SkinHealthConfig, dead_groups
+from drivers.errors import SkinUntrustedError
+from drivers.quantities import TaxelFrame
+from drivers.skin.health import ERROR_COUNT, SkinHealth, SkinHealthConfig, dead_groups, require_trust
 
 CONFIG = SkinHealthConfig(stuck_frames=10, drift_time=10.0)
 TAXELS = 8
@@ -140,3 +142,39 @@ def test_the_baseline_keeps_up_with_the_drift_of_a_skin_that_is_gripped_most_of_
             health.update(raw.astype(np.uint16), stamp)
         behind.append(health.baseline - offset)
     assert np.std(behind[10:]) < 0.4 * noise
+
+
+def test_a_skin_that_is_wholly_trusted_is_given_back():
+    frame = TaxelFrame(np.zeros((2, 20)), np.ones((2, 20), dtype=bool), 0.0, 1)
+    assert require_trust(frame) is frame
+
+
+def test_dead_modules_and_single_taxels_are_named_each_as_what_it_is():
+    trusted = np.ones((2, 20), dtype=bool)
+    trusted[1, 10:] = trusted[0, [3, 7]] = False
+    with pytest.raises(SkinUntrustedError) as told:
+        require_trust(TaxelFrame(np.zeros((2, 20)), trusted, 0.0, 1))
+    assert str(told.value) == (
+        "skin: right finger, module 1 (taxels 10 to 19): dead; see its plug, or change the finger; "
+        "left finger, taxels 3, 7: dead, stuck, saturated or in error"
+    )
+
+
+def test_noise_of_half_a_count_is_measured_as_such():
+    still = np.full((50, TAXELS), 5000, dtype=np.uint16)
+    still[::2] += 1
+    assert _health(still).noise == pytest.approx(0.5)
+
+
+def test_a_taxel_that_reads_zero_is_dead_and_one_that_reads_one_is_stuck():
+    still = _still()
+    still[:, 3], still[:, 4] = 0, 1
+    health = _health(still)
+    assert (np.flatnonzero(health.dead).tolist(), np.flatnonzero(health.stuck).tolist()) == ([3], [4])
+
+
+def test_the_baseline_does_not_follow_before_time_has_passed():
+    health = _health()
+    before = health.baseline.copy()
+    health.update(_still(1)[0], 0.1)
+    assert (health.baseline == before).all()
