@@ -166,7 +166,9 @@ def _touches(cell: Cell, ctx: SkillContext, slot: int, pegs: int, done: Callable
     (grasped,) = GRASP.run(config.skill_set(), ctx)
     ctx.record = lambda seen, setpoint: None
     if grasped.result.outcome is not Outcome.SUCCESS or not closed:
-        raise NotCalibratedError(f"calibrate places: no peg from slot {slot + 1}: {grasped.result.reason.name}")
+        raise NotCalibratedError(
+            f"calibrate places: no peg from slot {slot % config.rack.slots + 1}: {grasped.result.reason.name}"
+        )
     held = ctx.observe().peg
     points = []
     for number, place in enumerate(places, 1):
@@ -179,7 +181,7 @@ def _touches(cell: Cell, ctx: SkillContext, slot: int, pegs: int, done: Callable
         done(slot * len(places) + number, pegs * len(places))
     slot_at = mouth(closed[-1], held.theta, held.offset, config)
     x, y, _ = config.rack.first
-    stated = np.array([x, y + config.rack.pitch * slot])
+    stated = np.array([x, y + config.rack.pitch * (slot % config.rack.slots)])
     (dropped,) = RECOVER.run(config.skill_set(), ctx)
     if dropped.result.outcome is not Outcome.SUCCESS:
         raise NotCalibratedError(f"calibrate places: the peg did not go to the bin: {dropped.result.reason.name}")

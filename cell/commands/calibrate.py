@@ -23,6 +23,8 @@ SUMMARY = "measure skin, arm or places and write a dated file"
 STOPS_ITSELF = False
 FRICTION_RANGE = (0.5, 2.0)
 """Friction over the published figure that a cell is made for: what `config/reality.toml` draws, and `cell study reality` shows to be borne."""
+MOST_PEGS = 20
+"""Largest number of pegs to touch the places off with where a feeder fills the rack again."""
 OFFSET_RANGE = 2.0
 """Standard deviations of the arm's own file that an offset may reach."""
 
@@ -81,8 +83,11 @@ def _places(args: argparse.Namespace, config: "CellConfig", today: date, path: P
     from cell.calibrate_places import PEGS, calibrate_places
 
     pegs = PEGS if args.pegs is None else args.pegs
-    if not 2 <= pegs <= config.rack.slots:
-        raise ConfigError(f"--pegs {pegs}: 2 to {config.rack.slots} of rack.slots allowed")
+    most = config.rack.slots if config.rack.refill == "asked" else MOST_PEGS
+    if most < 2:
+        raise ConfigError('rack.slots = 1: two pegs needed; 2 or more, or rack.refill = "feeder" allowed')
+    if not 2 <= pegs <= most:
+        raise ConfigError(f"--pegs {pegs}: 2 to {most} allowed")
     with progress() as bars:
         bar = bars.add_task("touches")
         found = calibrate_places(config, today, lambda done, of: bars.update(bar, completed=done, total=of), pegs)

@@ -37,6 +37,7 @@ def test_state_is_whole_and_of_now(opened):
     assert (state.q.shape, state.dq.shape, state.wrench.force.shape) == ((7,), (7,), (3,))
     assert state.stamp == pytest.approx(opened.clock.now(), abs=0.01)
     assert state.commanded is None or (state.commanded.shape == (7,) and np.isfinite(state.commanded).all())
+    assert state.unexplained is None or (state.unexplained.shape == (7,) and np.isfinite(state.unexplained).all())
     assert np.allclose(state.tcp.rotation.T @ state.tcp.rotation, np.eye(3), atol=1e-9)
 
 

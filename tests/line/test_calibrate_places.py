@@ -85,8 +85,9 @@ def test_whoever_breaks_it_off_finds_the_arm_at_rest_and_the_old_file(tmp_path, 
 @pytest.mark.parametrize(
     ("asked", "said"),
     [
-        (["places", "--pegs", "5"], "--pegs 5: 2 to 4 of rack.slots allowed"),
-        (["places", "--pegs", "1"], "--pegs 1: 2 to 4"),
+        (["places", "--pegs", "5", "--set", "rack.refill=asked"], "--pegs 5: 2 to 4 allowed"),
+        (["places", "--pegs", "1"], "--pegs 1: 2 to 20 allowed"),
+        (["places", "--set", "rack.slots=1", "--set", "rack.refill=asked"], "rack.slots = 1: two pegs needed"),
         (["arm", "--pegs", "2"], "--pegs: only for places"),
     ],
 )
