@@ -343,7 +343,9 @@ class CellConfig(Catalogued):
 
     def handling(self) -> Handling:
         """Return the handling of the cell's own part."""
-        sections = Sections(self.params(SEARCH), self.params(INSERT), self.params(ADJUST), self.corner, self.retries)
+        sections = Sections(
+            self.params(SEARCH), self.params(INSERT), self.params(ADJUST), self.corner, self.retries, self.params(GRASP)
+        )
         return handling(self.peg.part, sections)
 
     def job(self, slot: int = 0) -> Job:

@@ -105,7 +105,7 @@ def _adjust(skills: SkillSet, ctx: SkillContext, plane: Plane | None = None) -> 
 
 
 def _handling(skills: SkillSet, ctx: SkillContext) -> Handling:
-    sections = Sections(skills[SEARCH], skills[INSERT], skills[ADJUST], skills.corner, skills.retries)
+    sections = Sections(skills[SEARCH], skills[INSERT], skills[ADJUST], skills.corner, skills.retries, skills[GRASP])
     return handling(ctx.job.peg.part, sections)
 
 

@@ -52,6 +52,13 @@ class GraspFromRackParams(SkillParams):
     """How the hand goes to the slot and away from it."""
     force: Annotated[float, Field(gt=0.0, le=70.0)]
     """Grip force, N."""
+    pad_friction: Annotated[float, Field(gt=0.0, le=2.0)] = 0.3
+    """Least Coulomb coefficient of peg on pads that is believed, ratio; with the grip force it bounds every push. Source: assumed.
+    """
+    grip_margin: Annotated[float, Field(ge=1.0, le=10.0)] = 1.4375
+    """Factor by which grip force times friction may fall short of what is stated, ratio; pushes stay below what the pads then bear.
+    Source: decision 0070.
+    """
     opening: Annotated[float, Field(gt=0.0, le=0.08)]
     """Distance between the pads on the way down, m."""
     clearance: Annotated[float, Field(gt=0.0, le=0.3)]

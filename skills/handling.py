@@ -7,6 +7,8 @@ from drivers.part.contract import Part
 from skills import corner_adjust, corner_insert, spiral_adjust, tactile_insert
 from skills.contract import SkillContext, SkillResult
 from skills.corner import CornerParams
+from skills.grasp_from_rack import GraspFromRackParams
+from skills.grip import grip_of
 from skills.motion import Gains
 from skills.search.params import SpraySearchParams
 from skills.surface import Plane
@@ -22,6 +24,8 @@ class Sections:
     corner: CornerParams | None
     retries: int
     """Number of further searches, key `retries` of the config."""
+    grasp: GraspFromRackParams
+    """How the peg was gripped, which bounds what it may be pushed with."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,19 +58,22 @@ class Way:
 
 
 def _over_the_edge(sections: Sections) -> Handling:
+    grip = grip_of(sections.grasp)
+    insert = grip.inserting(sections.insert)
     return Handling(
-        search=sections.search,
-        insert=lambda ctx, plane, attempt: tactile_insert.run(sections.insert, ctx, plane),
-        adjust=lambda ctx, plane: spiral_adjust.run(sections.adjust, ctx, plane),
+        search=grip.searching(sections.search),
+        insert=lambda ctx, plane, attempt: tactile_insert.run(insert, ctx, plane),
+        adjust=lambda ctx, plane: spiral_adjust.run(grip.adjusting(sections.adjust, ctx.job.peg.length), ctx, plane),
         retries=sections.retries,
     )
 
 
 def _over_a_corner(sections: Sections) -> Handling:
-    corner = sections.corner
-    assert corner is not None
+    assert sections.corner is not None
+    grip = grip_of(sections.grasp)
+    corner = grip.turning(sections.corner)
     return Handling(
-        search=corner.searching(sections.search),
+        search=grip.searching(corner.searching(sections.search)),
         insert=lambda ctx, plane, attempt: corner_insert.run(corner.insert, ctx, plane, attempt),
         adjust=lambda ctx, plane: corner_adjust.run(corner.adjust, ctx, plane),
         retries=corner.retries,

@@ -12,7 +12,7 @@ from drivers.quantities import ImpedanceSetpoint, InHandTip, Pose, Twist, Vector
 from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillResult
 from skills.motion import VALIDITY, Gains, anchored, tilted_by
 from skills.paths import dither, spiral
-from skills.seating import OPEN_TOLERANCE, depth_of, is_seated, require_short_of_bottom
+from skills.seating import CLOSED_TOLERANCE, OPEN_TOLERANCE, depth_of, is_seated, require_short_of_bottom
 from skills.surface import Plane, nominal
 
 ARRIVING = 3.0
@@ -209,6 +209,8 @@ def run(params: SpiralAdjustParams, ctx: SkillContext, plane: Plane | None = Non
         elapsed, running, tip = seen.elapsed, seen.running, aim.tip(seen.arm.tcp)
         if is_seated(seen.switch, tip, hole):
             return _result(Outcome.SUCCESS, Reason.NONE, running, offset, depth_of(tip, hole))
+        if depth_of(tip, hole) > hole.depth + CLOSED_TOLERANCE:
+            break  # no tip is below the bottom of an open switch: the fingers have slid down the peg
         depth = plane.depth(tip)
         stall = stall.after(depth, elapsed, params.jammed)
         if elapsed - stall.since > given_up_after(depth_of(tip, hole), hole.depth, params):

@@ -1,19 +1,23 @@
 """Cover the area that contains the hole the way a spray gun does until the peg's edge falls in: [gibbons], Sec. IV."""
 
+import logging
 from dataclasses import dataclass, replace
 
+from drivers.frames import UP
 from drivers.quantities import Vector
-from skills.contract import Outcome, Reason, SkillContext, SkillResult
+from skills.contract import Observation, Outcome, Reason, SkillContext, SkillResult
 from skills.motion import Goal, move
 from skills.pull_out import LONGEST, pull_out
 from skills.search.belief import Belief
 from skills.search.course import ANYWHERE, Course, make_course
-from skills.search.feel import Evidence
+from skills.search.feel import Evidence, excess_of
 from skills.search.params import SpraySearchParams
 from skills.search.sweep import Sweep
 from skills.search.tour import Left, Likely
 from skills.surface import Plane, SurfaceEstimate
 from skills.tactile.hole_event import HoleEvent
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,31 +76,58 @@ def run(
     evidence = Evidence(
         params, surface or SurfaceEstimate(), event or HoleEvent(params.event, params.timeout), ctx.scan_period
     )
-    sweep, tip = Sweep(params, ctx, course, evidence), course.first
-    for seen in ctx.scan(params.timeout, holding=True):
-        tip = seen.tip
-        if sweep.finds(seen):
-            plane, elapsed = evidence.plane(tip), seen.running
-            return SpraySearchResult(
-                outcome=Outcome.SUCCESS,
-                reason=Reason.NONE,
-                elapsed=elapsed,
-                tip=_point(tip),
-                start=start,
-                events=evidence.events,
-                rests=sweep.rests,
-                plane=plane,
-                edge=sweep.edge,
-                left=sweep.left,
-                excess=ctx.excess,
-                offset=_point(ctx.zero.force),
-                noise=ctx.zero.noise,
-            )
-        ctx.progress(seen.elapsed / params.timeout)
-        ctx.follow(sweep.setpoint(seen))
+    sweep, spent = Sweep(params, ctx, course, evidence), 0.0
+    found, spent = _slide(params, ctx, sweep, spent)
+    while found is None and spent < params.timeout:
+        lifted = ctx.clock.now()
+        if (stuck := _approach(params, ctx, sweep.begin_anew())) is not None:
+            return SpraySearchResult(Outcome.FAILURE, Reason.NOT_SEATED, LONGEST, _point(stuck), start, 0, 0, None)
+        sweep.hold_anew()
+        found, spent = _slide(params, ctx, sweep, spent + ctx.clock.now() - lifted)
+    if found is None:
+        tip = ctx.observe().tip
+        return SpraySearchResult(
+            Outcome.FAILURE, Reason.NO_HOLE, params.timeout, _point(tip), start, evidence.events, sweep.rests, None
+        )
     return SpraySearchResult(
-        Outcome.FAILURE, Reason.NO_HOLE, params.timeout, _point(tip), start, evidence.events, sweep.rests, None
+        outcome=Outcome.SUCCESS,
+        reason=Reason.NONE,
+        elapsed=spent,
+        tip=_point(found.tip),
+        start=start,
+        events=evidence.events,
+        rests=sweep.rests,
+        plane=_referenced(evidence.plane(found.tip), params, ctx, course),
+        edge=sweep.edge,
+        left=sweep.left,
+        excess=ctx.excess,
+        offset=_point(ctx.zero.force),
+        noise=ctx.zero.noise,
     )
+
+
+def _slide(
+    params: SpraySearchParams, ctx: SkillContext, sweep: Sweep, spent: float
+) -> tuple[Observation | None, float]:
+    """Let the peg slide on, until it is in the hole, or the time is up, or it has turned so far that the hand should turn after it.
+
+    Args:
+        params: Parameters of the search.
+        ctx: The skill's context.
+        sweep: The peg on its way.
+        spent: Time that the search has taken so far, s.
+
+    Returns:
+        The scan in which it was judged to be in the hole, if it was, and the time that the search has taken, s.
+    """
+    for seen in ctx.scan(params.timeout - spent, holding=True):
+        if sweep.finds(seen):
+            return seen, spent + seen.running
+        if sweep.is_turned(seen):
+            return None, spent + seen.running
+        ctx.progress((spent + seen.running) / params.timeout)
+        ctx.follow(sweep.setpoint(seen))
+    return None, params.timeout
 
 
 def _with_prior(belief: Belief, ctx: SkillContext) -> Belief:
@@ -117,6 +148,20 @@ def _approach(params: SpraySearchParams, ctx: SkillContext, course: Course) -> V
         pass
     ctx.zero_wrench()
     return None
+
+
+def _referenced(plane: Plane, params: SpraySearchParams, ctx: SkillContext, course: Course) -> Plane:
+    """Return the plate's surface after what the peg has slipped along the fingers on it was taken into its length in the hand.
+
+    Under a peg that slips up into the hand the plate seems to sink.
+    """
+    height = float(plane.point[2]) - ctx.job.hole.centre[2]
+    excess = excess_of(height, course.axis, params.length_bound)
+    if not excess or not ctx.is_length_known:
+        return plane
+    logger.info("peg: has slipped by %.1f mm along the fingers on the plate", -1e3 * excess)
+    ctx.set_excess(ctx.excess + excess)
+    return Plane(plane.point - excess * float(course.axis[2]) * UP, plane.normal)
 
 
 def _point(tip: Vector) -> tuple[float, float, float]:

@@ -40,6 +40,10 @@ class TactileInsertParams(SkillParams):
     """Time in which the setpoint of the axis gets to its rate, s; the hole's wall bears what sets the arm in motion.
     Source: chosen, not measured; reason in decision 0028.
     """
+    follow_rate: PositiveFloat = 2.0
+    """Rate at which the hand turns after a peg that has turned in it, 1/s; as fast as the frames come in [gibbons]. Source: decision
+    0070.
+    """
     aligned: Annotated[float, Field(gt=0.0, lt=0.8)]
     """Tilt phi below which the adjustment takes over, rad; 15 degrees in [gibbons]. Source: decision 0032."""
     compliance_rate: NonNegativeFloat
@@ -80,7 +84,7 @@ def run(params: TactileInsertParams, ctx: SkillContext, plane: Plane | None = No
     identity = ctx.new_id()
     roll = first.arm.tcp.rotation[:, 2]
     stiffness, damping_ratio = params.gains.stiffness(), params.gains.damping_ratios()
-    phi = first_phi
+    phi, theta = first_phi, first.peg.theta
     peg, bore = ctx.job.peg.part, ctx.job.hole
     least = params.least_share * min(allowed_depth(params.aligned, peg.thickness, bore.part.thickness), bore.depth)
     for seen in ctx.scan(params.timeout, holding=True):
@@ -98,12 +102,14 @@ def run(params: TactileInsertParams, ctx: SkillContext, plane: Plane | None = No
         hole[:2] += min(params.compliance_rate * seen.step, 1.0) * (anchored(seen.tip, first.tip) - hole)[:2]
         tip = hole + params.forward * _ahead(seen.axis)
         stiffness[2] = push_stiffness(phi, first_phi, *params.push_stiffness)
+        theta += min(params.follow_rate * seen.step, 1.0) * (seen.peg.theta - theta)
+        left = rotation_about(seen.arm.tcp.rotation[:, 2], seen.peg.theta - theta)
         axis, spin = _on_the_way(first.axis, normal, *turned(seen.elapsed, params.turn_rate, params.turn_run_up))
         ctx.follow(
             ImpedanceSetpoint(
                 id=identity,
                 tip=tip,
-                axis=axis,
+                axis=left @ axis,
                 roll=roll,
                 stiffness=stiffness.copy(),
                 damping_ratio=damping_ratio,

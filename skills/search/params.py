@@ -42,6 +42,10 @@ class SpraySearchParams(SkillParams):
     towards y. For a peg with corners it is the azimuth of the hand's closing axis, and a multiple of the peg's
     symmetry. Source: set for each cell.
     """
+    keeps: Literal["hand", "peg"] = "hand"
+    """What keeps its attitude while the peg turns in the hand: the hand, or as in [gibbons] the peg, which the hand then turns after.
+    Source: decision 0070.
+    """
     fast_axis: Literal["x", "y"]
     """Axis of the base frame that is swept fast. Source: set for each cell."""
     path: Literal["sinusoids", "lanes"]
@@ -87,6 +91,10 @@ class SpraySearchParams(SkillParams):
     fall: NonNegativeFloat
     """Depth below the surface at which the resting tip is in the hole, m; 0 takes the evidence for the hole, as [gibbons]
     does. Source: chosen, not measured; reason in decision 0020.
+    """
+    slip_drop: NonNegativeFloat = 0.0
+    """Drop of the tip that is put down to a turn of the peg in the hand by one radian, which slips it along the fingers as well, m; it adds to
+    `fall`. The grip's own figure is taken where it is larger. Source: decision 0070.
     """
     rest: PositiveFloat
     """Time for which the hand rests before the tip's depth is judged, by a frame of its end, s. Source: chosen, not

@@ -28,7 +28,7 @@ class Detour:
     offset: Vector
     """Offset from the course to the setpoint at that time, shape (2,), m."""
     axis: Vector
-    """Axis of the peg at that time, unit, shape (3,), base frame."""
+    """Axis of the peg at that time without its turn in the hand, see `Felt.hand_axis`, unit, shape (3,), base frame."""
     closing: Vector
     """Closing axis of the hand at that time, unit, shape (3,), base frame."""
 
@@ -52,6 +52,8 @@ class Felt:
     """End point of the peg, shape (3,), m, base frame."""
     axis: Vector
     """Axis of the peg, unit, shape (3,), base frame."""
+    hand_axis: Vector
+    """Axis that the peg would have if it had not turned in the hand since the search began, unit, shape (3,), base frame."""
     below: float
     """Depth of the lowest point of the peg below the plate, m."""
     is_pressed: bool
@@ -137,7 +139,7 @@ def after_rest(phase: Resting, felt: Felt, params: SpraySearchParams, course: Co
     """Return the phase where the resting tip was not deep enough: probe the place once, then slide on."""
     is_probed = not phase.was_probed and params.probe_radius > 0.0
     goal = phase.place if is_probed else course.middle + point
-    detour = Detour(felt.elapsed, felt.tip[:2] - goal, felt.axis, felt.tcp.rotation[:, 2])
+    detour = Detour(felt.elapsed, felt.tip[:2] - goal, felt.hand_axis, felt.tcp.rotation[:, 2])
     return Probing(detour, phase.place) if is_probed else Sliding(detour)
 
 

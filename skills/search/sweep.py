@@ -1,10 +1,12 @@
 """The peg on its way over the plate: it takes each observation and gives each setpoint; one object serves one search."""
 
 import logging
+import math
 from dataclasses import replace
 
 import numpy as np
 
+from drivers.frames import rotation_about
 from drivers.quantities import ImpedanceSetpoint, Twist, Vector
 from skills.contract import Observation, SkillContext
 from skills.motion import VALIDITY, Trim, between
@@ -33,6 +35,13 @@ lets a light wrist swing where torques act late."""
 TRIMMED_BELOW = 5e-3
 """Height of the setpoint over the plate, m, from which on the way down the trim works: in the air it would wind up against joints at rest."""
 
+USUAL_TIME = 0.5
+"""Time constant with which the in-hand angle of late follows the angle, s: about a lane, over which the surface estimate learns the plate anew."""
+
+TURNED = 0.35
+"""Turn of the peg in the hand at which it is lifted off and the hand turns after it, rad. In the air the pads hold it; on the plate they would let it
+turn on. A tilt of 45 degrees is 48 with it, and what the hand turns after the peg in the insertion stays as small."""
+
 
 class Sweep:
     """Goes through the phases of a search; `skills.search.phases` decides on which phase follows."""
@@ -41,7 +50,11 @@ class Sweep:
         """Begin above the first point of the course."""
         self._params, self._ctx, self._course, self._evidence = params, ctx, course, evidence
         self._identity = ctx.new_id()
-        self._push = Push(params.push_stiffness, ctx.in_hand().theta)
+        self._theta = ctx.in_hand().theta
+        """In-hand angle with which the hand began, rad."""
+        self._usual = self._theta
+        """In-hand angle of late, smoothed, rad; a turn since then may have made the tip drop."""
+        self._push = Push(params.push_stiffness, self._theta)
         self._bearing = Bearing(ctx.zero, ctx.scan_period)
         self._trim = Trim(params.trim_rate, params.trim_limit)
         self._phase: Phase = first_phase(course)
@@ -67,11 +80,33 @@ class Sweep:
             self._measure_length(edge, felt)
         if isinstance(before, Sliding) and self._phase is before:
             self._evidence.learn(edge, sense)
+            self._usual += min(seen.step / USUAL_TIME, 1.0) * (seen.peg.theta - self._usual)
         if isinstance(self._phase, Resting) and self._phase.is_over(felt, params):
-            if felt.below >= params.fall:
+            if felt.below >= params.fall + params.slip_drop * abs(seen.peg.theta - self._usual):
                 return True
             self._enter(after_rest(self._phase, felt, params, course, point), felt)
         return False
+
+    def is_turned(self, seen: Observation) -> bool:
+        """Return whether the peg has turned so far in the hand that the hand should turn after it, in the air."""
+        return self._params.keeps == "hand" and abs(seen.peg.theta - self._theta) > TURNED
+
+    def begin_anew(self) -> Course:
+        """Return the course on which the peg, once the hand has been turned after it, comes down where it was."""
+        self._point, _ = self._course.path.at(self._along)
+        self._course = replace(
+            self._course, first=np.array([*(self._course.middle + self._point), self._course.first[2]])
+        )
+        return self._course
+
+    def hold_anew(self) -> None:
+        """Come down again with the peg as it now lies in the hand; the plate is felt anew, for the peg may have slipped."""
+        self._theta = self._usual = self._ctx.in_hand().theta
+        self._identity, self._push = self._ctx.new_id(), replace(self._push, theta=self._theta)
+        self._bearing, self._phase = Bearing(self._ctx.zero, self._ctx.scan_period), first_phase(self._course)
+        self._trim = Trim(self._params.trim_rate, self._params.trim_limit)
+        self._evidence.restart()
+        self._evidence.forget(math.inf)
 
     @property
     def edge(self) -> tuple[float, float]:
@@ -101,7 +136,7 @@ class Sweep:
         return ImpedanceSetpoint(
             id=self._identity,
             tip=target,
-            axis=between(self._course.axis, phase.detour.axis, back),
+            axis=self._turned(1.0, seen, between(self._course.axis, phase.detour.axis, back)),
             roll=between(self._course.closing, phase.detour.closing, back),
             stiffness=stiffness,
             damping_ratio=damping_ratio,
@@ -110,9 +145,19 @@ class Sweep:
             twist=Twist(velocity, np.zeros(3)),
         )
 
+    def _turned(self, sense: float, seen: Observation, axis: Vector) -> Vector:
+        """Return an axis turned with the peg in the hand since the search began, or back again where `sense` is -1.
+
+        A setpoint that turns with the peg keeps the hand as it is. A hand that turned after a peg whose tip the plate holds would only
+        turn in its pads: it would never catch up with what the skin tells.
+        """
+        if self._params.keeps == "peg":
+            return axis
+        return rotation_about(seen.arm.tcp.rotation[:, 2], sense * (seen.peg.theta - self._theta)) @ axis
+
     def _measure_length(self, edge: Vector, felt: Felt) -> None:
-        """Take from the first touch-down after the grasp how far the peg reaches from the hand."""
-        if self._ctx.is_length_known or self._params.length_bound == 0.0:
+        """Take from a touch-down how far the peg reaches from the hand; after the first one it may have slipped."""
+        if self._params.length_bound == 0.0:
             return
         height = float(edge[2]) - self._ctx.job.hole.centre[2]
         excess = excess_of(height, felt.axis, self._params.length_bound)
@@ -124,7 +169,7 @@ class Sweep:
             )
         elif excess:
             logger.info("peg: reaches %.1f mm further from the hand than stated, by its first touch-down", 1e3 * excess)
-        self._ctx.set_excess(excess or 0.0)
+        self._ctx.set_excess(self._ctx.excess + (excess or 0.0))
 
     def _enter(self, phase: Phase, felt: Felt) -> None:
         """Go on with `phase`; the only place where the phase changes."""
@@ -148,6 +193,7 @@ class Sweep:
             tcp=seen.arm.tcp,
             tip=seen.tip,
             axis=seen.axis,
+            hand_axis=self._turned(-1.0, seen, seen.axis),
             below=below,
             is_pressed=self._bearing.after(float(seen.arm.wrench.force[2]), push),
             is_edge=is_edge,

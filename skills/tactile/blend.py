@@ -13,6 +13,9 @@ from skills.tactile.pose import NO_PEG, PegPose
 BLIND = ("frozen", "straight")
 """Methods of a cell that stops looking at its skin, see `skills.tactile.blind`."""
 
+FURTHEST = 2.0
+"""Largest in-hand angle of a peg that is held, rad; beyond it the hand would be in its way."""
+
 
 class Smoothing(ConfigModel):
     """How theta is carried from frame to frame; unfiltered noise of theta would move the tip at the skin's rate.
@@ -34,11 +37,14 @@ class Smoothing(ConfigModel):
     def take(self, held: PegPose, new: PegPose) -> PegPose:
         """Return the running estimate after a new healthy frame.
 
-        A peg looks the same turned by 180 degrees, so the angle that is nearest to the held one is meant.
+        A peg looks the same turned by 180 degrees, so the angle that is nearest to the held one is meant, unless no peg turns so far: a
+        frame of fingers that were still closing told another angle then.
         """
         if not held.healthy:
             return new
         step = math.remainder(new.theta - held.theta, math.pi)
+        if abs(held.theta + step) > FURTHEST:
+            return new
         return replace(new, theta=held.theta + (step if abs(step) > self.jump else self.blend * step))
 
 

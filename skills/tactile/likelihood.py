@@ -45,14 +45,16 @@ class LikelihoodParams(ConfigModel):
     """Standard deviation of the rise over 20 mm that both loads share, fraction of their mean."""
     wide_misfit: Annotated[float, Field(ge=1.0, le=100.0)] = 3.0
     """Misfit beyond which the peg is looked for at all offsets, ratio of squared residuals to those expected."""
-    least_load: Annotated[float, Field(ge=0.0, le=43e3)] = 2000.0
-    """Mean load, as the reading right under the peg, below which there is no peg, counts."""
+    least_load: Annotated[float, Field(ge=0.0, le=43e3)] = 1500.0
+    """Mean load, as the reading right under the peg, below which there is no peg, counts; five times the noise."""
     most_sigma: Annotated[float, Field(gt=0.0, le=1.6)] = 0.1
     """Standard deviation of an angle above which theta is not reported, rad."""
     most_misfit: Annotated[float, Field(ge=1.0, le=1000.0)] = 12.0
     """Misfit beyond which a frame shows something other than a peg, ratio of squared residuals to those expected."""
     most_residual: Fraction = 0.3
-    """Largest share of a frame's squares that a peg leaves unexplained, fraction."""
+    """Largest share of a frame's squares that a peg leaves unexplained, fraction; more is taken where the noise explains it, as under a weak
+    grip: where the misfit is at most `wide_misfit`.
+    """
     least_trusted: Annotated[int, Field(ge=3, le=FINGERS * TAXELS)] = 20
     """Number of trusted taxels below which a frame tells nothing."""
 
@@ -151,7 +153,7 @@ def pose_of(params: LikelihoodParams, found: Found, frame: TaxelFrame) -> PegPos
         found.load >= params.least_load
         and found.sigma <= params.most_sigma
         and found.misfit <= params.most_misfit
-        and found.residual <= params.most_residual
+        and (found.residual <= params.most_residual or found.misfit <= params.wide_misfit)
         and np.count_nonzero(frame.trusted) >= params.least_trusted
     )
     sigma = min(found.sigma, math.pi / 2)

@@ -9,8 +9,10 @@ import pytest
 from cell.config import load
 from drivers.quantities import InHandTip, Pose
 from skills.catalogue import ADJUST
-from skills.seating import OPEN_TOLERANCE
-from skills.spiral_adjust import SLIDING, Aim, Descent, Guide, Stall, given_up_after
+from skills.contract import Outcome, Reason
+from skills.seating import CLOSED_TOLERANCE, OPEN_TOLERANCE
+from skills.spiral_adjust import SLIDING, Aim, Descent, Guide, Stall, given_up_after, run
+from tests.fakes import HAND_DOWN, Rig
 
 PARAMS = load().cell.params(ADJUST)
 PERIOD, LEAST = PARAMS.dither_period, PARAMS.jammed
@@ -78,3 +80,15 @@ def test_after_a_jam_the_peg_is_aimed_where_it_rests_and_after_the_next_by_the_p
 )
 def test_a_peg_at_the_bottom_is_given_twice_the_time_of_one_that_stalls_above_it(short, times):
     assert given_up_after(0.02 - short, 0.02, PARAMS) == times * PARAMS.stall_timeout
+
+
+def test_fingers_that_slide_down_the_peg_are_noticed_below_the_bottom(tmp_path):
+    """The hand of the fakes sinks as it is told, as fingers do that slide; the switch stays open."""
+    rig = Rig(load(), tmp_path)
+    ctx = rig.cell.context(1)
+    hole = ctx.job.hole
+    rig.gripper.grip(30.0)
+    rig.arm.tcp = Pose(np.array([*hole.centre[:2], hole.centre[2] + ctx.length]), HAND_DOWN)
+    ended = run(PARAMS.model_copy(update={"push_offset": 1e-3}), ctx)
+    assert (ended.outcome, ended.reason) == (Outcome.FAILURE, Reason.NOT_SEATED)
+    assert ended.depth == pytest.approx(hole.depth + CLOSED_TOLERANCE, abs=2e-3)

@@ -152,3 +152,17 @@ def test_frame_that_is_not_believed_teaches_nothing():
         assert not spoilt.estimate(framed(rng.uniform(0.0, 9000.0, (2, 20)))).healthy
     frame = framed(readings("parallelogram", replace(LOAD, theta=0.4), rng))
     assert spoilt.estimate(frame) == fresh.estimate(frame)
+
+
+def test_a_weak_print_is_believed_where_its_noise_explains_the_rest_and_noise_alone_is_not():
+    """A grip of 10 N: a third of the frame's squares is noise."""
+    weak = replace(LOAD, grip_force=10.0)
+    error, _, _, healthy = swept(_estimator("parallelogram"), "parallelogram", peg=weak, count=81)
+    assert healthy.mean() > 0.95
+    assert rms_degrees(error[healthy > 0]) < 4.0
+    rng = np.random.default_rng(5)
+    poses = [
+        _estimator("parallelogram").estimate(framed(SKIN.noise * SKIN.full_scale * rng.standard_normal((2, 20))))
+        for _ in range(50)
+    ]
+    assert not any(pose.healthy for pose in poses)

@@ -67,3 +67,10 @@ def test_peg_that_stands_still_is_known_no_worse_than_a_frame_tells(make: Make) 
         new = frame(0.3 + SIGMA * rng.standard_normal(), 0.01 * scan) if scan % 10 == 0 else None
         errors.append(follow(tracker, 0.01 * scan, new).theta - 0.3)
     assert float(np.std(errors)) < 1.05 * SIGMA
+
+
+def test_a_wrong_first_frame_does_not_turn_the_peg_about_for_good():
+    """Fingers that still close tell any angle; from 80 degrees on, -30 would be nearest as 150."""
+    wrong, right = frame(math.radians(80.0), 0.0), frame(math.radians(-30.0), 0.1)
+    assert Smoothing().take(wrong, right).theta == right.theta
+    assert Smoothing().take(frame(1.5, 0.0), frame(-1.5, 0.1)).theta == pytest.approx(math.pi - 1.5)

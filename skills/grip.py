@@ -1,0 +1,134 @@
+"""How hard a held peg may be pushed before it slips along the fingers, by what is believed of the grip; pure.
+
+Friction of the two pads bears 2 mu N along the fingers, and mu N l/2 about the closing axis. A load of both is borne inside an
+ellipse, and a peg that turns in the pads also slips along them, square to that ellipse: with the share s of 2 mu N along
+the fingers, a turn of one radian makes a slip of (l/4) s / sqrt(1 - s^2). This is the limit surface of friction [howe].
+"""
+
+import math
+from dataclasses import dataclass
+from typing import TypeVar
+
+from drivers.config_model import ConfigModel
+from skills.corner import CornerParams
+from skills.grasp_from_rack import GraspFromRackParams
+from skills.search.feel import SLIP
+from skills.search.params import SpraySearchParams
+from skills.spiral_adjust import SpiralAdjustParams
+from skills.tactile_insert import TactileInsertParams
+
+CONTACT = 0.036
+"""Length of the peg between the pads, m: pads of 41 mm, behind whose middle the peg ends after 15 mm. Longer pads bear more moment, and a
+turn then makes more slip."""
+MOST_SHARE = 0.9
+"""Share of what the pads bear beyond which a load counts as this one: the slip of a turn would have no bound."""
+
+P = TypeVar("P", bound=ConfigModel)
+
+
+@dataclass(frozen=True, slots=True)
+class Grip:
+    """What is believed of the grip."""
+
+    force: float
+    """Grip force, N."""
+    friction: float
+    """Coulomb coefficient of peg on pads, ratio."""
+    margin: float
+    """Factor by which the product of both may be smaller, ratio, >= 1."""
+
+    @property
+    def bears(self) -> float:
+        """Largest force along the fingers that the pads surely bear, N."""
+        return 2.0 * self.friction * self.force / self.margin
+
+    def bears_over_plate(self, tilt: float, dip: float) -> float:
+        """Return the largest push on a plate, N, under which a peg that slips by turning is not taken for one that falls.
+
+        Args:
+            tilt: Tilt of the peg from the plate's normal, rad.
+            dip: Change of the tip's height that counts as evidence of an edge, m.
+        """
+        per_turn = dip / (math.cos(tilt) * SLIP * CONTACT / 4.0)
+        return per_turn / math.hypot(per_turn, 1.0) * self.bears / math.cos(tilt)
+
+    def searching(self, search: SpraySearchParams) -> SpraySearchParams:
+        """Return the parameters of a search that pushes no harder than the pads bear; a weaker push goes more slowly."""
+        share = _share(
+            search.push_stiffness * search.push_offset, self.bears_over_plate(search.tilt, search.dip_threshold)
+        )
+        axial = share * search.push_stiffness * search.push_offset * math.cos(search.tilt) / self.bears
+        drop = math.cos(search.tilt) * slip_of_turn(axial)
+        return search.model_copy(
+            update={
+                "push_stiffness": search.push_stiffness * share,
+                "speed": search.speed * share,
+                "slip_drop": max(search.slip_drop, drop),
+            }
+        )
+
+    def inserting(self, insert: TactileInsertParams) -> TactileInsertParams:
+        """Return the parameters of an insertion that pushes no harder than the pads bear."""
+        low, high = insert.push_stiffness
+        share = _share(high * insert.push_offset, self.bears)
+        return _softer(insert, share, push_stiffness=(low * share, high * share))
+
+    def bears_dithered(self, adjust: SpiralAdjustParams, length: float) -> float:
+        """Return the largest push down a hole, N, under which the slip of a dithered peg is not taken for progress.
+
+        In one period the circles, whose radius is half the first one in the mean, turn the peg about one axis by 2/pi of their arc.
+
+        Args:
+            adjust: Parameters of the adjustment.
+            length: Distance from the finger centre to the peg's end, m.
+        """
+        turned = adjust.dither_radius / length / math.pi * adjust.dither_rate * adjust.dither_period
+        per_turn = adjust.jammed / max(turned * CONTACT / 4.0, 1e-9)
+        return per_turn / math.hypot(per_turn, 1.0) * self.bears
+
+    def adjusting(self, adjust: SpiralAdjustParams, length: float) -> SpiralAdjustParams:
+        """Return the parameters of an adjustment that pushes no harder than the pads bear, for a peg of this length, m; a weaker push
+        takes longer.
+        """
+        push = adjust.push_stiffness * adjust.push_offset
+        if push <= self.bears:
+            return adjust
+        share = _share(push, self.bears_dithered(adjust, length))
+        return _softer(
+            adjust,
+            share,
+            push_stiffness=adjust.push_stiffness * share,
+            timeout=adjust.timeout / share,
+            stall_timeout=adjust.stall_timeout / share,
+        )
+
+    def turning(self, corner: CornerParams) -> CornerParams:
+        """Return the handling of a peg with corners that pushes no harder than the pads bear."""
+        insert, adjust = corner.insert, corner.adjust
+        shares = [_share(each.push_stiffness * each.push_offset, self.bears) for each in (insert, adjust)]
+        return corner.model_copy(
+            update={
+                "insert": _softer(insert, shares[0], push_stiffness=insert.push_stiffness * shares[0]),
+                "adjust": _softer(adjust, shares[1], push_stiffness=adjust.push_stiffness * shares[1]),
+            }
+        )
+
+
+def slip_of_turn(share: float) -> float:
+    """Return the slip along the fingers, m, of a peg that turns by 1 rad under this share of what the pads bear along them."""
+    share = min(share, MOST_SHARE)
+    return CONTACT / 4.0 * share / math.sqrt(1.0 - share * share)
+
+
+def grip_of(grasp: GraspFromRackParams) -> Grip:
+    """Return what a cell believes of its grip."""
+    return Grip(grasp.force, grasp.pad_friction, grasp.grip_margin)
+
+
+def _share(push: float, most: float) -> float:
+    """Return the share of a push that may be kept, fraction."""
+    return min(most / max(push, 1e-9), 1.0)
+
+
+def _softer(params: P, share: float, **changes: object) -> P:
+    return params if share == 1.0 else params.model_copy(update=changes)

@@ -1,0 +1,80 @@
+"""What a peg may be pushed with, by what is believed of the grip."""
+
+import math
+
+import pytest
+
+from cell.config import load
+from skills.catalogue import ADJUST, GRASP, INSERT, SEARCH
+from skills.grip import CONTACT, Grip, grip_of, slip_of_turn
+from skills.search.feel import SLIP
+
+LENGTH = 0.05
+
+
+def cell(*sets, preset=None):
+    return load(None, preset, sets).cell
+
+
+def down(search):
+    return search.push_stiffness * search.push_offset
+
+
+@pytest.mark.parametrize("preset", [None, "careful", "fast", "paper"])
+def test_the_shipped_grip_bears_every_push_as_it_is(preset):
+    config = cell(preset=preset)
+    grip, search, adjust = grip_of(config.params(GRASP)), config.params(SEARCH), config.params(ADJUST)
+    assert (down(grip.searching(search)), grip.searching(search).speed) == (down(search), search.speed)
+    assert grip.inserting(config.params(INSERT)) is config.params(INSERT)
+    assert grip.adjusting(adjust, LENGTH) is adjust
+
+
+def test_pads_bear_twice_their_friction_less_the_margin():
+    assert Grip(force=15.0, friction=0.3, margin=1.5).bears == pytest.approx(6.0)
+
+
+def test_a_slip_by_turning_makes_no_dip():
+    """The push along the tilted peg, as a share of what the pads bear, and the turn after which the push is taken back."""
+    grip, search = Grip(10.0, 0.3, 1.4), cell().params(SEARCH)
+    softened = grip.searching(search)
+    share = down(softened) * math.cos(search.tilt) / grip.bears
+    assert math.cos(search.tilt) * SLIP * slip_of_turn(share) == pytest.approx(search.dip_threshold)
+    assert softened.speed / search.speed == pytest.approx(down(softened) / down(search)) != 1.0
+
+
+def test_a_turn_in_the_hand_may_explain_a_drop():
+    search = Grip(10.0, 0.3, 1.4).searching(cell().params(SEARCH))
+    assert search.slip_drop * SLIP == pytest.approx(search.dip_threshold)
+    assert Grip(1e6, 0.3, 1.4).searching(search.model_copy(update={"slip_drop": 0.0})).slip_drop < 1e-6
+
+
+def test_the_slip_of_a_dithered_peg_is_no_progress_and_a_weaker_push_takes_its_time():
+    grip, adjust = Grip(10.0, 0.3, 1.4), cell().params(ADJUST)
+    softened = grip.adjusting(adjust, LENGTH)
+    push = softened.push_stiffness * softened.push_offset
+    turned = 2 / math.pi * adjust.dither_radius / 2 / LENGTH * adjust.dither_rate * adjust.dither_period
+    assert turned * slip_of_turn(push / grip.bears) == pytest.approx(adjust.jammed)
+    assert softened.timeout * softened.push_stiffness == pytest.approx(adjust.timeout * adjust.push_stiffness)
+
+
+def test_an_insertion_pushes_no_harder_than_the_pads_bear():
+    grip, insert = Grip(5.0, 0.3, 1.4), cell().params(INSERT)
+    low, high = grip.inserting(insert).push_stiffness
+    assert high * insert.push_offset == pytest.approx(grip.bears)
+    assert low / high == pytest.approx(insert.push_stiffness[0] / insert.push_stiffness[1])
+
+
+def test_a_peg_with_corners_is_pushed_no_harder_either():
+    config = cell("peg.shape=square", "peg.sides=[0.008,0.008]", "hole.sides=[0.0081,0.0081]")
+    grip = Grip(5.0, 0.3, 1.4)
+    assert config.corner is not None
+    softened = grip.turning(config.corner)
+    for each in (softened.insert, softened.adjust):
+        assert each.push_stiffness * each.push_offset == pytest.approx(grip.bears)
+    assert grip_of(config.params(GRASP)).turning(config.corner).adjust == config.corner.adjust
+
+
+def test_slip_grows_without_bound_as_the_pads_give_way():
+    assert slip_of_turn(0.0) == 0.0
+    assert slip_of_turn(0.6) == pytest.approx(CONTACT / 4 * 0.75)
+    assert slip_of_turn(2.0) == slip_of_turn(0.9)

@@ -1,0 +1,41 @@
+"""What a peg has slipped along the fingers on the plate, by how far the plate seems to have sunk."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from cell.config import load
+from drivers.frames import UP
+from skills.catalogue import SEARCH
+from skills.search.course import make_course
+from skills.search.feel import EXPLAINED
+from skills.spray_search import _referenced
+from skills.surface import Plane
+
+CONFIG = load().cell
+PARAMS = CONFIG.params(SEARCH)
+
+
+def referenced(slip, *, is_known=True):
+    """Return the excess of length, m, and the plane's height over the stated one, m, after a peg slipped into the hand by `slip`, m."""
+    ctx = SimpleNamespace(job=CONFIG.job(), excess=0.0, is_length_known=is_known)
+    ctx.set_excess = lambda excess: setattr(ctx, "excess", excess)
+    course = make_course(PARAMS, ctx.job, np.random.default_rng(1))
+    stated = np.array(ctx.job.hole.centre)
+    plane = _referenced(Plane(stated - slip * math.cos(PARAMS.tilt) * UP, UP), PARAMS, ctx, course)
+    return ctx.excess, plane.point[2] - stated[2]
+
+
+def test_a_peg_that_slipped_into_the_hand_is_shorter_and_the_plate_where_it_was():
+    assert referenced(0.003) == (pytest.approx(-0.003), pytest.approx(0.0, abs=1e-9))
+
+
+def test_what_a_tilted_plate_explains_is_no_slip():
+    excess, height = referenced(0.99 * EXPLAINED)
+    assert (excess, height) == (0.0, pytest.approx(-0.99 * EXPLAINED * math.cos(PARAMS.tilt)))
+
+
+def test_a_peg_that_has_not_touched_the_plate_has_not_slipped_on_it():
+    assert referenced(0.003, is_known=False)[0] == 0.0
