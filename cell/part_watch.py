@@ -43,6 +43,7 @@ class PartWatch:
         self._unknown_since: float | None = None
         """Time since which the switch has not answered in the run, s."""
         self._hole, self._peak_force = (0.0, 0.0), 0.0
+        self._switch = SwitchState.UNKNOWN
 
     def begin(self, config: CellConfig, claim: Claim) -> None:
         """Note that a run with this config begins, of a program whose success says this."""
@@ -56,6 +57,7 @@ class PartWatch:
         Raises:
             SwitchUnknownError: The run's success could not be proven, because the switch has not answered for too long.
         """
+        self._switch = seen.switch
         evidence = evidence_of(seen.arm, seen.gripper, seen.switch, seen.tip, seen.peg.theta)
         self._tell(self._custody.see(evidence, self._places, self._is_running))
         if not self._is_running:
@@ -149,10 +151,18 @@ class PartWatch:
         # What the run's search says of the hole at the end is better than where the peg went in; a run that is under way
         # has not found that of the last one.
         hole = report.hole if any(report.hole) and not self._is_running else self._hole
-        values = (part.place, part.depth, hole, self._peak_force)
-        if values == (report.part, report.part_depth, report.hole, report.peak_force):
+        values = (part.place, part.depth, hole, self._peak_force, self._obstacle())
+        if values == (report.part, report.part_depth, report.hole, report.peak_force, report.obstacle):
             return report
-        return replace(report, part=values[0], part_depth=values[1], hole=values[2], peak_force=values[3])
+        place, depth, hole, force, obstacle = values
+        return replace(report, part=place, part_depth=depth, hole=hole, peak_force=force, obstacle=obstacle)
+
+    def _obstacle(self) -> Refusal:
+        """Return why a fresh peg could not be taken now; a simulated line takes the workpiece with a seated peg away by itself."""
+        config, part = self._cell.config, self._custody.part
+        if config.is_simulated and part.place is PartPlace.SEATED and not part.is_held:
+            return Refusal.NONE
+        return self._custody.refusal(self._switch, config.rack, config.params(RECOVER).first)
 
     @property
     def told(self) -> str:
@@ -163,6 +173,7 @@ class PartWatch:
         return self._context.arm.read(), self._cell.gripper.read(), self._cell.switch.read()
 
     def _see_now(self, arm: ArmState, hand: GripperState, switch: SwitchState) -> None:
+        self._switch = switch
         self._tell(self._custody.see(self._evidence(arm, hand, switch), self._places, self._is_running))
 
     def _evidence(self, arm: ArmState, hand: GripperState, switch: SwitchState) -> PegEvidence:

@@ -92,6 +92,12 @@ def folder() -> Path:
     return fresh
 
 
+def is_kept(name: str) -> bool:
+    """Tell whether functions of a file of this project, named from its root, have been compiled before, as it stands now."""
+    path = PROJECT / name
+    return any((folder() / f"{path.stem}-{digest(path)}").glob("*.nbi"))
+
+
 class SourceLocator:
     """Tells numba where a function of this project is kept, as `numba.core.caching` asks of a cache locator."""
 

@@ -76,7 +76,7 @@ def inputs_for(link: Link, dispatch: Dispatch, lease: CellLease, stops_held: int
     if order is None or not (order.is_under_way or order.shown_result is not Result.NONE):
         order = link.resetting
     result = order.told_to(link) if order is not None else Result.NONE
-    is_waiting = dispatch.report.state in (IDLE, COMPLETE)
+    is_waiting = dispatch.report.state in (IDLE, COMPLETE) and dispatch.report.obstacle is Refusal.NONE
     return Inputs(
         busy=order is not None and order.is_under_way,
         done=order is not None and order.is_program and result is Result.SUCCESS,

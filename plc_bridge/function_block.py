@@ -11,7 +11,7 @@ from plc_bridge.messages import Control, Result
 from plc_bridge.registers import PARAMETERS, STAGES, VERSION, VERSION_MAJOR, VERSION_MINOR, Register
 
 NAME = "FB_InsertionCell"
-NO_CELL, WRONG_VERSION, STOP_PENDING = 0xFF01, 0xFF02, 0xFF03
+NO_CELL, WRONG_VERSION, STOP_PENDING, RUN_GONE = 0xFF01, 0xFF02, 0xFF03, 0xFF04
 """ErrorID of the block's own errors."""
 FAILURE_BASE = 256
 """First ErrorID of failures, to which the reason is added; refusals lie below it, and fault codes from 1000 on."""
@@ -45,6 +45,7 @@ _TOLD = {
     "answered": "ReportAnswered",
     "result": "ReportResult",
     "refusal": "ReportRefusal",
+    "code": "ReportCode",
 }
 """Registers of the report that the block works with and does not show, and the variables that they are decoded into."""
 _BOOLS = ("IsSilent", "IsReady", "IsWhole", "IsStopping", "IsHolding", "HoldSent", "WasExecute", "WasStop")
@@ -170,6 +171,7 @@ def _body(command: Mapping[str, Register], report: Mapping[str, Register]) -> st
         no_cell=NO_CELL,
         wrong_version=WRONG_VERSION,
         stop_pending=STOP_PENDING,
+        run_gone=RUN_GONE,
         failure=FAILURE_BASE,
         failure_result=Result.FAILURE.value,
         none=Result.NONE.value,
@@ -202,7 +204,7 @@ registers from {command["life"].address} on, in one request (FC16), and reads Re
 {report["life"].address} on, in one request (FC4). Nothing else may write Command.
 ErrorID: 1 to 255 refused, as report_refusal; {FAILURE_BASE} + reason failed; from 1000 on fault code;
 16#{NO_CELL:04X} no answer from the cell; 16#{WRONG_VERSION:04X} the cell has another map;
-16#{STOP_PENDING:04X} a stop is still on its way.
+16#{STOP_PENDING:04X} a stop is still on its way; 16#{RUN_GONE:04X} the cell was started anew and does not know the run.
 Like every block in PLCopen manner: a rising edge of Execute starts and takes the inputs over, another one while
 Busy does nothing; exactly one of Busy, Done, Error and CommandAborted is TRUE from then on, the last three until
 Execute falls but for one cycle at least."""

@@ -83,6 +83,11 @@ ELSIF Busy AND IsWhole THEN
         (* the stop overtook the command, which the cell has never seen *)
         Busy := FALSE;
         CommandAborted := TRUE;
+    ELSIF ReportAnswered = Sequence AND (ReportSequence <> RunNumber OR ReportCode = 0) AND NOT IsStopping AND NOT IsHolding THEN
+        (* the cell has answered the newest number and knows no run of this block any more: it was started anew *)
+        Busy := FALSE;
+        Error := TRUE;
+        ErrorID := {run_gone};
     END_IF;
 END_IF;
 IF Busy AND IsSilent THEN

@@ -29,7 +29,7 @@ from itertools import count
 from plc_bridge.answers import Answer, Inputs, answer_for, inputs_for
 from plc_bridge.dispatch import Counts, Dispatch
 from plc_bridge.images import CommandImage
-from plc_bridge.intake import Intake, repeats
+from plc_bridge.intake import Intake, goes_on, repeats
 from plc_bridge.lease import CellLease
 from plc_bridge.links import Link, Order
 from plc_bridge.messages import Command, Control, Refusal, Report
@@ -114,7 +114,7 @@ class Handshake:
         if image.acknowledge != (before.acknowledge if before else 0):
             self._acknowledge(link, image.acknowledge)
         if is_numbered:
-            self._intake.take_number(link, image, now)
+            self._intake.take_number(link, image, now, before.code if before else Control.NONE)
 
     def switched(self, source: str, coils: Mapping[str, bool], now: float) -> None:
         """Take the coils that `source` has just written: execute, stop, reset."""
@@ -226,11 +226,19 @@ class Handshake:
             self._dispatch.end(link.shown)
 
     def _resume(self, link: Link, image: CommandImage) -> None:
-        """Let a link go on with the run of a closed link of its host: it writes that run's number, and nothing else."""
+        """Let a link go on with the run of a closed link of its host.
+
+        It writes the run's own number, or the one that the earlier link had come to, as after a hold; and nothing else.
+        """
+        link.has_resumed = False
         for order in (self._dispatch.run, self._dispatch.seen):
             earlier = order.link if order is not None else None
-            if order is None or earlier is None or not link.follows(earlier) or not repeats(image, order):
+            if order is None or earlier is None or not link.follows(earlier):
                 continue
+            if not (repeats(image, order) or goes_on(image, earlier)):
+                continue
+            if image.code != Control.NONE and image.sequence == order.sequence:
+                order.is_acknowledged = False  # whoever asks once more has not seen the answer
             self._lease.resume(earlier, link)
             if order is self._dispatch.run:
                 link.watchdog.follow(earlier.watchdog)

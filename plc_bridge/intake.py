@@ -37,8 +37,10 @@ class Intake:
 
     # By number.
 
-    def take_number(self, link: Link, image: CommandImage, now: float) -> None:
-        """Take the number of a whole block: adopted, a command, late, or nothing new."""
+    def take_number(self, link: Link, image: CommandImage, now: float, code_before: int = Control.NONE) -> None:
+        """Take the number of a whole block: adopted, a command, late, or nothing new; `code_before` is that of the write before."""
+        if self._is_late_again(link, image):
+            return
         verdict = link.numbers.see(image.sequence)
         if verdict is Verdict.LATE:
             self._refuse_late(link, image)
@@ -50,6 +52,23 @@ class Intake:
             self._adopt(link, image)
         elif verdict is Verdict.NEW:
             self.command(link, image.sequence, image, now)
+        elif image.code != code_before:
+            self._take_changed(link, image)
+
+    @staticmethod
+    def _is_late_again(link: Link, image: CommandImage) -> bool:
+        """Tell whether the number is that of the link's own run once more, behind those of later controls: it changes nothing."""
+        run, last = link.shown, link.numbers.last
+        return (
+            last not in (None, image.sequence) and run is not None and run.is_program and run.sequence == image.sequence
+        )
+
+    def _take_changed(self, link: Link, image: CommandImage) -> None:
+        """Take another code under a number that is known: a stop is obeyed, and one that came without a code is not to be used again."""
+        if image.code in STOPS:
+            self.dispatch.stop(Order(Command(UNNUMBERED, image.code, source=link.source)))
+        elif image.code != Control.NONE and link.came_empty(image.sequence):
+            self._refuse_new(link, image.sequence, image, Refusal.ADOPTED)
 
     def _refuse_late(self, link: Link, image: CommandImage) -> None:
         if link.late is None or link.late.sequence != image.sequence:
@@ -60,7 +79,7 @@ class Intake:
         """Adopt a first number; of the commands that may come with it only a stop is obeyed."""
         if image.code in STOPS:
             self._command_stop(link, image.sequence, image)
-        elif link.shown is not None and link.shown.is_program and repeats(image, link.shown):
+        elif link.has_resumed:
             return
         elif image.code == Control.NONE:
             self._command_nothing(link, image.sequence, image)
@@ -178,6 +197,15 @@ def repeats(image: CommandImage, order: Order) -> bool:
     if image.sequence != command.sequence:
         return False
     asked = (command.code, command.recipe, command.serial)
+    return image.code == Control.NONE or asked == (image.code, image.recipe, image.serial)
+
+
+def goes_on(image: CommandImage, earlier: Link) -> bool:
+    """Tell whether a block has the number that an earlier link had come to, and either its command once more or none at all."""
+    stood = earlier.image
+    if stood is None or image.sequence != earlier.numbers.last or image.sequence != stood.sequence:
+        return False
+    asked = (stood.code, stood.recipe, stood.serial)
     return image.code == Control.NONE or asked == (image.code, image.recipe, image.serial)
 
 

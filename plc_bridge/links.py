@@ -12,6 +12,9 @@ from plc_bridge.messages import FIRST_PROGRAM, Command, Control, Refusal, Report
 from plc_bridge.sequence_numbers import SequenceNumbers
 from plc_bridge.watchdog import LinkWatchdog
 
+PAUSES = (Control.HOLD, Control.UNHOLD)
+"""Controls that mean the run under way, and nothing once it has ended."""
+
 
 @dataclass(slots=True, eq=False)
 class Order:
@@ -96,6 +99,8 @@ class Link:
     """Refusal of an old number, until the block holds the current one again."""
     told: Refusal = Refusal.NONE
     """Refusal that the log has already named, until one of its orders is not refused."""
+    has_resumed: bool = False
+    """Whether it goes on with the run of an earlier link, which its first number named."""
     _asked: list[Order] = field(default_factory=list)
 
     @property
@@ -113,12 +118,23 @@ class Link:
         self._forget_older_answers()
         self._asked.append(order)
         shown = self.shown
-        if shown is None or not (shown.is_program and shown.is_under_way) or shown.sequence == order.sequence:
+        if shown is None or not shown.is_program or shown.sequence == order.sequence:
+            self.shown = order
+        elif not (shown.is_under_way or (order.command.code in PAUSES and shown.shown_result is not Result.NONE)):
+            # A hold that crosses the end of the run does not hide how that ended.
             self.shown = order
 
+    def came_empty(self, sequence: int) -> bool:
+        """Tell whether a number came without a command and is the newest that was answered."""
+        answered = self.answered
+        return answered is not None and answered.sequence == sequence and answered.command.code == Control.NONE
+
     def resume(self, order: Order) -> None:
-        """Go on with the order of an earlier link of the same host."""
-        order.link, self.shown, self._asked = self, order, [order]
+        """Go on with the order of an earlier link of the same host, and with what that link was answered last."""
+        earlier, self.shown, self.has_resumed = order.link, order, True
+        self._asked = [order] if earlier is None else [*earlier._asked] or [order]
+        for each in (order, *self._asked):
+            each.link = self
 
     @property
     def answered(self) -> Order | None:

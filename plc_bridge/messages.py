@@ -54,8 +54,8 @@ REMEDIES: dict[Refusal, str] = {
     Refusal.VERSION: "import the map that this cell prints (`cell map`), and write its version",
     Refusal.PARAMETER: "correct what report_refusal_detail names; its limits stand in the map",
     Refusal.TORN: "write the whole block in one request, command_life and command_life_tail equal; send the next number",
-    Refusal.ADOPTED: "the first number of a connection, and the first one after its PLC was lost, is taken over and "
-    "never run: send the same command under the next number",
+    Refusal.ADOPTED: "the first number of a connection, the first one after its PLC was lost, and one that came with code 0 "
+    "before is taken over and never run: send the same command under the next number",
     Refusal.LATE: "send a number above the last one; a counter that restarts lets its first number be adopted",
     Refusal.PART_UNRESOLVED: "look at report_part: run `recover` for a peg that the hand holds; take any other away by hand, "
     "then send CLEARED",
@@ -170,5 +170,7 @@ class Report:
     """Depth of the peg's tip below the plate, m."""
     warnings: int = 0
     """Warnings, which do not stop the cell, as a sum of `registers.Warnings`."""
+    obstacle: Refusal = Refusal.NONE
+    """Why a program that takes a fresh peg would be refused now, by what is known of peg, hole and rack."""
     overruns: int = 0
     """Scans that took longer than their period since the start."""

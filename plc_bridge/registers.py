@@ -299,11 +299,13 @@ def _bits() -> list[Register]:
     coils.add("reset", "bool", "0 to 1 resets the cell after a stop or a fault")
     inputs = _Layout("discrete", 0, "r", "", 0x2004)
     inputs.add("busy", "bool", "the command is accepted and has not ended")
-    inputs.add("done", "bool", "the command ended in success; held until acknowledged")
+    inputs.add("done", "bool", "the program or skill ended in success; held until acknowledged")
     inputs.add("error", "bool", "the command failed, met a fault or was refused; held until acknowledged")
     inputs.add("command_aborted", "bool", "the command was stopped; held until acknowledged")
     inputs.add(
-        "ready", "bool", "a start of this connection would be taken now: idle or complete, its lease, no stop held"
+        "ready",
+        "bool",
+        "a start of this connection would be taken now: idle or complete, its lease, no stop held, peg, hole and rack ready",
     )
     return [*coils.registers, *inputs.registers]
 

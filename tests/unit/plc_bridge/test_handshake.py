@@ -579,3 +579,117 @@ def test_ready_says_whether_a_start_of_this_link_would_be_taken():
     line.coils("b", stop=False)
     line.run(2, "a")
     assert not ready("a")
+
+
+@pytest.mark.parametrize(
+    "later", [[(3, Control.HOLD)], [(3, Control.HOLD), (4, Control.UNHOLD)], [(3, INSERT)], [(3, Control.NONE)]]
+)
+@pytest.mark.parametrize("again", [False, True])
+def test_a_run_is_found_by_the_number_that_its_connection_had_come_to(later, again):
+    line = Line()
+    line.run()
+    for sequence, code in later:
+        line.write(sequence=sequence, code=code)
+        line.poll()
+    line.handshake.closed("plc")
+    line.connect("plc again", host="plc")
+    sequence, code = later[-1]
+    answer = line.write("plc again", sequence=sequence, code=code if again else Control.NONE)
+    assert (answer.sequence, answer.is_busy, answer.lease) == (2, True, LeaseState.YOURS)
+    assert line.poll() is None
+    line.end()
+    answer = line.handshake.answer("plc again")
+    assert (answer.sequence, answer.result) == (2, Result.SUCCESS)
+    line.write("plc again", acknowledge=2)
+    assert line.poll().code == Control.ACKNOWLEDGE
+    assert line.write("plc again", sequence=sequence + 1, code=INSERT).is_busy
+
+
+def test_a_stop_that_stands_in_the_block_of_a_new_connection_stops_again():
+    line = Line()
+    line.run()
+    line.write(sequence=3, code=Control.STOP)
+    line.poll()
+    line.handshake.closed("plc")
+    line.connect("plc again", host="plc")
+    answer = line.write("plc again", sequence=3, code=Control.STOP)
+    assert line.poll().code == Control.STOP
+    assert answer.sequence == 2
+    line.end(result=Result.ABORTED)
+    assert line.handshake.answer("plc again").result is Result.ABORTED
+
+
+@pytest.mark.parametrize("changed", [{"sequence": 4}, {"code": GRASP}, {"recipe": 1}])
+def test_another_number_or_command_does_not_find_the_run(changed):
+    line = Line()
+    line.run()
+    line.write(sequence=3, code=Control.HOLD)
+    line.poll()
+    line.handshake.closed("plc")
+    line.connect("plc again", host="plc")
+    answer = line.write("plc again", **{"sequence": 3, "code": Control.HOLD, **changed})
+    assert (answer.refusal, answer.sequence) == (Refusal.ADOPTED, changed.get("sequence", 3))
+
+
+def test_a_plc_that_asks_once_more_is_told_its_result_once_more():
+    line = Line()
+    line.run()
+    line.end()
+    line.write(acknowledge=2)
+    line.handshake.closed("plc")
+    line.connect("plc again", host="plc")
+    assert line.write("plc again", sequence=2, code=INSERT, acknowledge=0).result is Result.SUCCESS
+    assert line.write("plc again", acknowledge=2).result is Result.NONE
+
+
+@pytest.mark.parametrize("is_first", [True, False])
+def test_a_command_under_a_number_that_came_empty_is_refused_and_not_left_without_an_answer(is_first):
+    line = Line()
+    sequence = 70 if is_first else 71
+    for number in range(70, sequence + 1):
+        assert line.write(sequence=number, code=0).refusal is Refusal.NONE
+    answer = line.write(code=INSERT)
+    assert (answer.answered, answer.refusal, answer.result) == (sequence, Refusal.ADOPTED, Result.REFUSED)
+    assert line.poll() is None
+    assert line.write(sequence=sequence + 1).is_busy
+
+
+@pytest.mark.parametrize("code", [Control.STOP, Control.ABORT])
+def test_a_stop_under_a_number_that_is_known_stops(code):
+    line = Line()
+    line.run()
+    line.write(code=code)
+    assert line.poll().code == code
+    line.write()
+    assert line.poll() is None
+
+
+def test_the_number_of_the_run_that_comes_late_changes_nothing():
+    line = Line()
+    line.run()
+    line.write(sequence=3, code=Control.HOLD)
+    line.poll()
+    before = line.handshake.answer("plc")
+    assert line.write(sequence=2, code=INSERT) == before
+    assert line.write(sequence=3, code=Control.HOLD) == before
+    line.end()
+    assert line.handshake.answer("plc").result is Result.SUCCESS
+
+
+def test_a_hold_that_crosses_the_end_of_the_run_does_not_hide_its_result():
+    line = Line()
+    line.run()
+    line.end()
+    line.write(sequence=3, code=Control.HOLD)
+    line.refuse(Refusal.NOT_READY)
+    answer = line.handshake.answer("plc")
+    assert (answer.sequence, answer.result) == (2, Result.SUCCESS)
+    assert (answer.answered, answer.refusal) == (3, Refusal.NOT_READY)
+
+
+def test_inputs_are_ready_only_where_a_start_would_be_taken():
+    line = Line()
+    line.handshake.publish(Report(state=4))
+    assert line.handshake.inputs("plc").ready
+    line.handshake.publish(Report(state=4, obstacle=Refusal.PART_UNRESOLVED))
+    assert not line.handshake.inputs("plc").ready

@@ -6,7 +6,7 @@ import pytest
 
 from plc_bridge.bridge import Bridge
 from plc_bridge.config import PlcConfig
-from plc_bridge.function_block import FAILURE_BASE, NAME, NO_CELL, STOP_PENDING, WRONG_VERSION
+from plc_bridge.function_block import FAILURE_BASE, NAME, NO_CELL, RUN_GONE, STOP_PENDING, WRONG_VERSION
 from plc_bridge.images import COMMAND, REPORT, Block, command_image
 from plc_bridge.messages import Control, Refusal, Report, Result
 from plc_bridge.plc_names import plc_names
@@ -312,6 +312,51 @@ def test_run_goes_on_over_a_new_connection(plc):
     assert plc.cycle(3).shown == ["Busy"]
     plc.publish(Report(sequence=run.sequence, state=17, result=Result.SUCCESS))
     assert plc.cycle(2).shown == ["Done"]
+
+
+@pytest.mark.parametrize("holds", [(True,), (True, False)])
+def test_run_that_was_held_goes_on_over_a_new_connection(plc, holds):
+    plc.cycle(2, Execute=True)
+    run = take(plc.bridge)
+    for hold, state in zip(holds, (6, 11), strict=False):
+        plc.publish(Report(sequence=run.sequence, state=state))
+        plc.cycle(5, Hold=hold)
+        assert take(plc.bridge).code in (Control.HOLD, Control.UNHOLD)
+    plc.cycle(2).disconnect()
+    plc.cycle()
+    plc.connect()
+    assert plc.cycle(3).shown == ["Busy"]
+    plc.publish(Report(sequence=run.sequence, state=17, result=Result.SUCCESS))
+    assert plc.cycle(2).shown == ["Done"]
+
+
+def test_run_that_was_stopped_ends_over_a_new_connection(plc):
+    plc.cycle(2, Execute=True)
+    run = take(plc.bridge)
+    plc.cycle(3, Stop=True)
+    assert take(plc.bridge).code == Control.STOP
+    plc.cycle(2).disconnect()
+    plc.connect()
+    assert plc.cycle(3).shown == ["Busy"]
+    plc.publish(Report(sequence=run.sequence, state=2, result=Result.ABORTED))
+    assert plc.cycle(2).shown == ["CommandAborted"]
+
+
+@pytest.mark.parametrize(("is_held", "error"), [(False, Refusal.ADOPTED), (True, RUN_GONE)])
+def test_run_that_a_restarted_cell_does_not_know_is_an_error(plc, is_held, error):
+    plc.cycle(2, Execute=True)
+    run = take(plc.bridge)
+    plc.publish(Report(sequence=run.sequence, state=6))
+    if is_held:
+        plc.cycle(5, Hold=True)
+        take(plc.bridge)
+        plc.cycle(2)
+    plc.disconnect()
+    plc.bridge = Bridge(PlcConfig(), {INSERT: "insert_peg"}, [SPEED], now=lambda: plc.now)
+    plc.report = Report(state=4)
+    plc.connect()
+    assert (plc.cycle(5).shown, plc.v["ErrorID"]) == (["Error"], error)
+    assert plc.bridge.poll() is None
 
 
 def test_plc_that_restarts_behind_a_line_that_stayed_goes_on_counting(plc):
