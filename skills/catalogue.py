@@ -105,7 +105,8 @@ def _adjust(skills: SkillSet, ctx: SkillContext, plane: Plane | None = None) -> 
 
 
 def _handling(skills: SkillSet, ctx: SkillContext) -> Handling:
-    sections = Sections(skills[SEARCH], skills[INSERT], skills[ADJUST], skills.corner, skills.retries, skills[GRASP])
+    search, insert, adjust, grasp = skills[SEARCH], skills[INSERT], skills[ADJUST], skills[GRASP]
+    sections = Sections(search, insert, adjust, skills.corner, skills.retries, grasp, ctx.grip_share)
     return handling(ctx.job.peg.part, sections)
 
 

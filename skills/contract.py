@@ -146,6 +146,9 @@ LATEST_STATE = 0.1
 LEAST_TRUSTED = 20
 """Least number of trusted taxels of both fingers with which a skill goes on: half of all, one module of each finger."""
 
+SLIPPED = 0.5
+"""Share of the believed grip that is counted on after each slip of the peg along the fingers, fraction."""
+
 
 Recorder = Callable[[Observation, ImpedanceSetpoint | None], None]
 
@@ -187,6 +190,8 @@ class SkillContext:
     """What the arm reports as a wrench where nothing touches; taken from what is observed."""
     excess: float = field(default=0.0, init=False)
     """Length by which the peg in the hand reaches further than the job says, m, as the first touch-down told."""
+    grip_share: float = field(default=1.0, init=False)
+    """Share of the believed grip that is left after the peg in the hand has slipped, fraction."""
     is_length_known: bool = field(default=False, init=False)
     """Whether the peg in the hand has touched the plate since it was grasped."""
     _peg: PegPose = field(default=NO_PEG, init=False)
@@ -222,7 +227,14 @@ class SkillContext:
 
     def set_excess(self, excess: float | None) -> None:
         """Take how much further than the job says the peg reaches, m; None where nobody knows, as after a grasp."""
+        if excess is None:
+            self.grip_share = 1.0
         self.is_length_known, self.excess = excess is not None, excess or 0.0
+
+    def note_slip(self) -> None:
+        """Take it that the peg has slipped along the fingers: the pads bear less than believed, and what follows pushes less."""
+        self.grip_share *= SLIPPED
+        logger.info("peg: slipped along the fingers; %.0f %% of the believed grip is counted on", 1e2 * self.grip_share)
 
     @property
     def length(self) -> float:

@@ -120,9 +120,9 @@ def slip_of_turn(share: float) -> float:
     return CONTACT / 4.0 * share / math.sqrt(1.0 - share * share)
 
 
-def grip_of(grasp: GraspFromRackParams) -> Grip:
-    """Return what a cell believes of its grip."""
-    return Grip(grasp.force, grasp.pad_friction, grasp.grip_margin)
+def grip_of(grasp: GraspFromRackParams, share: float = 1.0) -> Grip:
+    """Return what a cell believes of its grip, of which slips have left this share to be counted on."""
+    return Grip(share * grasp.force, grasp.pad_friction, grasp.grip_margin)
 
 
 def _share(push: float, most: float) -> float:

@@ -26,6 +26,8 @@ class Sections:
     """Number of further searches, key `retries` of the config."""
     grasp: GraspFromRackParams
     """How the peg was gripped, which bounds what it may be pushed with."""
+    grip_share: float = 1.0
+    """Share of that grip which is counted on, fraction."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +60,7 @@ class Way:
 
 
 def _over_the_edge(sections: Sections) -> Handling:
-    grip = grip_of(sections.grasp)
+    grip = grip_of(sections.grasp, sections.grip_share)
     insert = grip.inserting(sections.insert)
     return Handling(
         search=grip.searching(sections.search),
@@ -70,7 +72,7 @@ def _over_the_edge(sections: Sections) -> Handling:
 
 def _over_a_corner(sections: Sections) -> Handling:
     assert sections.corner is not None
-    grip = grip_of(sections.grasp)
+    grip = grip_of(sections.grasp, sections.grip_share)
     corner = grip.turning(sections.corner)
     return Handling(
         search=grip.searching(corner.searching(sections.search)),

@@ -210,7 +210,8 @@ def run(params: SpiralAdjustParams, ctx: SkillContext, plane: Plane | None = Non
         if is_seated(seen.switch, tip, hole):
             return _result(Outcome.SUCCESS, Reason.NONE, running, offset, depth_of(tip, hole))
         if depth_of(tip, hole) > hole.depth + CLOSED_TOLERANCE:
-            break  # no tip is below the bottom of an open switch: the fingers have slid down the peg
+            ctx.note_slip()  # no tip is below the bottom of an open switch: the fingers have slid down the peg
+            break
         depth = plane.depth(tip)
         stall = stall.after(depth, elapsed, params.jammed)
         if elapsed - stall.since > given_up_after(depth_of(tip, hole), hole.depth, params):

@@ -97,7 +97,7 @@ def run(
         start=start,
         events=evidence.events,
         rests=sweep.rests,
-        plane=_referenced(evidence.plane(found.tip), params, ctx, course),
+        plane=_referenced(evidence.plane(found.tip), params, ctx, sweep),
         edge=sweep.edge,
         left=sweep.left,
         excess=ctx.excess,
@@ -150,18 +150,22 @@ def _approach(params: SpraySearchParams, ctx: SkillContext, course: Course) -> V
     return None
 
 
-def _referenced(plane: Plane, params: SpraySearchParams, ctx: SkillContext, course: Course) -> Plane:
+def _referenced(plane: Plane, params: SpraySearchParams, ctx: SkillContext, sweep: Sweep) -> Plane:
     """Return the plate's surface after what the peg has slipped along the fingers on it was taken into its length in the hand.
 
-    Under a peg that slips up into the hand the plate seems to sink.
+    Under a peg that slips up into the hand the plate seems to have sunk where it was touched down on; a tilted plate does not.
     """
-    height = float(plane.point[2]) - ctx.job.hole.centre[2]
-    excess = excess_of(height, course.axis, params.length_bound)
-    if not excess or not ctx.is_length_known:
+    touched = sweep.touched
+    if touched is None or not ctx.is_length_known:
+        return plane
+    sunk = plane.depth(touched) / float(plane.normal[2])
+    excess = excess_of(sunk, sweep.axis, params.length_bound)
+    if not excess:
         return plane
     logger.info("peg: has slipped by %.1f mm along the fingers on the plate", -1e3 * excess)
     ctx.set_excess(ctx.excess + excess)
-    return Plane(plane.point - excess * float(course.axis[2]) * UP, plane.normal)
+    ctx.note_slip()
+    return Plane(plane.point - excess * float(sweep.axis[2]) * UP, plane.normal)
 
 
 def _point(tip: Vector) -> tuple[float, float, float]:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from drivers.frames import rotation_about
+from drivers.frames import UP, rotation_about
 from drivers.quantities import ImpedanceSetpoint, Twist, Vector
 from skills.contract import Observation, SkillContext
 from skills.motion import VALIDITY, Trim, between
@@ -63,6 +63,8 @@ class Sweep:
         self._point, self._velocity = course.path.at(0.0)
         self._resting: ImpedanceSetpoint | None = None
         self._edge = course.first
+        self.touched: Vector | None = None
+        """Lowest point of the peg at its last touch-down, shape (3,), m, base frame, by the length that it told; None before."""
         self.rests = 0
         """Number of times that contact evidence stopped the path."""
 
@@ -112,6 +114,11 @@ class Sweep:
     def edge(self) -> tuple[float, float]:
         """Lowest point of the peg in the newest scan, m, base frame."""
         return float(self._edge[0]), float(self._edge[1])
+
+    @property
+    def axis(self) -> Vector:
+        """Axis of the peg on the plate, unit, shape (3,), base frame, as the course asks for it."""
+        return self._course.axis
 
     @property
     def left(self) -> Left:
@@ -169,7 +176,10 @@ class Sweep:
             )
         elif excess:
             logger.info("peg: reaches %.1f mm further from the hand than stated, by its first touch-down", 1e3 * excess)
+        if excess and self._ctx.is_length_known:
+            self._ctx.note_slip()
         self._ctx.set_excess(self._ctx.excess + (excess or 0.0))
+        self.touched = edge - (excess or 0.0) * float(felt.axis[2]) * UP
 
     def _enter(self, phase: Phase, felt: Felt) -> None:
         """Go on with `phase`; the only place where the phase changes."""

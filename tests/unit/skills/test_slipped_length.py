@@ -18,13 +18,19 @@ CONFIG = load().cell
 PARAMS = CONFIG.params(SEARCH)
 
 
-def referenced(slip, *, is_known=True):
-    """Return the excess of length, m, and the plane's height over the stated one, m, after a peg slipped into the hand by `slip`, m."""
-    ctx = SimpleNamespace(job=CONFIG.job(), excess=0.0, is_length_known=is_known)
+def referenced(slip, *, tilt=0.0, is_known=True):
+    """Return the excess of length, m, and how far the plane seems to have moved at the touch-down, m, after a slip into the hand by `slip`, m.
+
+    The peg came down 30 mm beside the hole, on a plate that is tilted by `tilt`, rad.
+    """
+    ctx = SimpleNamespace(job=CONFIG.job(), excess=0.0, is_length_known=is_known, note_slip=lambda: None)
     ctx.set_excess = lambda excess: setattr(ctx, "excess", excess)
     course = make_course(PARAMS, ctx.job, np.random.default_rng(1))
     stated = np.array(ctx.job.hole.centre)
-    plane = _referenced(Plane(stated - slip * math.cos(PARAMS.tilt) * UP, UP), PARAMS, ctx, course)
+    touched = stated + np.array([0.03, 0.0, 0.03 * math.tan(tilt)])
+    normal = np.array([-math.sin(tilt), 0.0, math.cos(tilt)])
+    sweep = SimpleNamespace(touched=touched, axis=course.axis)
+    plane = _referenced(Plane(stated - slip * math.cos(PARAMS.tilt) * UP, normal), PARAMS, ctx, sweep)
     return ctx.excess, plane.point[2] - stated[2]
 
 
@@ -32,7 +38,13 @@ def test_a_peg_that_slipped_into_the_hand_is_shorter_and_the_plate_where_it_was(
     assert referenced(0.003) == (pytest.approx(-0.003), pytest.approx(0.0, abs=1e-9))
 
 
-def test_what_a_tilted_plate_explains_is_no_slip():
+@pytest.mark.parametrize("tilt", [-0.1, 0.1])
+def test_a_tilted_plate_is_no_slip(tilt):
+    assert referenced(0.0, tilt=tilt) == (0.0, 0.0)
+    assert referenced(0.003, tilt=tilt)[0] == pytest.approx(-0.003)
+
+
+def test_what_other_errors_explain_is_no_slip():
     excess, height = referenced(0.99 * EXPLAINED)
     assert (excess, height) == (0.0, pytest.approx(-0.99 * EXPLAINED * math.cos(PARAMS.tilt)))
 
