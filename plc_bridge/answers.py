@@ -73,7 +73,7 @@ def inputs_for(link: Link, dispatch: Dispatch, lease: CellLease, stops_held: int
         stops_held: Number of links that hold their stop coil at 1.
     """
     order = link.executed or link.shown
-    if order is None or not (order.is_under_way or order.shown_result is not Result.NONE):
+    if order is None or not _shows(order):
         order = link.resetting
     result = order.told_to(link) if order is not None else Result.NONE
     is_waiting = dispatch.report.state in (IDLE, COMPLETE) and dispatch.report.obstacle is Refusal.NONE
@@ -84,6 +84,12 @@ def inputs_for(link: Link, dispatch: Dispatch, lease: CellLease, stops_held: int
         command_aborted=result is Result.ABORTED,
         ready=is_waiting and dispatch.run is None and not stops_held and lease.is_open_to(link),
     )
+
+
+def _shows(order: Order) -> bool:
+    """Tell whether an order is seen in the inputs; a control that was obeyed is not."""
+    is_obeyed = order.shown_result is Result.SUCCESS and not order.is_program
+    return order.is_under_way or (order.shown_result is not Result.NONE and not is_obeyed)
 
 
 def report_image_of(answer: Answer, life: int) -> ReportImage:

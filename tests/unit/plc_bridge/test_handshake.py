@@ -693,3 +693,18 @@ def test_inputs_are_ready_only_where_a_start_would_be_taken():
     assert line.handshake.inputs("plc").ready
     line.handshake.publish(Report(state=4, obstacle=Refusal.PART_UNRESOLVED))
     assert not line.handshake.inputs("plc").ready
+
+
+def test_a_refused_reset_is_an_error_also_beside_a_control_that_execute_gave():
+    line = Line()
+    line.write(sequence=1, code=Control.STOP)
+    line.poll()
+    line.write(sequence=2, code=0)
+    line.images["plc"] = replace(line.images["plc"], code=Control.CLEARED)
+    line.handshake.wrote("plc", line.images["plc"], line.now, is_numbered=False)
+    line.coils(execute=False)
+    line.coils(execute=True)
+    line.poll()
+    line.coils(reset=True)
+    inputs = line.handshake.inputs("plc")
+    assert (inputs.busy, inputs.done, inputs.error) == (False, False, True)
