@@ -188,7 +188,11 @@ def _let_go(before: PartState, seen: PegEvidence, places: Places, is_running: bo
     height = _mm(-depth_of(np.array(before.tip), places.hole))
     if not is_running:
         return replace(gone, place=PartPlace.UNKNOWN, evidence=f"the hand was opened outside a run, {hand}")
-    return replace(gone, place=PartPlace.ON_PLATE, evidence=f"fell from {height} above the plate, {hand}")
+    return replace(
+        gone,
+        place=PartPlace.ON_PLATE,
+        evidence=f"fell from {height} above the plate's height {_at(before.tip)}, {hand}",
+    )
 
 
 def _left_alone(before: PartState, seen: PegEvidence) -> PartState:
@@ -226,20 +230,29 @@ REMEDIES = {
     PartPlace.SEATED: "the peg is seated: take the workpiece away before the next start",
     PartPlace.IN_HAND: "the hand holds a peg: run `recover`",
     PartPlace.IN_HOLE: "a peg stands in the hole: where the hand holds it run `recover`; else draw it out, then give CLEARED",
-    PartPlace.ON_PLATE: "a peg lies on the plate: a person must take it away, then give CLEARED",
+    PartPlace.ON_PLATE: "a peg lies on the plate, or on what is below where it fell: a person must take it away, then give CLEARED",
     PartPlace.UNKNOWN: "nobody knows where the peg is: look at hand, hole and plate, take it away, then give CLEARED",
 }
 """Remedy by the peg's place."""
 
 
+def described(part: PartState) -> str:
+    """Return the place of the peg and the evidence of it, as one line."""
+    depth = f", {_mm(part.depth)} deep" if part.depth > 0.0 else ""
+    return f"peg {_word(part.place)}{depth} ({part.evidence})"
+
+
 def told(part: PartState) -> str:
     """Return the place of the peg, the evidence of it, and what to do, as one line for a technician."""
-    depth = f", {_mm(part.depth)} deep" if part.depth > 0.0 else ""
-    return f"peg {_word(part.place)}{depth} ({part.evidence}): {REMEDIES[part.place]}"
+    return f"{described(part)}: {REMEDIES[part.place]}"
 
 
 def _word(place: PartPlace) -> str:
     return place.name.lower().replace("_", " ")
+
+
+def _at(tip: tuple[float, float, float]) -> str:
+    return f"at x {tip[0]:.3f}, y {tip[1]:.3f} m"
 
 
 def _mm(length: float) -> str:

@@ -10,7 +10,7 @@ from pathlib import Path
 from cell.assembly import Cell
 from cell.cell_config import CellConfig
 from cell.custody import Custody
-from cell.part_state import UNRESOLVED, PegEvidence, Places, evidence_of, places_of, told
+from cell.part_state import UNRESOLVED, PegEvidence, Places, described, evidence_of, places_of, told
 from cell.record import Ending
 from cell.success import LastLook, Proof, judged
 from drivers.errors import CellError, SwitchUnknownError
@@ -187,7 +187,8 @@ class PartWatch:
         # A peg that is where it belongs when the program begins is no news.
         level = logging.INFO if self._has_looked else logging.WARNING
         if self._has_looked or not self.is_resolved:
-            logger.log(level, "%s", self.told)
+            # A run goes on by itself with a peg in its hand: nobody has to do anything about it.
+            logger.log(level, "%s", described(self._custody.part) if self._is_running else self.told)
         self._has_looked = True
 
 
