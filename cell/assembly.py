@@ -312,7 +312,7 @@ def _world_skin(
     """Return the skin between the pads of a simulated world: a simulated one, or a driver with an emulated board behind
     its wire.
     """
-    skin, model, seed = config.skin, config.boards.skin, config.sim.seed if config.sim is not None else 0
+    skin, model, seed = config.skin, config.boards.skin, config.first_seed
     if isinstance(skin, CanSkinConfig) and skin.channel == EMULATED:
         from sim.board_clock import BoardClock
         from sim.board_links import emulated_can
@@ -397,7 +397,7 @@ def _switch(
     from sim.board_clock import BoardClock
     from sim.switch_board import EmulatedSwitchBoard
 
-    board = EmulatedSwitchBoard(source, faults=config.boards.switch.faults, seed=config.sim.seed if config.sim else 0)
+    board = EmulatedSwitchBoard(source, faults=config.boards.switch.faults, seed=config.first_seed)
     clock = BoardClock(clock, (board,))
     return _serial_switch(wired.model_copy(update={"port": board.port}), clock), clock, (board,)
 

@@ -17,10 +17,10 @@ from cell.assembly import Cell, assemble, opened
 from cell.cell_config import CellConfig
 from cell.statistics import student
 from drivers.errors import CellError, NotCalibratedError
+from drivers.figures_file import write_whole
 from drivers.frames import end_point
 from drivers.parts import PLATE_BORDER, Hole
 from drivers.quantities import Pose, Vector
-from drivers.whole_file import write_whole
 from skills.catalogue import GRASP, RECOVER
 from skills.contract import Interrupted, Observation, Outcome, SkillContext
 from skills.touch_off import touch_off
@@ -155,7 +155,7 @@ def _touches(cell: Cell, ctx: SkillContext, slot: int, pegs: int, done: Callable
     """Take the peg of a slot, touch the plate at every corner, and drop the peg into the bin."""
     config, places = cell.config, corners(cell.config.hole)
     ctx.job = config.job(slot=slot)
-    cell.restock(ctx.job, (config.sim.seed if config.sim is not None else 0) + slot)
+    cell.restock(ctx.job, config.first_seed + slot)
     closed: list[Pose] = []
 
     def watch(seen: Observation, _: object) -> None:

@@ -269,7 +269,7 @@ class CellConfig(Catalogued):
         """Return what tells the cell's own arm from others of its kind, for the files that were measured with it."""
         if isinstance(self.arm, FrankaArmConfig):
             return f"at {self.arm.host}"
-        return f"simulated, seed {self.sim.seed if self.sim is not None else 0}"
+        return f"simulated, seed {self.first_seed}"
 
     def place(self) -> Place:
         """Return the place and the attitude in which the arm works with a peg that the skin steers."""
@@ -283,6 +283,11 @@ class CellConfig(Catalogued):
             elbow=search.transfer.elbow,
             length=self.peg.length,
         )
+
+    @property
+    def first_seed(self) -> int:
+        """Seed of the first run's draws and choices, to which each further peg adds one; 0 for a physical cell."""
+        return self.sim.seed if self.is_simulated and self.sim is not None else 0
 
     @property
     def is_simulated(self) -> bool:

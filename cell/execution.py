@@ -63,7 +63,7 @@ class Execution:
         self._watch, self._beat, self._meanwhile = watch, beat, meanwhile
         context.poll, context.progress, context.record = self._poll, self._progress, self._record
         context.ended = self._stage_ended
-        self._first_seed = cell.config.sim.seed if cell.config.sim is not None else 0
+        self._first_seed = cell.config.first_seed
         self._seed, self._stocked = self._first_seed, 0
         self.learning = Learning(journal.folder, cell.config.learning)
         self._arm = ArmWatch(cell.arm_calibration, cell.config.arm_model())

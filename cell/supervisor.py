@@ -46,7 +46,7 @@ class Supervisor:
     ) -> None:
         """Take the opened cell, its recipes, the line, the opened journal, what ends `serve`, and the slot for onlookers."""
         self._cell, self._loaded, self._journal = cell, loaded, journal
-        self._context = cell.context(cell.config.sim.seed if cell.config.sim is not None else 0)
+        self._context = cell.context(cell.config.first_seed)
         self._late, self._is_timed = LateScans(self._context.scan_period, cell.config.scan), False
         self._part = PartWatch(cell, self._context, journal.folder)
         self._brake = Brake(cell, self._context)

@@ -1,19 +1,18 @@
 """The calibration of one arm, friction and remainder of gravity of each joint: its file, its plausibility, and what learning begins with."""
 
-import tomllib
 from datetime import date
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from drivers.arm.learning import DRY_RATE, FIGURES, MOST_OFFSET, SMOOTH_RATE, doubts
 from drivers.arm.model import JOINTS, ArmModel, Frictions
 from drivers.config_model import ConfigModel
 from drivers.errors import ConfigError
+from drivers.figures_file import read_figures, write_whole
 from drivers.quantities import Vector
-from drivers.whole_file import write_whole
 
 Speed = Annotated[float, Field(gt=0.0, le=3.0)]
 Offset = Annotated[float, Field(ge=-50.0, le=50.0)]
@@ -106,15 +105,7 @@ def read_arm_calibration(path: Path, arm: ArmModel, unit: str) -> ArmCalibration
     Raises:
         ConfigError: There is no such file, it has another form, is of another arm, or holds figures that no arm can have.
     """
-    try:
-        found = ArmCalibration.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
-    except OSError as error:
-        raise ConfigError(f"{path}: calibration cannot be read: {error.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: not TOML: {error}".replace("\n", " ")) from None
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        raise ConfigError(f"{path}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
+    found = read_figures(path, ArmCalibration, "calibration")
     if (found.arm, found.unit) != (arm.name, unit):
         raise ConfigError(f"{path}: of another arm, {found.arm} ({found.unit}); one of {arm.name} ({unit}) allowed")
     if len(found.friction) != len(found.speeds):

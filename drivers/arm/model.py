@@ -5,16 +5,15 @@ of figures with their sources, as those in `config/arms/`, and `arm.model` of a 
 """
 
 import math
-import tomllib
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Self
 
 import numpy as np
-from pydantic import AfterValidator, Field, ValidationError, ValidationInfo, model_validator
+from pydantic import AfterValidator, Field, ValidationInfo, model_validator
 
 from drivers.config_model import ConfigModel, beside_config
-from drivers.errors import ConfigError
+from drivers.figures_file import read_figures
 from drivers.quantities import Vector
 
 JOINTS = 7
@@ -215,12 +214,4 @@ def read_arm(path: Path) -> ArmModel:
     Raises:
         ConfigError: No such file, not TOML, or figures that no arm can have.
     """
-    try:
-        return ArmModel.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: not TOML: {error}".replace("\n", " ")) from None
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        raise ConfigError(f"{path}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
+    return read_figures(path, ArmModel)

@@ -1,15 +1,15 @@
 """The calibration of one skin, gain of each taxel and point spread: its file, and a skin that is corrected by it."""
 
-import tomllib
 from datetime import date
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from drivers.config_model import ConfigModel
 from drivers.errors import ConfigError
+from drivers.figures_file import read_figures, write_whole
 from drivers.protocols import Skin
 from drivers.quantities import TAXELS, TaxelFrame
 from drivers.skin.layout import Layout
@@ -48,11 +48,7 @@ class SkinCalibration(ConfigModel):
             f"point_spread = {self.point_spread:.6g}\nresidual = {self.residual:.4g}\nunmeasured = [{missing}]\n"
             f"left = [{rows[0]}]\nright = [{rows[1]}]\n"
         )
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(text, encoding="utf-8")
-        except OSError as error:
-            raise ConfigError(f"{path}: calibration cannot be written: {error.strerror}") from None
+        write_whole(path, text, "calibration")
 
 
 def read_calibration(path: Path, layout: Layout) -> SkinCalibration:
@@ -61,15 +57,7 @@ def read_calibration(path: Path, layout: Layout) -> SkinCalibration:
     Raises:
         ConfigError: There is no such file, or it has another form or another layout.
     """
-    try:
-        found = SkinCalibration.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
-    except OSError as error:
-        raise ConfigError(f"{path}: calibration cannot be read: {error.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: not TOML: {error}".replace("\n", " ")) from None
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        raise ConfigError(f"{path}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
+    found = read_figures(path, SkinCalibration, "calibration")
     if found.layout != layout:
         raise ConfigError(f'{path}: layout = "{found.layout}": skin.layout = "{layout}" wanted')
     return found

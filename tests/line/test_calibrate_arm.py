@@ -1,6 +1,5 @@
 """`cell calibrate arm`: what it finds of a simulated arm is true within its intervals, and a run notices where it is not."""
 
-import logging
 import math
 import re
 import signal
@@ -21,15 +20,6 @@ from sim.reality import read_shipped
 
 SHORT = Sweep(speeds=(0.15, 0.35), even=0.4, together=2.0)
 SEED = ["--set", "sim.seed=80001", "--set", "sim.pace=max"]
-
-
-@pytest.fixture(autouse=True)
-def _quiet():
-    root = logging.getLogger()
-    level = root.level
-    yield
-    root.handlers.clear()
-    root.setLevel(level)
 
 
 @pytest.fixture(scope="module")

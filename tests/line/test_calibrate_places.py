@@ -1,7 +1,6 @@
 """`cell calibrate places`: what it touches off is what was drawn, with bounded force, and nothing is written of what is none."""
 
 import json
-import logging
 import math
 import signal
 from datetime import date
@@ -18,15 +17,6 @@ from tests.reality_files import reality_of
 
 RACK = (0.0015, -0.001, 0.0)
 FAST = ["--pegs", "2", "--set", "insert.estimator=pca"]
-
-
-@pytest.fixture(autouse=True)
-def _quiet():
-    root = logging.getLogger()
-    level = root.level
-    yield
-    root.handlers.clear()
-    root.setLevel(level)
 
 
 def errors(folder, **figures):

@@ -2,7 +2,6 @@
 
 import csv
 import json
-import logging
 from contextlib import closing
 from dataclasses import fields
 
@@ -44,12 +43,6 @@ WRONG = {
     "unknown format": ["map", "--format", "pdf"],
     "a folder that is a file": ["demo", "--out", str(DEFAULT)],
 }
-
-
-@pytest.fixture(autouse=True)
-def _quiet():
-    yield
-    logging.getLogger().handlers.clear()
 
 
 @pytest.mark.parametrize("wrong", WRONG, ids=lambda name: name.replace(" ", "_"))

@@ -1,7 +1,6 @@
 """The technician's commands about the skin: what they show, and what they say is wrong and how to mend it."""
 
 import json
-import logging
 import math
 import os
 import pty
@@ -26,15 +25,6 @@ from tests.skins import BoardRig, can_config
 FAST = ["--set", "sim.pace=max", "--set", "reality.scale=0"]
 CAN = [*FAST, "--set", "skin.kind=can"]
 SERIAL = [*FAST, "--set", "skin.kind=serial"]
-
-
-@pytest.fixture(autouse=True)
-def _quiet():
-    root = logging.getLogger()
-    level = root.level
-    yield
-    root.handlers.clear()
-    root.setLevel(level)
 
 
 def told(capsys, *arguments, status=GOOD):

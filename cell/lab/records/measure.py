@@ -23,6 +23,7 @@ from cell.journal_index import Index
 from cell.journal_schema import EventRow, RunRow, StageRow
 from cell.lab.startup.measure import heavy_imports
 from cell.run_query import RunQuery
+from drivers.errors import FaultCode
 
 LIMIT = 1.0
 """Longest time of a question, s."""
@@ -34,6 +35,8 @@ MADE: tuple[tuple[str, ...], ...] = (
     ("--set", "sim.seed=3", "--set", "limits.force=6.0"),
 )
 """Runs that are made, each by these options of `cell run insert_peg`: a good one, one without a hole, and a fault."""
+FAULT = FaultCode.TRACKING
+"""Fault that the last of them ends in."""
 BATCH = 2000
 """Number of runs that are written at once."""
 
@@ -114,7 +117,7 @@ def questions(runs: int) -> dict[str, tuple[str, ...]]:
     return {
         "runs": ("runs",),
         "runs --since 1d --outcome failure": ("runs", "--since", "1d", "--outcome", "failure"),
-        "runs --fault 2004 --last 1000": ("runs", "--fault", "2004", "--last", "1000"),
+        f"runs --fault {FAULT:d} --last 1000": ("runs", "--fault", str(int(FAULT)), "--last", "1000"),
         "runs --part SERIAL": ("runs", "--part", f"SN{run:07d}"),
         "show RUN": ("show", str(run)),
         "compare RUN RUN": ("compare", str(run), str(run + 1)),

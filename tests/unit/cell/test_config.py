@@ -227,6 +227,7 @@ def test_a_cell_takes_from_its_base_what_it_does_not_say(real):
 def test_a_physical_cell_keeps_time_whatever_its_base_says_of_the_world(real, pace):
     physical, simulated = load(real, sets=[f"sim.pace={pace}"]).cell, load(sets=[f"sim.pace={pace}"]).cell
     assert (physical.is_simulated, simulated.is_simulated) == (False, True)
+    assert (physical.first_seed, simulated.first_seed) == (0, 1)
     assert is_timed(physical)
     assert is_timed(simulated) == (pace == "1.0")
 

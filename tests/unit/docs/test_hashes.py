@@ -6,7 +6,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[3]
 PIN = re.compile(r"^([A-Za-z0-9._-]+)==([^\s;]+)", re.MULTILINE)
-HASHED = (ROOT / "requirements.txt").read_text(encoding="utf-8")
+HASHED = (ROOT / "config" / "requirements.txt").read_text(encoding="utf-8")
 NOT_FROM_HERE = {"franka-sim", "pylibfranka"}
 """Packages that no install of the development needs: the arm's client and what simulates its controller."""
 

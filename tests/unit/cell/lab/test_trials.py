@@ -5,32 +5,26 @@ from dataclasses import asdict, replace
 import pytest
 
 from cell.lab import trials
-from cell.lab.trials import COLUMNS, ERRORS, PARTIAL, TrialRow, read_table, run_trials, summarise, write_table
+from cell.lab.trials import COLUMNS, ERRORS, PARTIAL, read_table, run_trials, summarise, write_table
 from cell.provenance import config_hash, versions
 from drivers.errors import ConfigError
+from tests.trial_rows import SEATED
 
-ROW = TrialRow(
+ROW = replace(
+    SEATED,
     seed=3,
-    outcome="success",
-    reason="",
-    stage="release_and_retract",
     grasp_time=3.0,
     search_time=10.0,
     insert_time=4.0,
-    adjust_time=2.0,
     total_time=16.0,
-    retries=0,
     peak_contact_force=17.0,
     max_penetration=1e-7,
     max_in_hand_rotation=0.5,
     theta_rmse=0.07,
     tip_rmse=0.003,
-    hole_x=0.5,
     hole_y=0.01,
     start_x=0.51,
     start_y=-0.01,
-    switch_closed=True,
-    depth=0.02,
     sim_time=25.0,
     wall_time=1.5,
     time_over_20N=0.0,

@@ -1,0 +1,57 @@
+"""Files of figures: read as a model, and written whole or not at all, so that a program stopped in between leaves the old one."""
+
+import os
+import tomllib
+from pathlib import Path
+from typing import TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from drivers.errors import ConfigError
+
+M = TypeVar("M", bound=BaseModel)
+
+
+def read_figures(path: Path, kind: type[M], what: str = "") -> M:
+    """Return the figures in a TOML file.
+
+    Args:
+        path: The file.
+        kind: Model of the figures.
+        what: Word for the file in the message; empty for none.
+
+    Raises:
+        ConfigError: There is no such file, it is not TOML, or its figures are not as the model allows.
+    """
+    try:
+        return kind.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
+    except OSError as error:
+        raise ConfigError(f"{path}:{f' {what}' if what else ''} cannot be read: {error.strerror}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: not TOML: {error}".replace("\n", " ")) from None
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        raise ConfigError(f"{path}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
+
+
+def write_whole(path: Path, text: str, what: str) -> None:
+    """Write a text file; its folder is made where it is missing.
+
+    Args:
+        path: The file.
+        text: Content of the file.
+        what: Word for the file in the message.
+
+    Raises:
+        ConfigError: The file cannot be written; one that was there before stays.
+    """
+    new = path.with_suffix(path.suffix + ".new")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with new.open("w", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        new.replace(path)
+    except OSError as error:
+        raise ConfigError(f"{path}: {what} cannot be written: {error.strerror}") from None
