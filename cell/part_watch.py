@@ -63,7 +63,7 @@ class PartWatch:
         if not self._is_running:
             return
         self._require_switch(seen)
-        self._proof = self._proof.after(seen)
+        self._proof = self._proof.after(seen, self._context.held)
         self._peak_force = max(self._peak_force, math.hypot(*seen.arm.wrench.force))
         part = self._custody.part
         if part.is_held and part.place in (PartPlace.IN_HOLE, PartPlace.SEATED):

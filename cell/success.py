@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -10,17 +10,17 @@ from cell.part_state import UNRESOLVED, WIDTH_TOLERANCE, PartState
 from cell.record import Ending
 from drivers.errors import CellError, SuccessUnprovenError, SwitchDisagreesError
 from drivers.parts import Job
-from drivers.quantities import GripperState, SwitchState, Vector
+from drivers.quantities import GripperState, ImpedanceSetpoint, SwitchState, Vector
 from plc_bridge.messages import PartPlace
 from skills.contract import Observation, Outcome, Reason
 from skills.entry import Claim
 from skills.flow import StageRecord
-from skills.seating import CLOSED_TOLERANCE
+from skills.seating import CLOSED_TOLERANCE, DOUBTED, MOST_SHALLOW, Footing
 from skills.surface import Plane, nominal
 
-MOST_SHALLOW, MOST_DEEP = 0.001, 0.002
-"""Largest differences between the depth of a seated peg, from the surface that its search has felt, and the hole's, m: less deep, as
-where the switch closes early, and deeper, as a peg looks that the hole has pushed up in the hand since.
+MOST_DEEP = 0.002
+"""Largest depth of a seated peg, from the surface that its search has felt, beyond the hole's, m: a peg looks deeper that the hole has
+pushed up in the hand since.
 """
 PLANE_TOLERANCE = 0.005
 """Largest distance of a felt surface from where the job says that the plate is, m."""
@@ -38,17 +38,27 @@ class Proof:
     """End of the held peg where the switch closed after that, shape (3,), m, base frame."""
     seated_hand: Vector | None = None
     """Place of the hand at that time, shape (3,), m, base frame."""
+    footing: Footing = field(default_factory=Footing)
+    """Rest of the held peg on what bears it, with the switch closed."""
+    borne_tip: Vector | None = None
+    """End of the held peg once something had borne it for long enough, shape (3,), m, base frame."""
 
-    def after(self, seen: Observation) -> "Proof":
-        """Return the proof after one more scan; a switch that opens again while the peg is held revokes it."""
+    def after(self, seen: Observation, setpoint: ImpedanceSetpoint | None = None) -> "Proof":
+        """Return the proof after one more scan, with the setpoint that was followed in it; a switch that opens again while the peg is held
+        revokes it.
+        """
         if seen.switch is SwitchState.OPEN and seen.gripper.is_gripping:
             return Proof(was_open=True)
         if seen.switch is SwitchState.OPEN:
             return replace(self, was_open=True)
-        is_new = self.was_open and self.seated_tip is None and seen.gripper.is_gripping
-        if is_new and seen.switch is SwitchState.CLOSED:
-            return Proof(True, seen.tip.copy(), seen.arm.tcp.position.copy())
-        return self
+        if not self.was_open or seen.switch is not SwitchState.CLOSED or not seen.gripper.is_gripping:
+            return self
+        footing = self.footing.after(seen, setpoint)
+        if self.seated_tip is None:
+            return Proof(True, seen.tip.copy(), seen.arm.tcp.position.copy(), footing)
+        if self.borne_tip is None and footing.is_firm(seen.stamp):
+            return replace(self, footing=footing, borne_tip=seen.tip.copy())
+        return replace(self, footing=footing)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -119,6 +129,12 @@ def _require_seated(plane: Plane | None, proof: Proof, look: LastLook, job: Job)
     if plane is not None:
         surface, less, more = plane, MOST_SHALLOW, MOST_DEEP
     depth, low, high = surface.depth(proof.seated_tip), job.hole.depth - less, job.hole.depth + more
+    if plane is not None and proof.borne_tip is not None:
+        low, gained = job.hole.depth - DOUBTED, surface.depth(proof.borne_tip) - depth
+        if gained > MOST_SHALLOW:
+            raise SwitchDisagreesError(
+                f"switch closed {1e3 * gained:.1f} mm above the bottom that bore the peg then; {1e3 * MOST_SHALLOW:.1f} mm allowed"
+            )
     if not low <= depth <= high:
         raise SwitchDisagreesError(
             f"switch closed with the tip {1e3 * depth:.1f} mm deep; {1e3 * low:.1f} to {1e3 * high:.1f} mm expected"

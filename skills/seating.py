@@ -1,8 +1,12 @@
-"""Judge whether the peg is seated: the switch decides, and the depth of the tip has to agree with it."""
+"""Judge whether the peg is seated: the switch decides, and the depth of the tip has to agree with it; pure."""
+
+import math
+from dataclasses import dataclass
 
 from drivers.errors import SwitchDisagreesError, SwitchUnknownError
 from drivers.parts import Hole
-from drivers.quantities import SwitchState, Vector
+from drivers.quantities import ImpedanceSetpoint, SwitchState, Vector
+from skills.contract import Observation
 
 CLOSED_TOLERANCE = 0.004
 """Largest difference between the tip's depth by the arm and the hole's depth when the switch closes, m; theta is known
@@ -10,6 +14,70 @@ no better.
 """
 OPEN_TOLERANCE = 0.0015
 """Distance from the hole's depth within which a tip that can be pushed no further should have closed the switch, m."""
+
+MOST_SHALLOW = 0.001
+"""Largest depth that a peg may be short of the hole's where the switch closes, from the surface that its search has felt, m; such a peg counts as
+seated at once.
+"""
+DOUBTED = 0.002
+"""Largest depth that a peg may be short of the hole's, m, where the bottom bears it: surface and tip are measured with the hand at two
+attitudes, and err by 0.4 mm against each other, by 0.5 mm where a cell errs twice as much. Source: decision 0072.
+"""
+BORNE_FOR = 0.2
+"""Time for which the bottom has to bear a peg that is pushed, s; one that is guided goes down by millimetres in it."""
+BORNE_WITHIN = 3e-4
+"""Largest change of the tip's height in that time, m."""
+LEAST_PUSH = 4.0
+"""Least push that something has to bear, N; friction in the joints of an arm holds the hand against less."""
+
+
+@dataclass(frozen=True, slots=True)
+class Footing:
+    """Rest of a peg that is pushed down a hole on what bears it."""
+
+    height: float = math.inf
+    """Height of the tip when it came to rest, m, base frame."""
+    since: float = math.inf
+    """Time since which it has been pushed there, s; infinite where it is not."""
+
+    def after(self, seen: Observation, setpoint: ImpedanceSetpoint | None) -> "Footing":
+        """Return the footing after one more scan with the setpoint that was followed; the push is the spring's along z."""
+        height = float(seen.tip[2])
+        if setpoint is None or float(setpoint.stiffness[2] * (height - setpoint.tip[2])) < LEAST_PUSH:
+            return Footing()
+        if abs(height - self.height) <= BORNE_WITHIN:
+            return self
+        return Footing(height, seen.stamp)
+
+    def is_firm(self, now: float) -> bool:
+        """Return whether the peg has been borne for long enough at the time `now`, s."""
+        return now - self.since >= BORNE_FOR
+
+
+@dataclass(frozen=True, slots=True)
+class Arrival:
+    """What the scans with a closed switch tell of a peg that arrives at the bottom."""
+
+    is_doubted: bool | None = None
+    """Whether the depth at which the switch closed leaves open whether the peg is seated; None before it closed."""
+    footing: Footing = Footing()
+
+    def after(self, seen: Observation, setpoint: ImpedanceSetpoint | None, short: float) -> "Arrival":
+        """Return what is known after one more scan with a closed switch.
+
+        Args:
+            seen: The scan.
+            setpoint: Setpoint that was followed in it.
+            short: How much the peg is short of the hole's depth, from the surface that its search has felt, m.
+        """
+        is_doubted = MOST_SHALLOW < short <= DOUBTED if self.is_doubted is None else self.is_doubted
+        return Arrival(is_doubted, self.footing.after(seen, setpoint))
+
+    def is_over(self, now: float) -> bool:
+        """Return whether pushing on tells nothing more at the time `now`, s: the depth is beyond doubt, something bears the peg, or the
+        push is too weak to tell.
+        """
+        return not self.is_doubted or self.footing.is_firm(now) or self.footing.since == math.inf
 
 
 def depth_of(tip: Vector, hole: Hole) -> float:

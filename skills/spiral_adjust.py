@@ -12,7 +12,7 @@ from drivers.quantities import ImpedanceSetpoint, InHandTip, Pose, Twist, Vector
 from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillResult
 from skills.motion import VALIDITY, Gains, anchored, tilted_by
 from skills.paths import dither, spiral
-from skills.seating import CLOSED_TOLERANCE, OPEN_TOLERANCE, depth_of, is_seated, require_short_of_bottom
+from skills.seating import CLOSED_TOLERANCE, OPEN_TOLERANCE, Arrival, depth_of, is_seated, require_short_of_bottom
 from skills.surface import Plane, nominal
 
 ARRIVING = 3.0
@@ -200,15 +200,17 @@ def run(params: SpiralAdjustParams, ctx: SkillContext, plane: Plane | None = Non
     """Tilt the peg along a growing spiral about its tip until it is seated; `plane` is the surface that the search
     estimated, None the job's own.
     """
-    hole, plane = ctx.job.hole, plane or nominal(ctx.job.hole)
-    first = ctx.observe()
+    hole, is_felt, plane = ctx.job.hole, plane is not None, plane or nominal(ctx.job.hole)
+    first, arrival = ctx.observe(), Arrival()
     aim, stall, guide = Aim(ctx.in_hand(), plane.normal), Stall(), Guide()
     descent = Descent(plane.depth(first.tip))
     identity, offset, tip, running = ctx.new_id(), np.zeros(2), first.tip, 0.0
     for seen in ctx.scan(params.timeout, holding=True):
         elapsed, running, tip = seen.elapsed, seen.running, aim.tip(seen.arm.tcp)
         if is_seated(seen.switch, tip, hole):
-            return _result(Outcome.SUCCESS, Reason.NONE, running, offset, depth_of(tip, hole))
+            arrival = arrival.after(seen, ctx.held, hole.depth - plane.depth(seen.tip) if is_felt else 0.0)
+            if arrival.is_over(seen.stamp):
+                return _result(Outcome.SUCCESS, Reason.NONE, running, offset, depth_of(tip, hole))
         if depth_of(tip, hole) > hole.depth + CLOSED_TOLERANCE:
             ctx.note_slip()  # no tip is below the bottom of an open switch: the fingers have slid down the peg
             break

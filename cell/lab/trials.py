@@ -118,7 +118,7 @@ class Watcher:
     def record(self, seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
         """Take one scan."""
         self.clock.enter(self.ctx.stage, seen.stamp)
-        self.proof = self.proof.after(seen)
+        self.proof = self.proof.after(seen, setpoint)
         if self.cell.truth is None or (self.ctx.stage not in WATCHED and self.ctx.stage != "recover"):
             return
         truth = self.cell.truth()

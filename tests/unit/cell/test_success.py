@@ -7,7 +7,7 @@ import pytest
 
 from cell.part_state import PartState
 from cell.record import Ending
-from cell.success import AWAY, MOST_DEEP, MOST_SHALLOW, PLANE_TOLERANCE, LastLook, Proof, judged
+from cell.success import AWAY, MOST_DEEP, PLANE_TOLERANCE, LastLook, Proof, judged
 from drivers.errors import SuccessUnprovenError, SwitchDisagreesError
 from drivers.frames import UP
 from drivers.quantities import GripperState, SwitchState
@@ -15,6 +15,7 @@ from plc_bridge.messages import PartPlace
 from skills.contract import Outcome, Reason
 from skills.entry import Claim
 from skills.flow import StageRecord
+from skills.seating import DOUBTED, MOST_SHALLOW
 from skills.spray_search import SpraySearchResult
 from skills.surface import Plane
 
@@ -76,6 +77,29 @@ def test_the_depth_is_that_of_a_seated_peg(job, side, most, beyond, is_seated):
 def test_a_switch_that_closes_more_than_a_millimetre_early_disagrees(job, early):
     with pytest.raises(SwitchDisagreesError, match=r"mm deep; 19\.0 to 22\.0 mm expected"):
         judge(job, proof=proven(job, job.hole.depth - early))
+
+
+@pytest.mark.parametrize(("short", "is_believed"), [(DOUBTED - 1e-5, True), (DOUBTED + 1e-5, False)])
+def test_a_peg_that_the_bottom_bears_may_seem_two_millimetres_short(job, short, is_believed):
+    """Surface and tip are measured at two attitudes of the hand; what bears a push does not err with them."""
+    proof = proven(job, job.hole.depth - short)
+    proof = replace(proof, borne_tip=proof.seated_tip - 0.1e-3 * UP)
+    if is_believed:
+        assert judge(job, proof=proof) is SUCCESS
+        return
+    with pytest.raises(SwitchDisagreesError, match=r"18\.0 to 22\.0 mm expected"):
+        judge(job, proof=proof)
+
+
+@pytest.mark.parametrize(("gained", "is_early"), [(MOST_SHALLOW - 1e-5, False), (MOST_SHALLOW + 1e-5, True)])
+def test_a_switch_is_early_by_what_the_peg_gains_after_it_closed(job, gained, is_early):
+    proof = proven(job, job.hole.depth - 0.0015)
+    proof = replace(proof, borne_tip=proof.seated_tip - gained * UP)
+    if not is_early:
+        assert judge(job, proof=proof) is SUCCESS
+        return
+    with pytest.raises(SwitchDisagreesError, match=r"closed 1\.0 mm above the bottom that bore the peg"):
+        judge(job, proof=proof)
 
 
 def test_the_depth_is_counted_from_the_surface_that_the_search_felt(job):

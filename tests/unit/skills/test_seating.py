@@ -1,0 +1,72 @@
+"""When something bears a peg that is pushed down, and when a closed switch needs that to be believed."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cell.config import load
+from drivers.frames import UP
+from drivers.quantities import ImpedanceSetpoint
+from skills.seating import BORNE_FOR, BORNE_WITHIN, DOUBTED, LEAST_PUSH, MOST_SHALLOW, Arrival, Footing
+from tests.fakes import Rig
+
+STIFFNESS = 1000.0
+
+
+@pytest.fixture
+def seen(tmp_path):
+    return Rig(load(), tmp_path).cell.context(0).observe()
+
+
+def pushing(seen, newtons):
+    """Return a setpoint that pushes the tip down so hard."""
+    return ImpedanceSetpoint(
+        1, seen.tip - newtons / STIFFNESS * UP, UP, np.full(6, STIFFNESS), np.ones(6), seen.stamp + 1.0
+    )
+
+
+def scans(seen, heights, push=2.0 * LEAST_PUSH, period=0.01):
+    """Return the footing after scans in which the tip was so high above where it is."""
+    footing = Footing()
+    for number, height in enumerate(heights):
+        moved = replace(seen, stamp=number * period, tip=seen.tip + height * UP)
+        footing = footing.after(moved, pushing(moved, push) if push else None)
+    return footing
+
+
+def test_a_pushed_peg_that_rests_is_borne(seen):
+    footing = scans(seen, [0.5 * BORNE_WITHIN, -0.4 * BORNE_WITHIN] * 11)
+    assert footing.since == 0.0
+    assert not footing.is_firm(BORNE_FOR - 1e-6)
+    assert footing.is_firm(BORNE_FOR)
+
+
+def test_a_peg_that_goes_down_is_not_borne_until_it_rests(seen):
+    footing = scans(seen, -np.minimum(np.arange(60) * 2 * BORNE_WITHIN, 20 * BORNE_WITHIN))
+    assert footing.since == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("push", [0.0, 0.99 * LEAST_PUSH])
+def test_nothing_bears_a_peg_that_is_hardly_pushed(seen, push):
+    assert scans(seen, np.zeros(40), push).since == math.inf
+
+
+@pytest.mark.parametrize(
+    ("short", "goes_on"),
+    [(0.99 * MOST_SHALLOW, False), (1.01 * MOST_SHALLOW, True), (0.99 * DOUBTED, True), (1.01 * DOUBTED, False)],
+)
+def test_a_peg_is_pushed_on_only_where_that_can_prove_it_seated(seen, short, goes_on):
+    arrival = Arrival().after(seen, pushing(seen, 10.0), short)
+    assert arrival.is_over(seen.stamp) is not goes_on
+    assert arrival.is_over(seen.stamp + BORNE_FOR)
+
+
+def test_a_doubt_stays_although_the_peg_goes_down(seen):
+    arrival = Arrival().after(seen, pushing(seen, 10.0), 1.5e-3).after(seen, pushing(seen, 10.0), 0.0)
+    assert not arrival.is_over(seen.stamp)
+
+
+def test_a_push_that_is_too_weak_to_tell_is_not_waited_for(seen):
+    assert Arrival().after(seen, pushing(seen, 0.5 * LEAST_PUSH), 1.5e-3).is_over(seen.stamp)
