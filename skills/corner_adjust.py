@@ -1,26 +1,34 @@
-"""Seat a peg with corners that is turned as the hole is: upright, with a dither and small turns about its axis, under a
-push.
+"""Bring a peg with corners, one of which is in its hole, upright between the walls, so that the hole guides it.
+
+At a small tilt the peg stands as deep as its corner reaches. On the way upright its corner stays led into the hole's own, which
+keeps it in place along both walls, and its yaw sweeps to and fro about the one that the insertion found. How far the tip then
+sinks tells that the peg is between the walls; from there on the hole guides it as it guides a round peg.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
-from pydantic import NonNegativeFloat, PositiveFloat
+from pydantic import Field, NonNegativeFloat, PositiveFloat
 
 from drivers.frames import angle_between, end_point, rotation_about
-from drivers.quantities import ImpedanceSetpoint, Twist, Vector
-from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillResult
+from drivers.quantities import ImpedanceSetpoint, InHandTip, Twist, Vector
+from skills.contract import Observation, Outcome, Reason, SkillContext, SkillParams, SkillResult
+from skills.corner_insert import lead_to, to_and_fro, turned_by
 from skills.motion import VALIDITY, Gains, tilted_by
 from skills.paths import dither
-from skills.seating import depth_of, is_seated, require_short_of_bottom
+from skills.seating import depth_of, is_seated
 from skills.surface import Plane, nominal
+
+TURNED = 0.2
+"""Turn of the peg in the hand beyond which its tip does not move as the hand does, rad; several times the noise of theta."""
 
 
 class CornerAdjustParams(SkillParams):
-    """How to seat a peg with corners. The skill uses no tactile measurements.
+    """How to bring a peg with corners between the walls of its hole. The skill uses no tactile measurements.
 
-    Source: chosen, not measured; reason in decision 0026.
+    Source: chosen, not measured; reason in decision 0073.
     """
 
     gains: Gains
@@ -28,9 +36,11 @@ class CornerAdjustParams(SkillParams):
     push_stiffness: PositiveFloat
     """Stiffness along z, which makes the push, N/m."""
     push_damping_ratio: PositiveFloat
-    """Damping along z, multiple of the critical one; the larger, the slower the peg arrives at the bottom."""
+    """Damping along z, multiple of the critical one."""
     push_offset: NonNegativeFloat
     """Depth of the tip's setpoint below the tip, m."""
+    lead: tuple[NonNegativeFloat, NonNegativeFloat]
+    """Distance of the tip's setpoint ahead of the tip, along the closing axis and across it, m; it keeps the corner in the hole's own."""
     raise_rate: PositiveFloat
     """Rate at which the setpoint of the axis goes towards the normal, rad/s."""
     dither_radius: NonNegativeFloat
@@ -39,64 +49,97 @@ class CornerAdjustParams(SkillParams):
     """Turning rate of the dither, rad/s."""
     dither_period: PositiveFloat
     """Period of the dither, s; within it the radius fades to nothing."""
-    turn: NonNegativeFloat
-    """Angle by which the hand is asked to turn further than it has, to and fro, rad; times the stiffness it is the
-    torque about the axis, most of which the joints' friction takes.
-    """
-    turn_period: PositiveFloat
-    """Period of the turns to and fro, s."""
+    turn: PositiveFloat
+    """Most by which the hand's yaw is asked to differ from what it is, rad; times the stiffness it bounds the torque on the walls."""
+    turn_rate: PositiveFloat
+    """Rate of the yaw sweep's setpoint about the normal, rad/s."""
+    growth: PositiveFloat
+    """Angle by which every turn to one side reaches further than the last, rad."""
+    reach: Annotated[float, Field(gt=0.0, le=0.4)]
+    """Largest angle of the sweep to either side, rad; the play that a peg has at its insertion's tilt is less."""
+    entered: PositiveFloat
+    """Distance by which the tip sinks when the peg is between the walls, m; more than the peg slips along the fingers."""
     timeout: PositiveFloat
-    """Longest adjustment, s."""
+    """Longest time until the peg is between the walls, s; a peg that is not is turned otherwise, and searches anew."""
 
 
 @dataclass(frozen=True, slots=True)
 class CornerAdjustResult(SkillResult):
-    """Where the peg was when the adjustment ended."""
+    """Where the peg was when the walls had it, or time was up."""
 
     depth: float
     """Depth of the tip below the surface by the arm, m."""
 
 
-def run(params: CornerAdjustParams, ctx: SkillContext, plane: Plane | None = None) -> CornerAdjustResult:
-    """Press the peg into the hole until it is seated; `plane` is the surface that the search estimated, None the job's
-    own.
-    """
-    plane = plane or nominal(ctx.job.hole)
-    first, in_hand, identity, hole = ctx.observe(), ctx.in_hand(), ctx.new_id(), ctx.job.hole
-    stiffness, damping_ratio = params.gains.stiffness(), params.gains.damping_ratios()
-    stiffness[2], damping_ratio[2] = params.push_stiffness, params.push_damping_ratio
-    start, tip = angle_between(first.axis, plane.normal), first.tip
-    lean = first.axis - float(first.axis @ plane.normal) * plane.normal
-    lean /= max(float(np.linalg.norm(lean)), 1e-9)
+@dataclass(frozen=True, slots=True, eq=False)
+class Entry:
+    """How the peg began, and the setpoints that follow from it; pure."""
 
-    def axis_at(elapsed: float) -> Vector:
-        left = max(start - params.raise_rate * elapsed, 0.0)
+    params: CornerAdjustParams
+    in_hand: InHandTip
+    """The peg in the hand, frozen: an estimate that is fed back while the peg is wedged would follow its own bias."""
+    normal: Vector
+    """Normal of the plate, unit, shape (3,), base frame."""
+    axis: Vector
+    """Axis of the peg at the beginning, unit, shape (3,), base frame."""
+    closing: Vector
+    """Closing axis of the hand at the beginning, unit, shape (3,), base frame."""
+    lean: Vector = field(init=False)
+    """Direction in the plate that the peg leaned to, unit, shape (3,)."""
+    lead: Vector = field(init=False)
+    """Lead of the tip's setpoint before any yaw, shape (3,), m."""
+
+    def __post_init__(self) -> None:
+        """Derive the lean and the lead."""
+        lean = self.axis - float(self.axis @ self.normal) * self.normal
+        object.__setattr__(self, "lean", lean / max(float(np.linalg.norm(lean)), 1e-9))
+        object.__setattr__(self, "lead", lead_to(self.lean, self.closing, self.normal, self.params.lead))
+
+    def axis_at(self, elapsed: float) -> Vector:
+        """Return the setpoint of the axis, unit, shape (3,): raised as far as it is time for, and dithered."""
+        params, length = self.params, self.in_hand.length
+        left = max(angle_between(self.axis, self.normal) - params.raise_rate * elapsed, 0.0)
         offset = dither(elapsed, params.dither_radius, params.dither_rate, params.dither_period)
-        return tilted_by(offset + in_hand.length * (plane.normal[:2] + math.sin(left) * lean[:2]), in_hand.length)
+        return tilted_by(offset + length * (self.normal[:2] + math.sin(left) * self.lean[:2]), length)
 
-    for seen in ctx.scan(params.timeout, holding=True):
-        # Theta is frozen: an estimate that is fed back while the peg is wedged would follow its own bias.
-        tip, axis = end_point(seen.arm.tcp, in_hand.theta, in_hand.length)
-        if is_seated(seen.switch, tip, hole):
-            return CornerAdjustResult(Outcome.SUCCESS, Reason.NONE, seen.running, depth_of(tip, hole))
-        upright, soon = (axis_at(seen.elapsed + later) for later in (0.0, ctx.scan_period))
-        share = (seen.elapsed / params.turn_period) % 1.0
-        turn = params.turn if share < 0.5 else -params.turn
-        target = tip.copy()
+    def setpoint(self, seen: Observation, tip: Vector, axis: Vector, period: float, identity: int) -> ImpedanceSetpoint:
+        """Return the setpoint of a scan in which the end point, shape (3,), m, and the axis of the peg are `tip` and `axis`."""
+        params, closing = self.params, seen.arm.tcp.rotation[:, 2]
+        yaw = turned_by(closing, self.closing, self.normal)
+        asked = to_and_fro(seen.elapsed, params.turn_rate, params.growth, params.reach) - yaw
+        stiffness, damping_ratio = params.gains.stiffness(), params.gains.damping_ratios()
+        stiffness[2], damping_ratio[2] = params.push_stiffness, params.push_damping_ratio
+        target = tip + rotation_about(self.normal, yaw) @ self.lead
         target[2] -= params.push_offset
-        ctx.progress(seen.elapsed / params.timeout)
-        ctx.follow(
-            ImpedanceSetpoint(
-                id=identity,
-                tip=target,
-                axis=upright,
-                roll=rotation_about(axis, turn) @ seen.arm.tcp.rotation[:, 2],
-                stiffness=stiffness,
-                damping_ratio=damping_ratio,
-                valid_until=seen.stamp + VALIDITY,
-                in_hand=in_hand,
-                twist=Twist(np.zeros(3), np.cross(upright, soon) / ctx.scan_period),
-            )
+        now, soon = (self.axis_at(seen.elapsed + later) for later in (0.0, period))
+        return ImpedanceSetpoint(
+            id=identity,
+            tip=target,
+            axis=now,
+            roll=rotation_about(axis, min(max(asked, -params.turn), params.turn)) @ closing,
+            stiffness=stiffness,
+            damping_ratio=damping_ratio,
+            valid_until=seen.stamp + VALIDITY,
+            in_hand=self.in_hand,
+            twist=Twist(np.zeros(3), np.cross(now, soon) / period),
         )
-    require_short_of_bottom(tip, hole)
-    return CornerAdjustResult(Outcome.FAILURE, Reason.NOT_SEATED, params.timeout, depth_of(tip, hole))
+
+
+def run(params: CornerAdjustParams, ctx: SkillContext, plane: Plane | None = None) -> CornerAdjustResult:
+    """Bring the peg upright and turn it until it sinks between the walls; `plane` is the surface that the search
+    estimated, None the job's own.
+    """
+    plane, hole = plane or nominal(ctx.job.hole), ctx.job.hole
+    first, identity = ctx.observe(), ctx.new_id()
+    entry = Entry(params, ctx.in_hand(), plane.normal, first.axis, first.arm.tcp.rotation[:, 2])
+    tip, running = first.tip, 0.0
+    for seen in ctx.scan(params.timeout, holding=True):
+        running = seen.running
+        tip, axis = end_point(seen.arm.tcp, entry.in_hand.theta, entry.in_hand.length)
+        if abs(seen.peg.theta - entry.in_hand.theta) > TURNED:
+            break
+        if is_seated(seen.switch, tip, hole) or plane.depth(tip) - plane.depth(first.tip) > params.entered:
+            return CornerAdjustResult(Outcome.SUCCESS, Reason.NONE, running, depth_of(tip, hole))
+        ctx.progress(seen.elapsed / params.timeout)
+        ctx.follow(entry.setpoint(seen, tip, axis, ctx.scan_period, identity))
+    return CornerAdjustResult(Outcome.FAILURE, Reason.NOT_SEATED, running, depth_of(tip, hole))

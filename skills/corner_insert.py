@@ -34,7 +34,7 @@ class CornerInsertParams(SkillParams):
     """Stiffness along z, which makes the push, N/m."""
     push_back: Annotated[float, Field(gt=0.0, le=1.0)]
     """Share of the push that is kept while the peg is raised, fraction; under the full push a peg that is raised in the
-    hole turns in the hand. Source: decision 0026.
+    hole turns in the hand, under too small a one the push ahead lifts its corner over the edge. Source: decision 0073.
     """
     push_offset: NonNegativeFloat
     """Depth of the tip's setpoint below the tip, m."""
@@ -44,6 +44,10 @@ class CornerInsertParams(SkillParams):
     """
     tilt: Annotated[float, Field(gt=0.0, lt=0.4)]
     """Tilt to which the peg is raised, rad. Source: decision 0026."""
+    follow_rate: PositiveFloat = 2.0
+    """Rate at which the hand turns after a peg that has turned in it, 1/s; where walls hold the tip, a hand that turned after it at once would
+    only turn in its pads. Source: decision 0070.
+    """
     integral_gain: NonNegativeFloat
     """Integral gain on orientation, N·m/(rad·s); K_I of [gibbons], Eq. (6)."""
     integral_limit: NonNegativeFloat
@@ -164,7 +168,7 @@ def run(
     raised = raise_from(ctx.observe(), plane.normal, params)
     sweep = sweep_of(params, ctx.job.hole.yaw, attempt)
     identity = ctx.new_id()
-    yaw, phi = 0.0, params.tilt
+    yaw, phi, theta = 0.0, params.tilt, ctx.in_hand().theta
     for seen in ctx.scan(params.timeout, holding=True):
         phi, elapsed = angle_between(seen.axis, plane.normal), seen.elapsed
         if is_seated(seen.switch, seen.tip, ctx.job.hole):
@@ -181,7 +185,8 @@ def run(
             if abs(yaw - turn) > params.felt or sweep.highest + depth > params.sunk:
                 return CornerInsertResult(Outcome.SUCCESS, Reason.NONE, seen.running, yaw, phi)
         ctx.progress(elapsed / params.timeout)
-        ctx.follow(_setpoint(params, ctx, seen, raised, sweep, identity))
+        theta += min(params.follow_rate * seen.step, 1.0) * (seen.peg.theta - theta)
+        ctx.follow(_setpoint(params, ctx, seen, raised, sweep, identity, theta))
     return CornerInsertResult(Outcome.FAILURE, Reason.NOT_ALIGNED, params.timeout, yaw, phi)
 
 
@@ -216,17 +221,24 @@ def attitude(params: CornerInsertParams, raised: Raised, sweep: YawSweep, elapse
 
 
 def _setpoint(
-    params: CornerInsertParams, ctx: SkillContext, seen: Observation, raised: Raised, sweep: YawSweep, identity: int
+    params: CornerInsertParams,
+    ctx: SkillContext,
+    seen: Observation,
+    raised: Raised,
+    sweep: YawSweep,
+    identity: int,
+    theta: float,
 ) -> ImpedanceSetpoint:
-    """Return the setpoint of one scan."""
+    """Return the setpoint of one scan; `theta` is the in-hand angle that the hand has turned after so far, rad."""
     stiffness, length = params.gains.stiffness(), ctx.length
     stiffness[2] = params.push_stiffness * (1.0 if seen.elapsed >= raised.settled else params.push_back)
     now, soon = (attitude(params, raised, sweep, seen.elapsed + later, length) for later in (0.0, ctx.scan_period))
     yawed = rotation_about(raised.normal, sweep.yaw(seen.elapsed, raised.settled, params))
+    left = rotation_about(seen.arm.tcp.rotation[:, 2], seen.peg.theta - theta)
     return ImpedanceSetpoint(
         id=identity,
         tip=seen.tip + yawed @ raised.lead - params.push_offset * raised.normal,
-        axis=now @ raised.axis,
+        axis=left @ now @ raised.axis,
         roll=now @ raised.roll,
         stiffness=stiffness,
         damping_ratio=params.gains.damping_ratios(),

@@ -10,7 +10,9 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from drivers.config_model import ConfigModel
-from skills.corner import CornerParams
+from drivers.parts import Peg
+from skills.corner_adjust import CornerAdjustParams
+from skills.corner_insert import CornerInsertParams
 from skills.grasp_from_rack import GraspFromRackParams
 from skills.search.feel import SLIP
 from skills.search.params import SpraySearchParams
@@ -102,16 +104,52 @@ class Grip:
             stall_timeout=adjust.stall_timeout / share,
         )
 
-    def turning(self, corner: CornerParams) -> CornerParams:
-        """Return the handling of a peg with corners that pushes no harder than the pads bear."""
-        insert, adjust = corner.insert, corner.adjust
-        shares = [_share(each.push_stiffness * each.push_offset, self.bears) for each in (insert, adjust)]
-        return corner.model_copy(
-            update={
-                "insert": _softer(insert, shares[0], push_stiffness=insert.push_stiffness * shares[0]),
-                "adjust": _softer(adjust, shares[1], push_stiffness=adjust.push_stiffness * shares[1]),
-            }
+    def load(self, force: float, moment: float) -> float:
+        """Return how far out in the limit surface of the pads a load is, ratio: 1 on it.
+
+        Args:
+            force: Force along the fingers, N.
+            moment: Moment about the closing axis, N·m; alone the pads bear `bears` times a quarter of `CONTACT`.
+        """
+        return math.hypot(force, moment / (CONTACT / 4.0)) / self.bears
+
+    def load_over_corner(self, down: float, across: float, tilt: float, peg: Peg) -> float:
+        """Return the load of the pads, as `load` does, where a peg leans over its corner and is pushed at its end.
+
+        The end lies `length sin(tilt)` beside the finger centre towards the corner, of which the part across the closing axis is the arm of
+        the push down; that of the push across is `length cos(tilt)`. The wall's and the plate's answers turn the peg the same way.
+
+        Args:
+            down: Push down, N.
+            across: Push across the closing axis, N.
+            tilt: Tilt of the peg, rad.
+            peg: The peg.
+        """
+        arm = math.sin(tilt) * math.sin(peg.part.azimuth(0.0))
+        return self.load(down * math.cos(tilt), peg.length * (down * arm + across * math.cos(tilt)))
+
+    def raising(self, insert: CornerInsertParams, tilt: float, peg: Peg) -> CornerInsertParams:
+        """Return the parameters with which a peg that leans over its corner by `tilt`, rad, is raised and turned: its pushes, down and
+        ahead, become smaller by one factor where the pads would not bear them at the beginning or at the end of the way.
+        """
+        down, across = insert.push_stiffness * insert.push_offset, insert.gains.translation * insert.lead[1]
+        share, kept = (
+            _share(self.load_over_corner(push, across, lean, peg), 1.0)
+            for push, lean in ((down, insert.tilt), (insert.push_back * down, tilt))
         )
+        return _softer(
+            insert,
+            min(share, kept),
+            push_stiffness=insert.push_stiffness * share,
+            push_back=insert.push_back * min(kept / share, 1.0),
+            lead=_times(min(share, kept), insert.lead),
+        )
+
+    def entering(self, adjust: CornerAdjustParams, tilt: float, peg: Peg) -> CornerAdjustParams:
+        """Return the parameters with which a peg that leans by `tilt`, rad, is brought between the walls, its pushes bounded likewise."""
+        down, across = adjust.push_stiffness * adjust.push_offset, adjust.gains.translation * adjust.lead[1]
+        share = _share(self.load_over_corner(down, across, tilt, peg), 1.0)
+        return _softer(adjust, share, push_stiffness=adjust.push_stiffness * share, lead=_times(share, adjust.lead))
 
 
 def slip_of_turn(share: float) -> float:
@@ -128,6 +166,10 @@ def grip_of(grasp: GraspFromRackParams, share: float = 1.0) -> Grip:
 def _share(push: float, most: float) -> float:
     """Return the share of a push that may be kept, fraction."""
     return min(most / max(push, 1e-9), 1.0)
+
+
+def _times(share: float, lead: tuple[float, float]) -> tuple[float, float]:
+    return share * lead[0], share * lead[1]
 
 
 def _softer(params: P, share: float, **changes: object) -> P:

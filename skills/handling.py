@@ -1,11 +1,11 @@
 """Tables of how each kind of part is searched with, aligned and seated; the one place that chooses skills by the part."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from drivers.part.contract import Part
 from skills import corner_adjust, corner_insert, spiral_adjust, tactile_insert
-from skills.contract import SkillContext, SkillResult
+from skills.contract import Outcome, SkillContext, SkillResult
 from skills.corner import CornerParams
 from skills.grasp_from_rack import GraspFromRackParams
 from skills.grip import grip_of
@@ -72,12 +72,23 @@ def _over_the_edge(sections: Sections) -> Handling:
 
 def _over_a_corner(sections: Sections) -> Handling:
     assert sections.corner is not None
-    grip = grip_of(sections.grasp, sections.grip_share)
-    corner = grip.turning(sections.corner)
+    grip, corner = grip_of(sections.grasp, sections.grip_share), sections.corner
+
+    def insert(ctx: SkillContext, plane: Plane | None, attempt: int) -> SkillResult:
+        return corner_insert.run(grip.raising(corner.insert, corner.tilt, ctx.job.peg), ctx, plane, attempt)
+
+    def adjust(ctx: SkillContext, plane: Plane | None) -> SkillResult:
+        entered = corner_adjust.run(grip.entering(corner.adjust, corner.insert.tilt, ctx.job.peg), ctx, plane)
+        if entered.outcome is not Outcome.SUCCESS:
+            return entered
+        params = grip.adjusting(sections.adjust, ctx.job.peg.length)
+        seated = spiral_adjust.run(params, ctx, plane, turns_freely=True)
+        return replace(seated, elapsed=entered.elapsed + seated.elapsed)
+
     return Handling(
         search=grip.searching(corner.searching(sections.search)),
-        insert=lambda ctx, plane, attempt: corner_insert.run(corner.insert, ctx, plane, attempt),
-        adjust=lambda ctx, plane: corner_adjust.run(corner.adjust, ctx, plane),
+        insert=insert,
+        adjust=adjust,
         retries=corner.retries,
         steered={"corner.insert.gains": corner.insert.gains, "corner.adjust.gains": corner.adjust.gains},
         blend=corner.blend,

@@ -196,9 +196,17 @@ class Guide:
         return dither(elapsed - self.began, share * params.dither_radius, params.dither_rate, params.dither_period)
 
 
-def run(params: SpiralAdjustParams, ctx: SkillContext, plane: Plane | None = None) -> SpiralAdjustResult:
-    """Tilt the peg along a growing spiral about its tip until it is seated; `plane` is the surface that the search
-    estimated, None the job's own.
+def run(
+    params: SpiralAdjustParams, ctx: SkillContext, plane: Plane | None = None, turns_freely: bool = False
+) -> SpiralAdjustResult:
+    """Tilt the peg along a growing spiral about its tip until it is seated.
+
+    Args:
+        params: Parameters of the adjustment.
+        ctx: The skill's context.
+        plane: Surface that the search estimated; None is the job's own.
+        turns_freely: Whether the hand's yaw gives way, as it must where walls keep the peg's; a torque about the peg's axis
+            would press its faces against them, by its ratio to half a side.
     """
     hole, is_felt, plane = ctx.job.hole, plane is not None, plane or nominal(ctx.job.hole)
     first, arrival = ctx.observe(), Arrival()
@@ -237,7 +245,7 @@ def run(params: SpiralAdjustParams, ctx: SkillContext, plane: Plane | None = Non
                 tip=target,
                 axis=aim.axis(offset),
                 twist=Twist(np.zeros(3), np.cross(aim.axis(offset), aim.axis(next_offset)) / ctx.scan_period),
-                roll=first.arm.tcp.rotation[:, 2],
+                roll=(seen if turns_freely else first).arm.tcp.rotation[:, 2],
                 stiffness=stiffness,
                 damping_ratio=damping_ratio,
                 valid_until=seen.stamp + VALIDITY,

@@ -8,6 +8,8 @@ import pytest
 from cell.config import load
 from drivers.frames import UP, rotation_about
 from drivers.part.rectangular import Rectangular
+from drivers.quantities import InHandTip
+from skills.corner_adjust import Entry
 from skills.corner_insert import YawSweep, lead_to, sweep_of, tipped, to_and_fro, turned_by
 
 SIDE = 0.008
@@ -94,3 +96,21 @@ def test_the_first_sweep_covers_every_yaw_that_the_hole_can_have_within_its_time
         yaws = [sweep.yaw(time, 1.5, params) for time in np.arange(1.5, params.timeout, 0.01)]
         assert max(np.abs(yaws)) <= most + params.margin
         assert attempt > 0 or (min(yaws) < -most and max(yaws) > most)
+
+
+def entry(tilt: float = 0.12) -> Entry:
+    axis, closing = SQUARE.leaning(0.0, tilt)
+    return Entry(load().cell.corner.adjust, InHandTip(0.0, 0.05, 0.0), UP, axis, closing)
+
+
+def test_an_entering_peg_goes_upright_at_its_rate_but_for_the_dither() -> None:
+    start, params = entry(), load().cell.corner.adjust
+    play = params.dither_radius / 0.05
+    tilts = [math.acos(start.axis_at(time)[2]) for time in np.arange(0.0, 1.0, 0.01)]
+    wanted = [max(0.12 - params.raise_rate * time, 0.0) for time in np.arange(0.0, 1.0, 0.01)]
+    np.testing.assert_allclose(tilts, wanted, atol=1.05 * play)
+
+
+def test_an_entering_corner_is_led_towards_the_side_it_leans_to() -> None:
+    along, across = load().cell.corner.adjust.lead
+    np.testing.assert_allclose(entry().lead, [along, across, 0.0], atol=1e-2 * along)

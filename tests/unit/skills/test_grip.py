@@ -65,14 +65,44 @@ def test_an_insertion_pushes_no_harder_than_the_pads_bear():
     assert low / high == pytest.approx(insert.push_stiffness[0] / insert.push_stiffness[1])
 
 
-def test_a_peg_with_corners_is_pushed_no_harder_either():
-    config = cell("peg.shape=square", "peg.sides=[0.008,0.008]", "hole.sides=[0.0081,0.0081]")
-    grip = Grip(5.0, 0.3, 1.4)
-    assert config.corner is not None
-    softened = grip.turning(config.corner)
-    for each in (softened.insert, softened.adjust):
-        assert each.push_stiffness * each.push_offset == pytest.approx(grip.bears)
-    assert grip_of(config.params(GRASP)).turning(config.corner).adjust == config.corner.adjust
+SQUARE = ("peg.shape=square", "peg.sides=[0.008,0.008]", "hole.sides=[0.0081,0.0081]")
+
+
+def test_force_and_moment_share_one_limit():
+    grip = Grip(force=15.0, friction=0.3, margin=1.5)
+    assert grip.load(6.0, 0.0) == grip.load(0.0, 6.0 * CONTACT / 4) == pytest.approx(1.0)
+    assert grip.load(0.6 * 6.0, 0.8 * 6.0 * CONTACT / 4) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("force", [5.0, 15.0, 30.0])
+def test_a_peg_that_leans_over_a_corner_is_pushed_down_and_ahead_no_harder_than_the_pads_bear(force):
+    config = cell(*SQUARE)
+    grip, peg, corner = Grip(force, 0.3, 1.4), config.peg, config.corner
+    insert = grip.raising(corner.insert, corner.tilt, peg)
+    across, push = insert.gains.translation * insert.lead[1], insert.push_stiffness * insert.push_offset
+    assert grip.load_over_corner(insert.push_back * push, across, corner.tilt, peg) <= 1.0 + 1e-9
+    assert grip.load_over_corner(push, across, insert.tilt, peg) <= 1.0 + 1e-9
+    enter = grip.entering(corner.adjust, insert.tilt, peg)
+    across, push = enter.gains.translation * enter.lead[1], enter.push_stiffness * enter.push_offset
+    assert grip.load_over_corner(push, across, insert.tilt, peg) <= 1.0 + 1e-9
+
+
+@pytest.mark.parametrize("force", [5.0, 15.0, 30.0, 1e3])
+def test_no_push_ahead_lifts_the_corner_over_the_edge(force):
+    """The edge bears on the peg's side, which leans by the tilt: without friction it climbs from a ratio of cot(tilt) on."""
+    config = cell(*SQUARE)
+    corner = config.corner
+    insert = Grip(force, 0.3, 1.4).raising(corner.insert, corner.tilt, config.peg)
+    ahead = insert.gains.translation * math.hypot(*insert.lead)
+    down = insert.push_back * insert.push_stiffness * insert.push_offset
+    assert ahead / down < 0.5 / math.tan(corner.tilt)
+
+
+def test_a_grip_that_bears_a_corner_as_it_is_changes_nothing():
+    config = cell(*SQUARE)
+    grip, corner = Grip(1e3, 0.3, 1.4), config.corner
+    assert grip.raising(corner.insert, corner.tilt, config.peg) is corner.insert
+    assert grip.entering(corner.adjust, corner.insert.tilt, config.peg) is corner.adjust
 
 
 def test_slip_grows_without_bound_as_the_pads_give_way():
