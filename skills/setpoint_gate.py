@@ -207,14 +207,16 @@ class GatedArm:
         """Return the newest state.
 
         Raises:
-            NotFiniteError: Something in it is no number; the arm is halted.
+            NotFiniteError: Something in it is no number; an arm that follows a setpoint is halted, once, for one that is halted
+                at every reading sinks by what its model of gravity lacks.
             CellError: The arm's own `read` raised it.
         """
         state = self._arm.read()
         try:
             require_finite(state)
         except NotFiniteError:
-            self.halt()
+            if self._before is not None:
+                self.halt()
             raise
         self._state = state
         return state

@@ -184,6 +184,19 @@ def test_whoever_is_refused_leaves_the_arm_halted_and_what_it_held_untouched():
     assert arm.tcp is before
 
 
+def test_an_arm_that_tells_no_number_is_halted_once_and_not_at_every_reading():
+    """Halted at every scan it would sink by what its model of gravity lacks, as long as the cell stands aborted."""
+    arm = FakeArm(FakeClock())
+    gated, halts, halt = GatedArm(arm, SPEED, LIMITS), [], arm.halt
+    arm.halt = lambda: (halts.append(1), halt())
+    gated.follow(setpoint(arm.tcp.position.copy()))
+    arm.q[2] = math.nan
+    for _ in range(3):
+        with pytest.raises(NotFiniteError):
+            gated.read()
+    assert len(halts) == 1
+
+
 def test_after_a_halt_a_setpoint_is_judged_from_where_the_arm_is():
     arm = FakeArm(FakeClock())
     gated = GatedArm(arm, SPEED, LIMITS)
