@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from drivers.errors import ArmRestlessError
+from drivers.errors import ArmRestlessError, CellError
 from drivers.protocols import Arm, Clock
 from drivers.quantities import ArmState, Vector
 
@@ -16,8 +16,14 @@ REST_SPEED = 0.01
 """Largest speed of every joint of an arm that stands still, rad/s."""
 REST_SCANS = 5
 """Number of scans in a row below that speed after which an arm stands still: one may be where a swing turns."""
-BRAKE_TIME = 0.1
-"""Time for which an arm that moves is halted anew at every scan, s: two time constants of the hand that `halt` damps."""
+BRAKE_SPEED = 0.03
+"""Speed of the fastest joint above which an arm is halted anew at every scan, rad/s: what is slower the held place stops without a
+swing back. Source: decision 0074.
+"""
+BRAKE_TIME = 0.2
+"""Longest time for which an arm is halted anew, s: four time constants of the hand that `halt` damps, after which one that is still
+fast is pulled by something, and has to be held. Source: decision 0074.
+"""
 REST_TIME = 1.0
 """Time from which on an arm that stays in place is at rest whatever speed it reads, s: that of a real one may never read zero."""
 PLACE_TIME = 0.1
@@ -69,10 +75,11 @@ class Rest:
         if self._since is None or self.is_reached:
             return self.is_reached
         passed = now - self._since
-        self._calm = self._calm + 1 if np.max(np.abs(arm.dq)) < REST_SPEED else 0
+        speed = float(np.max(np.abs(arm.dq)))
+        self._calm = self._calm + 1 if speed < REST_SPEED else 0
         self._watch_place(arm.q, now)
         self.is_reached = self._calm >= REST_SCANS or (passed > REST_TIME and self._is_in_place)
-        if self._calm == 0 and passed <= BRAKE_TIME:
+        if speed > BRAKE_SPEED and passed <= BRAKE_TIME and not self.is_reached:
             self._arm.halt()
         if passed > LONGEST and not self.is_reached:
             joint = int(np.argmax(np.abs(arm.dq)))
@@ -94,11 +101,24 @@ class Rest:
     def wait(self, clock: Clock, period: float, meanwhile: Callable[[], None] = lambda: None) -> None:
         """Bring the arm to rest if it is not there yet, and do something `meanwhile` in every scan, one a period, s.
 
+        An arm whose state cannot be read is braked without it, for one halt alone would let it swing back.
+
         Raises:
             CellError: The arm is silent, does not take the halt or goes on moving.
         """
         if not self.is_sought:
             self.seek(clock.now())
-        while not self.take(self._arm.read(), clock.now()):
+        while not self._take_newest(clock.now()):
             clock.wait_until(clock.now() + period)
             meanwhile()
+
+    def _take_newest(self, now: float) -> bool:
+        """Take the arm's newest state, or brake without one; return whether rest is reached."""
+        try:
+            arm = self._arm.read()
+        except CellError:
+            if self._since is None or now - self._since > BRAKE_TIME:
+                raise
+            self._arm.halt()
+            return False
+        return self.take(arm, now)

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drivers.errors import ArmRestlessError
-from skills.rest import BRAKE_TIME, LONGEST, REST_SCANS, REST_SPEED, REST_TIME, Rest
+from drivers.errors import ArmRestlessError, ArmSilentError
+from skills.rest import BRAKE_SPEED, BRAKE_TIME, LONGEST, REST_SCANS, REST_SPEED, REST_TIME, Rest
 from tests.fakes import FakeArm, FakeClock
 
 PERIOD = 0.01  # s
@@ -48,6 +48,40 @@ def test_a_moving_arm_is_halted_anew_while_it_brakes_and_then_held(arm):
     rest.seek(0.0)
     taken(rest, arm, [0.5] * round(2 * BRAKE_TIME / PERIOD))
     assert arm.halts == 1 + round(BRAKE_TIME / PERIOD)
+
+
+@pytest.mark.parametrize(("share", "is_halted_anew"), [(0.99, False), (1.01, True)])
+def test_an_arm_is_halted_anew_only_while_it_is_faster_than_a_held_place_stops_it(arm, share, is_halted_anew):
+    rest = Rest(arm)
+    rest.seek(0.0)
+    taken(rest, arm, [share * BRAKE_SPEED] * 3)
+    assert (arm.halts > 1) == is_halted_anew
+
+
+def test_an_arm_whose_state_cannot_be_read_is_braked_without_it(arm):
+    def silent():
+        raise ArmSilentError("arm: no state")
+
+    arm.read = silent
+    with pytest.raises(ArmSilentError):
+        Rest(arm).wait(arm.clock, PERIOD)
+    assert arm.halts == pytest.approx(1 + BRAKE_TIME / PERIOD, abs=2)
+    assert arm.clock.now() == pytest.approx(BRAKE_TIME, abs=2 * PERIOD)
+
+
+def test_an_arm_that_is_silent_for_a_moment_is_still_brought_to_rest(arm):
+    read, missed = arm.read, []
+
+    def silent_first():
+        if len(missed) < 3:
+            missed.append(0)
+            raise ArmSilentError("arm: no state")
+        return read()
+
+    arm.read = silent_first
+    rest = Rest(arm)
+    rest.wait(arm.clock, PERIOD)
+    assert rest.is_reached
 
 
 def test_an_arm_that_stands_is_halted_once(arm):
