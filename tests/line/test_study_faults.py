@@ -9,10 +9,11 @@ import pytest
 
 from cell.config import load
 from cell.lab.faults import charts, tables
-from cell.lab.faults.bench import KEYS
+from cell.lab.faults.bench import KEYS, REST_LIMIT
 from cell.lab.faults.cases import FaultCase, begun, write
 from cell.lab.faults.kinds import KINDS
-from cell.lab.faults.measure import cases, drawn, measure
+from cell.lab.faults.measure import MOMENTS, cases, drawn, measure
+from cell.lab.faults.soak import SoakSample, growth
 from drivers.errors import FaultCode
 
 KIND = next(kind for kind in KINDS if kind.name == "skin: unplugged")
@@ -28,6 +29,7 @@ SOUND = FaultCase(
     detection=0.01,
     rest=0.1,
     rest_after=0.11,
+    creep=0.0002,
     peak_force=20.0,
     contact_force=10.0,
     wrong_success=False,
@@ -59,8 +61,23 @@ def test_an_unplugged_skin_ends_the_run_at_rest_on_record_and_production_goes_on
     )
     assert seen == [case]
     assert (case.outcome, case.fault, case.state) == ("fault", FaultCode.SKIN_SILENT, "ABORTED")
-    assert case.rest < tables.REST_LIMIT
+    assert case.rest < REST_LIMIT
     assert (case.record, case.wrong_success, case.is_back) == (True, False, True)
+
+
+def test_a_slice_of_the_campaign_has_zeros_where_there_must_be(tmp_path):
+    """One fault of each device, at as many stages; `cell study faults` tries all kinds at all stages."""
+    slice_of = {
+        "disk: read-only": ("grasp_from_rack", 3.0),
+        "arm: silent": ("spray_search", 1.8),
+        "skin: fingers swapped": ("tactile_insert", 0.4),
+        "skill: lies": ("grasp_from_rack", 1.5),
+    }
+    tried = [(kind, *slice_of[kind.name]) for kind in KINDS if kind.name in slice_of]
+    rows = measure(lambda number: load(sets=[*KEYS, "sim.pace=max", "sim.seed=97950"]), tried, lambda case: None)
+    assert len(rows) == len(slice_of)
+    line = tables.lines(rows, load().cell.limits.force)[-1]
+    assert {name: line[name] for name in COUNTED if "late" not in name} == dict.fromkeys(COUNTED[:1] + COUNTED[3:], 0)
 
 
 @pytest.mark.parametrize(
@@ -99,6 +116,11 @@ def test_of_cases_that_are_drawn_each_kind_comes_once_before_one_comes_twice(num
     assert max(counts.values()) - (min(counts.values()) if len(counts) == len(KINDS) else 0) <= 1
 
 
+def test_of_cases_that_are_drawn_each_kind_comes_at_every_stage_before_it_comes_to_one_again():
+    tried = drawn(cases(KINDS), len(KINDS) * len(MOMENTS), 7)
+    assert set(Counter((kind.name, stage) for kind, stage, _ in tried).values()) == {1}
+
+
 def test_a_campaign_that_was_broken_off_goes_on_where_it_was(tmp_path):
     tried = [(KIND, "spray_search", 0.3), (KIND, "spray_search", 1.0)]
     rows = [replace(SOUND, kind=KIND.name)]
@@ -113,7 +135,16 @@ def test_a_run_that_ended_before_the_fault_is_not_counted():
 
 
 def test_every_kind_is_tried_at_every_stage():
-    assert len(cases(KINDS)) == 20 * len(KINDS)
+    assert len(cases(KINDS)) == 20 * len(KINDS) >= 1000
+
+
+def test_growth_is_counted_once_caches_are_filled():
+    """Memory that comes in the first quarter and stays is none; a handle at every look after it is."""
+    found = [
+        SoakSample(float(n), n, n, 0, memory=100.0 if n < 2 else 130.0, handles=20 + max(n - 5, 0), threads=5)
+        for n in range(20)
+    ]
+    assert growth(found) == pytest.approx((0.0, 1.0, 0.0), abs=1e-9)
 
 
 def test_table_and_chart_are_written(tmp_path):

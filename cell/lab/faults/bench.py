@@ -19,6 +19,7 @@ from cell.states import State
 from cell.supervisor import Supervisor
 from drivers.errors import CellError
 from drivers.protocols import Clock
+from drivers.quantities import Vector
 from plc_bridge.bridge import Bridge
 from plc_bridge.images import CommandImage, ReportImage
 from plc_bridge.peer import CellSilentError, Peer
@@ -37,10 +38,23 @@ LONGEST = 600.0
 """Longest wait for one command, s of wall time."""
 CYCLE = 0.02
 """Time between two looks at the cell, s of wall time."""
+TURN = 0.0005
+"""Time for which an idle scan lets the other threads work, s of wall time."""
 GOING_ON = (State.STARTING, State.EXECUTE, State.COMPLETING)
 """States in which a program goes on."""
-KEYS = ("skin.kind=can", "switch.kind=serial", "switch.port=emulated")
-"""Keys of a cell that is driven through its wires."""
+REST_LIMIT = 0.3
+"""Longest time from the report to rest, s."""
+KEYS = ("skin.kind=can", "switch.kind=serial", "switch.port=emulated", "hole.area=[0.03,0.03]")
+"""Keys of a cell that is driven through its wires, and whose hole is found within seconds."""
+
+
+class Hurried(threading.Event):
+    """Request to end the program that lets an idle cell scan on at once: simulated time need not wait for the wall."""
+
+    def wait(self, timeout: float | None = None) -> bool:
+        """Let other threads have a turn, and return whether the end is asked for."""
+        time.sleep(TURN)
+        return self.is_set()
 
 
 @dataclass(slots=True)
@@ -52,6 +66,10 @@ class Sighting:
     """Time at which the report had a fault, or the state was no longer one in which a program goes on."""
     moved: float = 0.0
     """Time of the arm's last motion."""
+    stood: Vector | None = None
+    """Place of the hand when it was to be at rest, `REST_LIMIT` after the report, shape (3,), m, base frame."""
+    creep: float = 0.0
+    """Largest distance of the hand from that place later on, m."""
     peak_force: float = 0.0
     """Largest external force at the TCP by the arm's own estimate, N."""
     contact_force: float = 0.0
@@ -115,6 +133,8 @@ class FaultBench:
     is_plc_lost: bool = False
     """Whether the PLC that started the run never reads how it ended."""
     _entered: float | None = None
+    _before: int = 0
+    """Number of the run before the one in which the fault is due."""
 
     def run(self, code: int) -> ReportImage:
         """Trigger a command and return its result or refusal; where the PLC is lost meanwhile, what it reads afterwards.
@@ -144,6 +164,12 @@ class FaultBench:
         self.peer.take()
         return self.peer.cycle()
 
+    def let_pass(self, length: float) -> None:
+        """Wait until the cell's clock has gone on so far, s, or the program has ended."""
+        end, deadline = self.cell.clock.now() + length, time.monotonic() + LONGEST
+        while self.cell.clock.now() < end and self.thread.is_alive() and time.monotonic() < deadline:
+            time.sleep(TURN)
+
     def _act(self) -> None:
         """Do what the PLC is to do now."""
         act, self.plc_act = self.plc_act, None
@@ -165,12 +191,14 @@ class FaultBench:
     def arm_fault(self, stage: str, delay: float, inject: Callable[[], None]) -> None:
         """Let a fault happen `delay` seconds after `stage` begins."""
         self.seen, self._entered = Sighting(), None
+        self._before = self.supervisor.report.run
         self.delay, self.inject, self.stage = delay, inject, CATALOGUE.stage_number(stage)
 
     def look(self, now: float) -> None:
         """Inject what is due, and look at the arm, at every scan."""
         report, seen = self.supervisor.report, self.seen
-        if self.stage and report.stage == self.stage and self._entered is None:
+        is_new = report.run not in (0, self._before)
+        if self.stage and is_new and report.stage == self.stage and self._entered is None:
             self._entered = now
         if self.stage and self._entered is not None and now >= self._entered + self.delay:
             self.stage, seen.injected = 0, now
@@ -185,8 +213,11 @@ class FaultBench:
             seen.moved = now
         seen.contact_force = max(seen.contact_force, real.peak_contact_force)
         with suppress(CellError):
-            force = self.arm.arm.read().wrench.force
-            seen.peak_force = max(seen.peak_force, float(np.linalg.norm(force)))
+            arm = self.arm.arm.read()
+            seen.peak_force = max(seen.peak_force, float(np.linalg.norm(arm.wrench.force)))
+            if seen.detected is not None and now >= seen.detected + REST_LIMIT:
+                seen.stood = arm.tcp.position if seen.stood is None else seen.stood
+                seen.creep = max(seen.creep, float(np.linalg.norm(arm.tcp.position - seen.stood)))
 
 
 @contextmanager
@@ -208,7 +239,7 @@ def bench(loaded: LoadedConfig, life_timeout: float = PATIENCE) -> Iterator[Faul
         cell = replace(made, arm=arm, gripper=gripper, switch=switch, clock=clock)
         journal = stack.enter_context(Journal(folder))
         stack.enter_context(opened(cell))
-        bridge, stop = Bridge(patient, PROGRAMS, PARAMETERS), threading.Event()
+        bridge, stop = Bridge(patient, PROGRAMS, PARAMETERS), Hurried()
         supervisor = Supervisor(cell, loaded, bridge, journal, stop)
         supervisor.scan()
         bridge.start()

@@ -36,6 +36,8 @@ class FaultCase:
     """Time from the report to the arm's last motion, s; NaN where the run went on to a success."""
     rest_after: float
     """Time from the fault to the arm's last motion in the run, s; NaN where the run went on to a success."""
+    creep: float
+    """Way of the hand from the time on at which it is to be at rest, m; NaN where the run went on to a success."""
     peak_force: float
     """Largest external force at the TCP from the fault on, by the arm's own estimate, N."""
     contact_force: float
@@ -71,6 +73,7 @@ SILENT = FaultCase(
     detection=math.nan,
     rest=math.nan,
     rest_after=math.nan,
+    creep=math.nan,
     peak_force=math.nan,
     contact_force=math.nan,
     wrong_success=False,

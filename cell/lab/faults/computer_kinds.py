@@ -6,7 +6,8 @@ import sqlite3
 import subprocess
 import threading
 import time
-from contextlib import closing
+from collections.abc import Callable
+from contextlib import closing, suppress
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -14,9 +15,12 @@ from cell import event_log, record
 from cell.journal import INDEX, now_text
 from cell.lab.faults.bench import FaultBench
 from cell.lab.faults.contract import FaultKind, Undo
+from drivers.errors import CellError
 
 STEPPED = timedelta(hours=1)
-"""Length by which the computer's clock is put back."""
+"""Length by which the computer's clock is put back or on."""
+NOBODY = 65534
+"""User who may write nothing that is not his."""
 HELD_UP = 0.5
 """Time for which something holds up the scan, s of wall time."""
 
@@ -25,6 +29,24 @@ def _full(bench: FaultBench) -> Undo:
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (0, hard))
     return lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def _read_only(bench: FaultBench) -> Undo:
+    """Let nothing be made or opened for writing in the journal's folder; what is open stays so, as where a disk is mounted anew."""
+    user, folder = os.geteuid(), bench.journal.folder
+    modes = {path: path.stat().st_mode for path in (folder, *folder.iterdir())}
+    for path, mode in modes.items():
+        path.chmod(mode & 0o555 | (0o055 if path.is_dir() else 0o044))
+    if user == 0:  # whom no mode binds
+        os.seteuid(NOBODY)
+
+    def undo() -> None:
+        os.seteuid(user)
+        for path, mode in modes.items():
+            if path.exists():
+                path.chmod(mode)
+
+    return undo
 
 
 def _locked(bench: FaultBench) -> Undo:
@@ -62,29 +84,39 @@ def _folder_gone(bench: FaultBench) -> Undo:
     folder = bench.journal.folder
     away = folder.with_name(f"{folder.name}-away")
     folder.rename(away)
-    return lambda: _put_back(away, folder)
+
+    def undo() -> None:
+        with suppress(CellError):
+            bench.journal.runs(1)  # which waits until all is written: nobody puts files together that are being written
+        _put_back(away, folder)
+
+    return undo
 
 
 def _put_back(away: Path, folder: Path) -> None:
-    if folder.exists():  # the cell has made it anew
-        for file in folder.iterdir():
-            file.replace(away / file.name)
-        folder.rmdir()
-    away.rename(folder)
+    """Put the folder back, with what the cell, whose writer goes on meanwhile, has made in its place."""
+    while away.exists():
+        with suppress(OSError):
+            for file in folder.iterdir() if folder.exists() else ():
+                file.replace(away / file.name)
+            away.rename(folder)  # which takes the place of an empty folder
 
 
-def _clock_stepped(bench: FaultBench) -> Undo:
-    def stepped() -> str:
-        return (datetime.now(UTC) - STEPPED).isoformat(timespec="milliseconds")
+def _clock_stepped(step: timedelta) -> Callable[[FaultBench], Undo]:
+    def begin(bench: FaultBench) -> Undo:
+        def stepped() -> str:
+            return (datetime.now(UTC) + step).isoformat(timespec="milliseconds")
 
-    for module in (record, event_log):
-        setattr(module, "now_text", stepped)  # noqa: B010 - an import of theirs, which the type checker does not lend
-
-    def undo() -> None:
         for module in (record, event_log):
-            setattr(module, "now_text", now_text)  # noqa: B010
+            setattr(module, "now_text", stepped)  # noqa: B010 - an import of theirs, which the type checker does not lend
 
-    return undo
+        def undo() -> None:
+            for module in (record, event_log):
+                setattr(module, "now_text", now_text)  # noqa: B010
+
+        return undo
+
+    return begin
 
 
 def _held_up(bench: FaultBench) -> Undo:
@@ -110,11 +142,13 @@ def _stop_asked(bench: FaultBench) -> Undo:
 
 COMPUTER_KINDS: tuple[FaultKind, ...] = (
     FaultKind("disk: full", _full, is_harmless=True),
+    FaultKind("disk: read-only", _read_only, is_harmless=True),
     FaultKind("disk: index locked", _locked, is_harmless=True),
     FaultKind("disk: index deleted", _deleted, is_harmless=True),
     FaultKind("disk: index torn", _torn, is_harmless=True),
     FaultKind("disk: folder gone", _folder_gone, is_harmless=True),
-    FaultKind("clock: put back an hour", _clock_stepped, is_harmless=True),
+    FaultKind("clock: put back an hour", _clock_stepped(-STEPPED), is_harmless=True),
+    FaultKind("clock: put on an hour", _clock_stepped(STEPPED), is_harmless=True),
     FaultKind("process: starved", _held_up, is_harmless=True),
     FaultKind("process: stopped and continued", _paused, is_harmless=True),
     FaultKind("program: asked to end", _stop_asked, ends_program=True),

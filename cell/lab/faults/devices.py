@@ -127,6 +127,11 @@ def no_number(state: ArmState) -> ArmState:
     return replace(state, wrench=Wrench(np.full(3, np.nan), np.full(3, np.nan)))
 
 
+def no_joint(state: ArmState) -> ArmState:
+    """Report a joint that is not a number."""
+    return replace(state, q=np.where(np.arange(state.q.size) == 3, np.nan, state.q))
+
+
 def offset_wrench(state: ArmState) -> ArmState:
     """Report 15 N more along z than there are."""
     return replace(state, wrench=Wrench(state.wrench.force + np.array([0.0, 0.0, 15.0]), state.wrench.torque))
@@ -164,6 +169,11 @@ def shifted(counts: Counts) -> Counts:
 def modules_swapped(counts: Counts) -> Counts:
     """Measure with the two modules of each finger swapped."""
     return np.roll(counts, counts.shape[1] // 2, axis=1)
+
+
+def fingers_swapped(counts: Counts) -> Counts:
+    """Measure each finger with the other one's taxels."""
+    return counts[::-1].copy()
 
 
 def at_random() -> Change[Counts]:

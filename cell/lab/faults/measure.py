@@ -1,7 +1,6 @@
 """One fault after the other in the middle of an insertion, and what becomes of it."""
 
 import math
-import threading
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, suppress
@@ -22,34 +21,44 @@ from sim.situation import PegSituation
 from sim.truth import Truth
 from skills.catalogue import CATALOGUE
 
-STAGES = ("grasp_from_rack", "spray_search", "tactile_insert", "spiral_adjust")
-MOMENTS = (0.05, 0.3, 0.6, 1.0, 2.0)
-"""Times from the first scan of a stage to the fault, s."""
+MOMENTS: dict[str, tuple[float, ...]] = {
+    "grasp_from_rack": (0.3, 1.5, 3.0, 4.2),
+    "spray_search": (0.5, 1.8, 2.8, 3.8),
+    "tactile_insert": (0.05, 0.4, 0.8, 1.3),
+    "spiral_adjust": (0.05, 0.3, 0.6, 0.9),
+    "release_and_retract": (0.05, 0.2, 0.4, 0.8),
+}
+"""Times from the first scan of each stage to the fault, s: over the whole of it, on the way, in contact and with the hand at work."""
 QUICK = 150
 """Number of cases that a campaign is cut short to."""
-CELL_CASES = 6
+CELL_CASES = 10
 """Number of cases that one served cell goes through before a new one, whose errors are drawn anew."""
-SEEN_ON = 0.3
-"""Time for which the arm is looked at after the run, s of wall time."""
+SEEN_ON = 1.5
+"""Time for which the arm is looked at after the run, s."""
 MENDED = 0.5
-"""Time between mending and the reset, s of wall time, in which a board is found again."""
+"""Time between mending and the reset, s, in which a board is found again."""
 _INSERT, _RECOVER = CATALOGUE["insert_peg"].code, CATALOGUE["recover"].code
 
 
 def cases(kinds: Sequence[FaultKind]) -> list[Planned]:
     """Return all that can be tried, kind by kind."""
-    return [(kind, stage, moment) for kind in kinds for stage in STAGES for moment in MOMENTS]
+    return [(kind, stage, moment) for kind in kinds for stage, moments in MOMENTS.items() for moment in moments]
 
 
 def drawn(tried: Sequence[Planned], number: int, seed: int) -> list[Planned]:
-    """Return so many of the cases at random; every kind comes once before one comes twice."""
+    """Return so many of the cases at random; every kind comes once before one comes twice, and at every stage before it comes to one again."""
     rng = np.random.default_rng(seed)
     shuffled = [tried[index] for index in rng.permutation(len(tried))]
-    turns: Counter[str] = Counter()
+    stages: dict[str, list[str]] = {}
+    pairs: Counter[tuple[str, str]] = Counter()
     ordered: list[tuple[int, int, Planned]] = []
-    for case in shuffled:
-        turns[case[0].name] += 1
-        ordered.append((turns[case[0].name], len(ordered), case))
+    for place, (kind, stage, moment) in enumerate(shuffled):
+        seen = stages.setdefault(kind.name, [])
+        if stage not in seen:
+            seen.append(stage)
+        turn = pairs[kind.name, stage] * len(MOMENTS) + seen.index(stage)
+        pairs[kind.name, stage] += 1
+        ordered.append((turn, place, (kind, stage, moment)))
     return [case for _, _, case in sorted(ordered, key=lambda entry: entry[:2])][:number]
 
 
@@ -100,14 +109,15 @@ def _served(loaded: LoadedConfig, tried: Sequence[Planned]) -> Iterator[FaultCas
 def _case(tested: FaultBench, kind: FaultKind, stage: str, moment: float) -> FaultCase:
     undo: list[Callable[[], None]] = []
     tested.plc_act = None
-    threading.Event().wait(MENDED)  # the line brings the next workpiece
+    tested.let_pass(MENDED)  # the line brings the next workpiece
     tested.arm_fault(stage, moment, lambda: undo.append(kind.begin(tested)))
     try:
         report = tested.run(_INSERT)
         if kind.ends_program and undo:
             tested.thread.join()
         outcome, truth = _outcome(tested, report), _truth(tested)
-        threading.Event().wait(SEEN_ON)
+        if outcome != "success":
+            tested.let_pass(SEEN_ON)
     finally:
         seen, tested.seen, tested.stage = tested.seen, Sighting(), 0
         for mend in undo:
@@ -118,7 +128,7 @@ def _case(tested: FaultBench, kind: FaultKind, stage: str, moment: float) -> Fau
     went_on = seen.injected is None or outcome == "success" or seen.detected is None
     part = PartPlace(report.part)
     record = _is_on_record(tested, report, outcome, kind)
-    reset, actions, following = _bring_back(tested)
+    reset, actions, following = bring_back(tested)
     return FaultCase(
         kind=kind.name,
         stage=stage,
@@ -131,6 +141,7 @@ def _case(tested: FaultBench, kind: FaultKind, stage: str, moment: float) -> Fau
         detection=math.nan if went_on else (seen.detected or 0.0) - (seen.injected or 0.0),
         rest=math.nan if went_on else max(seen.moved - (seen.detected or 0.0), 0.0),
         rest_after=math.nan if went_on else max(seen.moved - (seen.injected or 0.0), 0.0),
+        creep=math.nan if went_on else seen.creep,
         peak_force=seen.peak_force,
         contact_force=seen.contact_force,
         wrong_success=outcome == "success" and not truth.switch_closed,
@@ -166,7 +177,7 @@ def _is_true(place: PartPlace, truth: Truth, is_gripping: bool) -> bool:
         case PartPlace.IN_HOLE:
             return truth.is_in_hole
         case PartPlace.IN_HAND:
-            return is_held and truth.depth < 2.0 * IN_HOLE_DEPTH
+            return is_held and not (truth.is_in_hole and truth.depth >= 2.0 * IN_HOLE_DEPTH)
         case PartPlace.ON_PLATE:
             return not is_held and not truth.is_in_hole
     return not is_held and not truth.is_in_hole
@@ -183,14 +194,14 @@ def _is_on_record(tested: FaultBench, report: ReportImage, outcome: str, kind: F
     return bool(row.ended) and row.outcome == outcome and row.fault == report.fault and is_sampled
 
 
-def _bring_back(tested: FaultBench) -> tuple[str, int, str]:
+def bring_back(tested: FaultBench) -> tuple[str, int, str]:
     """Do as an operator does; return the result of the reset, the number of further actions, and the next result."""
-    threading.Event().wait(MENDED)
+    tested.let_pass(MENDED)
     reset, actions = "", 0
     with suppress(CellError):
         if tested.supervisor.state in (State.ABORTED, State.STOPPED):
             reset = _word(tested.peer.run(Control.RESET, timeout=LONGEST))
-        threading.Event().wait(MENDED)
+        tested.let_pass(MENDED)
         following = tested.peer.run(_INSERT, timeout=LONGEST)
         while (following.refusal or following.result in (Result.FAULT, Result.ABORTED)) and actions < 2:
             actions += 1

@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 
-from cell.lab.faults.bench import FaultBench
+from cell.lab.faults.bench import LIFE_TIMEOUT, FaultBench
 from cell.lab.faults.contract import FaultKind, Undo
 from cell.lab.line.attacks import connect_storm, half_frames
 from cell.lab.line.cell_process import Doors
@@ -20,23 +20,25 @@ SILENT = "its life counter stands still for plc.life_timeout before anybody can 
 _INSERT = CATALOGUE["insert_peg"].code
 
 
-def _killed(bench: FaultBench) -> Undo:
-    def act() -> None:
-        bench.is_plc_lost = True
-        bench.peer.close()
-        raise CellSilentError("the PLC was switched off")
+def _lost(act: Callable[[FaultBench], None]) -> Callable[[FaultBench], Undo]:
+    def begin(bench: FaultBench) -> Undo:
+        bench.plc_act = lambda: act(bench)
+        # Simulated time, which is faster than the silence of the wall clock, stands still until the silence counts.
+        time.sleep(LIFE_TIMEOUT)
+        return lambda: None
 
-    bench.plc_act = act
-    return lambda: None
+    return begin
 
 
-def _frozen(bench: FaultBench) -> Undo:
-    def act() -> None:
-        bench.is_plc_lost = True
-        raise CellSilentError("the PLC's program stands still")  # and its connection stays open until it comes back
+def _killed(bench: FaultBench) -> None:
+    bench.is_plc_lost = True
+    bench.peer.close()
+    raise CellSilentError("the PLC was switched off")
 
-    bench.plc_act = act
-    return lambda: None
+
+def _frozen(bench: FaultBench) -> None:
+    bench.is_plc_lost = True
+    raise CellSilentError("the PLC's program stands still")  # and its connection stays open until it comes back
 
 
 def _torn(bench: FaultBench) -> Undo:
@@ -72,8 +74,8 @@ def _second(bench: FaultBench) -> None:
 
 
 PLC_KINDS: tuple[FaultKind, ...] = (
-    FaultKind("plc: killed", _killed, silences_plc=True, slow=SILENT),
-    FaultKind("plc: frozen", _frozen, silences_plc=True, slow=SILENT),
+    FaultKind("plc: killed", _lost(_killed), silences_plc=True, slow=SILENT),
+    FaultKind("plc: frozen", _lost(_frozen), silences_plc=True, slow=SILENT),
     FaultKind("plc: blocks torn", _torn, is_harmless=True),
     FaultKind("plc: storm of connections", _meanwhile(_storm), is_harmless=True),
     FaultKind("plc: two at once", _meanwhile(_second), is_harmless=True),

@@ -26,6 +26,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="instead: end the program N times, two of three by kill -9",
     )
+    parser.add_argument(
+        "--soak",
+        type=float,
+        default=0.0,
+        metavar="HOURS",
+        help="instead: mixed commands for so many simulated hours, and whether memory, handles and threads grow",
+    )
     parser.add_argument("--cases", type=positive, metavar="N", help="so many cases drawn by the seed instead of all")
     parser.add_argument(
         "--kind", action="append", default=[], metavar="TEXT", help="only kinds whose name contains TEXT"
@@ -33,9 +40,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> StudyReport:
-    """Try every case, write the table and draw the chart; with --kills end the program instead."""
+    """Try every case, write the table and draw the chart; with --kills or --soak do that instead."""
     if args.kills:
         return _kills(args)
+    if args.soak > 0.0:
+        return _soak(args)
     from cell.lab.faults import cases, charts, measure, tables
     from cell.lab.faults.bench import KEYS
     from cell.lab.faults.kinds import KINDS
@@ -82,3 +91,25 @@ def _kills(args: argparse.Namespace) -> StudyReport:
     unsound = sum(not case.is_sound for case in found)
     title = f"{len(found)} ends of the program; {unsound} with something lost or untrue"
     return StudyReport([plain(title, found)], {"unsound": unsound, "ends": [asdict(case) for case in found]})
+
+
+def _soak(args: argparse.Namespace) -> StudyReport:
+    from cell.lab.faults import soak
+    from cell.lab.faults.bench import KEYS
+    from cell.lab.tables import plain
+
+    args.set = [*KEYS, f"sim.seed={args.seed}", *args.set]
+    with progress() as bars:
+        bar = bars.add_task("hours", total=soak.SAMPLES)
+        loaded = load_simulated(args, "study faults")
+        found, acts = soak.soak(loaded, args.soak, args.seed, lambda sample: bars.advance(bar))
+    memory, handles, threads = soak.growth(found)
+    title = f"{found[-1].commands} groups of commands in {found[-1].hours:.2f} simulated hours: " + ", ".join(
+        f"{count} x {name}" for name, count in sorted(acts.items())
+    )
+    shown = plain(title, found)
+    shown.caption = (
+        f"after a quarter, in a simulated hour: {memory:+.1f} MB, {handles:+.1f} handles, {threads:+.1f} threads"
+    )
+    result = {"memory": memory, "handles": handles, "threads": threads, "samples": [asdict(each) for each in found]}
+    return StudyReport([shown], result)

@@ -1,0 +1,181 @@
+"""Hours of mixed commands on one served cell: whether its memory, its handles and its threads stay as many."""
+
+import os
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from cell.config import LoadedConfig
+from cell.lab.faults import devices
+from cell.lab.faults.bench import CYCLE, LONGEST, WAITING, FaultBench, bench
+from cell.lab.faults.measure import MOMENTS, bring_back
+from drivers.errors import CellError
+from plc_bridge.images import ReportImage
+from plc_bridge.messages import Control
+from plc_bridge.peer import Peer
+from skills.catalogue import CATALOGUE
+
+SAMPLES = 20
+"""Number of looks at memory, handles and threads."""
+SETTLED = 0.25
+"""Share of the time after which caches are filled, and growth counts."""
+LATEST = 60
+"""Largest number of the PLC's cycle in which something comes in between a run."""
+UNKNOWN_CODE, UNKNOWN_RECIPE = 9999, 999
+_INSERT, _GRASP = CATALOGUE["insert_peg"].code, CATALOGUE["grasp_from_rack"].code
+
+
+@dataclass(frozen=True, slots=True)
+class SoakSample:
+    """One look at the program, after some of the commands."""
+
+    hours: float
+    """Simulated time, hours."""
+    commands: int
+    """Number of the groups of commands until then."""
+    seated: int
+    """Number of those that ended in a success of `insert_peg`."""
+    lost: int
+    """Number of those after which the cell did not insert again."""
+    memory: float
+    """Memory that the program holds, MB."""
+    handles: int
+    """Number of open files, sockets and terminals."""
+    threads: int
+
+
+Act = Callable[[FaultBench, np.random.Generator], bool]
+"""Some commands; returns whether a peg was seated at their end."""
+
+
+def soak(
+    loaded: LoadedConfig, hours: float, seed: int, watch: Callable[[SoakSample], None]
+) -> tuple[list[SoakSample], Counter[str]]:
+    """Give one cell random commands for so many simulated hours; return what was seen, and how often each came.
+
+    Raises:
+        CellError: The cell cannot be made, or no longer answers.
+    """
+    rng, found, acts = np.random.default_rng(seed), list[SoakSample](), Counter[str]()
+    seated = lost = 0
+    with bench(loaded) as tested:
+        start = tested.cell.clock.now()
+        while len(found) < SAMPLES:
+            name = str(rng.choice(list(ACTS)))
+            acts[name] += 1
+            is_seated = ACTS[name](tested, rng)
+            seated, lost = seated + is_seated, lost + (not is_seated)
+            passed = (tested.cell.clock.now() - start) / 3600.0
+            if passed >= hours * (len(found) + 1) / SAMPLES:
+                found.append(_look(passed, acts.total(), seated, lost))
+                watch(found[-1])
+    return found, acts
+
+
+def growth(found: Sequence[SoakSample]) -> tuple[float, float, float]:
+    """Return how memory, MB, handles and threads grow in a simulated hour, from the time on at which caches are filled."""
+    late = found[int(SETTLED * len(found)) :]
+    hours = [sample.hours for sample in late]
+    memory, handles, threads = (
+        float(np.polyfit(hours, [float(getattr(sample, name)) for sample in late], 1)[0])
+        for name in ("memory", "handles", "threads")
+    )
+    return memory, handles, threads
+
+
+def _look(hours: float, commands: int, seated: int, lost: int) -> SoakSample:
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    memory = pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+    handles = len(list(Path("/proc/self/fd").iterdir()))
+    return SoakSample(hours, commands, seated, lost, memory, handles, threading.active_count())
+
+
+def _inserted(tested: FaultBench) -> bool:
+    """Insert a peg as an operator does after anything."""
+    _, _, following = bring_back(tested)
+    return following in ("success", "failure")
+
+
+def _insert(tested: FaultBench, rng: np.random.Generator) -> bool:
+    return _inserted(tested)
+
+
+def _interrupted(*controls: Control) -> Act:
+    """Return what sends these controls in the middle of an insertion, each once the cell waits after the one before."""
+
+    def act(tested: FaultBench, rng: np.random.Generator) -> bool:
+        tested.peer.trigger(_INSERT)
+        _cycles(tested, lambda report: False, int(rng.integers(1, LATEST)))
+        for control in controls:
+            tested.peer.trigger(control)
+            _cycles(tested, lambda report: report.state in WAITING)
+        _cycles(tested, lambda report: report.state in WAITING)
+        tested.peer.acknowledge()
+        return _inserted(tested)
+
+    return act
+
+
+def _cycles(tested: FaultBench, is_over: Callable[[ReportImage], bool], most: int = round(LONGEST / CYCLE)) -> None:
+    """Let the PLC go through its cycles until something is over, at most so many."""
+    for _ in range(most):
+        if is_over(tested.peer.cycle()):
+            return
+        time.sleep(CYCLE)
+
+
+def _refused(tested: FaultBench, rng: np.random.Generator) -> bool:
+    for code, recipe in ((UNKNOWN_CODE, 0), (_INSERT, UNKNOWN_RECIPE)):
+        tested.peer.run(code, recipe, timeout=LONGEST)
+    return _inserted(tested)
+
+
+def _by_hand(tested: FaultBench, rng: np.random.Generator) -> bool:
+    for code in (_GRASP, CATALOGUE["recover"].code, Control.CLEARED, Control.REFILLED):
+        tested.peer.run(code, timeout=LONGEST)
+    return _inserted(tested)
+
+
+def _connected_anew(tested: FaultBench, rng: np.random.Generator) -> bool:
+    tested.connect()
+    onlooker = Peer(*tested.bridge.address)
+    onlooker.look()
+    onlooker.close()
+    return _inserted(tested)
+
+
+def _asked(tested: FaultBench, rng: np.random.Generator) -> bool:
+    tested.journal.runs(50)
+    tested.peer.read_diagnostics()
+    return _inserted(tested)
+
+
+def _reflex(tested: FaultBench, rng: np.random.Generator) -> bool:
+    stage = str(rng.choice(list(MOMENTS)))
+    tested.arm_fault(stage, float(rng.uniform(0.0, 1.0)), lambda: setattr(tested.arm, "change", devices.reflex))
+    try:
+        tested.run(_INSERT)
+    except CellError:
+        return False
+    finally:
+        tested.arm.change, tested.stage = (lambda state: state), 0
+    return _inserted(tested)
+
+
+ACTS: dict[str, Act] = {
+    "insert": _insert,
+    "hold, unhold": _interrupted(Control.HOLD, Control.UNHOLD),
+    "stop": _interrupted(Control.STOP),
+    "abort": _interrupted(Control.ABORT),
+    "refused": _refused,
+    "by hand": _by_hand,
+    "connect anew": _connected_anew,
+    "ask the records": _asked,
+    "reflex of the arm": _reflex,
+}
+"""Groups of commands, each of which ends with an insertion."""
