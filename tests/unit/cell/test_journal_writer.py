@@ -13,7 +13,7 @@ import pytest
 from cell.journal import INDEX, Journal
 from cell.journal_schema import LOST, EventKind, EventRow, RunRow, StageRow
 from cell.journal_upkeep import Keep
-from cell.journal_writer import MOST_BLOCKS, JournalWriter
+from cell.journal_writer import MOST_BLOCKS, MOST_ROWS, JournalWriter
 from cell.sample_blocks import BATCH, SampleBlock, SampleStream
 from cell.samples import read_samples
 from tests.fakes import Rig
@@ -232,3 +232,33 @@ def test_runs_after_an_index_was_damaged_meanwhile_are_on_record(tmp_path, seen,
         assert recorded(journal, seen).run == 3
     with Journal(tmp_path) as journal:
         assert [row.outcome for row in journal.runs(5)] == ["success"] * 3
+
+
+def test_rows_beyond_those_that_may_wait_are_lost_and_told(tmp_path):
+    writer, event = JournalWriter(tmp_path, Keep()), EventRow(0, "2025", 0.0, EventKind.FAULT, "SKIN_SILENT")
+    for _ in range(MOST_ROWS):
+        writer.note(event)
+    assert writer.trouble == ""
+    writer.note(event)
+    assert writer.trouble == f"more than {MOST_ROWS} rows wait for the index; newer ones are lost"
+
+
+def test_whether_all_is_written_is_told_after_as_long_as_is_asked_for(tmp_path):
+    with Journal(tmp_path) as journal:
+        journal.begin(ROW)
+        writer = journal._writer
+        assert writer.flush()
+        with locked(tmp_path):
+            journal.note(EventRow(0, "2025", 0.0, EventKind.FAULT, "SKIN_SILENT"))
+            assert not writer.flush(timeout=0.05)
+        assert writer.flush()
+
+
+def test_a_writer_that_never_began_or_has_ended_has_nothing_to_wait_for(tmp_path):
+    writer = JournalWriter(tmp_path, Keep())
+    writer.note(EventRow(0, "2025", 0.0, EventKind.FAULT, "SKIN_SILENT"))
+    assert writer.flush(timeout=0.0)
+    writer.open()
+    writer.close()
+    writer.close()
+    assert writer.flush(timeout=0.0)

@@ -178,3 +178,74 @@ def test_the_baseline_does_not_follow_before_time_has_passed():
     before = health.baseline.copy()
     health.update(_still(1)[0], 0.1)
     assert (health.baseline == before).all()
+
+
+@pytest.mark.parametrize(("frames", "is_trusted"), [(CONFIG.stuck_frames - 2, True), (CONFIG.stuck_frames - 1, False)])
+def test_equal_readings_count_from_the_last_frame_of_the_baseline_on(frames, is_trusted):
+    still = _still()
+    health = _health(still)
+    for raw in _still(1)[:frames]:
+        raw[4] = still[-1, 4]
+        _, trusted = health.update(raw, 0.1)
+    assert trusted[4] == is_trusted
+
+
+@pytest.mark.parametrize(("frames", "is_usable"), [(24, True), (25, False)])
+def test_a_taxel_that_is_at_the_rail_in_half_of_the_baseline_gives_none(frames, is_usable):
+    still = _still()
+    still[:frames, 2] = CONFIG.saturation
+    assert _health(still).usable[2] == is_usable
+
+
+def test_readings_at_the_rail_are_left_out_of_baseline_and_noise():
+    still = _still()
+    still[::3, 2] = CONFIG.saturation
+    health, valid = _health(still), np.delete(still[:, 2].astype(float), np.s_[::3])
+    assert health.baseline[2] == pytest.approx(valid.mean(), abs=1e-6)
+    assert health.noise[2] == pytest.approx(valid.std(), abs=1e-6)
+
+
+def test_a_taxel_that_is_at_the_rail_throughout_has_a_baseline_of_zero():
+    still = _still()
+    still[:, 2] = ERROR_COUNT
+    health = _health(still)
+    assert (health.baseline[2], health.noise[2], health.usable[2]) == (0.0, 0.0, False)
+
+
+@pytest.mark.parametrize(("share", "follows"), [(0.99, True), (1.01, False)])
+@pytest.mark.parametrize("noise", [300.0, 3.0])
+def test_the_baseline_follows_up_to_a_touch_by_noise_or_by_counts(noise, share, follows):
+    still = _still(noise=noise, level=20_000.0)
+    health = _health(still)
+    height = max(CONFIG.touch * health.noise[4], CONFIG.least_touch)
+    raw = np.rint(health.baseline).astype(np.uint16)
+    raw[4] = round(health.baseline[4] + share * height)
+    if noise < 10.0:  # a single count more or less
+        raw[4] = int(health.baseline[4] + height) + (0 if follows else 1)
+    before = health.baseline.copy()
+    health.update(raw, 10.0)
+    health.update(raw + np.uint16(0), 11.0)
+    assert (health.baseline[4] > before[4]) == follows
+
+
+def test_the_baseline_follows_by_the_share_of_the_time_that_has_passed():
+    health = _health()
+    before, (first, second) = health.baseline.copy(), _still(1)[:2]
+    health.update(first, 100.0)
+    health.update(second, 100.5)
+    assert health.baseline == pytest.approx(before + 0.05 * (second - before))
+
+
+def test_the_baseline_follows_at_most_the_whole_way():
+    health, (first, second) = _health(), _still(1)[:2]
+    health.update(first, 100.0)
+    health.update(second, 200.0)
+    assert health.baseline == pytest.approx(second.astype(float))
+
+
+def test_a_frame_that_is_older_than_the_one_before_teaches_nothing():
+    health, (first, second) = _health(), _still(1)[:2]
+    health.update(first, 100.0)
+    before = health.baseline.copy()
+    health.update(second, 99.0)
+    assert (health.baseline == before).all()
