@@ -1,5 +1,6 @@
 """Parameters for a peg with corners: it searches with a corner, and is turned until it drops into the hole."""
 
+import math
 from typing import Annotated
 
 from pydantic import Field, PositiveFloat
@@ -28,6 +29,8 @@ class CornerParams(ConfigModel):
     """Dip threshold of the corner below the surface estimate that is evidence of an edge, m; larger than a round peg's
     because an error of theta shows as height. Source: decision 0026.
     """
+    lag: PositiveFloat
+    """Lag of the corner behind its setpoint along a pass that is evidence of an edge as well, m. Source: decision 0073."""
     fall: PositiveFloat
     """Depth below the surface at which the resting corner is in the hole, m; an error of theta shows as height. Source:
     decision 0026.
@@ -55,7 +58,9 @@ class CornerParams(ConfigModel):
                 "speed": self.speed,
                 "pitch": self.pitch,
                 "dip_threshold": self.dip_threshold,
+                "lag": self.lag,
                 "fall": self.fall,
                 "edge_leads": True,
+                "fast_axis": "x" if abs(math.cos(search.tilt_azimuth)) > math.sqrt(0.5) else "y",
             }
         )

@@ -43,6 +43,12 @@ class CornerAdjustParams(SkillParams):
     """Distance of the tip's setpoint ahead of the tip, along the closing axis and across it, m; it keeps the corner in the hole's own."""
     raise_rate: PositiveFloat
     """Rate at which the setpoint of the axis goes towards the normal, rad/s."""
+    tilt: Annotated[float, Field(ge=0.0, lt=0.2)]
+    """Tilt that is kept until the tip has sunk by `caught`, rad; upright before, the corner is no deeper than the others, and leaves the hole."""
+    caught: PositiveFloat
+    """Distance by which the tip sinks when the walls have the peg's sides, m."""
+    strayed: PositiveFloat
+    """Distance of the tip from where it began, in the plate, at which the corner has left the hole, m."""
     dither_radius: NonNegativeFloat
     """First radius of the dither of the finger centre, m; it fades within each period."""
     dither_rate: PositiveFloat
@@ -95,23 +101,34 @@ class Entry:
         object.__setattr__(self, "lean", lean / max(float(np.linalg.norm(lean)), 1e-9))
         object.__setattr__(self, "lead", lead_to(self.lean, self.closing, self.normal, self.params.lead))
 
-    def axis_at(self, elapsed: float) -> Vector:
-        """Return the setpoint of the axis, unit, shape (3,): raised as far as it is time for, and dithered."""
+    def end_point(self, seen: Observation) -> tuple[Vector, Vector]:
+        """Return end point, m, and axis of the peg, each shape (3,), base frame."""
+        return end_point(seen.arm.tcp, self.in_hand.theta, self.in_hand.length)
+
+    def axis_at(self, left: float, elapsed: float) -> Vector:
+        """Return the setpoint of the axis, unit, shape (3,), where a tilt of `left`, rad, is left after `elapsed` seconds of the dither."""
         params, length = self.params, self.in_hand.length
-        left = max(angle_between(self.axis, self.normal) - params.raise_rate * elapsed, 0.0)
         offset = dither(elapsed, params.dither_radius, params.dither_rate, params.dither_period)
         return tilted_by(offset + length * (self.normal[:2] + math.sin(left) * self.lean[:2]), length)
 
-    def setpoint(self, seen: Observation, tip: Vector, axis: Vector, period: float, identity: int) -> ImpedanceSetpoint:
-        """Return the setpoint of a scan in which the end point, shape (3,), m, and the axis of the peg are `tip` and `axis`."""
+    def raised(self, left: float, sunk: float, period: float) -> float:
+        """Return the tilt that is left of `left`, rad, after `period` seconds more, where the tip has sunk by `sunk`, m."""
+        least = 0.0 if sunk > self.params.caught else self.params.tilt
+        return max(left - self.params.raise_rate * period, min(left, least))
+
+    def setpoint(
+        self, seen: Observation, tilts: tuple[float, float], period: float, identity: int
+    ) -> ImpedanceSetpoint:
+        """Return the setpoint of a scan; `tilts` are those of its setpoint now and a `period`, s, later, rad."""
         params, closing = self.params, seen.arm.tcp.rotation[:, 2]
+        tip, axis = self.end_point(seen)
         yaw = turned_by(closing, self.closing, self.normal)
         asked = to_and_fro(seen.elapsed, params.turn_rate, params.growth, params.reach) - yaw
         stiffness, damping_ratio = params.gains.stiffness(), params.gains.damping_ratios()
         stiffness[2], damping_ratio[2] = params.push_stiffness, params.push_damping_ratio
         target = tip + rotation_about(self.normal, yaw) @ self.lead
         target[2] -= params.push_offset
-        now, soon = (self.axis_at(seen.elapsed + later) for later in (0.0, period))
+        now, soon = (self.axis_at(left, seen.elapsed + later) for left, later in zip(tilts, (0.0, period), strict=True))
         return ImpedanceSetpoint(
             id=identity,
             tip=target,
@@ -132,14 +149,16 @@ def run(params: CornerAdjustParams, ctx: SkillContext, plane: Plane | None = Non
     plane, hole = plane or nominal(ctx.job.hole), ctx.job.hole
     first, identity = ctx.observe(), ctx.new_id()
     entry = Entry(params, ctx.in_hand(), plane.normal, first.axis, first.arm.tcp.rotation[:, 2])
-    tip, running = first.tip, 0.0
+    tip, running, left = first.tip, 0.0, angle_between(first.axis, plane.normal)
     for seen in ctx.scan(params.timeout, holding=True):
         running = seen.running
-        tip, axis = end_point(seen.arm.tcp, entry.in_hand.theta, entry.in_hand.length)
-        if abs(seen.peg.theta - entry.in_hand.theta) > TURNED:
+        tip, _ = entry.end_point(seen)
+        sunk = plane.depth(tip) - plane.depth(first.tip)
+        if abs(seen.peg.theta - entry.in_hand.theta) > TURNED or math.dist(tip[:2], first.tip[:2]) > params.strayed:
             break
-        if is_seated(seen.switch, tip, hole) or plane.depth(tip) - plane.depth(first.tip) > params.entered:
+        if is_seated(seen.switch, tip, hole) or sunk > params.entered:
             return CornerAdjustResult(Outcome.SUCCESS, Reason.NONE, running, depth_of(tip, hole))
         ctx.progress(seen.elapsed / params.timeout)
-        ctx.follow(entry.setpoint(seen, tip, axis, ctx.scan_period, identity))
+        before, left = left, entry.raised(left, sunk, seen.step)
+        ctx.follow(entry.setpoint(seen, (before, left), ctx.scan_period, identity))
     return CornerAdjustResult(Outcome.FAILURE, Reason.NOT_SEATED, running, depth_of(tip, hole))

@@ -47,7 +47,7 @@ class SpraySearchParams(SkillParams):
     Source: decision 0070.
     """
     fast_axis: Literal["x", "y"]
-    """Axis of the base frame that is swept fast. Source: set for each cell."""
+    """Axis of the base frame that is swept fast; a peg with corners is always swept along its hand's closing axis. Source: set for each cell."""
     path: Literal["sinusoids", "lanes"]
     """Path over the plate: sinusoids as in [gibbons], or straight lanes at one speed. Source: decision 0020."""
     speed: Annotated[float, Field(gt=0.0, le=0.5)]
@@ -87,6 +87,10 @@ class SpraySearchParams(SkillParams):
     dip_threshold: PositiveFloat
     """Dip threshold: depth of the tip below the surface estimate that is evidence of an edge, m; the exact fall at 45
     degrees is 2.4 mm. Source: set by hand, its rate of false evidence measured by `cell study events`.
+    """
+    lag: PositiveFloat | None = None
+    """Lag of the tip behind its setpoint along a pass that is evidence of an edge as well, m; times the stiffness it bounds the force on a wall
+    that holds the tip. None leaves it out. Source: decision 0073.
     """
     fall: NonNegativeFloat
     """Depth below the surface at which the resting tip is in the hole, m; 0 takes the evidence for the hole, as [gibbons]

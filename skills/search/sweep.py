@@ -61,6 +61,8 @@ class Sweep:
         self._along = 0.0
         """Time along the course, s."""
         self._point, self._velocity = course.path.at(0.0)
+        self._lag = 0.0
+        """Lag of the tip behind its setpoint along the pass, m."""
         self._resting: ImpedanceSetpoint | None = None
         self._edge = course.first
         self.touched: Vector | None = None
@@ -186,6 +188,7 @@ class Sweep:
         before, self._phase = self._phase, phase
         if type(phase) is type(before):
             return
+        self._lag = 0.0
         if isinstance(phase, Resting):
             self.rests += isinstance(before, Sliding)
             self._resting = self._still(phase)
@@ -206,7 +209,7 @@ class Sweep:
             hand_axis=self._turned(-1.0, seen, seen.axis),
             below=below,
             is_pressed=self._bearing.after(float(seen.arm.wrench.force[2]), push),
-            is_edge=is_edge,
+            is_edge=is_edge or (self._params.lag is not None and self._lag > self._params.lag),
         )
 
     def _way(self, phase: ComingDown | Sliding | Probing, seen: Observation, back: float) -> tuple[Vector, Vector]:
@@ -225,6 +228,7 @@ class Sweep:
             self._along += pace * seen.step
             target[:2] = course.middle + self._point + back * phase.detour.offset
             velocity[:2] = pace * self._velocity
+            self._lag = abs(float(target[course.fast] - seen.tip[course.fast]))
         else:
             target[:2] = course.middle + self._point
         return target, velocity

@@ -103,12 +103,19 @@ def entry(tilt: float = 0.12) -> Entry:
     return Entry(load().cell.corner.adjust, InHandTip(0.0, 0.05, 0.0), UP, axis, closing)
 
 
-def test_an_entering_peg_goes_upright_at_its_rate_but_for_the_dither() -> None:
+def test_an_entering_peg_leans_as_far_as_is_left_but_for_the_dither() -> None:
+    start, play = entry(), load().cell.corner.adjust.dither_radius / 0.05
+    for left in (0.12, 0.05, 0.0):
+        tilts = [math.acos(start.axis_at(left, time)[2]) for time in np.arange(0.0, 0.5, 0.01)]
+        np.testing.assert_allclose(tilts, left, atol=1.05 * play)
+
+
+def test_an_entering_corner_stays_deeper_than_the_others_until_the_walls_have_the_peg() -> None:
     start, params = entry(), load().cell.corner.adjust
-    play = params.dither_radius / 0.05
-    tilts = [math.acos(start.axis_at(time)[2]) for time in np.arange(0.0, 1.0, 0.01)]
-    wanted = [max(0.12 - params.raise_rate * time, 0.0) for time in np.arange(0.0, 1.0, 0.01)]
-    np.testing.assert_allclose(tilts, wanted, atol=1.05 * play)
+    assert start.raised(0.12, 0.0, 0.01) == pytest.approx(0.12 - 0.01 * params.raise_rate)
+    assert start.raised(params.tilt, params.caught, 0.01) == params.tilt
+    assert start.raised(params.tilt, 1.01 * params.caught, 0.01) < params.tilt
+    assert start.raised(0.0, 0.0, 0.01) == 0.0
 
 
 def test_an_entering_corner_is_led_towards_the_side_it_leans_to() -> None:

@@ -98,6 +98,14 @@ def test_no_push_ahead_lifts_the_corner_over_the_edge(force):
     assert ahead / down < 0.5 / math.tan(corner.tilt)
 
 
+@pytest.mark.parametrize("force", [5.0, 15.0, 30.0])
+def test_a_corner_is_led_over_the_plate_against_the_friction_of_its_push(force):
+    config = cell(*SQUARE)
+    enter = Grip(force, 0.3, 1.4).entering(config.corner.adjust, config.corner.insert.tilt, config.peg)
+    ahead = enter.gains.translation * math.hypot(*enter.lead)
+    assert ahead > config.contact.friction[1] * enter.push_stiffness * enter.push_offset
+
+
 def test_a_grip_that_bears_a_corner_as_it_is_changes_nothing():
     config = cell(*SQUARE)
     grip, corner = Grip(1e3, 0.3, 1.4), config.corner

@@ -68,3 +68,17 @@ def test_a_peg_that_is_held_anew_comes_down_where_it_was_and_the_hand_turns_afte
     sweep.hold_anew()
     assert not sweep.is_turned(turned(seen, ctx.in_hand().theta, ctx.length))
     assert math.isclose(sweep.setpoint(seen).axis @ course.axis, 1.0, abs_tol=1e-9)
+
+
+@pytest.mark.parametrize(("lag", "rests"), [(0.99e-2, 0), (1.01e-2, 1)])
+def test_a_tip_that_a_wall_holds_back_stops_the_path(sweeping, lag, rests):
+    sweep, seen, _ = sweeping(lag=1e-2, run_up=0.0, touch_down=0.2)
+    for elapsed in (0.0, 0.3):
+        sweep.finds(replace(seen, elapsed=elapsed))
+    way = sweep.setpoint(replace(seen, elapsed=0.3))
+    tip = seen.tip.copy()
+    tip[1] = way.tip[1] - lag
+    held = replace(seen, elapsed=0.31, step=0.0, tip=tip)
+    sweep.setpoint(held)
+    sweep.finds(held)
+    assert sweep.rests == rests
