@@ -3,7 +3,7 @@
 While the peg is pushed on the surface, one pad carries more and the other less, and a stiffening pad gains more than
 its partner loses, so that the average over all taxels follows the push. When the support goes, the average falls; when
 the peg's edge then meets the far wall and is turned in the hand, it rises and stays high. The detectors therefore look
-for a change either way; only `derivative`, as printed, waits for the fall.
+for a change either way. [gibbons] prints "a sudden change" of the average, not its sign, and so is `derivative`.
 
 A threshold that is not set by hand follows from a stated rate of false alarms. Each frame is expressed in standard
 deviations of the noise that the frames before it showed, by Student's t as a normal deviate, so that a noise known from
@@ -35,11 +35,11 @@ class HoleEventParams(ConfigModel):
     """How a change of the average is told from noise."""
 
     method: Literal["derivative", "difference", "cusum"] = "cusum"
-    """How a hole event is detected. `derivative` is the fall from one frame to the next, against `threshold`, as in
+    """How a hole event is detected. `derivative` is the change from one frame to the next, against `threshold`, as in
     [gibbons]; `difference` compares the mean of the newest `span` frames with those before; `cusum` sums all deviations
     beyond half of `step` ([page], two-sided)."""
     threshold: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.2
-    """Fall that counts for `derivative`, fraction of the running average; set by hand. Source: chosen, not measured;
+    """Change that counts for `derivative`, fraction of the running average; set by hand. Source: chosen, not measured;
     reason in decision 0025.
     """
     false_alarms: Annotated[float, Field(gt=0.0, le=100.0)] = 1e-3
@@ -103,7 +103,7 @@ class HoleEvent:
         if running <= 0.0:
             return 0.0
         if self._params.method == "derivative":
-            return float(averages[-2] - averages[-1]) / running
+            return abs(float(averages[-2] - averages[-1])) / running
         deviate = self._deviate(_scaled(averages, span))
         self._learn(_scaled(averages, 1))
         if self._params.method == "difference":

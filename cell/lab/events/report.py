@@ -35,7 +35,7 @@ FALLS = (0.08, 0.1, 0.12, 0.14, 0.16, 0.18, 0.2, 0.22, 0.25, 0.3, 0.4)
 """Thresholds by hand over which the charts go: m, and fractions of the average."""
 NAMES = {
     HEIGHT: "height of the tip",
-    "derivative": "skin: fall, frame to frame",
+    "derivative": "skin: change, frame to frame",
     "difference": "skin: difference of several frames",
     "cusum": "skin: CUSUM",
 }
