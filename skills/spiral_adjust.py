@@ -75,6 +75,8 @@ class SpiralAdjustParams(SkillParams):
     """Distance from the bottom within which the peg is damped more, m; it lets the peg arrive without a blow. Source:
     decision 0028.
     """
+    most_deep: Annotated[float, Field(gt=0.0, le=0.05)] = CLOSED_TOLERANCE
+    """Depth below the bottom of an open switch at which a peg is believed to have slipped, m; the attempt then ends. Source: decision 0070."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -219,7 +221,7 @@ def run(
             arrival = arrival.after(seen, ctx.held, hole.depth - plane.depth(seen.tip) if is_felt else 0.0)
             if arrival.is_over(seen.stamp):
                 return _result(Outcome.SUCCESS, Reason.NONE, running, offset, depth_of(tip, hole))
-        if depth_of(tip, hole) > hole.depth + CLOSED_TOLERANCE:
+        if depth_of(tip, hole) > hole.depth + params.most_deep:
             ctx.note_slip()  # no tip is below the bottom of an open switch: the fingers have slid down the peg
             break
         depth = plane.depth(tip)

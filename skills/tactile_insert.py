@@ -15,6 +15,9 @@ from skills.seating import is_seated
 from skills.surface import Plane, nominal
 from skills.tactile.estimators import EstimatorName
 
+MOST_LEAD = 0.9
+"""Largest angle between the peg and a setpoint that is upright at once, rad: the gate for setpoints refuses 1."""
+
 
 class TactileInsertParams(SkillParams):
     """How to align the peg with the plate's normal.
@@ -34,8 +37,8 @@ class TactileInsertParams(SkillParams):
     """Least and largest stiffness along z, N/m; K_min and K_max of [gibbons], Eq. (7). Source: chosen, not measured;
     method of [gibbons], Eq. (7).
     """
-    turn_rate: PositiveFloat
-    """Rate at which the setpoint of the axis goes from where the peg is to upright, rad/s."""
+    turn_rate: NonNegativeFloat
+    """Rate at which the setpoint of the axis goes from where the peg is to upright, rad/s; 0 sets it upright at once, as [gibbons] does."""
     turn_run_up: NonNegativeFloat
     """Time in which the setpoint of the axis gets to its rate, s; the hole's wall bears what sets the arm in motion.
     Source: chosen, not measured; reason in decision 0028.
@@ -105,6 +108,8 @@ def run(params: TactileInsertParams, ctx: SkillContext, plane: Plane | None = No
         theta += min(params.follow_rate * seen.step, 1.0) * (seen.peg.theta - theta)
         left = rotation_about(seen.arm.tcp.rotation[:, 2], seen.peg.theta - theta)
         axis, spin = _on_the_way(first.axis, normal, *turned(seen.elapsed, params.turn_rate, params.turn_run_up))
+        if params.turn_rate == 0.0:
+            axis = within_reach(seen.axis, normal)
         ctx.follow(
             ImpedanceSetpoint(
                 id=identity,
@@ -134,10 +139,20 @@ def allowed_depth(phi: float, peg: float, hole: float) -> float:
 
 
 def turned(elapsed: float, rate: float, run_up: float) -> tuple[float, float]:
-    """Return angle, rad, and rate, rad/s, after `elapsed` seconds, where the rate grows to `rate` evenly within `run_up`, s."""
+    """Return angle, rad, and rate, rad/s, after `elapsed` seconds, where the rate grows to `rate` evenly within `run_up`, s.
+
+    A rate of 0 is none: the angle is infinite from the beginning.
+    """
+    if rate == 0.0:
+        return math.inf, 0.0
     if elapsed < run_up:
         return rate * elapsed**2 / (2.0 * run_up), rate * elapsed / run_up
     return rate * (elapsed - run_up / 2.0), rate
+
+
+def within_reach(axis: Vector, goal: Vector) -> Vector:
+    """Return the setpoint that turns an axis towards `goal` at once, unit, shape (3,), at most `MOST_LEAD` ahead of it."""
+    return _on_the_way(axis, goal, MOST_LEAD, 0.0)[0]
 
 
 def push_stiffness(phi: float, first_phi: float, low: float, high: float) -> float:

@@ -43,8 +43,10 @@ class SpraySearchParams(SkillParams):
     symmetry. Source: set for each cell.
     """
     keeps: Literal["hand", "peg"] = "hand"
-    """What keeps its attitude while the peg turns in the hand: the hand, or as in [gibbons] the peg, which the hand then turns after.
-    Source: decision 0070.
+    """What keeps its attitude while the peg turns in the hand: the hand, or the peg, which the hand then turns after. Source: decision 0070."""
+    turned: Annotated[float, Field(ge=0.0, le=1.5)] = 0.35
+    """Turn of the peg in the hand at which it is lifted off and the hand turns after it, rad; 0 never does, as in [gibbons]. In the air the pads hold
+    it; on the plate they would let it turn on. A tilt of 45 degrees is 48 with 0.35. Source: decision 0070.
     """
     fast_axis: Literal["x", "y"]
     """Axis of the base frame that is swept fast; a peg with corners is always swept along its hand's closing axis. Source: set for each cell."""

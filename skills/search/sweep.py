@@ -38,10 +38,6 @@ TRIMMED_BELOW = 5e-3
 USUAL_TIME = 0.5
 """Time constant with which the in-hand angle of late follows the angle, s: about a lane, over which the surface estimate learns the plate anew."""
 
-TURNED = 0.35
-"""Turn of the peg in the hand at which it is lifted off and the hand turns after it, rad. In the air the pads hold it; on the plate they would let it
-turn on. A tilt of 45 degrees is 48 with it, and what the hand turns after the peg in the insertion stays as small."""
-
 
 class Sweep:
     """Goes through the phases of a search; `skills.search.phases` decides on which phase follows."""
@@ -86,14 +82,15 @@ class Sweep:
             self._evidence.learn(edge, sense)
             self._usual += min(seen.step / USUAL_TIME, 1.0) * (seen.peg.theta - self._usual)
         if isinstance(self._phase, Resting) and self._phase.is_over(felt, params):
-            if felt.below >= params.fall + params.slip_drop * abs(seen.peg.theta - self._usual):
+            if params.fall == 0.0 or felt.below >= params.fall + params.slip_drop * abs(seen.peg.theta - self._usual):
                 return True
             self._enter(after_rest(self._phase, felt, params, course, point), felt)
         return False
 
     def is_turned(self, seen: Observation) -> bool:
         """Return whether the peg has turned so far in the hand that the hand should turn after it, in the air."""
-        return self._params.keeps == "hand" and abs(seen.peg.theta - self._theta) > TURNED
+        most = self._params.turned
+        return self._params.keeps == "hand" and 0.0 < most < abs(seen.peg.theta - self._theta)
 
     def begin_anew(self) -> Course:
         """Return the course on which the peg, once the hand has been turned after it, comes down where it was."""

@@ -11,7 +11,8 @@ from drivers.frames import angle_between, end_point
 from skills.catalogue import SEARCH
 from skills.search.course import make_course
 from skills.search.feel import Evidence
-from skills.search.sweep import TURNED, Sweep
+from skills.search.phases import Sliding
+from skills.search.sweep import Sweep
 from skills.surface import SurfaceEstimate
 from skills.tactile.hole_event import HoleEvent
 from tests.fakes import Rig
@@ -53,11 +54,28 @@ def test_the_hand_does_not_turn_after_a_peg_that_the_plate_turns(sweeping, keeps
 
 
 @pytest.mark.parametrize(
-    ("keeps", "share", "is_turned"), [("hand", 0.99, False), ("hand", 1.01, True), ("peg", 3.0, False)]
+    ("keeps", "most", "angle", "is_turned"),
+    [
+        ("hand", 0.35, 0.34, False),
+        ("hand", 0.35, 0.36, True),
+        ("hand", 0.2, 0.21, True),
+        ("hand", 0.0, 1.2, False),
+        ("peg", 0.35, 1.0, False),
+    ],
 )
-def test_a_peg_that_has_turned_far_is_held_anew(sweeping, keeps, share, is_turned):
-    sweep, seen, ctx = sweeping(keeps=keeps)
-    assert sweep.is_turned(turned(seen, seen.peg.theta - share * TURNED, ctx.length)) is is_turned
+def test_a_peg_that_has_turned_far_is_held_anew_unless_it_is_never_to_be(sweeping, keeps, most, angle, is_turned):
+    sweep, seen, ctx = sweeping(keeps=keeps, turned=most)
+    assert sweep.is_turned(turned(seen, seen.peg.theta - angle, ctx.length)) is is_turned
+
+
+@pytest.mark.parametrize(("fall", "is_found"), [(0.0, True), (6e-4, False)])
+def test_evidence_is_the_hole_itself_where_no_fall_is_asked_for_however_high_the_tip_seems(
+    sweeping, monkeypatch, fall, is_found
+):
+    sweep, seen, _ = sweeping(fall=fall, rest=0.01)
+    monkeypatch.setattr(Evidence, "update", lambda *args: (-1e-3, True))
+    sweep._phase = Sliding(sweep._phase.detour)
+    assert sweep.finds(seen) is is_found
 
 
 def test_a_peg_that_is_held_anew_comes_down_where_it_was_and_the_hand_turns_after_it(sweeping):
