@@ -26,7 +26,7 @@ from cell.success import LastLook, Proof, judged
 from drivers.errors import CellError, ConfigError, FaultCode
 from drivers.quantities import ImpedanceSetpoint
 from plc_bridge.messages import PartPlace
-from skills.catalogue import CATALOGUE
+from skills.catalogue import CATALOGUE, INSERT
 from skills.contract import Observation, Outcome, SkillContext
 from skills.entry import Claim
 from skills.flow import StageRecord
@@ -79,6 +79,8 @@ class TrialRow:
     """Deepest penetration of a plate's surface or a hole's floor that lasted longer than 2 ms, m."""
     grip_slip: float = math.nan
     """Largest distance that the peg slipped along and across the fingers since the grasp, m."""
+    found_error: float | None = None
+    """Distance of the peg's end from the hole's axis along the plate, m, when the newest search had said that the hole was found."""
     errors: dict[str, str] = field(default_factory=dict)
     """Drawn errors of the cell by name; each is a column."""
 
@@ -109,6 +111,8 @@ class Watcher:
     """True state when the insertion had ended and before anything was cleared away."""
     proof: Proof = field(default_factory=Proof)
     """What the trial has shown so far."""
+    found_error: float | None = None
+    """Distance of the peg's end from the hole's axis in the first scan after the newest search, m; None before."""
     count: int = 0
     theta: float = 0.0
     """Sum of squared errors of theta, rad²."""
@@ -117,11 +121,13 @@ class Watcher:
 
     def record(self, seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
         """Take one scan."""
-        self.clock.enter(self.ctx.stage, seen.stamp)
+        begins = self.clock.enter(self.ctx.stage, seen.stamp)
         self.proof = self.proof.after(seen, setpoint)
         if self.cell.truth is None or (self.ctx.stage not in WATCHED and self.ctx.stage != "recover"):
             return
         truth = self.cell.truth()
+        if begins and self.ctx.stage == INSERT.name:
+            self.found_error = math.dist(truth.tip[:2], truth.hole[:2])
         if self.ctx.stage == "recover":
             self.ending = self.ending or truth
             return
@@ -207,6 +213,7 @@ def run_trial(config: CellConfig, seed: int) -> TrialRow:
         time_over_20N=truth.time_over_20N,
         plate_penetration=truth.plate_penetration,
         grip_slip=truth.grip_slip,
+        found_error=watcher.found_error,
         errors=dict(cell.errors),
     )
 

@@ -63,7 +63,7 @@ def test_the_table_has_the_promised_columns(tmp_path):
     assert head == (
         "seed,outcome,reason,stage,grasp_time,search_time,insert_time,adjust_time,total_time,retries,peak_contact_force,"
         "max_penetration,max_in_hand_rotation,theta_rmse,tip_rmse,hole_x,hole_y,start_x,start_y,switch_closed,depth,"
-        "sim_time,wall_time,cycle_time,time_over_20N,plate_penetration,grip_slip"
+        "sim_time,wall_time,cycle_time,time_over_20N,plate_penetration,grip_slip,found_error"
     )
     assert len(rows) == 2
 
@@ -161,6 +161,6 @@ def test_what_was_drawn_of_the_errors_stands_in_columns_of_its_own_and_is_read_b
         (tmp_path / "t.csv")
         .read_text()
         .splitlines()[0]
-        .endswith("plate_penetration,grip_slip,reality.arm.gravity,reality.skin.age")
+        .endswith("plate_penetration,grip_slip,found_error,reality.arm.gravity,reality.skin.age")
     )
     assert [row.errors for row in read_table(tmp_path / "t.csv")] == [drawn, drawn]
