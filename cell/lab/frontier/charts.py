@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from cell.lab.charts import Label, place_labels
 from cell.lab.frontier.measure import FRONTIER, FrontierLine
-from cell.lab.frontier.variants import BASES, CHAIN, PRESET, PRINTED
+from cell.lab.frontier.variants import BASES, CHAIN, PRESET
 from cell.lab.frontier.variants import PUBLISHED as METHOD
 from cell.lab.published import PUBLISHED, PUBLISHED_ATTEMPTS, PUBLISHED_SUCCESSES, PUBLISHED_TOTAL
 from cell.statistics import wilson
@@ -157,7 +157,7 @@ def _is_remarkable(line: FrontierLine, base: FrontierLine | None) -> bool:
 def _name(line: FrontierLine) -> str:
     """Return the name of a variant in the picture, with its count."""
     if line.family == METHOD:
-        text = f"[gibbons], simulated, {'printed figures' if line.variant == PRINTED else line.variant}"
+        text = f"[gibbons], simulated, {line.variant}"
     elif line.family == PRESET:
         text = line.variant
     else:

@@ -8,7 +8,7 @@ from typing import Any
 from cell.cell_config import CellConfig
 from cell.config_files import presets
 from cell.lab.frontier.measure import Variant, load_variant
-from cell.lab.paper.measure import UNKNOWNS
+from cell.lab.paper.unknowns import LABORATORY
 from cell.statistics import RateTest
 from skills.catalogue import INSERT, SEARCH
 from skills.tactile.estimators import ESTIMATORS
@@ -18,8 +18,8 @@ BASES = "as shipped", "as configured"
 """Names of the config that every variant starts from, with nothing given and with a file or keys given."""
 START = "paper"
 """Preset from which the chain starts."""
-PRINTED, FITTED = "as printed", "the rest found by hand"
-"""Names of the published method: with the preset's figures alone, and with those that [gibbons] does not print found by hand."""
+HERE, THERE = "in this cell", "in a laboratory as it fits"
+"""Names of the published method: in the cell that ships, and with the pads, plate and skin with which it does what it did in life."""
 SWEEPS: dict[str, dict[str, tuple[str, ...]]] = {
     "size of the errors": {f"reality {scale:g}": (f"reality.scale={scale:g}",) for scale in (0.0, 1.0, 2.0, 3.0)},
     "clearance": {f"{1e3 * gap:g} mm": (f"hole.diameter={0.008 + gap:.5f}",) for gap in (1e-4, 5e-5, 2e-5, 1e-5)},
@@ -50,6 +50,7 @@ STEPS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("+ insertion that yields", ("insert",)),
     ("+ adjustment that is guided", ("adjust",)),
     ("+ retries: {retries}", ("retries",)),
+    ("+ pads, plate and skin of this cell", tuple(LABORATORY)),
     ("+ all else", ("",)),
 )
 """Steps of the chain, in order; each takes the keys that begin with its prefixes and that no earlier step took."""
@@ -76,22 +77,22 @@ def variants(path: Path | None, sets: Sequence[str], is_quick: bool) -> list[Var
     found = [Variant(PRESET, own, None, ())]
     if not is_quick:
         found += [Variant(PRESET, name, name, ()) for name in sorted(presets(path)) if name != START]
-    by_hand = tuple(f"{unknown.key}={unknown.by_hand:g}" for unknown in UNKNOWNS)
-    found += [Variant(PUBLISHED, PRINTED, START, ())]
-    found += [] if is_quick else [Variant(PUBLISHED, FITTED, START, by_hand)]
+    laboratory = tuple(f"{key}={value:g}" for key, value in LABORATORY.items())
+    found += [Variant(PUBLISHED, HERE, START, ())]
+    found += [] if is_quick else [Variant(PUBLISHED, THERE, START, laboratory)]
     for family, values in SWEEPS.items():
         kept = QUICK.get(family, ()) if is_quick else tuple(values)
         found += [Variant(family, name, None, values[name]) for name in kept]
-    steps = chain(load_variant(path, START, sets), load_variant(path, None, sets))
+    steps = chain(load_variant(path, START, [*sets, *laboratory]), load_variant(path, None, sets), laboratory)
     return found + ([steps[0], steps[-1]] if is_quick else steps)
 
 
-def chain(start: CellConfig, end: CellConfig) -> list[Variant]:
-    """Return the steps from `start` to `end`, one at a time; steps that change nothing are left out."""
+def chain(start: CellConfig, end: CellConfig, sets: tuple[str, ...] = ()) -> list[Variant]:
+    """Return the steps from `start`, the preset with `sets`, to `end`, one at a time; steps that change nothing are left out."""
     below, above = dict(_leaves(start)), dict(_leaves(end))
     left = [key for key in above if key != "preset" and below.get(key) != above[key]]
-    taken: list[str] = []
-    steps = [Variant(CHAIN, START, START, ())]
+    taken: list[str] = [*sets]
+    steps = [Variant(CHAIN, START, START, sets)]
     for name, heads in STEPS:
         new = [key for key in left if key.startswith(heads)]
         left = [key for key in left if key not in new]

@@ -1,118 +1,189 @@
 """The fit of the figures that [gibbons] does not print: candidates, their misfit to Table I, and which of them fit.
 
-The procedure is fixed beforehand. Candidate 0 is the preset `paper`, candidate 1 has figures found by hand, and the others are
-drawn evenly from the logarithms between the bounds below, from a seed of their own. All run on the same first half of the seeds.
-The one with the least misfit there, and those that fit nearly as well, run on the other half, and only that is reported.
+The procedure is fixed beforehand. What is printed stays as it is. The rest is searched a stage at a time, search, insertion,
+adjustment, each with the stages before it as they were found and on seeds of its own: candidate 0 has the figures found by hand, the
+others are drawn evenly from the logarithms between the bounds in `unknowns`, from a seed of their own. All run a few trials that
+end behind their stage; the candidates with the least misfit of the stage's two published figures run some more, and the best of these
+again (successive halving, [jamieson]). The best of the last rung is kept; those of it that fit nearly as well tell the spread.
+Then the figures that were kept run once on the other half of the seeds, and only that is reported.
+
+A trial counts as in [gibbons]: seated is a peg that has pushed the switch under the hole, and a hole that was found where there is
+none is a failure of the search.
 """
 
 import csv
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
-from cell.lab.frontier.measure import FrontierLine, Variant
-from cell.lab.published import PUBLISHED, StageLine, stage_table
-from cell.lab.trials import TABLE as ROWS
-from cell.lab.trials import read_table
+from cell.lab.frontier.measure import Variant
+from cell.lab.paper.unknowns import ADJUST, INSERT, SEARCH, UNKNOWNS, by_hand, of_stage
+from cell.lab.published import PUBLISHED, PublishedStage, StageLine, Tried, stage_table
+from cell.lab.trials import VOID, TrialRow
 
 TABLE = "paper.csv"
-FIT, JUDGE = "fit", "judge"
-"""Families of the trials of the first and of the second half of the seeds."""
+JUDGE = "judge"
+"""Family of the trials of the other half of the seeds; those of the first are of the family of their stage."""
 PRESET = "paper"
 CANDIDATES_SEED = 1
 """Seed of the drawn candidates; the trials have their own."""
 NEARLY = 1.25
 """Candidates whose misfit is at most so many times the least fit nearly as well."""
-JUDGED = 3
-"""Largest number of candidates that are judged on the other half."""
 TIME_ERROR = math.log(1.2)
 """Deviation of the logarithm of a stage's time that counts as one: 20 %."""
 WORST = 5.0
 """Largest deviation that counts for a figure; one of a stage that no trial reached is never better than one that was."""
+NEAR = 8.1e-3
+"""Largest distance of the peg's end from the hole's axis where a hole was found, m; the edge in it leads the end by up to 4 mm."""
+SEEDS = 33
+"""Number of seeds of a stage's round."""
+OTHER_HALF = 500
+"""Distance of the seeds of judging from those of the fit."""
 
+Rungs = Sequence[tuple[int, int]]
+"""Number of candidates and of further trials of each, rung by rung."""
+RUNGS: Mapping[str, Rungs] = {
+    SEARCH: ((6, 8), (3, 10), (2, 10)),
+    INSERT: ((3, 4), (2, 6)),
+    ADJUST: ((3, 4), (2, 6)),
+}
+QUICK: Mapping[str, Rungs] = {SEARCH: ((2, 1),), INSERT: ((1, 1),), ADJUST: ((1, 1),)}
+ENDED: Mapping[str, tuple[str, ...]] = {
+    SEARCH: ("insert.timeout=0.02",),
+    INSERT: ("adjust.timeout=0.02",),
+    ADJUST: (),
+}
+"""Keys that end a trial behind its stage."""
 
-@dataclass(frozen=True, slots=True)
-class Unknown:
-    """One figure that [gibbons] does not print."""
-
-    key: str
-    low: float
-    high: float
-    by_hand: float
-    """Figure found by hand, from which the search begins."""
-    bounds: str
-    """Reason for the bounds."""
-
-
-UNKNOWNS: tuple[Unknown, ...] = (
-    Unknown("search.speed", 0.03, 0.15, 0.06, "published time over the area at passes of about a hole's width"),
-    Unknown("search.pitch", 0.6, 1.6, 1.4, "half a peg to the width over which a leaning peg falls in"),
-    Unknown("search.push_stiffness", 400.0, 1500.0, 1500.0, "4 to 15 N at the shipped offset of 10 mm"),
-    Unknown("search.event.threshold", 0.08, 0.3, 0.12, "[gibbons] has 15 % as an example of a drop"),
-    Unknown("insert.gains.rotation", 1.0, 40.0, 1.5, "a slow to a stiff hand"),
-    Unknown("insert.integral_gain", 0.05, 5.0, 0.09, "a minute to a tenth of a second to make up for friction"),
-    Unknown("adjust.gains.rotation", 5.0, 40.0, 8.0, "a slow to a stiff hand"),
-    Unknown("grip.friction", 0.3, 1.0, 0.8, "rubber on metal, greased to tacky"),
-    Unknown("contact.friction", 0.1, 0.4, 0.2, "metal on metal, greased to dry"),
-    Unknown(
-        "skin.noise",
-        0.003,
-        0.015,
-        0.003,
-        "[cyskin], 0.3 to 4 % of a touch; larger noise than the shipped hides every event",
-    ),
-)
-"""Figures that are searched. Joint friction, gravity and the like are drawn for each trial by `reality.scale=1`."""
+Run = Callable[[Sequence[Variant], Sequence[int]], Sequence[tuple[Sequence[TrialRow], str]]]
+"""Runs variants on seeds; returns for each its rows, and why it could not be run."""
 
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """One set of figures and its success on one half of the seeds."""
+    """One set of figures and how its trials went."""
 
     name: str
     half: str
+    """Stage in whose round it was tried, or `JUDGE`."""
     figures: Mapping[str, float]
-    """Figures by key; empty for the preset."""
+    """Figures by key."""
     stages: Sequence[StageLine]
     """Search, insertion, adjustment and total."""
     misfit: float
-    """Root mean square of the deviations from Table I; NaN where nothing could be run."""
+    """Root mean square of the deviations from Table I, of its stage or of all three; NaN where nothing could be run."""
     error: str
     """Reason why it could not be run; empty when it could."""
+    rung: int = 0
+    """Number of the rung that it reached."""
+    rows: Sequence[TrialRow] = field(default=(), repr=False)
 
 
-def figures(count: int) -> list[dict[str, float]]:
-    """Return the figures of so many candidates, by key: the preset's own (none), those found by hand, and drawn ones."""
-    rng = np.random.default_rng(CANDIDATES_SEED)
-    found = [{}, {unknown.key: unknown.by_hand for unknown in UNKNOWNS}]
+def tried(row: TrialRow) -> Tried:
+    """Return a trial as [gibbons] counts it: by the switch, and a hole where there is none as a failure of the search."""
+    times = row.tried().times
+    if row.found_error is not None and row.found_error > NEAR:
+        return Tried(False, SEARCH, {SEARCH: times[SEARCH]} if SEARCH in times else {})
+    return Tried(row.switch_closed and row.outcome != VOID, row.stage, times)
+
+
+def drawn(stage: str, count: int) -> list[dict[str, float]]:
+    """Return the figures of so many candidates of a stage's round, by key: those found by hand, and drawn ones."""
+    rng = np.random.default_rng([CANDIDATES_SEED, [each.name for each in PUBLISHED].index(stage)])
+    unknowns = of_stage(stage)
+    found = [{each.key: each.by_hand for each in unknowns}]
     while len(found) < count:
-        drawn = {u.key: math.exp(rng.uniform(math.log(u.low), math.log(u.high))) for u in UNKNOWNS}
-        found.append({key: float(f"{value:.3g}") for key, value in drawn.items()})
+        values = {each.key: math.exp(rng.uniform(math.log(each.low), math.log(each.high))) for each in unknowns}
+        found.append({key: float(f"{value:.3g}") for key, value in values.items()})
     return found[:count]
 
 
-def variant(number: int, half: str, chosen: Mapping[str, float]) -> Variant:
+def variant(name: str, half: str, chosen: Mapping[str, float], ended: Sequence[str] = ()) -> Variant:
     """Return a candidate as a variant of the preset under honest errors."""
-    sets = ("reality.scale=1", *(f"{key}={value:g}" for key, value in chosen.items()))
-    return Variant(half, f"{number:03d}", PRESET, sets)
+    sets = ("reality.scale=1", *(f"{key}={value:g}" for key, value in chosen.items()), *ended)
+    return Variant(half, name, PRESET, sets)
 
 
-def judge(line: FrontierLine, chosen: Mapping[str, float], folder: Path) -> Candidate:
-    """Return a candidate from the trials of its variant, which are in `folder`."""
-    rows = read_table(folder / line.folder / ROWS) if line.trials else []
-    stages = stage_table([row.tried() for row in rows])
-    return Candidate(line.variant, line.family, chosen, stages, misfit(stages) if rows else math.nan, line.error)
+def fit(run: Run, first: int, rungs: Mapping[str, Rungs]) -> tuple[dict[str, float], list[Candidate]]:
+    """Return the figures that fit, and every candidate that was tried.
+
+    Args:
+        run: Runs variants.
+        first: First seed of the first half.
+        rungs: Rungs of each stage's round.
+    """
+    chosen, found = by_hand(), []
+    for number, stage in enumerate(PUBLISHED):
+        candidates = [
+            Candidate(f"{n:02d}", stage.name, {**chosen, **figures}, [], math.nan, "")
+            for n, figures in enumerate(drawn(stage.name, rungs[stage.name][0][0]))
+        ]
+        candidates = _halved(run, stage, candidates, first + number * SEEDS, rungs[stage.name])
+        chosen = dict(candidates[0].figures)
+        found += candidates
+    return chosen, found
 
 
-def misfit(stages: Sequence[StageLine]) -> float:
-    """Return the root mean square of six deviations: of each stage's success in standard deviations of the difference of two
+def number(rungs: Mapping[str, Rungs]) -> int:
+    """Return how many trials a fit takes."""
+    return sum(candidates * trials for each in rungs.values() for candidates, trials in each)
+
+
+def _halved(
+    run: Run, stage: PublishedStage, candidates: Sequence[Candidate], seed: int, rungs: Rungs
+) -> list[Candidate]:
+    """Return the candidates of one round, the best of the last rung first."""
+    alive: list[Candidate] = list(candidates)
+    left: list[Candidate] = []
+    for rung, (count, trials) in enumerate(rungs):
+        alive, out = alive[:count], alive[count:]
+        left = out + left
+        variants = [variant(f"{each.name} rung {rung}", stage.name, each.figures, ENDED[stage.name]) for each in alive]
+        results = run(variants, range(seed, seed + trials))
+        seed += trials
+        alive = [_joined(each, rows, error, stage, rung) for each, (rows, error) in zip(alive, results, strict=True)]
+        alive.sort(key=lambda each: math.inf if math.isnan(each.misfit) else each.misfit)
+    return alive + left
+
+
+def _joined(before: Candidate, rows: Sequence[TrialRow], error: str, stage: PublishedStage, rung: int) -> Candidate:
+    """Return a candidate with further trials."""
+    rows = [*before.rows, *rows]
+    trials = [tried(row) for row in rows]
+    stages = stage_table(trials)
+    found = misfit(stages, [stage], time_error(trials, stage)) if rows else math.nan
+    return replace(before, stages=stages, misfit=found, error=error, rung=rung, rows=rows)
+
+
+def time_error(trials: Sequence[Tried], stage: PublishedStage) -> float:
+    """Return the standard error of a stage's mean time over its successes, as a share of it; 0 where there is none."""
+    good = [t for t in trials if stage.name in t.times and (t.succeeded or t.stage != stage.name)]
+    times = np.array([trial.times[stage.name] for trial in good])
+    return float(times.std(ddof=1) / times.mean()) / math.sqrt(len(times)) if len(times) > 1 else 0.0
+
+
+def judged(name: str, chosen: Mapping[str, float], rows: Sequence[TrialRow], error: str) -> Candidate:
+    """Return the figures that were kept, with their trials on the other half of the seeds."""
+    stages = stage_table([tried(row) for row in rows])
+    return Candidate(name, JUDGE, chosen, stages, misfit(stages) if rows else math.nan, error, 0, rows)
+
+
+def misfit(stages: Sequence[StageLine], of: Sequence[PublishedStage] = PUBLISHED, time_error: float = 0.0) -> float:
+    """Return the root mean square of two deviations a stage: of its success in standard deviations of the difference of two
     proportions, and of the logarithm of its mean time in steps of 20 %; none counts for more than `WORST`.
+
+    Args:
+        stages: The stages of the trials.
+        of: Published stages that count.
+        time_error: Standard error of the mean times, as a share of them, which widens the steps: few holes may all lie near.
     """
     squares = []
     for stage, published in zip(stages, PUBLISHED, strict=False):
+        if published not in of:
+            continue
         if not stage.attempts:
             squares += [WORST**2] * 2
             continue
@@ -120,26 +191,30 @@ def misfit(stages: Sequence[StageLine]) -> float:
         rate = (published.successes + 1) / (published.attempts + 2)
         spread = math.sqrt(rate * (1.0 - rate) * (1.0 / stage.attempts + 1.0 / published.attempts))
         lost = (stage.successes / stage.attempts - published.successes / published.attempts) / spread
-        late = math.log(stage.time / published.time) / TIME_ERROR if stage.time else WORST
+        late = math.log(stage.time / published.time) / math.hypot(TIME_ERROR, time_error) if stage.time else WORST
         squares += [min(abs(each), WORST) ** 2 for each in (lost, late)]
     return math.sqrt(sum(squares) / len(squares))
 
 
-def fitting(candidates: Sequence[Candidate]) -> list[Candidate]:
-    """Return the candidates that fit best or nearly as well, the best first; none where nothing could be run."""
-    tried = sorted((each for each in candidates if not math.isnan(each.misfit)), key=lambda each: each.misfit)
-    return [each for each in tried if each.misfit <= NEARLY * tried[0].misfit]
+def fitting(candidates: Sequence[Candidate], stage: str) -> list[Candidate]:
+    """Return the candidates of a stage's last rung that fit best or nearly as well, the best first; none where nothing could be run."""
+    run = [each for each in candidates if each.half == stage and not math.isnan(each.misfit)]
+    last = max((each.rung for each in run), default=0)
+    found = sorted((each for each in run if each.rung == last), key=lambda each: each.misfit)
+    return [each for each in found if each.misfit <= NEARLY * found[0].misfit]
 
 
 def write(candidates: Sequence[Candidate], path: Path) -> None:
-    """Write a row for every candidate on each half on which it ran."""
+    """Write a row for every candidate."""
     heads = [f"{stage.name}_{what}" for stage in PUBLISHED for what in ("successes", "attempts", "time")]
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["candidate", "half", "misfit", *heads, *(unknown.key for unknown in UNKNOWNS), "error"])
+        writer.writerow(
+            ["candidate", "half", "rung", "trials", "misfit", *heads, *(unknown.key for unknown in UNKNOWNS), "error"]
+        )
         for each in candidates:
             told = [
                 value for line in each.stages[: len(PUBLISHED)] for value in (line.successes, line.attempts, line.time)
-            ]
+            ] or [None] * len(heads)
             chosen = [each.figures.get(unknown.key) for unknown in UNKNOWNS]
-            writer.writerow([each.name, each.half, each.misfit, *told, *chosen, each.error])
+            writer.writerow([each.name, each.half, each.rung, len(each.rows), each.misfit, *told, *chosen, each.error])

@@ -1,0 +1,97 @@
+"""What [gibbons] does not print, and between which bounds it is searched."""
+
+from dataclasses import dataclass
+
+from cell.lab.published import PUBLISHED
+
+SEARCH, INSERT, ADJUST = (stage.name for stage in PUBLISHED)
+
+
+@dataclass(frozen=True, slots=True)
+class Unknown:
+    """One figure that [gibbons] does not print."""
+
+    key: str
+    stage: str
+    """Stage in whose round it is searched."""
+    low: float
+    high: float
+    by_hand: float
+    """Figure found by hand, from which the search begins."""
+    bounds: str
+    """Reason for the bounds."""
+    is_world: bool = False
+    """Whether it describes the laboratory and not the method."""
+
+
+UNKNOWNS: tuple[Unknown, ...] = (
+    Unknown("search.speed", SEARCH, 0.07, 0.1, 0.08, "published time over the area at passes of about a hole's width"),
+    Unknown("search.pitch", SEARCH, 0.8, 1.2, 1.0, "half a peg to the width over which a leaning peg falls in"),
+    Unknown("search.push_stiffness", SEARCH, 1100.0, 1700.0, 1400.0, "11 to 17 N at the printed offset of 10 mm"),
+    Unknown(
+        "search.gains.translation",
+        SEARCH,
+        350.0,
+        700.0,
+        500.0,
+        "soft along the plate, as printed; an arm that follows its path",
+    ),
+    Unknown(
+        "search.event.threshold",
+        SEARCH,
+        0.075,
+        0.12,
+        0.095,
+        "what a peg that turns does to the average, to what a wall does",
+    ),
+    Unknown("image.threshold", SEARCH, 0.25, 0.4, 0.3, "background left in the image to a part of the print lost"),
+    Unknown("grip.friction", SEARCH, 0.6, 1.0, 0.8, "rubber on metal; it prevented sliding in life", is_world=True),
+    Unknown("contact.friction", SEARCH, 0.1, 0.2, 0.15, "metal on metal, greased", is_world=True),
+    Unknown(
+        "skin.noise",
+        SEARCH,
+        0.0005,
+        0.002,
+        0.001,
+        "[cyskin]: about 1 count on a quiet patch, 87 in the median of all; 20 000 are a touch",
+        is_world=True,
+    ),
+    Unknown("insert.gains.translation", INSERT, 400.0, 1500.0, 800.0, "soft enough for an end point that errs by 5 mm"),
+    Unknown(
+        "insert.gains.rotation",
+        INSERT,
+        0.7,
+        6.0,
+        1.5,
+        "a hand that friction stops at once to one that it stops at the end",
+    ),
+    Unknown("insert.integral_gain", INSERT, 0.04, 0.4, 0.09, "a minute to some seconds to make up for friction"),
+    Unknown(
+        "adjust.gains.rotation",
+        ADJUST,
+        0.7,
+        6.0,
+        1.5,
+        "as in the insertion; a stiffer hand jams the peg against the walls",
+    ),
+    Unknown("adjust.push_stiffness", ADJUST, 600.0, 1500.0, 1000.0, "6 to 15 N"),
+    Unknown(
+        "adjust.turn_rate", ADJUST, 3.0, 10.0, 6.28, "turns of the spiral 0.8 to 2.6 mm apart, at its printed growth"
+    ),
+)
+"""Figures that are searched. Joint friction, gravity, grip force and the like are drawn for each trial by `reality.scale=1`."""
+
+LABORATORY: dict[str, float] = {"grip.friction": 0.6, "contact.friction": 0.2, "skin.noise": 0.003}
+"""Pads, plate and skin with which the method does what it did in life; its own figures stand in the preset. Source: `cell study paper`, see
+docs/results.md.
+"""
+
+
+def by_hand() -> dict[str, float]:
+    """Return the figures found by hand, by key."""
+    return {unknown.key: unknown.by_hand for unknown in UNKNOWNS}
+
+
+def of_stage(stage: str) -> list[Unknown]:
+    """Return the figures that are searched in the round of a stage."""
+    return [unknown for unknown in UNKNOWNS if unknown.stage == stage]
