@@ -53,7 +53,7 @@ class Rest:
 
     def leave(self) -> None:
         """Note that the arm is to move from now on."""
-        self._since, self._calm, self.is_reached = None, 0, False
+        self._since, self.is_reached = None, False
 
     def seek(self, now: float) -> None:
         """Halt the arm at the time `now`, s, and begin to bring it to rest.

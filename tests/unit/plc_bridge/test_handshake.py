@@ -708,3 +708,14 @@ def test_a_refused_reset_is_an_error_also_beside_a_control_that_execute_gave():
     line.coils(reset=True)
     inputs = line.handshake.inputs("plc")
     assert (inputs.busy, inputs.done, inputs.error) == (False, False, True)
+
+
+def test_what_is_seen_of_a_plc_is_told_at_the_time_of_the_question():
+    line = Line()
+    assert line.handshake.sight("plc", 0.0) is None
+    line.write(life=1, version=2)
+    line.now = 0.5
+    line.write(life=2)
+    seen = line.handshake.sight("plc", 0.75)
+    assert (seen.source, seen.version, seen.silence) == ("plc", 2, pytest.approx(0.25))
+    assert line.handshake.sight("another", 0.75) is None

@@ -113,6 +113,19 @@ def test_the_hand_is_asked_to_stay_in_the_workspace(axis, side):
         judge(setpoint(place), arm_at(hand))
 
 
+@pytest.mark.parametrize(
+    ("height", "is_sound"), [(LIMITS.low[2], True), (LIMITS.high[2] - 0.001, True), (LIMITS.high[2] + 0.01, False)]
+)
+def test_with_a_peg_in_it_the_hand_stays_in_the_workspace_and_not_the_end_of_the_peg(height, is_sound):
+    in_hand, here = InHandTip(0.0, 0.05, 0.0), np.array([0.5, 0.0, min(height, LIMITS.high[2])])
+    asked = setpoint(np.array([0.5, 0.0, height]) - 0.05 * UP, in_hand=in_hand)
+    if is_sound:
+        judge(asked, arm_at(here))
+        return
+    with pytest.raises(SetpointError, match=r"hand at z = 0\.810 m"):
+        judge(asked, arm_at(here))
+
+
 def test_a_hand_outside_the_workspace_is_led_back_and_no_further_out():
     outside = np.array([LIMITS.high[0] + 0.02, 0.0, 0.3])
     judge(setpoint(outside - np.array([0.005, 0.0, 0.0])), arm_at(outside))
