@@ -25,7 +25,7 @@ from plc_bridge.images import CommandImage, ReportImage
 from plc_bridge.peer import CellSilentError, Peer
 from sim.board_links import EmulatedCan
 from sim.switch_board import EmulatedSwitchBoard
-from skills.catalogue import CATALOGUE
+from skills.catalogue import CATALOGUE, RECOVER
 from skills.rest import REST_SPEED
 
 WAITING = (State.IDLE, State.COMPLETE, State.STOPPED, State.ABORTED, State.HELD)
@@ -63,7 +63,7 @@ class Sighting:
 
     injected: float | None = None
     detected: float | None = None
-    """Time at which the report had a fault, or the state was no longer one in which a program goes on."""
+    """Time at which the report had a fault, the run's recovery began, or the state was no longer one in which a program goes on."""
     moved: float = 0.0
     """Time of the arm's last motion."""
     stood: Vector | None = None
@@ -205,7 +205,8 @@ class FaultBench:
             self.inject()
         if seen.injected is None:
             return
-        if seen.detected is None and (report.fault or self.supervisor.state not in GOING_ON):
+        is_over = report.stage == RECOVER.stage or self.supervisor.state not in GOING_ON
+        if seen.detected is None and (report.fault or is_over):
             seen.detected = now
         truth = self.cell.truth
         assert truth is not None

@@ -33,11 +33,11 @@ class FaultCase:
     detection: float
     """Time from the fault to its report, s; NaN where the run went on to a success."""
     rest: float
-    """Time from the report to the arm's last motion, s; NaN where the run went on to a success."""
+    """Time from the report to the arm's last motion, s; NaN where the run went on to a success or, after a failure, to its recovery."""
     rest_after: float
-    """Time from the fault to the arm's last motion in the run, s; NaN where the run went on to a success."""
+    """Time from the fault to the arm's last motion in the run, s; NaN where it moved on as above."""
     creep: float
-    """Way of the hand from the time on at which it is to be at rest, m; NaN where the run went on to a success."""
+    """Way of the hand from the time on at which it is to be at rest, m; NaN where it moved on as above."""
     peak_force: float
     """Largest external force at the TCP from the fault on, by the arm's own estimate, N."""
     contact_force: float

@@ -2,6 +2,7 @@
 
 import os
 import resource
+import shutil
 import sqlite3
 import subprocess
 import threading
@@ -15,7 +16,6 @@ from cell import event_log, record
 from cell.journal import INDEX, now_text
 from cell.lab.faults.bench import FaultBench
 from cell.lab.faults.contract import FaultKind, Undo
-from drivers.errors import CellError
 
 STEPPED = timedelta(hours=1)
 """Length by which the computer's clock is put back or on."""
@@ -85,21 +85,18 @@ def _folder_gone(bench: FaultBench) -> Undo:
     away = folder.with_name(f"{folder.name}-away")
     folder.rename(away)
 
-    def undo() -> None:
-        with suppress(CellError):
-            bench.journal.runs(1)  # which waits until all is written: nobody puts files together that are being written
-        _put_back(away, folder)
-
-    return undo
+    return lambda: _put_back(away, folder)
 
 
 def _put_back(away: Path, folder: Path) -> None:
-    """Put the folder back, with what the cell, whose writer goes on meanwhile, has made in its place."""
+    """Put the folder back as a disk that is mounted again: what the cell has made in its place meanwhile is no longer seen."""
+    meanwhile = folder.with_name(f"{folder.name}-meanwhile")
     while away.exists():
-        with suppress(OSError):
-            for file in folder.iterdir() if folder.exists() else ():
-                file.replace(away / file.name)
-            away.rename(folder)  # which takes the place of an empty folder
+        with suppress(OSError):  # the cell may make it anew between the two
+            if folder.exists():
+                folder.rename(meanwhile)
+            away.rename(folder)
+        shutil.rmtree(meanwhile, ignore_errors=True)
 
 
 def _clock_stepped(step: timedelta) -> Callable[[FaultBench], Undo]:
@@ -146,7 +143,7 @@ COMPUTER_KINDS: tuple[FaultKind, ...] = (
     FaultKind("disk: index locked", _locked, is_harmless=True),
     FaultKind("disk: index deleted", _deleted, is_harmless=True),
     FaultKind("disk: index torn", _torn, is_harmless=True),
-    FaultKind("disk: folder gone", _folder_gone, is_harmless=True),
+    FaultKind("disk: folder gone", _folder_gone, is_harmless=True, is_record_apart=True),
     FaultKind("clock: put back an hour", _clock_stepped(-STEPPED), is_harmless=True),
     FaultKind("clock: put on an hour", _clock_stepped(STEPPED), is_harmless=True),
     FaultKind("process: starved", _held_up, is_harmless=True),

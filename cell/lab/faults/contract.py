@@ -22,5 +22,7 @@ class FaultKind:
     """Whether the program ends and is started again."""
     silences_plc: bool = False
     """Whether the PLC falls silent, which the cell of this kind then notices within seconds."""
+    is_record_apart: bool = False
+    """Whether the record of the run is in another folder than the mended cell reads."""
     slow: str = ""
     """Reason why the arm may move for longer than a second after the fault; empty where it may not."""

@@ -118,6 +118,7 @@ def _case(tested: FaultBench, kind: FaultKind, stage: str, moment: float) -> Fau
         outcome, truth = _outcome(tested, report), _truth(tested)
         if outcome != "success":
             tested.let_pass(SEEN_ON)
+        record = kind.is_record_apart and _is_on_record(tested, report, outcome, kind)
     finally:
         seen, tested.seen, tested.stage = tested.seen, Sighting(), 0
         for mend in undo:
@@ -126,8 +127,9 @@ def _case(tested: FaultBench, kind: FaultKind, stage: str, moment: float) -> Fau
     if kind.ends_program and undo:
         tested.restart()
     went_on = seen.injected is None or outcome == "success" or seen.detected is None
+    moved_on = went_on or outcome == "failure"  # and the arm freed itself by motions of its own
     part = PartPlace(report.part)
-    record = _is_on_record(tested, report, outcome, kind)
+    record = record or _is_on_record(tested, report, outcome, kind)
     reset, actions, following = bring_back(tested)
     return FaultCase(
         kind=kind.name,
@@ -139,9 +141,9 @@ def _case(tested: FaultBench, kind: FaultKind, stage: str, moment: float) -> Fau
         state=state,
         part=part.name.lower(),
         detection=math.nan if went_on else (seen.detected or 0.0) - (seen.injected or 0.0),
-        rest=math.nan if went_on else max(seen.moved - (seen.detected or 0.0), 0.0),
-        rest_after=math.nan if went_on else max(seen.moved - (seen.injected or 0.0), 0.0),
-        creep=math.nan if went_on else seen.creep,
+        rest=math.nan if moved_on else max(seen.moved - (seen.detected or 0.0), 0.0),
+        rest_after=math.nan if moved_on else max(seen.moved - (seen.injected or 0.0), 0.0),
+        creep=math.nan if moved_on else seen.creep,
         peak_force=seen.peak_force,
         contact_force=seen.contact_force,
         wrong_success=outcome == "success" and not truth.switch_closed,
