@@ -93,7 +93,7 @@ def move(
         goal: Goal of the move.
         transfer: Speeds and gains of the move.
         ctx: The skill's context.
-        in_hand: The peg as it is held, or None for the empty hand.
+        in_hand: The peg as it is held, which the hand must not lose on the way, or None for the empty hand.
         settle: Time allowed to settle at the end, s.
         limited: Whether the limits of force and workspace hold; a motion that may begin in contact goes without them, and
             the arm learns nothing about its joints from it.
@@ -110,7 +110,7 @@ def move(
     duration = way.duration(transfer)
     identity = ctx.new_id()
     stiffness, damping_ratio = transfer.gains.stiffness(), transfer.gains.damping_ratios()
-    for seen in ctx.scan(LONGEST_MOVE * (duration + settle), limited=limited):
+    for seen in ctx.scan(LONGEST_MOVE * (duration + settle), in_hand is not None, limited, unseen=True):
         if seen.elapsed >= duration + settle:
             break
         share, rate = minimum_jerk(seen.elapsed / duration)

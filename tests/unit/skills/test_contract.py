@@ -9,6 +9,7 @@ from cell.config import load
 from drivers.errors import ArmSilentError, NotFiniteError, NotPassiveError, SkinUntrustedError
 from drivers.frames import UP
 from drivers.quantities import ImpedanceSetpoint, SwitchState, TaxelFrame
+from skills.catalogue import RECOVER
 from skills.contract import (
     LATEST_STATE,
     LEAST_TRUSTED,
@@ -18,6 +19,7 @@ from skills.contract import (
     Request,
     SkillContext,
 )
+from skills.motion import Goal, move
 from skills.passivity import INERTIA, MASS, SOFTEN, STOP
 from skills.scan_guards import RESUME_TIME
 from skills.tactile.pose import PegPose
@@ -252,6 +254,30 @@ def test_a_hand_that_lets_go_ends_a_skill_that_needs_the_peg(ctx):
         scanned(ctx, 9, holding=True)
     assert (ending.value.reason, ctx.arm.is_halted) == (Reason.LOST_GRASP, True)
     assert len(scanned(ctx, 9)) == 9
+
+
+def test_on_a_way_through_free_space_the_peg_may_be_unseen_but_not_lost(ctx):
+    ctx.estimator.is_healthy = False
+    scanned(ctx, 200, holding=True, unseen=True)
+    ctx.gripper.has_peg = False
+    with pytest.raises(Interrupted) as ending:
+        scanned(ctx, 9, holding=True, unseen=True)
+    assert ending.value.reason is Reason.LOST_GRASP
+
+
+@pytest.mark.parametrize("is_held", [True, False])
+def test_a_move_with_a_peg_ends_where_the_hand_has_lost_it_and_one_without_does_not(ctx, is_held):
+    transfer = CONFIG.params(RECOVER).transfer
+    tip = ctx.observe().tip if is_held else ctx.arm.read().tcp.position
+    goal = Goal(tip + 0.02 * UP, UP, ctx.arm.read().tcp.rotation[:, 2])
+    at(ctx, 2, lambda: setattr(ctx.gripper, "has_peg", False))
+    way = move(goal, transfer, ctx, ctx.in_hand() if is_held else None, limited=False)
+    if not is_held:
+        assert len(list(way)) > 9
+        return
+    with pytest.raises(Interrupted) as ending:
+        list(way)
+    assert ending.value.reason is Reason.LOST_GRASP
 
 
 def went_on(ctx, healthy, time=2.0):
