@@ -13,19 +13,24 @@ from cell.custody import Custody
 from cell.part_state import UNRESOLVED, PegEvidence, Places, described, evidence_of, places_of, told
 from cell.record import Ending
 from cell.success import LastLook, Proof, judged
-from drivers.errors import CellError, SwitchUnknownError
+from drivers.errors import CellError, SwitchDisagreesError, SwitchUnknownError
 from drivers.frames import end_point
 from drivers.quantities import ArmState, GripperState, SwitchState
 from plc_bridge.messages import PartPlace, Refusal, Report
-from skills.catalogue import RECOVER
+from skills.catalogue import GRASP, RECOVER, SEARCH
 from skills.contract import Observation, SkillContext
 from skills.entry import Claim, Entry
 from skills.flow import StageRecord
+from skills.seating import depth_of
 
 logger = logging.getLogger(__name__)
 
 LONGEST_UNKNOWN = 0.5
 """Longest time without a valid answer of the switch for which a run goes on that needs it for its success, s."""
+EARLY_STAGES = (GRASP.name, SEARCH.name)
+"""Stages in which no peg can be on the switch: the hole is empty at the start, and the search ends where the peg dips into it."""
+EARLY_SHARE = 0.5
+"""Share of the hole's depth above which the end of a held peg cannot be on the switch, wherever the plate is felt."""
 PROVEN_BY_SWITCH = (Claim.SEATED, Claim.LEFT, Claim.INSERTED)
 """Claims that the switch has to prove."""
 
@@ -56,6 +61,7 @@ class PartWatch:
 
         Raises:
             SwitchUnknownError: The run's success could not be proven, because the switch has not answered for too long.
+            SwitchDisagreesError: The switch has closed where no peg can be on it.
         """
         self._switch = seen.switch
         evidence = evidence_of(seen.arm, seen.gripper, seen.switch, seen.tip, seen.peg.theta)
@@ -63,6 +69,7 @@ class PartWatch:
         if not self._is_running:
             return
         self._require_switch(seen)
+        self._require_plausible(seen)
         self._proof = self._proof.after(seen, self._context.held)
         self._peak_force = max(self._peak_force, math.hypot(*seen.arm.wrench.force))
         part = self._custody.part
@@ -77,6 +84,20 @@ class PartWatch:
         self._unknown_since = seen.stamp if self._unknown_since is None else self._unknown_since
         if seen.stamp - self._unknown_since > LONGEST_UNKNOWN:
             raise SwitchUnknownError(f"switch: no valid answer for {LONGEST_UNKNOWN:g} s; success could not be proven")
+
+    def _require_plausible(self, seen: Observation) -> None:
+        """Make sure that a switch that was open does not close before the peg can be on it."""
+        is_early = self._needs_switch and self._context.stage in EARLY_STAGES and self._proof.was_open
+        if not is_early or seen.switch is not SwitchState.CLOSED:
+            return
+        hole = self._context.job.hole
+        depth = depth_of(seen.tip, hole)
+        if seen.gripper.is_gripping and depth < EARLY_SHARE * hole.depth:
+            raise SwitchDisagreesError(
+                f"switch: closed with the tip {1e3 * max(depth, 0.0):.1f} mm deep; {1e3 * hole.depth:.1f} mm expected"
+            )
+        if not seen.gripper.is_gripping and self._context.stage == GRASP.name:
+            raise SwitchDisagreesError("switch: closed before the hand holds a peg; open expected until it is seated")
 
     def look(self) -> None:
         """Look at arm, hand and switch outside a run; whatever does not answer, the peg is where it was."""

@@ -1,7 +1,10 @@
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
-from cell.part_watch import LONGEST_UNKNOWN, PROVEN_BY_SWITCH, PartWatch
-from drivers.errors import SwitchUnknownError
+from cell.part_watch import EARLY_SHARE, LONGEST_UNKNOWN, PROVEN_BY_SWITCH, PartWatch
+from drivers.errors import SwitchDisagreesError, SwitchUnknownError
 from drivers.quantities import SwitchState
 from plc_bridge.messages import Report
 from skills.entry import Claim
@@ -40,3 +43,43 @@ def test_neither_a_recovery_nor_a_grasp_needs_the_switch(rig, tmp_path):
     scans = 3 * round(LONGEST_UNKNOWN / watch._context.scan_period)
     scanned(rig, watch, Claim.INSERTED, "recover", scans)
     scanned(rig, watch, Claim.HELD, "grasp_from_rack", scans)
+
+
+def closing(rig, watch, stage, depth, is_held):
+    """Let a switch that was open close in this stage, with the end of a held peg so deep, m."""
+    ctx, hole = watch._context, rig.loaded.cell.job().hole
+    if is_held:
+        rig.gripper.grip(30.0)
+    tip = ctx.observe().tip
+    above = np.array([0.0, 0.0, hole.centre[2] - depth - tip[2]])
+    rig.arm.tcp = replace(rig.arm.tcp, position=rig.arm.tcp.position + above)
+    ctx.stage = stage
+    watch.begin(rig.loaded.cell, Claim.INSERTED)
+    for state in (SwitchState.OPEN, SwitchState.CLOSED):
+        rig.switch.state = state
+        rig.clock.time += ctx.scan_period
+        watch.see(ctx.observe())
+
+
+@pytest.mark.parametrize(
+    ("stage", "share", "is_held"),
+    [("grasp_from_rack", -3.0, False), ("grasp_from_rack", -3.0, True), ("spray_search", EARLY_SHARE - 0.01, True)],
+)
+def test_a_switch_that_closes_before_the_peg_can_be_on_it_is_a_fault_at_once(rig, tmp_path, stage, share, is_held):
+    watch = PartWatch(rig.cell, rig.cell.context(0), tmp_path)
+    with pytest.raises(SwitchDisagreesError, match="switch: closed"):
+        closing(rig, watch, stage, share * rig.loaded.cell.job().hole.depth, is_held)
+
+
+@pytest.mark.parametrize(
+    ("stage", "share", "is_held"),
+    [
+        ("spray_search", EARLY_SHARE + 0.01, True),
+        ("spray_search", -3.0, False),
+        ("tactile_insert", 0.1, True),
+        ("release_and_retract", -3.0, False),
+    ],
+)
+def test_a_switch_that_closes_where_a_peg_can_be_on_it_is_judged_later(rig, tmp_path, stage, share, is_held):
+    watch = PartWatch(rig.cell, rig.cell.context(0), tmp_path)
+    closing(rig, watch, stage, share * rig.loaded.cell.job().hole.depth, is_held)
