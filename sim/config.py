@@ -232,6 +232,8 @@ class RealityConfig(ConfigModel):
     """Size of the errors that are drawn, ratio; 0 is ideal, 1 honest and 2 careless."""
     alone: str = ""
     """Name of the one error that is drawn, the others being ideal, as `arm.gravity`; empty draws all."""
+    without: tuple[str, ...] = ()
+    """Names of errors that are not drawn, as `arm.sigmoid_friction`: in these the cell is as believed."""
     file: FilePath | None = None
     """File with the distributions of the errors; without one it is the `reality.toml` that ships with the program."""
 

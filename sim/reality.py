@@ -193,13 +193,15 @@ class Reality:
         """Return the draw of the trial with this seed; the values cannot be changed.
 
         Raises:
-            ConfigError: `reality.alone` names no error.
+            ConfigError: `reality.alone` or `reality.without` names no error.
         """
         if reality.alone not in ("", *self.errors):
             raise ConfigError(f"reality.alone = {reality.alone!r}: no such error; {', '.join(self.errors)} allowed")
+        for name in set(reality.without) - set(self.errors):
+            raise ConfigError(f"reality.without = {name!r}: no such error; {', '.join(self.errors)} allowed")
         drawn = dict(AS_BELIEVED)
         for name, error in self.errors.items():
-            if reality.scale > 0.0 and reality.alone in ("", name):
+            if reality.scale > 0.0 and reality.alone in ("", name) and name not in reality.without:
                 stream = np.random.SeedSequence(seed, spawn_key=(REALITY_STREAM, zlib.crc32(name.encode())))
                 drawn[name] = _fixed(error.draw(np.random.default_rng(stream), reality.scale, KINDS[name].shape))
         return drawn

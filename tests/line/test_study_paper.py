@@ -13,7 +13,7 @@ from cell.cli import main
 from cell.config import load
 from cell.lab.frontier.measure import Variant
 from cell.lab.paper import measure
-from cell.lab.paper.unknowns import ADJUST, INSERT, LABORATORY, SEARCH, UNKNOWNS, by_hand, of_stage
+from cell.lab.paper.unknowns import ADJUST, INSERT, LABORATORY, ONE_ARM, SEARCH, UNKNOWNS, by_hand, of_stage
 from cell.lab.published import PUBLISHED, StageLine
 from cell.lab.trials import TABLE, VOID, read_table
 from skills import catalogue
@@ -77,7 +77,7 @@ def test_candidates_begin_with_the_figures_found_by_hand_stay_within_bounds_and_
 
 def test_a_candidate_is_the_preset_with_its_figures_under_honest_errors() -> None:
     found = measure.variant("07", SEARCH, {"search.speed": 0.06}, measure.ENDED[SEARCH])
-    assert found == Variant(SEARCH, "07", "paper", ("reality.scale=1", "search.speed=0.06", "insert.timeout=0.02"))
+    assert found == Variant(SEARCH, "07", "paper", (*ONE_ARM, "search.speed=0.06", "insert.timeout=0.02"))
 
 
 def faked(time: "dict[str, float]"):

@@ -8,7 +8,7 @@ from typing import Any
 from cell.cell_config import CellConfig
 from cell.config_files import presets
 from cell.lab.frontier.measure import Variant, load_variant
-from cell.lab.paper.unknowns import LABORATORY
+from cell.lab.paper.unknowns import LABORATORY, ONE_ARM
 from cell.statistics import RateTest
 from skills.catalogue import INSERT, SEARCH
 from skills.tactile.estimators import ESTIMATORS
@@ -50,7 +50,7 @@ STEPS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("+ insertion that yields", ("insert",)),
     ("+ adjustment that is guided", ("adjust",)),
     ("+ retries: {retries}", ("retries",)),
-    ("+ pads, plate and skin of this cell", tuple(LABORATORY)),
+    ("+ arms, pads, plate and skin as drawn", ("reality", *LABORATORY)),
     ("+ all else", ("",)),
 )
 """Steps of the chain, in order; each takes the keys that begin with its prefixes and that no earlier step took."""
@@ -77,7 +77,7 @@ def variants(path: Path | None, sets: Sequence[str], is_quick: bool) -> list[Var
     found = [Variant(PRESET, own, None, ())]
     if not is_quick:
         found += [Variant(PRESET, name, name, ()) for name in sorted(presets(path)) if name != START]
-    laboratory = tuple(f"{key}={value:g}" for key, value in LABORATORY.items())
+    laboratory = (*ONE_ARM, *(f"{key}={value:g}" for key, value in LABORATORY.items()))
     found += [Variant(PUBLISHED, HERE, START, ())]
     found += [] if is_quick else [Variant(PUBLISHED, THERE, START, laboratory)]
     for family, values in SWEEPS.items():

@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from cell.lab.frontier.measure import Variant
-from cell.lab.paper.unknowns import ADJUST, INSERT, SEARCH, UNKNOWNS, by_hand, of_stage
+from cell.lab.paper.unknowns import ADJUST, INSERT, ONE_ARM, SEARCH, UNKNOWNS, by_hand, of_stage
 from cell.lab.published import PUBLISHED, PublishedStage, StageLine, Tried, stage_table
 from cell.lab.trials import VOID, TrialRow
 
@@ -46,9 +46,9 @@ OTHER_HALF = 500
 Rungs = Sequence[tuple[int, int]]
 """Number of candidates and of further trials of each, rung by rung."""
 RUNGS: Mapping[str, Rungs] = {
-    SEARCH: ((6, 8), (3, 10), (2, 10)),
-    INSERT: ((3, 4), (2, 6)),
-    ADJUST: ((3, 4), (2, 6)),
+    SEARCH: ((3, 6), (2, 6)),
+    INSERT: ((3, 5),),
+    ADJUST: ((2, 6),),
 }
 QUICK: Mapping[str, Rungs] = {SEARCH: ((2, 1),), INSERT: ((1, 1),), ADJUST: ((1, 1),)}
 ENDED: Mapping[str, tuple[str, ...]] = {
@@ -103,7 +103,7 @@ def drawn(stage: str, count: int) -> list[dict[str, float]]:
 
 def variant(name: str, half: str, chosen: Mapping[str, float], ended: Sequence[str] = ()) -> Variant:
     """Return a candidate as a variant of the preset under honest errors."""
-    sets = ("reality.scale=1", *(f"{key}={value:g}" for key, value in chosen.items()), *ended)
+    sets = (*ONE_ARM, *(f"{key}={value:g}" for key, value in chosen.items()), *ended)
     return Variant(half, name, PRESET, sets)
 
 

@@ -42,6 +42,14 @@ def test_an_error_alone_is_drawn_as_among_the_others_and_leaves_them_ideal(name)
     assert all(np.all(drawn[other] == KINDS[other].ideal) for other in KINDS if other != name)
 
 
+def test_an_error_that_is_left_out_is_ideal_and_shifts_no_other():
+    name = "arm.gravity"
+    drawn, together = SHIPPED.draw(5, RealityConfig(without=(name,))), SHIPPED.draw(5, RealityConfig())
+    assert np.all(drawn[name] == KINDS[name].ideal)
+    assert np.any(together[name] != KINDS[name].ideal)
+    assert all(np.array_equal(drawn[other], together[other]) for other in KINDS if other != name)
+
+
 def test_an_offset_grows_in_proportion_to_the_scale():
     at = [SHIPPED.draw(3, RealityConfig(scale=s))["arm.gravity"] for s in (1.0, 2.0)]
     assert at[1] == pytest.approx(2.0 * at[0])
@@ -71,6 +79,11 @@ def test_a_row_tells_what_was_drawn_but_for_single_taxels():
 
 def test_every_error_has_a_source():
     assert all(error.source for error in SHIPPED.errors.values())
+
+
+def test_an_error_left_out_that_does_not_exist_is_refused():
+    with pytest.raises(ConfigError, match=r"reality.without = 'arm.mood': no such error; arm.rotor_inertia, "):
+        SHIPPED.draw(1, RealityConfig(without=("arm.mood",)))
 
 
 def test_an_error_alone_that_does_not_exist_is_refused():
