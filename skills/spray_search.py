@@ -159,7 +159,7 @@ def _referenced(plane: Plane, params: SpraySearchParams, ctx: SkillContext, swee
     if touched is None or not ctx.is_length_known:
         return plane
     sunk = plane.depth(touched) / float(plane.normal[2])
-    excess = excess_of(sunk, sweep.axis, params.length_bound)
+    excess = excess_of(sunk, sweep.axis, params.length_bound, has_touched=True)
     if not excess:
         return plane
     logger.info("peg: has slipped by %.1f mm along the fingers on the plate", -1e3 * excess)

@@ -46,7 +46,12 @@ class Bearing:
         return is_full and sum(forces) / len(forces) > self._zero.guarded(TOUCHED * push, len(forces))
 
 
-def excess_of(height: float, axis: Vector, bound: float) -> float | None:
+LONGEST_SLIP = 0.02
+"""Largest slip of the peg up into the hand since it last touched the plate, m: half of what the pads are long. Nothing but a slip makes a peg
+shorter that has touched before."""
+
+
+def excess_of(height: float, axis: Vector, bound: float, has_touched: bool = False) -> float | None:
     """Return by how much further than believed the peg reaches from the hand that touched the plate, m.
 
     One touch cannot tell a long peg from a high plate. The peg is taken for it: with a plate that is higher by h, the seated peg then
@@ -57,12 +62,13 @@ def excess_of(height: float, axis: Vector, bound: float) -> float | None:
         height: Height of the peg's lowest point over the plate's stated surface where it touches, m, by the length that is believed.
         axis: Axis of the peg, unit, shape (3,), base frame.
         bound: Largest excess that is believed, m.
+        has_touched: Whether the peg has touched the plate since it was grasped, so that it may have slipped by more since.
 
     Returns:
         Excess, negative for a short peg; 0 where other errors explain it; None where it is beyond the bound.
     """
     excess = height / max(float(axis[2]), 0.5)
-    if abs(excess) > bound:
+    if not -(max(bound, LONGEST_SLIP) if has_touched else bound) <= excess <= bound:
         return None
     return excess if abs(excess) > EXPLAINED else 0.0
 

@@ -166,10 +166,10 @@ class Sweep:
         if self._params.length_bound == 0.0:
             return
         height = float(edge[2]) - self._ctx.job.hole.centre[2]
-        excess = excess_of(height, felt.axis, self._params.length_bound)
+        excess = excess_of(height, felt.axis, self._params.length_bound, self._ctx.is_length_known)
         if excess is None:
             logger.warning(
-                "peg: touches %.1f mm above the plate's stated surface; within %.1f mm expected: length left as it is",
+                "peg: its end was expected %.1f mm above the plate's surface where it touches; within %.1f mm believed: length left as it is",
                 1e3 * height,
                 1e3 * self._params.length_bound,
             )

@@ -7,7 +7,7 @@ import pytest
 
 from drivers.frames import end_point
 from drivers.quantities import Pose
-from skills.search.feel import EXPLAINED, excess_of
+from skills.search.feel import EXPLAINED, LONGEST_SLIP, excess_of
 
 BOUND, LENGTH = 0.006, 0.05
 
@@ -43,3 +43,13 @@ def test_a_seated_peg_is_where_the_switch_expects_it_whichever_of_peg_and_plate_
     seated = Pose(np.array([0.0, 0.0, height - depth + LENGTH + longer]), hand_down)
     tip, _ = end_point(seated, 0.0, LENGTH + excess)
     assert -tip[2] == pytest.approx(depth, abs=0.0025)
+
+
+@pytest.mark.parametrize(("slip", "is_believed"), [(0.99 * LONGEST_SLIP, True), (1.01 * LONGEST_SLIP, False)])
+def test_a_peg_that_has_touched_before_may_have_slipped_into_the_hand_by_half_the_pads(slip, is_believed):
+    excess = excess_of(-slip * math.cos(0.7854), axis_at(0.7854), BOUND, has_touched=True)
+    assert excess == (pytest.approx(-slip) if is_believed else None)
+
+
+def test_a_peg_that_has_touched_before_has_not_grown():
+    assert excess_of(1.01 * BOUND * math.cos(0.7854), axis_at(0.7854), BOUND, has_touched=True) is None
