@@ -3,6 +3,7 @@
 The functions work on an array of any shape, so that a recording of another patch is treated as the live skin is.
 """
 
+import math
 from typing import Annotated
 
 import numpy as np
@@ -20,6 +21,12 @@ ERROR_COUNT = 43000
 """First count that marks an error instead of a pressure; host software of [cyskin]."""
 BASELINE_FRAMES = 50
 """Least number of frames of a baseline; the noise of fewer frames would stay in the baseline for good."""
+
+FAINT, UNEVEN = 3.8, 1.4
+"""Mean height of all taxels above their baselines, standard deviations of a mean of their noise, and scatter of the heights, standard deviations of the noise,
+from which something touches the skin although no taxel shows it by itself. Noise leaves 1 of both, a peg that is gripped with 10 N makes 7.6 and 1.8; what
+warms the skin raises all taxels alike, and drift scatters them to either side. Source: decision 0076.
+"""
 
 
 class SkinHealthConfig(ConfigModel):
@@ -88,6 +95,7 @@ class SkinHealth:
         self.noise: Vector = spread
         """Standard deviation of a reading without a load, counts."""
         self._touch = np.maximum(config.touch * spread, config.least_touch)
+        """Height above the baseline from which a taxel is touched by itself, counts."""
         self._last = still[-1].copy()
         self._equal = np.ones(still.shape[1:], dtype=np.int64)
         self._stamp: float | None = None
@@ -111,9 +119,17 @@ class SkinHealth:
         values = np.where(trusted, raw - self.baseline, 0.0)
         elapsed = 0.0 if self._stamp is None else max(stamp - self._stamp, 0.0)
         self._stamp = stamp
-        if not (np.abs(values) > self._touch).any():
+        if not self._is_touched(values, trusted):
             self.baseline = self.baseline + min(elapsed / self._config.drift_time, 1.0) * values
         return values, trusted
+
+    def _is_touched(self, values: Vector, trusted: Mask) -> bool:
+        """Return whether a taxel by itself, or all of them together, show a touch: a light grip raises none far above its noise."""
+        heights = values * self._config.touch / self._touch
+        if (np.abs(heights) > self._config.touch).any():
+            return True
+        known = heights[trusted]
+        return bool(known.size and known.mean() * math.sqrt(known.size) > FAINT and known.std() > UNEVEN)
 
 
 def dead_groups(dead: Mask, group: NDArray[np.int64]) -> list[int]:

@@ -228,6 +228,26 @@ def test_the_baseline_follows_up_to_a_touch_by_noise_or_by_counts(noise, share, 
     assert (health.baseline[4] > before[4]) == follows
 
 
+def _skin(noise=300.0, taxels=40, frames=50, seed=0):
+    return np.rint(5000.0 + noise * np.random.default_rng(seed).standard_normal((frames, taxels))).astype(np.uint16)
+
+
+def test_the_baseline_does_not_eat_a_print_that_no_taxel_shows_by_itself():
+    """A third of the taxels at three times their noise is the print of a grip of 10 N."""
+    health, pressed = SkinHealth(CONFIG, _skin()), 900.0 * (np.arange(40) % 3 == 0)
+    before = health.baseline.copy()
+    for number, raw in enumerate(_skin(seed=1, frames=100)):
+        health.update((raw + pressed).astype(np.uint16), 0.1 * number)
+    assert np.abs(health.baseline - before).max() < 100.0
+
+
+def test_the_baseline_follows_a_skin_that_warms_up_all_over():
+    health = SkinHealth(CONFIG, _skin())
+    for number, raw in enumerate(_skin(seed=1, frames=600)):
+        values, _ = health.update((raw + 600.0).astype(np.uint16), 0.1 * number)
+    assert abs(values.mean()) < 150.0
+
+
 def test_the_baseline_follows_by_the_share_of_the_time_that_has_passed():
     health = _health()
     before, (first, second) = health.baseline.copy(), _still(1)[:2]
