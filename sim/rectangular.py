@@ -98,8 +98,8 @@ def collide(model, data, geom_plate, geom_peg):  # type: ignore[no-untyped-def]
             (corners[after, 1] - start[1]) / length,
             (corners[after, 2] - start[2]) / length,
         )
-        _edges(meet, start, v, 2.0 * size[2], before, between, False)
-        _edges(meet, start, round_end, length, between, down, True)
+        _edges(meet, start, v, 2.0 * size[2], before, between)
+        _edges(meet, start, round_end, length, between, down)
 
 
 @njit(cache=True)
@@ -111,20 +111,32 @@ def _outward(e1, e2, n):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _depth(p, inward, half):  # type: ignore[no-untyped-def]
-    """Return the clearance of a corner that is in the solid behind one wall, m, at most 0: the smaller penetration, of
-    plane or wall, with a minus sign; -1 for a corner that is not in the solid.
+def _least_way_out(start, along, length, inward, half):  # type: ignore[no-untyped-def]
+    """Return the least way, m, straight up or straight into the bore, by which one edge of the peg leaves the solid behind one wall; a large
+    one where no part of it is in there.
 
-    Where the corner is in the solid less deep than its edge passes below the rim, the corner is what touches.
+    No common normal of two edges is a longer way out. One that is belongs to an edge whose end touches the surface beside the hole, or a wall
+    below the rim.
     """
-    wall = half + _dot(p, inward)
-    return max(p[2], wall) if p[2] < 0.0 and wall < 0.0 else -1.0
+    fall, rise = start[2], along[2]
+    wall, inwards = half + _dot(start, inward), _dot(along, inward)
+    low, high = 0.0, length
+    for value, slope in ((fall, rise), (wall, inwards)):
+        if slope > 0.0:
+            high = min(high, -value / slope)
+        elif slope < 0.0:
+            low = max(low, -value / slope)
+        elif value >= 0.0:
+            return BEYOND
+    if low > high:
+        return BEYOND
+    up = -min(fall + low * rise, fall + high * rise)
+    return min(up, -min(wall + low * inwards, wall + high * inwards))
 
 
 @njit(cache=True)
-def _edges(meet, start, along, length, one, other, is_end):  # type: ignore[no-untyped-def]
+def _edges(meet, start, along, length, one, other):  # type: ignore[no-untyped-def]
     """Add one edge of the peg, from `start` along a unit vector, against the hole's four; one and other are its faces' normals."""
-    end = (start[0] + length * along[0], start[1] + length * along[1], start[2] + length * along[2])
     for k in range(4):
         sign = 1.0 if k < 2 else -1.0
         # The rim edge's direction t, the wall's normal into the bore and distance from its axis, and half the edge's length.
@@ -157,7 +169,7 @@ def _edges(meet, start, along, length, one, other, is_end):  # type: ignore[no-u
         s = _dot(d, t) + u * cosine
         if u < 0.0 or u > length or abs(s) > reach + BEYOND:
             continue
-        if gap < 0.0 and is_end and max(_depth(start, inward, away), _depth(end, inward, away)) > gap:
+        if gap < 0.0 and -gap > _least_way_out(start, along, length, inward, away) + ROUNDING:
             continue
         p = (start[0] + u * along[0], start[1] + u * along[1], start[2] + u * along[2])
         band = FEATURE_BAND if inside >= 0.0 else SAMPLE_BAND

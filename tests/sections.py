@@ -27,7 +27,7 @@ def deepest(peg: Part, hole: Part, axes: np.ndarray, yaw: float = 0.0) -> float:
     mouth = rotate(Polygon(hole.outline()), yaw, origin=(0.0, 0.0), use_radians=True)
 
     def fits(depth: float) -> bool:
-        below = _below(end, axes[:, 2], float(end[:, 2].min()) + depth)
+        below = below_surface(end, axes[:, 2], float(end[:, 2].min()) + depth)
         corners = np.array(MultiPoint(below).convex_hull.exterior.coords)[:-1]
         free = mouth
         for x, y in corners:
@@ -41,7 +41,29 @@ def deepest(peg: Part, hole: Part, axes: np.ndarray, yaw: float = 0.0) -> float:
     return low
 
 
-def _below(end: np.ndarray, axis: np.ndarray, surface: float) -> np.ndarray:
+def penetration(peg: Part, hole: Part, axes: np.ndarray, place: np.ndarray) -> float:
+    """Return how deep a peg is in the solid round the hole's mouth, m: the least way straight up or square to the walls, to 0.2 um.
+
+    Args:
+        peg: Cross-section of the peg.
+        hole: Cross-section of a rectangular hole.
+        axes: Of the peg, z from its end upward, shape (3, 3).
+        place: Middle of the peg's end, shape (3,), m, from the hole's mouth.
+    """
+    end, half = peg.outline() @ axes[:, :2].T + place, hole.outline().max(axis=0)
+
+    def beyond(depth: float) -> float:
+        below = below_surface(end, axes[:, 2], -depth)
+        return float((np.abs(below) - half).max()) if len(below) else -1.0
+
+    low, high = 0.0, 1e-3
+    for _ in range(13):
+        depth = (low + high) / 2.0
+        low, high = (depth, high) if beyond(depth) > depth else (low, depth)
+    return low
+
+
+def below_surface(end: np.ndarray, axis: np.ndarray, surface: float) -> np.ndarray:
     """Return corners of the prism below a height and where its edges pass through it, projected, shape (n, 2)."""
     starts = np.concatenate([end, end])
     ends = np.concatenate([np.roll(end, -1, axis=0), end + LENGTH * axis])

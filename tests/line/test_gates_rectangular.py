@@ -2,13 +2,15 @@
 
 import math
 
+import mujoco
 import numpy as np
 import pytest
 
 from drivers.frames import UP, rotation_about
 from drivers.part.rectangular import Rectangular
+from sim import contact
 from tests.rigs import HOLE_DEPTH, leaning, pushed_rectangle_depth, rectangular_peg, square_section_depth
-from tests.sections import deepest
+from tests.sections import below_surface, deepest, penetration
 
 DT = 0.0005
 GAP = 5e-5
@@ -102,3 +104,42 @@ def test_an_upright_rectangular_peg_enters_only_when_it_is_turned_as_the_hole_is
         depth, penetration = pushed_rectangle_depth(model, peg, np.eye(3), np.zeros(2), 10.0, 4000)
         assert depth == pytest.approx(expected, abs=2e-6)
         assert penetration < 10e-6
+
+
+def nearly_touching(
+    rng: np.random.Generator, peg: Rectangular, hole: Rectangular
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return axes and place of a peg that leans little, is turned nearly as the hole is, and has two walls within 15 um; None where it is wedged."""
+    azimuth, turn = (
+        rng.choice([rng.uniform(-3.2, 3.2), rng.integers(4) * math.pi / 2]),
+        rng.choice([0.02, 1e-3]) * rng.normal(),
+    )
+    axes = leaning(rng.uniform(0.0, 0.1), azimuth) @ rotation_about(UP, turn)
+    place = np.array([0.0, 0.0, -rng.choice([0.0, 3e-3]) * rng.uniform() - rng.uniform(0.0, 5e-6)])
+    end = peg.outline() @ axes[:, :2].T
+    place[2] -= end[:, 2].min()
+    below = below_surface(end + place, axes[:, 2], 0.0)
+    low, high = -np.array(hole.half) - below.min(axis=0), np.array(hole.half) - below.max(axis=0)
+    if (high < low - 2e-5).any():
+        return None
+    slack = rng.uniform(-15e-6, 5e-6, size=2)
+    place[:2] = np.where(rng.integers(2, size=2), low + slack, high - slack)
+    return axes, place
+
+
+def test_a_peg_that_leans_little_is_as_deep_in_rim_and_walls_as_its_section_says() -> None:
+    """An end's corner that stands on the surface beside the hole is behind no wall, and one in the bore hides no deeper edge above it."""
+    peg, hole, rng = Rectangular(0.016, 0.010), Rectangular(0.0161, 0.0101), np.random.default_rng(5)
+    model = rectangular_peg(peg, hole, np.eye(3), 0.0, 0.2, DT, "<freejoint/>")
+    data, errors = mujoco.MjData(model), []
+    while len(errors) < 800:
+        posed = nearly_touching(rng, peg, hole)
+        if posed is None:
+            continue
+        data.qpos[:3] = posed[1]
+        mujoco.mju_mat2Quat(data.qpos[3:], posed[0].flatten())
+        data.userdata[:] = 0.0
+        mujoco.mj_forward(model, data)
+        told = max(data.userdata[contact.PENETRATION], data.userdata[contact.SURFACE])
+        errors.append(told - penetration(peg, hole, *posed))
+    assert max(np.abs(errors)) < 3e-6
