@@ -1,11 +1,12 @@
 """Hours of mixed commands on one served cell: whether its memory, its handles and its threads stay as many."""
 
+import csv
 import os
 import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -14,18 +15,24 @@ from cell.config import LoadedConfig
 from cell.lab.faults import devices
 from cell.lab.faults.bench import CYCLE, LONGEST, WAITING, FaultBench, bench
 from cell.lab.faults.measure import MOMENTS, bring_back
+from cell.states import State
 from drivers.errors import CellError
 from plc_bridge.images import ReportImage
 from plc_bridge.messages import Control
 from plc_bridge.peer import Peer
 from skills.catalogue import CATALOGUE
 
+TABLE = "soak.csv"
 SAMPLES = 20
 """Number of looks at memory, handles and threads."""
 SETTLED = 0.25
 """Share of the time after which caches are filled, and growth counts."""
 LATEST = 60
 """Largest number of the PLC's cycle in which something comes in between a run."""
+ENDED = tuple(state for state in WAITING if state is not State.HELD)
+"""States in which no run is under way."""
+_OVER = {Control.HOLD: WAITING, Control.UNHOLD: ENDED, Control.STOP: ENDED, Control.ABORT: ENDED}
+"""States in which a control has been obeyed."""
 UNKNOWN_CODE, UNKNOWN_RECIPE = 9999, 999
 _INSERT, _GRASP = CATALOGUE["insert_peg"].code, CATALOGUE["grasp_from_rack"].code
 
@@ -77,6 +84,16 @@ def soak(
     return found, acts
 
 
+def write(sample: SoakSample, path: Path) -> None:
+    """Add a look to the table on the disk."""
+    is_new = not path.exists()
+    with path.open("a", newline="", encoding="utf-8") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        if is_new:
+            writer.writerow([field.name for field in fields(SoakSample)])
+        writer.writerow(astuple(sample))
+
+
 def growth(found: Sequence[SoakSample]) -> tuple[float, float, float]:
     """Return how memory, MB, handles and threads grow in a simulated hour, from the time on at which caches are filled."""
     late = found[int(SETTLED * len(found)) :]
@@ -113,12 +130,15 @@ def _interrupted(*controls: Control) -> Act:
         _cycles(tested, lambda report: False, int(rng.integers(1, LATEST)))
         for control in controls:
             tested.peer.trigger(control)
-            _cycles(tested, lambda report: report.state in WAITING)
-        _cycles(tested, lambda report: report.state in WAITING)
+            _cycles(tested, _is_in(_OVER[control]))
         tested.peer.acknowledge()
         return _inserted(tested)
 
     return act
+
+
+def _is_in(states: Sequence[State]) -> Callable[[ReportImage], bool]:
+    return lambda report: report.state in states
 
 
 def _cycles(tested: FaultBench, is_over: Callable[[ReportImage], bool], most: int = round(LONGEST / CYCLE)) -> None:

@@ -102,7 +102,14 @@ def _soak(args: argparse.Namespace) -> StudyReport:
     with progress() as bars:
         bar = bars.add_task("hours", total=soak.SAMPLES)
         loaded = load_simulated(args, "study faults")
-        found, acts = soak.soak(loaded, args.soak, args.seed, lambda sample: bars.advance(bar))
+        written = out_folder(args.out) / soak.TABLE
+
+        def watch(sample: soak.SoakSample) -> None:
+            soak.write(sample, written)  # hours that are broken off leave what was seen
+            bars.advance(bar)
+
+        written.unlink(missing_ok=True)
+        found, acts = soak.soak(loaded, args.soak, args.seed, watch)
     memory, handles, threads = soak.growth(found)
     title = f"{found[-1].commands} groups of commands in {found[-1].hours:.2f} simulated hours: " + ", ".join(
         f"{count} x {name}" for name, count in sorted(acts.items())
@@ -112,4 +119,4 @@ def _soak(args: argparse.Namespace) -> StudyReport:
         f"after a quarter, in a simulated hour: {memory:+.1f} MB, {handles:+.1f} handles, {threads:+.1f} threads"
     )
     result = {"memory": memory, "handles": handles, "threads": threads, "samples": [asdict(each) for each in found]}
-    return StudyReport([shown], result)
+    return StudyReport([shown], result, [written])
