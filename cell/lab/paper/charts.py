@@ -34,13 +34,15 @@ def draw(found: Sequence[Candidate], judged: Candidate, title: str, folder: Path
                 size = 3.0 + 0.35 * line.attempts
                 share = 100 * line.successes / line.attempts
                 axes.plot([line.time], [share], "o", color=colour, markersize=size, markeredgecolor="white")
-        _point(axes, time, successes, attempts, REAL, "s", -1)
         line = judged.stages[number] if judged.stages else None
+        side = 1
         if line is not None and line.attempts and line.time is not None:
-            _point(axes, line.time, line.successes, line.attempts, JUDGED, "D", 1)
+            side = -1 if line.time < time else 1
+            _point(axes, line.time, line.successes, line.attempts, JUDGED, "D", side)
+        _point(axes, time, successes, attempts, REAL, "s", -side)
         axes.set_title(label, fontsize=10)
         axes.set_ylim(-3.0, 103.0)
-        axes.set_xlim(left=0.0)
+        axes.set_xlim(0.0, 1.12 * axes.get_xlim()[1])
         axes.grid(alpha=0.3)
         axes.set_xlabel("mean time of the stage's successes (s)")
         axes.set_ylabel("success (%)")
