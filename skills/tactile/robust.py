@@ -6,7 +6,8 @@ still do not fit are left out.
 
 The breadth of the print that the peg leaves depends on the pads and the grip. It is all that other pads, or another
 model of them, change for theta, and one frame tells it only roughly. Templates of several breadths are therefore
-compared, and the belief about the breadth is kept from frame to frame.
+compared, and the belief about the breadth is kept from frame to frame. Where the peg ends between the pads, how far it
+stands out of the hand changes the print as well: pegs that reach further or less far are compared beside.
 """
 
 import math
@@ -41,6 +42,9 @@ OVERHANGS = (-4e-3, -2e-3, 0.0, 2e-3, 4e-3, 6e-3, 8e-3)
 """Lengths of the peg beyond the finger centre that are tried instead of the stated one, m, with prints of the
 configured breadth.
 """
+REACH_STEP = 1.5e-3
+REACHES = tuple(REACH_STEP * k for k in range(-2, 3))
+"""Differences from the stated length of the peg beyond the finger centre that are compared in every frame, m."""
 _MODULE = MODULE_OF.ravel()
 MODULES = 4
 
@@ -61,6 +65,65 @@ class RobustParams(LikelihoodParams):
     """Distance from the rest at which a reading is left out, standard deviations."""
     most_outliers: Annotated[int, Field(ge=0, le=20)] = 4
     """Number of readings that are left out at the most."""
+    reach_spread: Annotated[float, Field(ge=1e-4, le=0.01)] = 1e-3
+    """Standard deviation of how much further than stated the peg stands out of the hand, m. Source: decision 0077."""
+
+
+class UsualPrints:
+    """Prints of a peg that is held as stated, of several breadths, or that stands out of the hand a little more or less.
+
+    The belief about the breadth is all that is remembered from frame to frame.
+    """
+
+    def __init__(self, params: RobustParams, layout: Layout, peg: Peg) -> None:
+        """Make the templates of every breadth and of every reach."""
+        self._believed, self._taught = AT_FIRST, math.nan
+        breadths = [params.templates.broader(factor) for factor in BREADTHS]
+        self._breadths = Bank(params, *(make_templates(layout, peg, each) for each in breadths))
+        reaching = [peg.model_copy(update={"overhang": max(peg.overhang + reach, 0.0)}) for reach in REACHES]
+        self._reaches = Bank(params, *(make_templates(layout, each, params.templates) for each in reaching))
+        self._as_stated = (float(REACHES.index(0.0)), (REACH_STEP / params.reach_spread) ** 2)
+        self.left = self._breadths.left
+        """Residuals of the likelier of the two, over their standard deviations, shape (40,)."""
+
+    def compare(self, values: Vector, weights: Vector, is_wide: bool = False) -> Found:
+        """Compare a frame with all of them; theta is the mean of both families by their odds."""
+        broad = self._breadths.compare(values, weights, is_wide, self._believed)
+        reaching = self._reaches.compare(values, weights, is_wide, self._as_stated)
+        # Noise may be stronger than configured; both log likelihoods then shrink alike.
+        scale = max(1.0, min(broad.misfit, reaching.misfit))
+        odds = (_evidence(broad, self._believed) - _evidence(reaching, self._as_stated)) / scale
+        share = 1.0 / (1.0 + math.exp(min(max(odds, -50.0), 50.0)))
+        best, bank = (reaching, self._reaches) if share > 0.5 else (broad, self._breadths)
+        self.left = bank.left
+        away = math.remainder(reaching.theta - broad.theta, math.pi)
+        spread = (1.0 - share) * broad.sigma**2 + share * reaching.sigma**2 + share * (1.0 - share) * away**2
+        return best._replace(
+            theta=math.remainder(broad.theta + share * away, math.pi),
+            sigma=math.sqrt(spread),
+            place=broad.place,
+            surety=broad.surety,
+        )
+
+    def learn(self, found: Found) -> None:
+        """Update the belief about the breadth of the print by one frame: a Kalman filter of a constant."""
+        place, surety = self._believed
+        if abs(math.remainder(found.theta - self._taught, math.pi)) < TURNED:
+            return
+        share = LEARNING / max(found.misfit, 1.0)
+        told = share * (found.surety - surety)
+        if told > 0.0:
+            place += share * found.surety / (surety + told) * (found.place - place)
+            self._taught = found.theta
+            self._believed = min(max(place, 0.0), len(BREADTHS) - 1.0), min(surety + told, MOST_SURETY)
+
+
+def _evidence(found: Found, believed: tuple[float, float]) -> float:
+    """Return the log posterior of the likeliest angle with the place of the print integrated out, up to a constant of the frame."""
+    return found.chance - 0.5 * math.log(max(found.surety, believed[1]) / believed[1])
+
+
+Prints = Bank | UsualPrints
 
 
 class RobustEstimator:
@@ -69,9 +132,7 @@ class RobustEstimator:
     def __init__(self, params: RobustParams, layout: Layout, peg: Peg) -> None:
         """Make the templates of every explanation that is considered."""
         self._params = params
-        self._believed, self._taught = AT_FIRST, math.nan
-        prints = [params.templates.broader(factor) for factor in BREADTHS]
-        self._usual = Bank(params, *(make_templates(layout, peg, each) for each in prints))
+        self._usual = UsualPrints(params, layout, peg)
         short = [peg.model_copy(update={"overhang": reach}) for reach in OVERHANGS if reach < peg.overhang]
         self._short = Bank(params, *(make_templates(layout, each, params.templates) for each in short))
 
@@ -84,30 +145,16 @@ class RobustEstimator:
         is_loud = (values > SILENT * params.noise) & (weights > 0.0)
         if not is_loud.any():
             return PegPose(0.0, 0.0, math.pi / 2, 1.0, False, frame.stamp)
-        found, bank = self._compare(self._usual, values, weights), self._usual
+        bank: Prints = self._usual
+        found = bank.compare(values, weights)
         silent = self._silent(is_loud, weights)
         if found.misfit > params.doubt or silent:
             found, bank, weights = self._think_again(values, weights, silent, found)
         seen = TaxelFrame(frame.values, (weights > 0.0).reshape(frame.trusted.shape), frame.stamp, 0)
         pose = pose_of(params, found, seen)
         if pose.healthy and bank is self._usual:
-            self._learn(found)
+            self._usual.learn(found)
         return pose
-
-    def _compare(self, bank: Bank, values: Vector, weights: Vector, is_wide: bool = False) -> Found:
-        return bank.compare(values, weights, is_wide, self._believed if bank is self._usual else None)
-
-    def _learn(self, found: Found) -> None:
-        """Update the belief about the breadth of the print by one frame: a Kalman filter of a constant."""
-        place, surety = self._believed
-        if abs(math.remainder(found.theta - self._taught, math.pi)) < TURNED:
-            return
-        share = LEARNING / max(found.misfit, 1.0)
-        told = share * (found.surety - surety)
-        if told > 0.0:
-            place += share * found.surety / (surety + told) * (found.place - place)
-            self._taught = found.theta
-            self._believed = min(max(place, 0.0), len(BREADTHS) - 1.0), min(surety + told, MOST_SURETY)
 
     def _silent(self, is_loud: Mask, weights: Vector) -> list[int]:
         """Return the modules without any reading above the noise."""
@@ -117,16 +164,16 @@ class RobustEstimator:
 
     def _think_again(
         self, values: Vector, weights: Vector, silent: list[int], usual: Found
-    ) -> tuple[Found, Bank, Vector]:
+    ) -> tuple[Found, Prints, Vector]:
         """Return the likeliest explanation of the frame, its bank and the weights that it leaves."""
         params = self._params
-        tried = [(0.0, usual, self._usual, weights)]
+        tried: list[tuple[float, Found, Prints, Vector]] = [(0.0, usual, self._usual, weights)]
         if usual.misfit > params.wide_misfit:
-            tried.append((0.0, self._compare(self._usual, values, weights, True), self._usual, weights))
+            tried.append((0.0, self._usual.compare(values, weights, True), self._usual, weights))
         for module in silent:
             without = np.where(module == _MODULE, 0.0, weights)
-            tried.append((params.rarity, self._compare(self._usual, values, without), self._usual, without))
-        tried.append((params.rarity, self._compare(self._short, values, weights), self._short, weights))
+            tried.append((params.rarity, self._usual.compare(values, without), self._usual, without))
+        tried.append((params.rarity, self._short.compare(values, weights), self._short, weights))
         # Noise may be stronger than configured; all log likelihoods then shrink alike.
         scale = max(1.0, min(found.misfit for _, found, _, _ in tried))
         odds = np.array([found.chance / scale - against for against, found, _, _ in tried])
@@ -137,10 +184,10 @@ class RobustEstimator:
         # Explanations that are about as likely widen sigma.
         return found._replace(sigma=math.hypot(found.sigma, math.sqrt(shares @ away**2 / shares.sum()))), bank, left
 
-    def _without_outliers(self, values: Vector, weights: Vector, found: Found, bank: Bank) -> tuple[Found, Vector]:
+    def _without_outliers(self, values: Vector, weights: Vector, found: Found, bank: Prints) -> tuple[Found, Vector]:
         """Leave out readings that do not fit, the worst first, until none is left or `most_outliers` are left out."""
         is_wide = found.misfit > self._params.wide_misfit
-        found = self._compare(bank, values, weights, is_wide)
+        found = bank.compare(values, weights, is_wide)
         for _ in range(self._params.most_outliers):
             away = np.abs(bank.left)
             usual = max(1.0, float(np.median(away[weights > 0.0])) / MEDIAN_OF_NORMAL) if weights.any() else math.inf
@@ -148,5 +195,5 @@ class RobustEstimator:
             if away[worst] < self._params.outlier * usual:
                 break
             weights = np.where(np.arange(weights.size) == worst, 0.0, weights)
-            found = self._compare(bank, values, weights, is_wide)
+            found = bank.compare(values, weights, is_wide)
         return found, weights
