@@ -92,7 +92,10 @@ class UsualPrints:
         reaching = self._reaches.compare(values, weights, is_wide, self._as_stated)
         # Noise may be stronger than configured; both log likelihoods then shrink alike.
         scale = max(1.0, min(broad.misfit, reaching.misfit))
-        odds = (_evidence(broad, self._believed) - _evidence(reaching, self._as_stated)) / scale
+        # A peg that reaches further or less far is compared with the configured breadth alone, which may no longer be believed.
+        place, surety = self._believed
+        unlikely = 0.5 * surety * (place - AT_FIRST[0]) ** 2
+        odds = (_evidence(broad, self._believed) - _evidence(reaching, self._as_stated) + unlikely) / scale
         share = 1.0 / (1.0 + math.exp(min(max(odds, -50.0), 50.0)))
         best, bank = (reaching, self._reaches) if share > 0.5 else (broad, self._breadths)
         self.left = bank.left
