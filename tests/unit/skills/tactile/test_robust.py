@@ -60,7 +60,7 @@ def test_taxels_that_read_anything_are_left_out():
     error, _, _, healthy = swept(_estimator("parallelogram"), "parallelogram", spoil)
     plain, _, _, _ = swept(_plain("parallelogram"), "parallelogram", spoil)
     assert healthy.mean() > 0.97
-    assert rms_degrees(error[healthy > 0]) < min(1.2, 0.72 * rms_degrees(plain))
+    assert rms_degrees(error[healthy > 0]) < min(1.2, 0.71 * rms_degrees(plain))
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
