@@ -7,6 +7,7 @@ from pydantic import Field, create_model, model_validator
 from cell.config_checks import (
     require_apart,
     require_clear_way,
+    require_pressed,
     require_prior_inside,
     require_reach,
     require_shallow,
@@ -187,6 +188,11 @@ class CellConfig(Catalogued):
     @model_validator(mode="after")
     def _has_reachable_prior(self) -> Self:
         require_prior_inside(self.hole, self.limits)
+        return self
+
+    @model_validator(mode="after")
+    def _presses_through(self) -> Self:
+        require_pressed(self.hole.latch, self.params(ADJUST), self.params(GRASP), self.peg, self.limits)
         return self
 
     @model_validator(mode="after")

@@ -9,13 +9,18 @@ from collections.abc import Mapping
 
 from cell.margins import MARGIN, Place, too_high
 from cell.torque_path import is_steady, largest
-from drivers.parts import Hole, Peg, Rack
+from drivers.parts import Hole, Latch, Peg, Rack
 from skills.grasp_from_rack import GraspFromRackParams
+from skills.grip import grip_of
 from skills.motion import Gains
 from skills.search.params import TOUCHED_TIME, SpraySearchParams
+from skills.seating import LEAST_PUSH
 from skills.setpoint_gate import Limits
+from skills.spiral_adjust import SpiralAdjustParams
 from skills.tactile.blend import BLIND, Smoothing
 
+LATCH_MARGIN = 1.2
+"""Factor by which a real latch may resist more than is stated, ratio. Source: `latch.force` of config/reality.toml."""
 LEAST_TURN = 1e-3
 """Turn of a peg with corners against its hole that is left out of account, rad; what a rounded figure makes."""
 
@@ -84,6 +89,34 @@ def require_workspace(limits: Limits) -> None:
     for low, high, axis in zip(limits.low, limits.high, "xyz", strict=True):
         if low >= high:
             raise ValueError(f"limits.low = {low} along {axis}: less than limits.high = {high} allowed")
+
+
+def require_pressed(
+    latch: Latch | None, adjust: SpiralAdjustParams, grasp: GraspFromRackParams, peg: Peg, limits: Limits
+) -> None:
+    """Make sure that the adjustment presses the part through its latch, with what its pads bear.
+
+    A push that goes through exceeds the latch's force by `LATCH_MARGIN`, and then by what friction in the arm's joints keeps.
+
+    Raises:
+        ValueError: The push, the grip or the force limit is too small for the latch; one line.
+    """
+    if latch is None:
+        return
+    grip, push = grip_of(grasp), adjust.push_stiffness * adjust.push_offset
+    borne = grip.adjusting(adjust, peg.length)
+    softened = borne.push_stiffness * borne.push_offset
+    found = (
+        (push, f"adjust.push_stiffness and adjust.push_offset push with {push:.3g} N"),
+        (softened, f"the pads bear a push of {softened:.3g} N at grasp.force = {grasp.force:g}"),
+        (limits.force, f"limits.force = {limits.force:g}"),
+    )
+    least, why = min(found, key=lambda one: one[0])
+    most = (least - LEAST_PUSH) / LATCH_MARGIN
+    if latch.force > most:
+        raise ValueError(
+            f"hole.latch.force = {latch.force:g}: not pressed through, as {why}; at most {max(most, 0.0):.3g} allowed"
+        )
 
 
 def require_prior_inside(hole: Hole, limits: Limits) -> None:

@@ -57,6 +57,35 @@ class HolePrior(ConfigModel):
     """Standard deviations of the hole's middle along x and y, m; between two parts as well as of what is known."""
 
 
+class Latch(ConfigModel):
+    """What resists a part on the last way to the bottom of its hole: a detent that it snaps into, or a light press fit.
+
+    Source: set for each part.
+    """
+
+    kind: Literal["detent", "press"]
+    """Kind of the latch: a detent stores what it takes to pass its crest and gives it back behind it, a press fit keeps it."""
+    force: Annotated[float, Field(ge=1.0, le=40.0)]
+    """Largest force along the hole that it resists with, N: a detent at its crest, a press fit at the bottom. Source: the part's
+    drawing, or [bayer], mating force.
+    """
+    height: Annotated[float, Field(ge=0.0015, le=0.01)]
+    """Height of the end of the peg above the bottom at which it begins to resist, m; the crest of a detent lies a quarter of that
+    deeper, and from half of it on the detent draws the part in.
+    """
+
+    wear: Fraction = 0.0
+    """Share of that force which the real part has lost, fraction; the simulation alone reads it. Source: set for each trial.
+    """
+
+    def most_at(self, depth: float, bottom: float) -> float:
+        """Return the force, N, that it resists a slow push with at a depth, where the bottom is, m; less than 0 where it draws in."""
+        way = (depth - bottom + self.height) / self.height
+        if not 0.0 <= way <= 1.0:
+            return 0.0
+        return self.force * (math.sin(2.0 * math.pi * way) if self.kind == "detent" else way)
+
+
 Bounds = tuple[tuple[float, float], tuple[float, float]]
 """Least x and y, and largest x and y, of a rectangle, m, base frame."""
 PLATE_BORDER = 0.04
@@ -86,6 +115,12 @@ class Hole(ConfigModel):
     """Largest angle by which the hole's sides are turned from the base frame's x and y, rad; a round hole has none.
     Source: assumed; decision 0026.
     """
+    shallow: Annotated[float, Field(ge=0.0, le=0.02)] = 0.0
+    """Height of the real bottom above where `depth` has it, m, as of a chip in the hole; the simulation alone reads it, and the skills do not
+    know it. Source: set for each trial.
+    """
+    latch: Latch | None = None
+    """What resists the part on the last way to the bottom; without one nothing does."""
     prior: HolePrior | None = None
     """Where in the area the hole is likely, which is searched first; without it the hole is anywhere in the area alike."""
     present: bool = True
@@ -108,6 +143,14 @@ class Hole(ConfigModel):
     @model_validator(mode="after")
     def _has_size(self) -> Self:
         section_of(self.diameter, self.sides)
+        if self.latch is not None and self.latch.height >= self.depth:
+            raise ValueError(
+                f"hole.latch.height = {self.latch.height}: begins above the hole; less than hole.depth = {self.depth} allowed"
+            )
+        if self.shallow >= self.depth:
+            raise ValueError(
+                f"hole.shallow = {self.shallow}: no hole is left; less than hole.depth = {self.depth} allowed"
+            )
         if self.prior is not None:
             for axis, mean, centre, extent in zip("xy", self.prior.mean, self.centre, self.area, strict=False):
                 if abs(mean - centre) > extent / 2 + 1e-9:

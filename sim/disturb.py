@@ -45,6 +45,10 @@ class Draw:
     """Length by which the peg reaches further from the finger centre than believed when it is taken from the rack, m."""
     grip_force: float
     """Force of the fingers over the commanded one, ratio."""
+    latch_force: float
+    """Force of the hole's latch over the stated one, ratio."""
+    latch_place: float
+    """Height of the latch over the stated one, m."""
     arm: ArmTruth
     """The true arm."""
     senses: np.random.Generator
@@ -86,6 +90,8 @@ def draw(
         rack=cell["place.rack"],
         depth_in_hand=float(part["peg.depth_in_hand"]),
         grip_force=float(part["grip.force"]),
+        latch_force=float(part["latch.force"]),
+        latch_place=float(part["latch.place"]),
         arm=drawn_arm(arm, cell),
         senses=np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(SENSES_STREAM,))),
     )

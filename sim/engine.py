@@ -10,7 +10,7 @@ from drivers import impedance
 from drivers.arm.model import Hand
 from drivers.compiled import njit
 from drivers.quantities import Vector
-from sim import arm_senses, joint_drive, metering, native, slip
+from sim import arm_senses, joint_drive, latch, metering, native, slip
 from sim.peg_distances import PegView, is_far
 
 DRIVE_FORCE, DRIVE_WIDTH, DRIVE_SPEED, DRIVE_OPENING = 0, 1, 2, 3
@@ -74,6 +74,10 @@ class Watch(NamedTuple):
     """Angle of the hinge beyond which the peg is no longer held, rad."""
     is_felt: bool
     """Whether the arm feels what the plates do to the peg."""
+    mass_centre: Vector
+    """View of the peg's centre of mass, shape (3,), m, base frame."""
+    load: Vector
+    """View of force, N, and torque, N·m, that are applied to it, shape (6,), base frame."""
 
 
 class Drives(NamedTuple):
@@ -93,6 +97,8 @@ class Drives(NamedTuple):
     """Readings of the joints, see `sim.arm_senses`."""
     grip: Vector
     """State of what the pads do to a held peg, see `sim.slip`."""
+    latch: Vector
+    """State of what resists the peg near the bottom, see `sim.latch`."""
 
 
 class Span(NamedTuple):
@@ -148,9 +154,14 @@ def advance(
         joint_drive.act(control.joints, qvel, qfrc, stride > 1)
         if watch.hinge >= 0:
             slip.act(control.grip, qpos, qvel, qfrc, watch.hinge)
+        is_latched = control.latch[latch.KIND] > 0.0
+        if is_latched:
+            latch.act(control.latch, peg, watch.mass_centre, watch.load)
         native.step(models.fine if stride == 1 else models.coarse, state.data)
         tick += stride
         metering.net_force(state.data, watch.pivot, watch.plates, force, torque)
+        if is_latched:
+            latch.add_felt(control.latch, peg, watch.pivot, force, torque)
         metering.take(meters, force, torque, stride * span.timestep, watch.hinge, qpos)
         for _ in range(stride):
             metering.judge(meters, state.userdata, lasting)

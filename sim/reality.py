@@ -71,6 +71,8 @@ KINDS: dict[str, ErrorKind] = {
     "peg.depth_in_hand": ErrorKind("trial", 0.0),
     "grip.force": ErrorKind("trial", 1.0),
     "grip.pad_friction": ErrorKind("trial", 1.0),
+    "latch.force": ErrorKind("trial", 1.0),
+    "latch.place": ErrorKind("trial", 0.0),
     "skin.noise_level": ErrorKind("taxel", 1.0),
     "skin.taxel_place": ErrorKind("taxel_axis", 0.0),
     "skin.dead_taxel": ErrorKind("taxel", 0.0),

@@ -9,7 +9,7 @@ from drivers import frames, impedance
 from drivers.arm.model import JOINTS, ArmModel
 from drivers.errors import SimulationUnstableError
 from drivers.quantities import Pose, Vector
-from sim import arm_senses, engine, joint_drive, metering, peg_distances, situation, slip
+from sim import arm_senses, engine, joint_drive, latch, metering, peg_distances, situation, slip
 from sim.arm_truth import ArmTruth
 from sim.config import GripConfig, SimConfig
 from sim.pace import Pace
@@ -50,12 +50,14 @@ class Stepper:
             np.zeros(joint_drive.WORDS),
             np.zeros(arm_senses.WORDS),
             slip.new_words(),
+            np.zeros(latch.WORDS),
         )
         self.meters = metering.new_meters()
         self.peg, self.peg_length = PegSituation.FREE, math.nan
         self._running: Mechanism | None = None
         self._q, self._dq = np.array(arm.home), np.zeros(JOINTS)
-        self._in_grip_since = self._loose_since = self._load = 0.0
+        self._in_grip_since = self._loose_since = 0.0
+        self._load: Vector = np.zeros(6)
         self._carried = 0.0, 0.0
         self._is_resting = False
 
@@ -81,6 +83,7 @@ class Stepper:
         self.scene, self._pad_friction, self._noise = scene, pad_friction, noise
         self.meters = metering.new_meters()
         self._change_arm(scene.arm)
+        self.control = self.control._replace(latch=scene.latch.copy())
         self.enter_free(float(self.control.drive[engine.DRIVE_WIDTH]), scene.racked())
 
     def _change_arm(self, truth: ArmTruth) -> None:
@@ -194,6 +197,7 @@ class Stepper:
         mechanism, now = self.running, self._pace.now()
         data, is_held = mechanism.data, self.peg is PegSituation.HELD
         data.xfrc_applied[mechanism.peg_body, 2] = -weight
+        latch.loosen(self.control.latch)
         mujoco.mj_forward(mechanism.model, data)
         size = self.scene.size
         self.peg_view = peg_distances.PegView(
@@ -209,6 +213,8 @@ class Stepper:
             HINGE if is_held else -1,
             situation.LOST_TURN,
             self.feels_plates(),
+            data.xipos[mechanism.peg_body],
+            data.xfrc_applied[mechanism.peg_body],
         )
         self._set_near(self.scene.hole)
         self._in_grip_since = self._loose_since = now
@@ -271,15 +277,15 @@ class Stepper:
         self._is_resting = rests
         force = data.xfrc_applied[mechanism.peg_body]
         if rests:
-            self._load = float(force[2])
+            self._load = force.copy()
             self._steppers = [mechanism.model, mechanism.twin]
             self._set_near(NOWHERE)
-            force[2] = data.qvel[PEG] = 0.0
+            force[:] = data.qvel[PEG] = 0.0
         else:
             self._loose_since = now
             self._steppers = [mechanism.model]
             self._set_near(self.scene.hole)
-            force[2] = self._load
+            force[:] = self._load
 
     def _pass_on(self) -> None:
         """Change the peg's situation when the last ticks ask for it."""

@@ -10,7 +10,7 @@ from drivers import frames
 from drivers.errors import ConfigError
 from drivers.parts import Job
 from drivers.quantities import Pose, Vector
-from sim import contact, engine, joint_drive, scene
+from sim import contact, engine, joint_drive, latch, scene
 from sim.arm_truth import ArmTruth, JointFriction
 from sim.config import SimConfig
 from sim.disturb import Draw
@@ -72,6 +72,8 @@ class TrialScene:
         """The true arm."""
         has_twins = has_twins and _can_step(self.arm, sim.timestep)
         self.plate, self.rack = _plate(job, drawn), _rack(job, drawn)
+        self.latch = latch.words_of(job.hole.latch, self.plate, job.hole.depth, drawn.latch_force, drawn.latch_place)
+        """What resists the peg near the bottom, see `sim.latch`."""
         dt, how = sim.timestep, sim.model
         held = scene.held_model(self.arm, job, self.plate, drawn.friction, dt, how)
         free = scene.free_model(self.arm, job, self.plate, self.rack, drawn.friction, drawn.pad_friction, pad, dt)
@@ -125,9 +127,8 @@ def _plate(job: Job, drawn: Draw) -> Plate:
     if hole.part.symmetry > 0.0:
         lean = lean @ frames.rotation_about(frames.UP, drawn.yaw)
     half = hole.part.half if hole.present else (contact.SOLID, contact.SOLID)
-    return Plate(
-        drawn.hole, lean, half, hole.depth + FLOOR_MARGIN, outline_of(drawn.hole, lean, *job.hole.plate_bounds)
-    )
+    floor = hole.depth - hole.shallow + FLOOR_MARGIN
+    return Plate(drawn.hole, lean, half, floor, outline_of(drawn.hole, lean, *job.hole.plate_bounds))
 
 
 def _rack(job: Job, drawn: Draw) -> Plate:
