@@ -13,6 +13,7 @@ is one cycle old when its torque is computed, and the torque acts in the next on
 
 import math
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,6 +21,9 @@ from drivers import frames
 from drivers.arm.model import ArmModel, Inertial, Joints
 from drivers.errors import ConfigError
 from drivers.quantities import Pose
+
+if TYPE_CHECKING:
+    from sim.described_arm import DescribedArm
 
 Seven = tuple[float, float, float, float, float, float, float]
 Three = tuple[float, float, float]
@@ -161,6 +165,8 @@ class ArmTruth:
     """Offset of the middle between the pads from where the cell believes it, m, in the hand frame that the cell believes in."""
     tcp_turn: Three = NOWHERE
     """Rotation vector of the real fingers about that point, in the same frame, rad."""
+    described: "DescribedArm | None" = None
+    """Description by other people that takes the place of the model's figures; None where these are true."""
 
     def __post_init__(self) -> None:
         """Refuse figures that no arm can have.

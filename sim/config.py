@@ -207,6 +207,29 @@ class FixtureConfig(ConfigModel):
     """Standard deviation of the hole's place between parts, along x and along y, m; no hole lies outside its area."""
 
 
+class DescribedArmConfig(ConfigModel):
+    """[sim.described]: an arm that other people described, in place of the one that the cell believes in.
+
+    Source: set for each trial; decision 0078.
+    """
+
+    file: FilePath
+    """URDF or MJCF file of an arm of seven hinges, with the base, zeros and signs of the cell's arm."""
+    flange: str = ""
+    """Name of the body or site that is the flange; what lies behind it is left out. Empty looks for the usual names."""
+    sha256: str = ""
+    """SHA-256 that the file has to have, hex; empty allows any."""
+    takes: tuple[Literal["kinematics", "inertia", "friction", "rotors", "gravity"], ...] = (
+        "kinematics",
+        "inertia",
+        "friction",
+        "rotors",
+        "gravity",
+    )
+    """What is taken from the description, the remainder being the cell's own. With `gravity` the links weigh what they weigh, and the
+    arm's controller compensates what the cell believes."""
+
+
 class SimConfig(ConfigModel):
     """The simulated world."""
 
@@ -220,6 +243,8 @@ class SimConfig(ConfigModel):
     """Fixture that holds the plate about one place; none draws the hole's place anew for every part, evenly over its area."""
     model: ModelConfig = ModelConfig()
     """How much of the physics is modelled."""
+    described: DescribedArmConfig | None = None
+    """Description of the true arm by other people; none takes the cell's own figures."""
 
 
 class RealityConfig(ConfigModel):

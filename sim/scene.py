@@ -17,7 +17,7 @@ from drivers import frames
 from drivers.arm.model import Inertial
 from drivers.parts import Job
 from drivers.quantities import Vector
-from sim import contact, native, shapes, slip
+from sim import contact, described_arm, native, shapes, slip
 from sim.arm_truth import ArmTruth
 from sim.config import ModelConfig
 from sim.plate import EXACT, Plate, flags, geoms, words
@@ -55,7 +55,7 @@ def held_model(
         {_peg_geom(job, axis)}</body></body>"""
     hand_mass = hand.body.mass + 2 * hand.finger.mass
     plates = "".join(geoms("plate", plate, friction, timestep, how))
-    return _compile(plates, _arm(arm, timestep, hand_mass, peg), "", f'island="disable" {flags(how)}', timestep)
+    return _compile(plates, arm, _arm(arm, timestep, hand_mass, peg), "", f'island="disable" {flags(how)}', timestep)
 
 
 def free_model(
@@ -84,7 +84,8 @@ def free_model(
     peg = f"""<body name="peg"><freejoint/>{_peg_geom(job, 0.0)}</body>"""
     plates = "".join(geoms("plate", plate, friction, timestep) + geoms("rack", rack, friction, timestep))
     extra = f'<equality><joint joint1="left" joint2="right" solref="{2 * timestep} 1" solimp="0.999 0.999 0.0005"/></equality>'
-    return _compile(plates, _arm(arm, timestep, hand.body.mass, fingers) + peg, extra, 'island="enable"', timestep)
+    bodies = _arm(arm, timestep, hand.body.mass, fingers) + peg
+    return _compile(plates, arm, bodies, extra, 'island="enable"', timestep)
 
 
 def without_peg(model: mujoco.MjModel, longer: int) -> mujoco.MjModel:
@@ -110,6 +111,7 @@ def _peg_geom(job: Job, axis: float) -> str:
 
 def _arm(arm: ArmTruth, timestep: float, hand_mass: float, in_hand: str) -> str:
     dh, joints, hand = arm.model.kinematics, arm.model.joints, arm.model.hand
+    is_weighed = arm.described is not None and "gravity" in arm.described.takes
     inner = f"""<body name="hand" pos="0 0 {dh.flange}" euler="0 0 {hand.turn}">
       {_inertial(arm.hand_body(hand_mass))}
       {_displaced(arm, in_hand)}</body>"""
@@ -119,6 +121,7 @@ def _arm(arm: ArmTruth, timestep: float, hand_mass: float, in_hand: str) -> str:
           {_inertial(link)}
           <joint name="joint{i + 1}" type="hinge" axis="0 0 1" limited="true" range="{joints.q_min[i]} {joints.q_max[i]}"
             armature="{arm.rotor_inertia[i]}" frictionloss="{arm.friction.dry[i]}" solreffriction="{2 * timestep} 1" solimpfriction="0.9999 0.9999 0.001 0.5 2"/>
+          {described_arm.believed_weight(i, arm.model) if is_weighed else ""}
           {inner}</body>"""
     return inner
 
@@ -142,12 +145,17 @@ def _inertial(body: Inertial) -> str:
     return f'<inertial mass="{body.mass}" pos="{words(body.com)}" {inertia}/>'
 
 
-def _compile(plates: str, bodies: str, extra: str, options: str, timestep: float) -> mujoco.MjModel:
-    return mujoco.MjModel.from_xml_string(
+def _compile(plates: str, arm: ArmTruth, bodies: str, extra: str, options: str, timestep: float) -> mujoco.MjModel:
+    # Bodies that another description moves must not be fused.
+    fuse = "true" if arm.described is None else "false"
+    model = mujoco.MjModel.from_xml_string(
         f"""<mujoco model="cell">
-        <compiler angle="radian" autolimits="false" fusestatic="true"/>
+        <compiler angle="radian" autolimits="false" fusestatic="{fuse}"/>
         <option timestep="{timestep}" gravity="0 0 0" cone="elliptic" impratio="10" solver="Newton" iterations="60" tolerance="{TOLERANCE}" ls_tolerance="0.1" jacobian="dense">
           <flag {options} autoreset="disable"/></option>
         <size nuser_geom="{contact.USER}" nuserdata="{native.NUSERDATA}" memory="4M"/>
         <worldbody>{plates}{bodies}</worldbody>{extra}</mujoco>"""
     )
+    if arm.described is not None:
+        described_arm.put_on(model, arm)
+    return model

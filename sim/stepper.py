@@ -9,7 +9,17 @@ from drivers import frames, impedance
 from drivers.arm.model import JOINTS, ArmModel
 from drivers.errors import SimulationUnstableError
 from drivers.quantities import Pose, Vector
-from sim import arm_senses, engine, joint_drive, latch, metering, peg_distances, situation, slip
+from sim import (
+    arm_senses,
+    described_arm,
+    engine,
+    joint_drive,
+    latch,
+    metering,
+    peg_distances,
+    situation,
+    slip,
+)
 from sim.arm_truth import ArmTruth
 from sim.config import GripConfig, SimConfig
 from sim.pace import Pace
@@ -185,6 +195,9 @@ class Stepper:
             self._q, self._dq = self.q, self.dq
         self.peg, self._running = peg, mechanism
         is_held = peg is PegSituation.HELD
+        described = self.scene.arm.described
+        is_weighed = described is not None and "gravity" in described.takes
+        self._scratch = mujoco.MjData(mechanism.model) if is_weighed else None
         self._steppers = [mechanism.model]
         if is_held and mechanism.twin is not None:
             self._steppers.append(mechanism.twin)
@@ -322,7 +335,10 @@ class Stepper:
         if control.senses[arm_senses.IS_IDEAL] > 0.0:
             felt = self.meters[metering.FORCE : metering.TORQUE + 3].copy() if self.feels_plates() else np.zeros(6)
             return self.q, self.dq, felt
-        q, dq, wrench = arm_senses.scanned(control.senses, control.arm, joint_drive.unmodelled(control.joints))
+        felt = joint_drive.unmodelled(control.joints)
+        if self._scratch is not None:
+            felt += described_arm.left_over(self.running.model, self._scratch, self.running.data.qpos)
+        q, dq, wrench = arm_senses.scanned(control.senses, control.arm, felt)
         return q, dq, wrench
 
     def physics(self) -> tuple[mujoco.MjModel, mujoco.MjData]:
@@ -332,6 +348,9 @@ class Stepper:
 
     def tcp(self) -> Pose:
         """Return the true T_base_tcp."""
+        described = self.scene.arm.described
+        if described is not None and "kinematics" in described.takes:
+            return self.scene.arm.displaced(described.tcp(self.scene.arm.model, self.running.data.qpos[:7]))
         position, rotation, _, _ = impedance.forward(self._real, self.running.data.qpos[:7])
         return self.scene.arm.displaced(Pose(position, rotation))
 

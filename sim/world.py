@@ -1,6 +1,7 @@
 """The physics of one cell as its devices use it: the clock, the commands, the readings, and the truth."""
 
 import math
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -9,7 +10,7 @@ from drivers.arm.model import ArmModel
 from drivers.parts import Job
 from drivers.quantities import Pose, Vector
 from drivers.skin.layout import Layout, pad_size
-from sim import engine, metering, shapes, slip
+from sim import described_arm, engine, metering, shapes, slip
 from sim.config import ContactConfig, GripConfig, SimConfig
 from sim.disturb import Draw, draw, in_fixture
 from sim.pace import Pace
@@ -41,11 +42,12 @@ class World:
         """Keep the configuration and build the scene of the first run; the skin's layout tells the pads' size.
 
         Raises:
-            ConfigError: `reality.alone` names no error.
+            ConfigError: `reality.alone` names no error, or the description of the arm cannot be used.
         """
         self._errors, self.drawn = errors, errors.draw(sim.seed)
         """Errors of the cell and their draw, constant for as long as the cell stands: arm, places, skin and computer."""
         self.arm, self._sim, self._contact, self._grip = arm, sim, friction, grip
+        self._described = described_arm.read(sim.described, arm) if sim.described else None
         self.pad = pad_size(layout)
         """Length and width of a pad, m."""
         self._pace = Pace(sim.timestep, sim.pace)
@@ -59,6 +61,8 @@ class World:
         drawn = draw(self.arm, job, self._contact, self._grip, seed, self.drawn, part)
         if self._sim.fixture is not None:
             drawn = in_fixture(drawn, self._sim.fixture, job, self._sim.seed, seed)
+        if self._described is not None:
+            drawn = replace(drawn, arm=self._described.true(drawn.arm, self.drawn["arm.friction_level"]))
         self.begin(job, drawn)
 
     def begin(self, job: Job, drawn: Draw) -> None:

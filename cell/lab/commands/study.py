@@ -46,6 +46,7 @@ STUDIES = (
     "page",
     "faults",
     "learning",
+    "opinion",
 )
 """Package of each study in the laboratory; each has a module `study`."""
 

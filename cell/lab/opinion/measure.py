@@ -1,0 +1,146 @@
+"""Whole trials on the cell's own arm and on one that other people described, seed by seed."""
+
+import csv
+import json
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+
+from cell.lab.frontier.measure import Variant
+from cell.lab.frontier.measure import measure as run_variants
+from cell.lab.opinion.figures import Comparison
+from cell.lab.results import TrialsResult, result_of
+from cell.lab.trials import TABLE as ROWS
+from cell.lab.trials import TrialRow, read_table
+from cell.statistics import Z95
+from drivers.errors import ConfigError
+from sim.described_arm import DescribedArm
+from skills.contract import Outcome
+
+TABLE = "opinion.csv"
+OURS, THEIRS = "the cell's own arm", "the described arm"
+PACKAGE, FILE, BELIEF = "franka_sim", "models/fr3.urdf", "arm.model=fr3"
+"""Package that carries a description of the arm, its file there, and the key of the arm that it describes."""
+PARTS: dict[str, tuple[str, ...]] = {
+    "kinematics": ("kinematics",),
+    "inertia": ("inertia", "gravity"),
+    "friction": ("friction",),
+    "rotors": ("rotors",),
+}
+"""What is taken from the description, by what is asked: masses bring their weight, since the controller compensates the believed one."""
+
+
+@dataclass(frozen=True, slots=True)
+class OpinionLine:
+    """Trials on one arm, and their differences from the cell's own arm on the same seeds."""
+
+    result: TrialsResult
+    depth: float
+    """Median depth of the tip in the hole over the successes, m; NaN where there are none."""
+    pairs: int
+    """Number of seeds that succeeded on both arms."""
+    slower: float
+    """Mean difference of the total time over those seeds, this arm less the cell's own, s."""
+    slower_error: float
+    """Half width of its 95 % interval, normal, s; NaN below two pairs."""
+    harder: float
+    """Median difference of the largest contact force over all seeds, N."""
+    won: int
+    """Number of seeds that succeeded on this arm and not on the cell's own."""
+    lost: int
+    """Number of seeds that succeeded on the cell's own arm and not on this one."""
+
+
+def shipped_description() -> Path:
+    """Return the description that a package brings.
+
+    Raises:
+        ConfigError: The package is not installed.
+    """
+    found = find_spec(PACKAGE)
+    places = list(found.submodule_search_locations or ()) if found else []
+    if not places or not (file := Path(places[0], FILE)).is_file():
+        raise ConfigError(
+            "study opinion: no description of an arm; name a URDF or MJCF file with --model, or install one, without the older "
+            "packages that it asks for: pip install --no-deps -c constraints.txt franka-sim"
+        )
+    return file
+
+
+def variants(described: DescribedArm, path: Path, compared: Comparison) -> list[Variant]:
+    """Return the cell's own arm, the described one, and between them each part of it that differs, alone."""
+    found = [Variant("opinion", OURS, None, ())]
+    single = [name for name in PARTS if name in compared.differs]
+    if len(single) > 1:
+        found += [
+            Variant("opinion", f"its {name} alone", None, (_key(described, path, PARTS[name]),)) for name in single
+        ]
+    every = tuple(part for parts in PARTS.values() for part in parts)
+    return [*found, Variant("opinion", THEIRS, None, (_key(described, path, every),))]
+
+
+def _key(described: DescribedArm, path: Path, takes: tuple[str, ...]) -> str:
+    words = {"file": str(path.resolve()), "flange": described.flange, "sha256": described.digest, "takes": list(takes)}
+    return f"sim.described={{{', '.join(f'{key} = {json.dumps(value)}' for key, value in words.items())}}}"
+
+
+def measure(
+    path: Path | None,
+    sets: Sequence[str],
+    tried: Sequence[Variant],
+    seeds: range,
+    workers: int,
+    folder: Path,
+    done: Callable[[int], None],
+) -> list[OpinionLine]:
+    """Run every variant on the same seeds, the cell's own arm first; finished trials in the folder are taken up.
+
+    Args:
+        path: TOML file of the cell; None is the simulated cell that ships with the program.
+        sets: Keys of all variants.
+        tried: Variants, from `variants`.
+        seeds: Seeds, one trial each.
+        workers: Number of processes.
+        folder: Folder of the variants' folders.
+        done: Called with the number of further trials done.
+    """
+    found: list[OpinionLine] = []
+    ours: list[TrialRow] = []
+    for variant, line in zip(tried, run_variants(path, sets, tried, seeds, workers, folder, done), strict=True):
+        rows = read_table(folder / line.folder / ROWS) if line.trials else []
+        ours = rows if variant.name == OURS else ours
+        found.append(_line(result_of(variant.name, rows, line.error), rows, ours))
+    return found
+
+
+def _line(result: TrialsResult, rows: Sequence[TrialRow], ours: Sequence[TrialRow]) -> OpinionLine:
+    own = {row.seed: row for row in ours}
+    pairs = [(own[row.seed], row) for row in rows if row.seed in own]
+    both = [(a, b) for a, b in pairs if a.outcome == b.outcome == Outcome.SUCCESS]
+    times = np.array([(b.total_time or 0.0) - (a.total_time or 0.0) for a, b in both])
+    forces = [b.peak_contact_force - a.peak_contact_force for a, b in pairs]
+    depths = [row.depth for row in rows if row.outcome == Outcome.SUCCESS]
+    return OpinionLine(
+        result=result,
+        depth=float(np.median(depths)) if depths else math.nan,
+        pairs=len(both),
+        slower=float(times.mean()) if both else math.nan,
+        slower_error=Z95 * float(times.std(ddof=1)) / math.sqrt(len(both)) if len(both) > 1 else math.nan,
+        harder=float(np.median(forces)) if forces else math.nan,
+        won=sum(b.outcome == Outcome.SUCCESS != a.outcome for a, b in pairs),
+        lost=sum(a.outcome == Outcome.SUCCESS != b.outcome for a, b in pairs),
+    )
+
+
+def write(lines: Sequence[OpinionLine], path: Path) -> Path:
+    """Write a row for each line as CSV; return the file."""
+    rows = [{**(told := asdict(line)).pop("result"), **told} for line in lines]
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+    return path
