@@ -173,6 +173,12 @@ class Journal:
         """Return the number of the newest run; 0 when none is on record."""
         return int(self._reading().execute("SELECT coalesce(max(run), 0) FROM runs", []).fetchone()[0])
 
+    def outcomes(self, query: RunQuery) -> dict[str, int]:
+        """Return the number of runs of each outcome, of those that a question is about."""
+        where, values = query.where()
+        counted = f"SELECT outcome, count(*) FROM runs WHERE {where} GROUP BY outcome"
+        return dict(self._reading().execute(counted, values).fetchall())
+
     def stages(self, run: int) -> list[StageRow]:
         """Return the stages of a run in the order in which they were tried."""
         return self._reading().rows(StageRow, "WHERE run = ? ORDER BY place", [run])

@@ -29,8 +29,10 @@ if TYPE_CHECKING:
     from selenium.webdriver import Chrome
 
 PAGES = 2
-WARM = 0.25
-"""Share of the runs before growth is counted: buffers fill, code is compiled."""
+WARM = 1.0
+"""Simulated time before growth is counted, h, or a quarter of what is counted where that is less: buffers fill, code is compiled."""
+STEP = 0.5
+"""Simulated time between two looks at the memory, h."""
 GAPS = (0.12, 0.3)
 """Least and greatest time between two events, s."""
 MEGABYTE = 1e6
@@ -58,6 +60,17 @@ class Growth:
     def growth(self) -> float:
         """Return by how much it grew, MB."""
         return self.end - self.start
+
+
+@dataclass(frozen=True, slots=True)
+class MemoryLook:
+    """Memory at one moment of the runs."""
+
+    hours: float
+    """Simulated time of the runs so far, those of the warm-up included, h."""
+    runs: int
+    memory: dict[str, float]
+    """Memory by what holds it, MB."""
 
 
 @dataclass(slots=True)
@@ -99,7 +112,7 @@ def shown(folder: Path) -> "Iterator[tuple[Stand, Chrome]]":
 
 
 def measure_growth(
-    page: Stand, browser: "Chrome", looks: list[Look], hours: float, done: Callable[[float], None]
+    page: Stand, browser: "Chrome", looks: list[Look], hours: float, seen: Callable[[float, MemoryLook | None], None]
 ) -> list[Growth]:
     """Show a run again and again to the pages of a browser, as fast as the slot takes it; return what grew.
 
@@ -107,19 +120,21 @@ def measure_growth(
         page: The page that is served.
         browser: The browser that has it open.
         looks: Every look of one run.
-        hours: Simulated time of all runs together, h.
-        done: Told the share that is done.
+        hours: Simulated time of all runs together that come after those of the warm-up, h.
+        seen: Told after each run the share that is done, and the memory where it was looked at.
     """
     length = (looks[-1].seen.stamp - looks[0].seen.stamp) / 3600.0
-    runs = max(round(hours / length), 4)
-    warm = max(round(WARM * runs), 1)
-    start = _memory(browser)
+    warm = max(round(min(WARM, 0.25 * hours) / length), 1)
+    runs, every = warm + max(round(hours / length), 4), max(round(STEP / length), 1)
+    start = end = _memory(browser)
     for run in range(1, runs + 1):
         _show_run(page, looks, run)
-        done(run / runs)
-        if run == warm:
-            start = _memory(browser)
-    end = _memory(browser)
+        if run not in (warm, runs) and run % every:
+            seen(run / runs, None)
+            continue
+        end = _memory(browser)
+        start = end if run == warm else start
+        seen(run / runs, MemoryLook(run * length, run, end))
     counted = runs - warm
     return [Growth(what, counted * length, counted, start[what], end[what]) for what in end]
 

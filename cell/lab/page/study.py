@@ -1,6 +1,7 @@
 """`cell study page`: growth, latency and what open pages cost the scan."""
 
 import argparse
+import csv
 import json
 from dataclasses import asdict
 from pathlib import Path
@@ -11,6 +12,8 @@ from cell.lab.arguments import add_out
 from cell.lab.report import StudyReport, finite
 from cell.terminal import progress
 
+CURVE = "growth.csv"
+"""File of the memory over the simulated hours, MB."""
 SUMMARY = "what the page costs the scan, how fast it shows what happens, whether anything grows"
 
 
@@ -22,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=2.0,
         metavar="H",
-        help="simulated hours of runs for the growth; 0 measures only what the scan pays",
+        help="simulated hours of runs for the growth, after up to one hour of warm-up; 0 measures only what the scan pays",
     )
     parser.add_argument("--quick", action="store_true", help="a few runs, events and seconds")
 
@@ -31,7 +34,8 @@ def run(args: argparse.Namespace) -> StudyReport:
     """Measure, and write the figures; without a browser only what the scan pays."""
     from cell.lab.page import browser, growth, jitter, replay, tables
 
-    file = out_folder(args.out) / "page.json"
+    folder, curve = out_folder(args.out), list[dict[str, float]]()
+    file = folder / "page.json"
     hours, events, pairs, length = (0.05, 10, 1, 1.5) if args.quick else (args.hours, 200, 12, 6.0)
     lines: list[growth.Growth] = []
     latencies: list[float] = []
@@ -41,9 +45,14 @@ def run(args: argparse.Namespace) -> StudyReport:
             looks = replay.recorded(records / "run")
             bar = bars.add_task("growth", total=100)
             with growth.shown(records / "page") as (page, opened):
-                lines = growth.measure_growth(
-                    page, opened, looks, hours, lambda share: bars.update(bar, completed=round(100 * share))
-                )
+
+                def seen(share: float, look: growth.MemoryLook | None) -> None:
+                    bars.update(bar, completed=round(100 * share))
+                    if look is not None:
+                        curve.append({"hours": round(look.hours, 3), "runs": look.runs, **look.memory})
+                        _save_curve(folder / CURVE, curve)  # hours that are broken off leave what was seen
+
+                lines = growth.measure_growth(page, opened, looks, hours, seen)
                 latencies = growth.measure_latency(page, opened, looks, events)
         result = {
             "growth": [asdict(line) | {"growth": line.growth} for line in lines],
@@ -59,6 +68,13 @@ def run(args: argparse.Namespace) -> StudyReport:
     result = finite(result | {"jitter": [asdict(pair) | {"ratio": pair.ratio} for pair in found]})
     _save(file, result)
     return StudyReport(shown, result, [file])
+
+
+def _save_curve(file: Path, curve: list[dict[str, float]]) -> None:
+    with file.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.DictWriter(stream, list(curve[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(curve)
 
 
 def _save(file: Path, result: object) -> None:
