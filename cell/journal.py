@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Self
 
 from cell.journal_index import INDEX as INDEX
 from cell.journal_index import Index
-from cell.journal_schema import ConfigRow, EventRow, RunRow, RunTold, StageRow, StageTold
+from cell.journal_schema import ConfigRow, EventRow, RunRow, StageRow
+from cell.journal_told import Told, told_columns
 from cell.provenance import versions
 from cell.run_query import RunQuery
 from drivers.errors import JournalError
@@ -188,16 +189,11 @@ class Journal:
         where, values = query.where()
         return self._reading().rows(RunRow, f"WHERE {where} ORDER BY run DESC LIMIT ?", [*values, last])
 
-    def told(self, query: RunQuery) -> list[RunTold]:
-        """Return what a report tells of the runs that a question is about, oldest first."""
+    def told(self, query: RunQuery) -> Told:
+        """Return what a report tells of the runs that a question is about, as far as they have ended."""
         where, values = query.where()
-        return self._reading().values(RunTold, f"FROM runs WHERE {where} ORDER BY run", values)
-
-    def stages_told(self, query: RunQuery) -> list[StageTold]:
-        """Return what a report tells of the stages of those runs, all tries of a run together."""
-        where, values = query.where()
-        tried = f"FROM stages WHERE run IN (SELECT run FROM runs WHERE {where}) GROUP BY run, name"
-        return self._reading().values(StageTold, tried, values)
+        asked = f"FROM runs JOIN told USING (run) WHERE {where} AND outcome != 'running' ORDER BY started"
+        return told_columns(self._reading().execute(f"SELECT kind, figures {asked}", values).fetchall())
 
     def events(self, since: str = "", run: int | None = None) -> list[EventRow]:
         """Return the events, oldest first, from the wall time `since`, ISO 8601 UTC, on; of one run where it is named."""

@@ -2,29 +2,26 @@
 
 import os
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
 from cell.journal_schema import (
-    EXPRESSIONS,
     LAYOUT,
     TABLES,
     ConfigRow,
     EventRow,
     RunRow,
-    RunTold,
     StageRow,
-    StageTold,
     migrate,
     names,
     require_known_layout,
 )
+from cell.journal_told import told_row
 from drivers.errors import JournalError
 
 Row = TypeVar("Row", RunRow, StageRow, EventRow, ConfigRow)
-Told = TypeVar("Told", RunTold, StageTold)
 
 INDEX = "runs.sqlite"
 OWNER_ONLY, OWNERS_FOLDER = 0o600, 0o700
@@ -86,11 +83,6 @@ class Index:
         cursor = self.execute(f"SELECT {', '.join(names(row))} FROM {TABLES[row]} {where}", values or [])
         return [row(*found) for found in cursor]
 
-    def values(self, told: type[Told], rest: str, values: list[object]) -> list[Told]:
-        """Return values by the expressions that `told` has for its fields; `rest` is the statement from FROM on."""
-        fields = ", ".join(expression or name for name, expression in EXPRESSIONS[told].items())
-        return [told._make(found) for found in self.execute(f"SELECT {fields} {rest}", values)]
-
     def put(self, row: Any, *, is_numbered_here: bool = False, how: str = "INSERT") -> None:
         """Write a row; where `is_numbered_here`, the index counts up the number in its first column.
 
@@ -103,6 +95,16 @@ class Index:
             f"{how} INTO {TABLES[type(row)]} ({', '.join(columns)}) VALUES ({marks})",
             [getattr(row, name) for name in columns],
         )
+
+    def put_ended(self, row: RunRow, stages: Sequence[StageRow]) -> None:
+        """Write the tries of the stages of a run that has ended, and what reports tell of it.
+
+        Raises:
+            JournalError: The index cannot be written.
+        """
+        for stage in stages:
+            self.put(stage, how="INSERT OR REPLACE")
+        self.put(told_row(row, stages), how="INSERT OR REPLACE")
 
     def execute(self, statement: str, values: list[object]) -> sqlite3.Cursor:
         """Execute one statement.
@@ -135,13 +137,29 @@ def _opened_to_write(path: Path) -> sqlite3.Connection:
     try:
         index.execute("PRAGMA synchronous=NORMAL")
         index.execute("PRAGMA journal_mode=WAL")
-        migrate(index)
+        migrate(index, _tell_all)
         # What is told to be on record is on the disk, also when the power fails.
         index.execute("PRAGMA synchronous=FULL")
     except (JournalError, sqlite3.Error):
         index.close()
         raise
     return index
+
+
+def _tell_all(index: sqlite3.Connection) -> None:
+    """Tell of every run that has ended and is not told of yet, as in an index of an earlier layout.
+
+    Raises:
+        sqlite3.Error: The index cannot be written.
+    """
+    wanted = "FROM runs WHERE outcome != 'running' AND run NOT IN (SELECT run FROM told)"
+    for values in index.execute(f"SELECT {', '.join(names(RunRow))} {wanted}").fetchall():
+        row = RunRow(*values)
+        tries = index.execute(
+            f"SELECT {', '.join(names(StageRow))} FROM stages WHERE run = ? ORDER BY place", [row.run]
+        )
+        told = told_row(row, [StageRow(*found) for found in tries])
+        index.execute("INSERT INTO told VALUES (?, ?, ?)", [told.run, told.kind, told.figures])
 
 
 def _opened_to_read(path: Path) -> sqlite3.Connection:
@@ -153,7 +171,7 @@ def _opened_to_read(path: Path) -> sqlite3.Connection:
             return index
         index.backup(copy)
         index.close()
-    migrate(copy)
+    migrate(copy, _tell_all)
     return copy
 
 

@@ -6,19 +6,21 @@
 | `stages`  | try of a stage in a run                                                                   |
 | `events`  | change of state, command, refusal, fault, warning                                         |
 | `configs` | config that a run was made with, whole, under the digest that runs name in `config_hash`  |
+| `told`    | run that has ended: what reports tell of it and of its stages, packed; see `journal_told`  |
 
 The number of the layout is the index's `PRAGMA user_version`. Layout 1, of version 0.1, has the table `runs` alone and
-says 0 there; layout 4 is the present one.
+says 0 there; layout 5 is the present one.
 """
 
 import sqlite3
+from collections.abc import Callable
 from dataclasses import MISSING, Field, dataclass, fields
 from enum import StrEnum
-from typing import Any, NamedTuple
+from typing import Any
 
 from drivers.errors import JournalError
 
-LAYOUT = 4
+LAYOUT = 5
 """Number of the present layout."""
 RUNNING = "running"
 """Outcome of a run that has not ended."""
@@ -165,46 +167,22 @@ class ConfigRow:
     """The config as JSON."""
 
 
-class RunTold(NamedTuple):
-    """What a report tells of one run: some columns of it, as a report asks for those of hundred thousand runs."""
+@dataclass(frozen=True, slots=True)
+class ToldRow:
+    """Figures that reports tell of one run that has ended, so that a report of hundred thousand runs reads a narrow table."""
 
     run: int
-    started: str
-    outcome: str
-    stage: str
-    reason: str
-    fault: int
-    stage_times: str
-    """Times as in the row where no try of a stage is on record, as in journals of layout 1; else empty."""
-    cycle_time: float | None
-    peak_force: float | None
+    kind: str
+    """How it ended and which stages it had, as `journal_told` writes it: one text for all runs of which the same is told."""
+    figures: bytes
+    """Figures as `journal_told` packs them."""
 
-
-class StageTold(NamedTuple):
-    """What a report tells of one stage of one run, all its tries together."""
-
-    run: int
-    name: str
-    counted: float | None
-    """Sum of the times that the skill counts as its own, s."""
-    whole: float
-    """Sum of the times with the way to the stage's place, s."""
-    residual: float | None
-    """Largest residual of theta, 0 to 1."""
-
-
-EXPRESSIONS: dict[type, dict[str, str]] = {
-    RunTold: dict.fromkeys(RunTold._fields, "")
-    | {"stage_times": "iif(run IN (SELECT run FROM stages), '', stage_times)"},
-    StageTold: dict.fromkeys(StageTold._fields, "")
-    | {"counted": "sum(counted)", "whole": "sum(ended - began)", "residual": "max(residual)"},
-}
-"""Expression of each field that is more than its column."""
 
 _TYPES: dict[Any, str] = {
     int: "INTEGER NOT NULL",
     float: "REAL NOT NULL",
     str: "TEXT NOT NULL",
+    bytes: "BLOB NOT NULL",
     int | None: "INTEGER",
     float | None: "REAL",
 }
@@ -212,11 +190,20 @@ _KEYS = {
     RunRow: "run INTEGER PRIMARY KEY AUTOINCREMENT",
     EventRow: "event INTEGER PRIMARY KEY AUTOINCREMENT",
     ConfigRow: "config_hash TEXT PRIMARY KEY",
+    ToldRow: "run INTEGER PRIMARY KEY",
 }
-TABLES: dict[type, str] = {RunRow: "runs", StageRow: "stages", EventRow: "events", ConfigRow: "configs"}
+TABLES: dict[type, str] = {
+    RunRow: "runs",
+    StageRow: "stages",
+    EventRow: "events",
+    ConfigRow: "configs",
+    ToldRow: "told",
+}
 """Name of the table of each row."""
 _INDICES = (
-    "CREATE INDEX IF NOT EXISTS runs_started ON runs (started)",
+    "DROP INDEX IF EXISTS runs_started",
+    # All that questions ask and reports tell of a run, so that neither reads the long rows themselves.
+    "CREATE INDEX IF NOT EXISTS runs_asked ON runs (started, program, outcome, fault, serial, recipe, stage, reason)",
     "CREATE UNIQUE INDEX IF NOT EXISTS stages_run ON stages (run, place)",
     "CREATE INDEX IF NOT EXISTS events_time ON events (time)",
     "CREATE INDEX IF NOT EXISTS events_run ON events (run)",
@@ -228,8 +215,8 @@ def names(row: type) -> tuple[str, ...]:
     return tuple(field.name for field in fields(row))
 
 
-def migrate(index: sqlite3.Connection) -> None:
-    """Give the index the tables and columns of the present layout; what is in it stays.
+def migrate(index: sqlite3.Connection, fill: Callable[[sqlite3.Connection], None]) -> None:
+    """Give the index the tables and columns of the present layout, and let `fill` fill what is new; what is in it stays.
 
     Raises:
         JournalError: A newer version of the program has made it.
@@ -243,6 +230,7 @@ def migrate(index: sqlite3.Connection) -> None:
             _bring_up(index, row)
         for statement in _INDICES:
             index.execute(statement)
+        fill(index)
         index.execute(f"PRAGMA user_version = {LAYOUT}")
         index.execute("COMMIT")
     except sqlite3.Error:

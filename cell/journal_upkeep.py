@@ -125,7 +125,8 @@ def delete_old(index: Index, folder: Path, keep: Keep) -> None:
         with index.at_once():
             where = "outcome != 'running' AND started < ?"
             old = [int(run) for (run,) in index.execute(f"SELECT run FROM runs WHERE {where}", [oldest])]
-            index.execute(f"DELETE FROM stages WHERE run IN (SELECT run FROM runs WHERE {where})", [oldest])
+            for table in ("stages", "told"):
+                index.execute(f"DELETE FROM {table} WHERE run IN (SELECT run FROM runs WHERE {where})", [oldest])
             index.execute(f"DELETE FROM runs WHERE {where}", [oldest])
             index.execute("DELETE FROM events WHERE time < ?", [oldest])
             index.execute("DELETE FROM configs WHERE config_hash NOT IN (SELECT config_hash FROM runs)", [])
@@ -164,13 +165,14 @@ def _restore(index: Index, run: int, path: Path, row: RunRow | None = None) -> N
         beginning, ending = read_rows(path)
     if ending:
         told = json.loads(ending)
-        index.put(replace(_row(RunRow, told["run"]), run=run), how="INSERT OR REPLACE")
-        for stage in told["stages"]:
-            index.put(_row(StageRow, stage), how="INSERT OR REPLACE")
+        ended = replace(_row(RunRow, told["run"]), run=run)
+        index.put(ended, how="INSERT OR REPLACE")
+        index.put_ended(ended, [_row(StageRow, stage) for stage in told["stages"]])
         return
     begun = row or (_row(RunRow, json.loads(beginning)) if beginning else UNKNOWN_RUN)
     lost = _lost(replace(begun, run=run), path)
     index.put(lost, how="INSERT OR REPLACE")
+    index.put_ended(lost, ())
     index.put(event(EventKind.WARNING, "run_lost", lost.message, run), is_numbered_here=True)
     logger.warning("run %d: %s", run, lost.message)
 

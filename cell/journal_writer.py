@@ -319,8 +319,7 @@ def _finish(index: Index, row: RunRow, stages: list[StageRow]) -> None:
     done = index.execute(f"UPDATE runs SET {places} WHERE run = ? AND started = ?", [*values, row.run, row.started])
     if not done.rowcount:
         index.put(row, how="INSERT OR IGNORE")
-    for stage in stages:
-        index.put(stage, how="INSERT OR REPLACE")
+    index.put_ended(row, stages)
 
 
 def _unusable(folder: Path, error: OSError) -> JournalError:

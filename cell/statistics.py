@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
+from numpy.typing import NDArray
 
 Z95 = 1.959963984540054
 """Two-sided 95 % quantile of the normal distribution."""
@@ -44,11 +45,11 @@ def mean(values: Iterable[float]) -> float | None:
     return math.fsum(values) / len(values) if values else None
 
 
-def spread(values: Sequence[float]) -> dict[str, float] | None:
+def spread(values: Sequence[float] | NDArray[np.float64]) -> dict[str, float] | None:
     """Return mean, median and 95th percentile, or None of nothing."""
-    if not values:
+    if not len(values):
         return None
-    median, p95 = np.percentile(found := np.array(values), [50, 95])
+    median, p95 = np.percentile(found := np.asarray(values), [50, 95])
     return {"mean": float(found.mean()), "median": float(median), "p95": float(p95), "n": len(values)}
 
 

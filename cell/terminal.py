@@ -19,23 +19,26 @@ PIPE_WIDTH = 200
 
 
 def show(args: argparse.Namespace, picture: "RenderableType", data: object) -> None:
-    """Print a result at once: `picture` for people, or with --json `data` for programs."""
+    """Print a result at once: `picture` for people, a group part by part, or with --json `data` for programs."""
     if args.json:
         print(json.dumps(data, indent=2))
     else:
-        console(None if sys.stdout.isatty() else PIPE_WIDTH).print(_folded(picture))
+        from rich.console import Group
+
+        terminal = console(None if sys.stdout.isatty() else PIPE_WIDTH)
+        for part in picture.renderables if isinstance(picture, Group) else (picture,):
+            terminal.print(_folded(part))
+            sys.stdout.flush()
     sys.stdout.flush()  # what follows may take time
 
 
-def _folded(picture: "RenderableType") -> "RenderableType":
-    """Return a picture whose tables fold what does not fit a narrow terminal: nothing is cut."""
-    from rich.console import Group
+def _folded(part: "RenderableType") -> "RenderableType":
+    """Return a part of a picture, which as a table folds what does not fit a narrow terminal: nothing is cut."""
     from rich.table import Table
 
-    for part in picture.renderables if isinstance(picture, Group) else (picture,):
-        for column in part.columns if isinstance(part, Table) else ():
-            column.overflow = "fold"
-    return picture
+    for column in part.columns if isinstance(part, Table) else ():
+        column.overflow = "fold"
+    return part
 
 
 def say(*words: object) -> None:

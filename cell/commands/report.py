@@ -3,9 +3,13 @@
 import argparse
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from cell.arguments import add_journal, add_query, query_of, read_journal
 from cell.terminal import GOOD, show, written
+
+if TYPE_CHECKING:
+    from cell.report.facts import Facts
 
 SUMMARY = "yield, times, reasons, forces and wear over many runs, of insert_peg unless --program says another"
 STOPS_ITSELF = False
@@ -25,25 +29,33 @@ def run(args: argparse.Namespace) -> int:
 
     from cell.line import PROGRAMS
     from cell.report.facts import facts_of
-    from cell.report.words import tables
+    from cell.report.words import require_kind, tables
     from plc_bridge.messages import FIRST_PROGRAM
 
+    if args.out is not None:
+        require_kind(args.out)
     query = query_of(args)
     if query.program is None:
         query = replace(query, program=PROGRAMS[FIRST_PROGRAM])
     with read_journal(args) as journal:
-        facts = facts_of(journal.told(query), journal.stages_told(query), query.since)
-    if args.out is not None:
-        from cell.report.document import write  # the charts, which who only reads does not wait for
-
-        write(facts, args.out)
+        facts = facts_of(journal.told(query), query.since)
     shown = []
     for title, head, rows in tables(facts):
         table = Table(*head, title=title, title_justify="left")
         for row in rows:
             table.add_row(*row)
         shown.append(table)
-    interval = facts.total.interval
-    show(args, Group(*shown), {**asdict(facts), "yield": facts.total.share, "interval": interval})
+    show(args, Group(*shown), _data(facts) if args.json else None)
+    if args.out is not None:
+        from cell.report.document import write  # the charts, which the words do not wait for
+
+        write(facts, args.out)
     written(args, [args.out] if args.out is not None else [])
     return GOOD
+
+
+def _data(facts: "Facts") -> dict[str, object]:
+    """Return a report for programs; its long lists are taken as they are."""
+    short = asdict(replace(facts, forces=(), residuals=()))
+    long = {"forces": facts.forces, "residuals": facts.residuals}
+    return {**short, **long, "yield": facts.total.share, "interval": facts.total.interval}

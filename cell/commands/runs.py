@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
 SUMMARY = "runs on record, by time, outcome, fault or part"
 STOPS_ITSELF = False
-LAST = 20
+LAST, BLOCK = 20, 100
+"""Number of runs that are shown unless another is asked for, and of those below one head."""
 FORMATS = ("parquet", "csv", "mcap")
 
 
@@ -41,8 +42,12 @@ def run(args: argparse.Namespace) -> int:
     with read_journal(args) as journal:
         rows = journal.select(query, *([args.last or LAST] if args.last or not args.export else []))
         files = _exported(args, journal, rows) if args.export else []
-    data = [asdict(row) for row in rows]
-    show(args, _table(rows), {"runs": data, "files": [str(path) for path in files]} if args.export else data)
+    from rich.console import Group
+
+    # The first lines of many do not wait for the last ones.
+    blocks = Group(*(_table(rows[first : first + BLOCK]) for first in range(0, max(len(rows), 1), BLOCK)))
+    data = [asdict(row) for row in rows] if args.json else []
+    show(args, blocks, {"runs": data, "files": [str(path) for path in files]} if args.export else data)
     written(args, files[:3])
     return GOOD
 

@@ -21,22 +21,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Show what is on record; then draw the run, and export its samples if asked to."""
     from cell import words
-    from cell.samples import export_csv, read_samples
 
     with read_journal(args) as journal:
         row = journal.find(args.number)
         stages = journal.stages(row.run)
-    samples = read_samples(journal.samples_path(row.run))
+    recorded = journal.samples_path(row.run)
     folder = out_folder(args.export) if args.export else journal.folder
     picture, table = (folder / f"run-{row.run:06d}.{kind}" for kind in ("png", "csv"))
-    files = [picture, table] if args.export else [picture]
+    files = ([picture, table] if args.export else [picture]) if recorded.exists() else []
     show(
         args,
         words.run(row, stages),
         {**asdict(row), "stages": [asdict(stage) for stage in stages], "files": [str(path) for path in files]},
     )
-    from cell.plots import plot_run  # the charts, which the words do not wait for
+    # Samples and charts, which the words do not wait for.
+    from cell.plots import plot_run
+    from cell.samples import export_csv, read_samples
 
+    samples = read_samples(recorded)
     plot_run(row, samples, picture)
     if args.export:
         export_csv(samples, table)

@@ -5,12 +5,11 @@ import io
 from html import escape
 from pathlib import Path
 
-from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 
 from cell.report.drawings import draw
 from cell.report.facts import Facts
-from cell.report.words import Table, local, tables
+from cell.report.words import HTML, Table, local, require_kind, tables
 from drivers.errors import ConfigError
 
 STYLE = """
@@ -28,12 +27,10 @@ def write(facts: Facts, path: Path) -> None:
     Raises:
         ConfigError: The ending is unknown, or the file cannot be written.
     """
-    kinds = {".html": _write_html, ".pdf": _write_pdf}
-    if path.suffix.lower() not in kinds:
-        raise ConfigError(f"--out {path}: *{', *'.join(kinds)} allowed")
+    require_kind(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        kinds[path.suffix.lower()](facts, path)
+        (_write_html if path.suffix.lower() == HTML else _write_pdf)(facts, path)
     except OSError as error:
         raise ConfigError(f"--out {path}: cannot be written: {error.strerror}") from None
 
@@ -54,6 +51,8 @@ def _write_html(facts: Facts, path: Path) -> None:
 
 
 def _write_pdf(facts: Facts, path: Path) -> None:
+    from matplotlib.backends.backend_pdf import PdfPages
+
     words = Figure(figsize=(11.7, 8.3))
     lines = ["Report of the cell", ""]
     for title, head, rows in tables(facts):

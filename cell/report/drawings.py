@@ -7,10 +7,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from cell.report.facts import Facts
+from drivers.quantities import Vector
 
 GOOD, BAD, PLAIN, FAINT = "#228833", "#bb4455", "#4477aa", "#9aa5ad"
 """Colours that colour-blind readers can tell apart."""
 MOST_LOSSES, MOST_DAYS = 8, 31
+MOST_POINTS, SPANS = 2000, 100
+"""Number of runs that are drawn as points, and of spans into which more of them are put."""
 
 
 def draw(facts: Facts) -> Figure:
@@ -82,7 +85,7 @@ def _stages(axes: Axes, facts: Facts) -> None:
 def _forces(axes: Axes, facts: Facts) -> None:
     axes.set_title(f"Largest force of each run, n = {len(facts.forces)}")
     if facts.forces:
-        axes.hist(facts.forces, bins=min(30, max(5, len(facts.forces) // 3)), color=PLAIN)
+        axes.hist(np.array(facts.forces), bins=min(30, max(5, len(facts.forces) // 3)), color=PLAIN)
         axes.axvline(float(np.median(facts.forces)), color="#333333", lw=1, ls="--", label="median")
         axes.legend(fontsize=8)
     axes.set_xlabel("N")
@@ -93,10 +96,23 @@ def _drift(axes: Axes, facts: Facts) -> None:
     axes.set_title("Residual of theta after the grasp")
     if facts.residuals:
         time, value = np.array(facts.residuals).T
-        axes.plot(time, value, ".", color=FAINT, ms=4)
+        if len(time) > MOST_POINTS:
+            _spans(axes, time, value)
+        else:
+            axes.plot(time, value, ".", color=FAINT, ms=4)
         if facts.drift is not None:
             middle = value.mean() + facts.drift.per_day * (time - time.mean())
             axes.plot(time, middle, color=BAD if facts.drift.is_shown else PLAIN, lw=1.5)
     axes.set_ylim(bottom=0)
     axes.set_xlabel("days since the first run; pads that wear let it rise")
     axes.set_ylabel("residual (0 to 1)")
+
+
+def _spans(axes: Axes, time: Vector, value: Vector) -> None:
+    """Draw the median and the middle eight tenths of the values in spans of equally many runs, instead of a point for each run."""
+    spans = [np.array_split(values[np.argsort(time, kind="stable")], SPANS) for values in (time, value)]
+    middle = [float(span.mean()) for span in spans[0]]
+    low, median, high = np.array([np.percentile(span, (10, 50, 90)) for span in spans[1]]).T
+    axes.fill_between(middle, low, high, color=FAINT, lw=0, alpha=0.5, label=f"8 of 10 of {len(time) // SPANS} runs")
+    axes.plot(middle, median, color=FAINT, lw=1.5, label="their median")
+    axes.legend(fontsize=8)

@@ -1,21 +1,24 @@
 """Yield, times, reasons, forces and the drift of the pads over many runs; pure."""
 
-import json
 from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import UTC, datetime
 
 import numpy as np
 
-from cell.journal_schema import RunTold, StageTold
+from cell.journal_told import Kind, Told
+from cell.report.figures import Figures, unpacked
 from cell.statistics import Z95, spread, wilson
 from drivers.errors import FAULTS, FaultCode
+from drivers.quantities import Vector
 from skills.catalogue import CATALOGUE, GRASP
+from skills.contract import Outcome
 
 LEAST_DRIFT = 10
 """Least number of runs from which a drift is computed."""
-DAY = 86400.0
+DAY, QUARTER = 86400.0, 900.0
+"""Length of a day and of a quarter of an hour, s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,34 +104,35 @@ class Facts:
     drift: Drift | None
 
 
-def facts_of(runs: Sequence[RunTold], stages: Sequence[StageTold], since: str = "") -> Facts:
-    """Return what runs, oldest first, and their stages say together."""
-    ended = [row for row in runs if row.outcome != "running"]
-    good = [row for row in ended if row.outcome == "success"]
-    of_good = _by_name(stages, {row.run for row in good})
-    residuals = _residuals(ended, stages)
+def facts_of(told: Told, since: str = "") -> Facts:
+    """Return what runs that have ended say together."""
+    figures = unpacked(told)
+    is_good, started = figures.is_good, figures.of_run["started"]
+    time, residual = _residuals(figures)
+    outcomes: Counter[str] = Counter()
+    for kind, runs in figures.kinds:
+        outcomes[kind.outcome] += runs
     return Facts(
         since=since,
-        first=ended[0].started if ended else "",
-        last=ended[-1].started if ended else "",
-        outcomes=dict(Counter(row.outcome for row in ended)),
-        total=Yield(len(good), len(ended)),
-        by_day=_by_day(ended),
-        cycle=spread([row.cycle_time for row in good if row.cycle_time is not None]),
-        insertion=spread(_insertions(good, of_good)),
-        stages=_stage_times(of_good),
-        losses=_losses(ended),
-        forces=[row.peak_force for row in ended if row.peak_force is not None],
-        residuals=residuals,
-        drift=drift_of(residuals),
+        first=_moment(started[:1]),
+        last=_moment(started[-1:]),
+        outcomes=dict(outcomes),
+        total=Yield(int(is_good.sum()), len(is_good)),
+        by_day=_by_day(figures),
+        cycle=spread(_known(figures.of_run["cycle_time"][is_good])),
+        insertion=spread(_insertions(figures)),
+        stages=_stage_times(figures),
+        losses=_losses(figures.kinds),
+        forces=_known(figures.of_run["peak_force"]).tolist(),
+        residuals=list(zip(time.tolist(), residual.tolist(), strict=True)),
+        drift=drift_of(time, residual),
     )
 
 
-def drift_of(residuals: Sequence[tuple[float, float]]) -> Drift | None:
-    """Return the trend of (time in days, residual) pairs; None of too few, or of all at one time."""
-    if len(residuals) < LEAST_DRIFT:
+def drift_of(time: Vector, value: Vector) -> Drift | None:
+    """Return the trend of residuals at times in days; None of too few, or of all at one time."""
+    if len(time) < LEAST_DRIFT:
         return None
-    time, value = np.array(residuals).T
     spent = time - time.mean()
     if not (scatter := float(spent @ spent)):
         return None
@@ -138,55 +142,57 @@ def drift_of(residuals: Sequence[tuple[float, float]]) -> Drift | None:
     return Drift(len(value), slope, slope - Z95 * error, slope + Z95 * error)
 
 
-def _by_name(stages: Sequence[StageTold], runs: set[int]) -> dict[str, list[StageTold]]:
-    """Return the stages of some runs by name."""
-    found: dict[str, list[StageTold]] = defaultdict(list)
-    for stage in stages:
-        if stage.run in runs:
-            found[stage.name].append(stage)
-    return found
+def _known(values: Vector) -> Vector:
+    """Return the values that are on record."""
+    return values[~np.isnan(values)]
 
 
-def _insertions(good: Sequence[RunTold], stages: Mapping[str, Sequence[StageTold]]) -> list[float]:
-    """Return the time that the stages which count took together, s, of each run that has any of them on record."""
-    sums: dict[int, float] = defaultdict(float)
-    for name in CATALOGUE.counted:
-        for stage in stages.get(name, ()):
-            if stage.counted is not None:
-                sums[stage.run] += stage.counted
-    for row in good:
-        if row.stage_times and any(name in CATALOGUE.counted for name, _ in json.loads(row.stage_times)):
-            sums[row.run] = sum(time for name, time in json.loads(row.stage_times) if name in CATALOGUE.counted)
-    return list(sums.values())
+def _moment(seconds: Vector) -> str:
+    """Return a wall time of the records; empty where there is none."""
+    known = _known(seconds).tolist()
+    return datetime.fromtimestamp(known[0], UTC).isoformat(timespec="milliseconds") if known else ""
 
 
-def _by_day(ended: Sequence[RunTold]) -> list[tuple[str, Yield]]:
-    hours: dict[str, list[int]] = defaultdict(lambda: [0, 0])
-    for row in ended:
-        # No time zone changes its offset but at a full quarter of an hour.
-        counts = hours[row.started[: len("2025-01-31T06:0")]]
-        counts[0] += row.outcome == "success"
-        counts[1] += 1
+def _insertions(figures: Figures) -> Vector:
+    """Return the time that the stages which count took together, s, of each good run that has any of them on record."""
+    counted = [figures.of_stage[name]["counted"] for name in CATALOGUE.counted if name in figures.of_stage]
+    if not counted:
+        return np.empty(0)
+    times = np.array(counted)[:, figures.is_good]
+    is_known = ~np.isnan(times).all(axis=0)
+    sums: Vector = np.nansum(times, axis=0)[is_known]
+    return sums
+
+
+def _by_day(figures: Figures) -> list[tuple[str, Yield]]:
+    # No time zone changes its offset but at a full quarter of an hour.
+    started = figures.of_run["started"]
+    quarters, place = np.unique(np.floor(_known(started) / QUARTER).astype(int), return_inverse=True)
+    good = np.bincount(place, figures.is_good[~np.isnan(started)], len(quarters)).astype(int)
     days: dict[str, list[int]] = defaultdict(lambda: [0, 0])
-    for hour, (good, runs) in hours.items():
-        day = days[datetime.fromisoformat(f"{hour}0:00+00:00").astimezone().date().isoformat()]
-        day[0] += good
-        day[1] += runs
+    for quarter, *counts in zip(quarters.tolist(), good.tolist(), np.bincount(place).tolist(), strict=True):
+        day = days[datetime.fromtimestamp(QUARTER * quarter).astimezone().date().isoformat()]
+        day[0] += counts[0]
+        day[1] += counts[1]
     return [(day, Yield(good, runs)) for day, (good, runs) in days.items()]
 
 
-def _stage_times(stages: Mapping[str, Sequence[StageTold]]) -> list[StageTimes]:
+def _stage_times(figures: Figures) -> list[StageTimes]:
     found = []
     for name in CATALOGUE.stages.values():
-        if name in stages:
-            counted = [stage.counted for stage in stages[name] if stage.counted is not None]
-            whole = [stage.whole for stage in stages[name]]
+        # Of a journal of layout 1 only the times that skills count are known; they are in the insertion's alone.
+        of_stage = figures.of_stage.get(name)
+        if of_stage is not None and (is_known := figures.is_good & ~np.isnan(of_stage["whole"])).any():
+            counted, whole = (_known(of_stage[which][is_known]) for which in ("counted", "whole"))
             found.append(StageTimes(name, len(whole), spread(counted), spread(whole)))
     return found
 
 
-def _losses(ended: Sequence[RunTold]) -> list[Loss]:
-    ways = Counter(_way(row) for row in ended if row.outcome != "success")
+def _losses(kinds: Sequence[tuple[Kind, int]]) -> list[Loss]:
+    ways: Counter[str] = Counter()
+    for kind, runs in kinds:
+        if kind.outcome != Outcome.SUCCESS:
+            ways[_way(kind)] += runs
     lost, so_far, found = sum(ways.values()), 0, []
     for what, count in sorted(ways.items(), key=lambda way: (-way[1], way[0])):
         so_far += count
@@ -194,20 +200,18 @@ def _losses(ended: Sequence[RunTold]) -> list[Loss]:
     return found
 
 
-def _way(row: RunTold) -> str:
-    if row.fault:
-        known = FaultCode(row.fault) if row.fault in set(FaultCode) else None
-        return f"fault {row.fault}" + (f": {FAULTS[known].meaning}" if known is not None else "")
-    words = (row.reason or row.outcome).replace("_", " ")
-    return f"{words} in {row.stage.replace('_', ' ')}" if row.stage else words
+def _way(kind: Kind) -> str:
+    if kind.fault:
+        known = FaultCode(kind.fault) if kind.fault in set(FaultCode) else None
+        return f"fault {kind.fault}" + (f": {FAULTS[known].meaning}" if known is not None else "")
+    words = (kind.reason or kind.outcome).replace("_", " ")
+    return f"{words} in {kind.stage.replace('_', ' ')}" if kind.stage else words
 
 
-def _residuals(ended: Sequence[RunTold], stages: Sequence[StageTold]) -> list[tuple[float, float]]:
-    seen = {stage.run: stage.residual for stage in stages if stage.name == GRASP.name and stage.residual is not None}
-    known = [row for row in ended if row.run in seen]
-    if not known:
-        return []
-    # Wall times are ISO 8601 in UTC throughout, which numpy reads at once.
-    times = np.array([row.started.partition("+")[0] for row in (ended[0], *known)], dtype="datetime64[ms]")
-    days = (times[1:] - times[0]) / np.timedelta64(1, "D")
-    return list(zip(days.tolist(), (seen[row.run] for row in known), strict=True))
+def _residuals(figures: Figures) -> tuple[Vector, Vector]:
+    """Return the time since the first run, days, and the residual of theta right after the grasp, of runs that have one."""
+    if GRASP.name not in figures.of_stage:
+        return np.empty(0), np.empty(0)
+    started, values = figures.of_run["started"], figures.of_stage[GRASP.name]["residual"]
+    is_known = ~np.isnan(values) & ~np.isnan(started)
+    return (started[is_known] - np.nanmin(started)) / DAY, values[is_known]

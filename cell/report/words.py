@@ -2,11 +2,26 @@
 
 from collections.abc import Sequence
 from datetime import datetime
+from pathlib import Path
 
 from cell.report.facts import Facts
+from drivers.errors import ConfigError
+
+HTML, PDF = ".html", ".pdf"
+"""Endings of the files that a report can be written to."""
 
 Table = tuple[str, tuple[str, ...], Sequence[tuple[str, ...]]]
 """Title, head and rows of a table."""
+
+
+def require_kind(path: Path) -> None:
+    """Refuse a file of another ending.
+
+    Raises:
+        ConfigError: The ending is unknown.
+    """
+    if path.suffix.lower() not in (HTML, PDF):
+        raise ConfigError(f"--out {path}: *{HTML}, *{PDF} allowed")
 
 
 def tables(facts: Facts) -> list[Table]:

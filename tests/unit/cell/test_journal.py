@@ -9,6 +9,7 @@ import pytest
 
 from cell.journal import INDEX, Journal, default_folder
 from cell.journal_schema import LAYOUT, ConfigRow, EventKind, EventRow, RunRow, StageRow
+from cell.journal_told import Kind
 from cell.provenance import config_hash
 from cell.record import scene_facts
 from cell.run_query import RunQuery
@@ -140,7 +141,7 @@ def test_an_index_of_a_newer_version_is_told_and_left_as_it_is(tmp_path):
     with closing(sqlite3.connect(tmp_path / INDEX)) as index:
         index.execute("PRAGMA user_version = 9")
     for is_read_only in (False, True):
-        with pytest.raises(JournalError, match=r"runs\.sqlite: layout 9 of a newer version; 1 to 4 allowed"):
+        with pytest.raises(JournalError, match=r"runs\.sqlite: layout 9 of a newer version; 1 to 5 allowed"):
             Journal(tmp_path, is_read_only=is_read_only).open()
     assert layout_of(tmp_path) == 9
 
@@ -181,8 +182,9 @@ def test_stages_come_back_in_order_with_what_is_not_known_left_open(journal):
     ]
     journal.finish(replace(row, outcome="fault"), stages)
     assert journal.stages(row.run) == stages
-    assert {told.name for told in journal.stages_told(RunQuery("2025"))} == {stage.name for stage in stages}
-    assert journal.stages_told(RunQuery("2026")) == []
+    (kind,) = journal.told(RunQuery("2025")).kind
+    assert Kind(*json.loads(kind)) == ("fault", "", "", 0, ["grasp_from_rack", "spray_search"])
+    assert journal.told(RunQuery("2026")) == ((), ())
 
 
 def test_events_come_back_oldest_first_by_time_and_by_run(journal):

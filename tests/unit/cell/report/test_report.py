@@ -12,6 +12,7 @@ import pytest
 from cell.journal import Journal
 from cell.journal_index import Index
 from cell.journal_schema import ConfigRow, RunRow, StageRow
+from cell.journal_told import Kind, told_columns
 from cell.report.comparison import compared
 from cell.report.document import write
 from cell.report.facts import LEAST_DRIFT, Facts, drift_of, facts_of
@@ -22,6 +23,7 @@ from skills.catalogue import ADJUST, CATALOGUE, GRASP, SEARCH
 
 NOW = datetime(2025, 6, 15, 12, tzinfo=UTC)
 EVIL = "PN7[a]-[/x]<script>"
+NOTHING = told_columns([])
 SUCCESS = {"outcome": "success", "stage": "release_and_retract", "cycle_time": 20.0, "peak_force": 15.0}
 
 
@@ -35,11 +37,12 @@ def told(runs: list[RunRow], stages: list[StageRow] = ()) -> Facts:
     """Return the facts of runs and stages that a journal has on record."""
     with TemporaryDirectory() as folder:
         index = Index(Path(folder), is_read_only=False)
-        for each in (*runs, *stages):
+        for each in runs:
             index.put(each)
+            index.put_ended(each, [tried for tried in stages if tried.run == each.run])
         index.close()
         with Journal(Path(folder), is_read_only=True) as journal:
-            return facts_of(journal.told(RunQuery()), journal.stages_told(RunQuery()))
+            return facts_of(journal.told(RunQuery()))
 
 
 def stage(run: int, name: str, counted: float, **what) -> StageRow:
@@ -75,8 +78,9 @@ def journal(tmp_path):
 )
 def test_a_question_finds_its_runs_and_their_stages(journal, query, found):
     assert [run.run for run in journal.select(query)] == found
-    assert [run.run for run in journal.told(query)] == sorted(found)
-    assert sorted(stage.run for stage in journal.stages_told(query)) == sorted(found)
+    told = journal.told(query)
+    assert [Kind(*json.loads(kind)).outcome for kind in told.kind] == [journal.find(n).outcome for n in sorted(found)]
+    assert all(SEARCH.name in kind for kind in told.kind)
 
 
 @pytest.mark.parametrize("text", ["7", "d7", "yesterday", "9999999w", "999999w", "2025-13-01"])
@@ -92,7 +96,7 @@ def test_a_date_is_in_local_time_and_a_span_ends_now():
 
 
 def test_yield_counts_ended_runs_and_says_how_sure_it_is(journal):
-    facts = facts_of(journal.told(RunQuery()), [])
+    facts = facts_of(journal.told(RunQuery()))
     assert (facts.total.good, facts.total.runs, facts.total.share) == (2, 4, 0.5)
     low, high = facts.total.interval
     assert (low, high) == pytest.approx((0.150, 0.850), abs=1e-3)  # [wilson] of 2 in 4
@@ -124,16 +128,16 @@ def test_the_insertion_is_the_sum_that_the_published_table_counts():
 def test_a_pad_that_wears_shows_and_one_that_does_not_stays_quiet():
     rng = np.random.default_rng(1)
     days = np.linspace(0.0, 10.0, 60)
-    worn, sound = ([(day, 0.1 + slope * day + rng.normal(0.0, 0.01)) for day in days] for slope in (0.01, 0.0))
-    assert drift_of(worn).is_shown
-    assert drift_of(worn).per_day == pytest.approx(0.01, abs=0.002)
-    assert not drift_of(sound).is_shown
-    assert drift_of(worn[: LEAST_DRIFT - 1]) is None
-    assert drift_of([(1.0, 0.1)] * LEAST_DRIFT) is None
+    worn, sound = (0.1 + slope * days + rng.normal(0.0, 0.01, len(days)) for slope in (0.01, 0.0))
+    assert drift_of(days, worn).is_shown
+    assert drift_of(days, worn).per_day == pytest.approx(0.01, abs=0.002)
+    assert not drift_of(days, sound).is_shown
+    assert drift_of(days[: LEAST_DRIFT - 1], worn[: LEAST_DRIFT - 1]) is None
+    assert drift_of(np.ones(LEAST_DRIFT), worn[:LEAST_DRIFT]) is None
 
 
 def test_no_runs_are_no_error(tmp_path):
-    facts = facts_of([], [])
+    facts = facts_of(NOTHING)
     write(facts, tmp_path / "none.html")
     assert ("yield", "no runs, 95 % interval 0.0 to 100.0 %") in tables(facts)[0][2]
 
@@ -142,7 +146,7 @@ def test_a_report_is_one_file_that_asks_nobody_and_prints_what_comes_from_outsid
     lost = row(9, outcome="failure", stage="spray_search", reason=EVIL)
     begun = journal.begin(replace(lost, outcome="running"))
     journal.finish(replace(lost, run=begun.run))
-    facts = facts_of(journal.told(RunQuery()), journal.stages_told(RunQuery()))
+    facts = facts_of(journal.told(RunQuery()))
     write(facts, tmp_path / "report.html")
     write(facts, tmp_path / "report.pdf")
     text = (tmp_path / "report.html").read_text()
@@ -155,7 +159,7 @@ def test_a_report_is_one_file_that_asks_nobody_and_prints_what_comes_from_outsid
 @pytest.mark.parametrize("name", ["report.docx", "report"])
 def test_another_ending_is_refused(tmp_path, name):
     with pytest.raises(ConfigError, match=r"\*\.html, \*\.pdf allowed"):
-        write(facts_of([], []), tmp_path / name)
+        write(facts_of(NOTHING), tmp_path / name)
 
 
 def test_two_runs_differ_where_their_configs_do():
