@@ -108,17 +108,15 @@ class Found(NamedTuple):
 class Bank:
     """The templates of one peg, for one print in the pads or several, ready to be compared with frames."""
 
-    def __init__(self, params: LikelihoodParams, *prints: Templates) -> None:
-        """Prepare the tables of a comparison; `prints` are one, or at least three that change by even steps."""
-        templates = prints[0]
+    def __init__(self, params: LikelihoodParams, templates: Templates) -> None:
+        """Prepare the tables of a comparison; the prints are one, or at least three that change by even steps."""
         within = np.exp(-0.5 * (templates.offset / params.offset_spread) ** 2) / params.offset_spread
         anywhere = math.sqrt(2.0 * math.pi) / (2.0 * params.templates.offset_reach)
         chance = (1.0 - params.off_centre) * within + params.off_centre * anywhere
         prior: Vector = -np.log(chance / chance.max())
         tightness: Vector = np.array([params.imbalance, params.common_rise, params.rise]) ** -2.0
-        even, rising = (np.stack([getattr(each, load) for each in prints]) for load in ("even", "rising"))
-        self._middle = (float(len(prints) // 2), 0.0)
-        self._arguments = (prior, tightness, templates.theta, templates.offset, even, rising)
+        self._middle = (float(len(templates.even) // 2), 0.0)
+        self._arguments = (prior, tightness, templates.theta, templates.offset, templates.even, templates.rising)
         self.left: Vector = np.zeros(FINGERS * TAXELS)
         """Residuals of the last comparison over their standard deviations, shape (40,)."""
         # The first call compiles the comparison or fetches it from the cache; it must not happen in the first scan.

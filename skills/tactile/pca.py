@@ -128,7 +128,7 @@ class PcaEstimator:
         truth = np.repeat(templates.theta, DRAWS)
         offset = np.clip(rng.normal(0.0, params.offset_spread, count), templates.offset[0], templates.offset[-1])
         place = np.rint((offset - templates.offset[0]) / (templates.offset[1] - templates.offset[0])).astype(int)
-        frames = params.load * templates.even[np.repeat(np.arange(turns), DRAWS), place]
+        frames = params.load * templates.even[0, np.repeat(np.arange(turns), DRAWS), place]
         half = params.imbalance * rng.standard_normal((count, 1)) * np.repeat([1.0, -1.0], TAXELS)
         frames = frames * (1.0 + half + params.gain_spread * rng.standard_normal(frames.shape))
         frames += params.noise * rng.standard_normal(frames.shape)

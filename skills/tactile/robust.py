@@ -21,7 +21,7 @@ from drivers.quantities import Mask, TaxelFrame, Vector
 from drivers.skin.layout import MODULE_OF, Layout
 from skills.tactile.likelihood import Bank, Found, LikelihoodParams, pose_of, weights_of
 from skills.tactile.pose import PegPose
-from skills.tactile.templates import make_templates
+from skills.tactile.templates import Templates, broad_templates, reaching_templates
 
 BELOW = -6.0
 """Distance of a reading below its baseline that no pressure explains, standard deviations."""
@@ -75,13 +75,10 @@ class UsualPrints:
     The belief about the breadth is all that is remembered from frame to frame.
     """
 
-    def __init__(self, params: RobustParams, layout: Layout, peg: Peg) -> None:
-        """Make the templates of every breadth and of every reach."""
+    def __init__(self, params: RobustParams, breadths: Templates, reaches: Templates) -> None:
+        """Prepare the comparison with prints of `BREADTHS` and of `REACHES`."""
         self._believed, self._taught = AT_FIRST, math.nan
-        breadths = [params.templates.broader(factor) for factor in BREADTHS]
-        self._breadths = Bank(params, *(make_templates(layout, peg, each) for each in breadths))
-        reaching = [peg.model_copy(update={"overhang": max(peg.overhang + reach, 0.0)}) for reach in REACHES]
-        self._reaches = Bank(params, *(make_templates(layout, each, params.templates) for each in reaching))
+        self._breadths, self._reaches = Bank(params, breadths), Bank(params, reaches)
         self._as_stated = (float(REACHES.index(0.0)), (REACH_STEP / params.reach_spread) ** 2)
         self.left = self._breadths.left
         """Residuals of the likelier of the two, over their standard deviations, shape (40,)."""
@@ -135,9 +132,12 @@ class RobustEstimator:
     def __init__(self, params: RobustParams, layout: Layout, peg: Peg) -> None:
         """Make the templates of every explanation that is considered."""
         self._params = params
-        self._usual = UsualPrints(params, layout, peg)
-        short = [peg.model_copy(update={"overhang": reach}) for reach in OVERHANGS if reach < peg.overhang]
-        self._short = Bank(params, *(make_templates(layout, each, params.templates) for each in short))
+        near = tuple(max(peg.overhang + reach, 0.0) for reach in REACHES)
+        short = tuple(overhang for overhang in OVERHANGS if overhang < peg.overhang)
+        reaching = reaching_templates(layout, peg, params.templates, near + short)
+        broad = broad_templates(layout, peg, params.templates, BREADTHS)
+        self._usual = UsualPrints(params, broad, reaching.part(0, len(near)))
+        self._short = Bank(params, reaching.part(len(near), len(near) + len(short)))
 
     def estimate(self, frame: TaxelFrame) -> PegPose:
         """Return the pose of the peg in `frame`; see `skills.tactile.pose.Estimator`."""

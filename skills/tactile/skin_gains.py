@@ -89,7 +89,9 @@ def _fit(
     step = float(templates.theta[1] - templates.theta[0])
     index = np.rint((angles - templates.theta[0]) / step).astype(int) % len(templates.theta)
     shape = (len(angles), FINGERS, TAXELS)
-    model = np.stack([templates.even[index, centre].reshape(shape), templates.rising[index, centre].reshape(shape)])
+    model = np.stack(
+        [templates.even[0, index, centre].reshape(shape), templates.rising[0, index, centre].reshape(shape)]
+    )
     signal = model[0].max(axis=0)
     measured = trusted & (signal > LEAST_SIGNAL * signal.max())
     gains = np.ones((FINGERS, TAXELS))

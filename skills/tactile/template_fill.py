@@ -6,12 +6,37 @@ compiler.
 
 import math
 
+import numpy as np
+
 from drivers.compiled import njit
 
 HALF_LINE = 0.02
 """Distance from the finger centre at which a load of unit rise has grown by 1, m."""
 FAR = 25.0
 """Squared distance beyond which a line of load is not felt, in squared standard deviations of the blur."""
+SURE = 4.5
+"""Distance from an end of the line, in standard deviations times the root of two, from which on the end is not felt; what is left out is 2e-10."""
+
+
+@njit(cache=True)
+def _end(distance):  # type: ignore[no-untyped-def]
+    """Return the integral of the blur up to an end of the line, and its density there, both times 2 over what is the root of pi."""
+    if distance > SURE:
+        return 1.0, 0.0
+    if distance < -SURE:
+        return -1.0, 0.0
+    return math.erf(distance), math.exp(-distance * distance)
+
+
+@njit(cache=True)
+def _spread(beside, groove, groove_weights, blur):  # type: ignore[no-untyped-def]
+    """Return the load of the blurred groove at a distance beside its middle."""
+    spread = 0.0
+    for g in range(groove.size):
+        square = ((beside - groove[g]) / blur) ** 2
+        if square < FAR:
+            spread += groove_weights[g] * math.exp(-0.5 * square)
+    return spread
 
 
 @njit(cache=True)
@@ -22,7 +47,7 @@ def fill(  # type: ignore[no-untyped-def] # noqa: C901  compiled nested loops ov
     half_length,
     half_width,
     tip,
-    back,
+    backs,
     disc,
     disc_weights,
     groove,
@@ -31,36 +56,48 @@ def fill(  # type: ignore[no-untyped-def] # noqa: C901  compiled nested loops ov
     even,
     rising,
 ):
-    """Fill in the readings of all taxels for every angle and offset, in units of the load over 2·sqrt(2 pi)·blur."""
+    """Fill in the readings of all taxels for every length of the line behind the finger centre, angle and offset; where the line misses the pad, nothing.
+
+    The readings are in units of the load over 2·sqrt(2 pi)·blur. `backs` have to fall, so that lines which end at the
+    pad's edge alike follow one another.
+    """
     scale = 1.0 / (blur * math.sqrt(2.0))
+    density = 1.0 / (scale * math.sqrt(math.pi))
+    felt = groove.max() + math.sqrt(FAR) * blur
+    sums = np.empty((2, backs.size))
     for i in range(theta.size):
         c, s = math.cos(theta[i]), math.sin(theta[i])
         for j in range(offset.size):
-            low, high = -back, tip
+            begin, high = -math.inf, tip
             for start, step, half in ((-offset[j] * s, c, half_length), (offset[j] * c, s, half_width)):
                 if abs(step) > 1e-9:
-                    low = max(low, -start / step - abs(half / step))
+                    begin = max(begin, -start / step - abs(half / step))
                     high = min(high, -start / step + abs(half / step))
                 elif abs(start) > half:
-                    high = low
-            if high <= low:
+                    high = -math.inf
+            if high <= max(begin, -backs[0]):
                 continue
             for k in range(taxels.shape[0]):
-                constant, slope = 0.0, 0.0
+                sums[:] = 0.0
                 for m in range(disc.shape[0]):
                     x, y = taxels[k, 0] + disc[m, 0], taxels[k, 1] + disc[m, 1]
                     along, beside = c * x + s * y, c * y - s * x - offset[j]
-                    spread = 0.0
-                    for g in range(groove.size):
-                        square = ((beside - groove[g]) / blur) ** 2
-                        if square < FAR:
-                            spread += groove_weights[g] * math.exp(-0.5 * square)
-                    if spread == 0.0:
+                    to_high = (high - along) * scale
+                    if to_high < -SURE or abs(beside) > felt:
                         continue
-                    to_high, to_low = (high - along) * scale, (low - along) * scale
-                    area = math.erf(to_high) - math.erf(to_low)
-                    bend = (math.exp(-to_high * to_high) - math.exp(-to_low * to_low)) / (scale * math.sqrt(math.pi))
-                    constant += disc_weights[m] * spread * area
-                    slope += disc_weights[m] * spread * (along * area - bend)
-                even[i, j, k] = constant
-                rising[i, j, k] = slope / HALF_LINE
+                    spread = disc_weights[m] * _spread(beside, groove, groove_weights, blur)
+                    upper, at_upper = _end(to_high)
+                    before, area, slope = math.nan, 0.0, 0.0
+                    for b in range(backs.size):
+                        low = max(begin, -backs[b])
+                        if low >= high:
+                            break
+                        if low != before:
+                            lower, at_lower = _end((low - along) * scale)
+                            area = spread * (upper - lower)
+                            slope = along * area - spread * (at_upper - at_lower) * density
+                            before = low
+                        sums[0, b] += area
+                        sums[1, b] += slope
+                for b in range(backs.size):
+                    even[b, i, j, k], rising[b, i, j, k] = sums[0, b], sums[1, b] / HALF_LINE

@@ -48,21 +48,47 @@ class TemplateParams(ConfigModel):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Templates:
-    """Readings of every taxel for all angles and offsets of one grid."""
+    """Readings of every taxel for all angles and offsets of one grid, for one print or several."""
 
     theta: Vector
     """Angles, shape (n,), rad, from -pi/2 up, evenly spaced over half a turn."""
     offset: Vector
     """Offsets, shape (m,), m, evenly spaced about 0."""
     even: NDArray[np.float32]
-    """Readings for a load of 1 along the whole peg, shape (n, m, 40); a taxel under an endless peg reads 1."""
+    """Readings for a load of 1 along the whole peg, shape (p, n, m, 40); a taxel under an endless peg reads 1."""
     rising: NDArray[np.float32]
-    """Readings for a load that rises from 0 at the finger centre to 1 at `HALF_LINE` towards the tip, shape (n, m, 40)."""
+    """Readings for a load that rises from 0 at the finger centre to 1 at `HALF_LINE` towards the tip, shape (p, n, m, 40)."""
+
+    def __post_init__(self) -> None:
+        """Forbid writing: estimators share the tables."""
+        for array in (self.theta, self.offset, self.even, self.rising):
+            array.flags.writeable = False
+
+    def part(self, first: int, last: int) -> "Templates":
+        """Return the prints from `first` to before `last`; the tables are shared."""
+        return Templates(self.theta, self.offset, self.even[first:last], self.rising[first:last])
 
 
-@lru_cache(maxsize=64)
 def make_templates(layout: Layout, peg: Peg, params: TemplateParams) -> Templates:
-    """Return the templates of a peg on one layout; the first call takes a fraction of a second."""
+    """Return the templates of a peg that is held as stated on one layout, p = 1; the first call takes a fraction of a second."""
+    return reaching_templates(layout, peg, params, (peg.overhang,))
+
+
+@lru_cache(maxsize=2)
+def broad_templates(layout: Layout, peg: Peg, params: TemplateParams, factors: tuple[float, ...]) -> Templates:
+    """Return the templates of prints that are broader by each of `factors`."""
+    made = [_make(layout, peg, params.broader(factor), (peg.overhang,)) for factor in factors]
+    even, rising = (np.concatenate([getattr(each, load) for each in made]) for load in ("even", "rising"))
+    return Templates(made[0].theta, made[0].offset, even, rising)
+
+
+@lru_cache(maxsize=4)
+def reaching_templates(layout: Layout, peg: Peg, params: TemplateParams, overhangs: tuple[float, ...]) -> Templates:
+    """Return the templates of pegs that reach beyond the finger centre by each of `overhangs`, m, and not by their own."""
+    return _make(layout, peg, params, overhangs)
+
+
+def _make(layout: Layout, peg: Peg, params: TemplateParams, overhangs: tuple[float, ...]) -> Templates:
     from skills.tactile.template_fill import fill  # imports the compiler, which only a comparison of frames needs
 
     half = math.pi / 2
@@ -80,30 +106,33 @@ def make_templates(layout: Layout, peg: Peg, params: TemplateParams) -> Template
     face = peg.part.face.strips(params.offset_step)
     lines = np.arange(-(side + face.size // 2), side + face.size // 2 + 1, dtype=np.float64) * params.offset_step
     taxels = np.ascontiguousarray(finger_positions(layout)[1])
-    even = np.zeros((theta.size, lines.size, FINGERS * TAXELS))
-    rising = np.zeros_like(even)
+    falling = np.argsort(overhangs)[::-1]
+    backs = np.array(overhangs)[falling]
     arguments = (disc, disc_weights, groove, groove_weights, params.blur)
-    pad = (length / 2, width / 2, peg.length, peg.overhang)
-    right = slice(TAXELS, None)
-    fill(theta, lines, taxels, *pad, *arguments, even[..., right], rising[..., right])
+    pad = (length / 2, width / 2, peg.length, backs)
+    right, left = (
+        np.zeros((2, backs.size, theta.size, lines.size, TAXELS)),
+        np.zeros((2, backs.size, 1, lines.size, TAXELS)),
+    )
+    fill(theta, lines, taxels, *pad, *arguments, *right)
     # The left finger is the mirror image of the right one about the finger's axis.
-    mirrored = [np.zeros_like(even[:1, :, right]) for _ in range(2)]
-    fill(-theta[:1], lines, taxels, *pad, *arguments, *mirrored)
-    for table, first in zip((even, rising), mirrored, strict=True):
-        table[1:, :, :TAXELS] = table[:0:-1, ::-1, right]
-        table[0, :, :TAXELS] = first[0, ::-1]
-    under = np.zeros((1, face.size, 1))
+    fill(-theta[:1], lines, taxels, *pad, *arguments, *left)
+    under = np.zeros((2, 1, 1, face.size, 1))
     middle = lines[lines.size // 2 - face.size // 2 :][: face.size]
-    fill(np.zeros(1), middle, np.zeros((1, 2)), 0.1, 0.1, 0.1, 0.1, *arguments, under, np.zeros_like(under))
-    whole = float(face @ under[0, :, 0])
-    made = Templates(theta, offset, _beside(even, face, whole), _beside(rising, face, whole))
-    for array in (made.theta, made.offset, made.even, made.rising):
-        array.flags.writeable = False
-    return made
+    fill(np.zeros(1), middle, np.zeros((1, 2)), 0.1, 0.1, 0.1, np.array([0.1]), *arguments, *under)
+    whole = float(face @ under[0, 0, 0, :, 0])
+    tables = np.empty((2, backs.size, theta.size, offset.size, FINGERS * TAXELS), np.float32)
+    for load in range(2):
+        for place, own in enumerate(falling):
+            made = _beside(right[load, place], face, whole)
+            tables[load, own, ..., TAXELS:] = made
+            tables[load, own, 1:, :, :TAXELS] = made[:0:-1, ::-1]
+            tables[load, own, 0, :, :TAXELS] = _beside(left[load, place], face, whole)[0, ::-1]
+    return Templates(theta, offset, *tables)
 
 
 def _beside(lines: Vector, face: Vector, whole: float) -> NDArray[np.float32]:
-    """Return the readings under a face from those under lines, shape (n, m + face's size - 1, 40), in units of `whole`."""
+    """Return the readings under a face from those under lines, shape (n, m + face's size - 1, 20), in units of `whole`."""
     count = lines.shape[1] - face.size + 1
     summed = np.zeros((lines.shape[0], count, lines.shape[2]))
     for k in range(face.size):

@@ -115,7 +115,7 @@ def test_templates_are_what_the_blurred_groove_adds_up_to(layout, rises):
             for taxel in finger_positions(layout).reshape(-1, 2)
         ]
     )
-    made = (templates.rising if rises else templates.even)[i, j]
+    made = (templates.rising if rises else templates.even)[0, i, j]
     scale = float(made @ read / (read @ read))
     assert np.abs(scale * read - made).max() < 0.02 * np.abs(made).max()
 
