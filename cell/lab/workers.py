@@ -7,6 +7,7 @@ import signal
 import threading
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import CancelledError, ProcessPoolExecutor, as_completed
+from concurrent.futures import Future as ProcessFuture
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from functools import partial
@@ -37,29 +38,51 @@ _TAKE_UP = "the same command takes up where it was"
 def on_processes(task: Callable[[int], Row], seeds: Sequence[int], workers: int) -> Generator[Row, None, None]:
     """Yield the result of `task` for each seed, as it finishes, from `workers` processes of one thread each.
 
+    A call that ends with all its results leaves its processes to the next one, which then has nothing to load.
+
     Raises:
         CellError: A worker was killed.
     """
     if not seeds:
         return
-    context = multiprocessing.get_context("spawn")
-    lifeline, held = context.Pipe(duplex=False)
-    with _one_thread_each():
-        pool = ProcessPoolExecutor(
-            min(workers, len(seeds)), mp_context=context, initializer=_leave_with_parent, initargs=(lifeline,)
-        )
-        try:
-            with _deaf_children():
-                futures = [pool.submit(task, seed) for seed in seeds]
-            for future in as_completed(futures):
-                yield future.result()
-        except BrokenProcessPool:
-            raise CellError(f"trials: a worker process was killed; {_TAKE_UP}") from None
-        finally:
+    pool = _waiting.pop() if _waiting and _waiting[-1].workers == workers else Pool(workers)
+    futures: list[ProcessFuture[Row]] = []
+    try:
+        with _one_thread_each(), _deaf_children():
+            futures += [pool.submit(task, seed) for seed in seeds]
+        for future in as_completed(futures):
+            yield future.result()
+    except BrokenProcessPool:
+        raise CellError(f"trials: a worker process was killed; {_TAKE_UP}") from None
+    finally:
+        if len(futures) == len(seeds) and all(future.done() and future.exception() is None for future in futures):
+            while _waiting:
+                _waiting.pop().leave()
+            _waiting.append(pool)
+        else:
             # An interrupted call does not wait for trials under way; the same command runs them again.
-            held.close()
-            pool.shutdown(cancel_futures=True)
-            lifeline.close()
+            pool.leave()
+
+
+class Pool(ProcessPoolExecutor):
+    """Processes that end with the one that started them, and are started as they are needed."""
+
+    def __init__(self, workers: int) -> None:
+        """Start nothing yet."""
+        self.workers = workers
+        context = multiprocessing.get_context("spawn")
+        self._lifeline, self._held = context.Pipe(duplex=False)
+        super().__init__(workers, context, initializer=_leave_with_parent, initargs=(self._lifeline,))
+
+    def leave(self) -> None:
+        """End the processes, whatever they do."""
+        self._held.close()
+        self.shutdown(cancel_futures=True)
+        self._lifeline.close()
+
+
+_waiting: list[Pool] = []
+"""The pool of the last call, if it ended with all its results."""
 
 
 def _leave_with_parent(lifeline: "Connection") -> None:
