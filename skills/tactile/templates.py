@@ -105,7 +105,7 @@ def _make(layout: Layout, peg: Peg, params: TemplateParams, overhangs: tuple[flo
     groove, groove_weights = peg.part.face.groove(params.indentation)
     face = peg.part.face.strips(params.offset_step)
     lines = np.arange(-(side + face.size // 2), side + face.size // 2 + 1, dtype=np.float64) * params.offset_step
-    taxels = np.ascontiguousarray(finger_positions(layout)[1])
+    taxels = np.array(finger_positions(layout)[1])  # a copy that may be written, of the same type as the one below
     falling = np.argsort(overhangs)[::-1]
     backs = np.array(overhangs)[falling]
     arguments = (disc, disc_weights, groove, groove_weights, params.blur)

@@ -214,7 +214,7 @@ def test_a_kernel_that_is_not_real_time_is_told(simulated):
 
 
 def test_a_whole_insertion_runs_through_the_clients(simulated):
-    told = inserted(address(4), 2)
+    told = inserted(address(4), 2, ["hole.area=[0.01, 0.01]"])
     assert told["fault"] == ""
     assert told["outcome"] == "success"
     assert told["switch_closed"]
