@@ -8,7 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from cell.kept_file import KeptFile
-from cell.part_state import PartState, PegEvidence, Places, after, after_run, at_start, refusal_of
+from cell.part_state import PartState, PegEvidence, Places, after, after_run, at_start, proven, refusal_of
 from drivers.parts import Rack
 from drivers.quantities import SwitchState
 from plc_bridge.messages import PartPlace, Refusal
@@ -63,6 +63,11 @@ class Custody:
     def refill(self) -> None:
         """Take note that every slot of the rack is filled."""
         self._emptied = 0
+        self.keep(is_lasting=True)
+
+    def seat(self, evidence: str) -> None:
+        """Take note that the peg that was let go is seated, by evidence of the run."""
+        self._become(proven(self.part, evidence))
         self.keep(is_lasting=True)
 
     def clear(self) -> None:

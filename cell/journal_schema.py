@@ -20,7 +20,7 @@ from typing import Any
 
 from drivers.errors import JournalError
 
-LAYOUT = 5
+LAYOUT = 6
 """Number of the present layout."""
 RUNNING = "running"
 """Outcome of a run that has not ended."""
@@ -84,6 +84,8 @@ class RunRow:
     """Number of scans whose samples reached the disk."""
     length: float | None = None
     """Distance from the finger centre to the peg's end point that the run ended with, m: the job's, corrected by the first touch-down."""
+    proof: str = ""
+    """Evidence by which the success of seating the peg was proven: the switch, or the force that its latch took; empty where nothing was to prove."""
 
 
 @dataclass(frozen=True, slots=True)

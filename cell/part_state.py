@@ -116,7 +116,7 @@ def at_start(kept: PartState | None, seen: PegEvidence, places: Places) -> PartS
             is_held=False,
             evidence=f"{_word(kept.place)} when the program ended; the hand is empty now",
         )
-    return _left_alone(kept, seen)
+    return _left_alone(kept, seen, places)
 
 
 def after(before: PartState, seen: PegEvidence, places: Places, is_running: bool) -> PartState:
@@ -142,12 +142,19 @@ def after(before: PartState, seen: PegEvidence, places: Places, is_running: bool
                 evidence=f"the hand does not grip, {_mm(seen.width)} open at a peg of {_mm(places.thickness)}",
             )
         return _let_go(before, seen, places, is_running)
-    return _left_alone(before, seen) if not is_running else before
+    return _left_alone(before, seen, places) if not is_running else before
+
+
+def proven(before: PartState, evidence: str) -> PartState:
+    """Return where a peg is that the hand has let go in a hole without a switch, once the run's success is proven by other evidence."""
+    return replace(before, place=PartPlace.SEATED, is_held=False, evidence=f"{before.evidence}; {evidence}")
 
 
 def after_run(before: PartState, seen: PegEvidence, places: Places) -> PartState:
     """Return where the peg is when a run has ended: a seated peg whose switch has opened since came along or jumped out."""
     now = after(before, seen, places, is_running=True)
+    if places.hole.evidence != "switch":
+        return now
     if now.place is PartPlace.SEATED and not now.is_held and seen.switch is not SwitchState.CLOSED:
         return replace(now, place=PartPlace.UNKNOWN, evidence=f"was seated and let go; the switch is {seen.switch} now")
     return now
@@ -195,9 +202,10 @@ def _let_go(before: PartState, seen: PegEvidence, places: Places, is_running: bo
     )
 
 
-def _left_alone(before: PartState, seen: PegEvidence) -> PartState:
-    """Return the state of a peg that nobody holds while the cell waits: whoever takes a seated one away opens the switch."""
-    if before.place is PartPlace.SEATED and seen.switch is SwitchState.OPEN:
+def _left_alone(before: PartState, seen: PegEvidence, places: Places) -> PartState:
+    """Return the state of a peg that nobody holds while the cell waits: whoever takes a seated one away opens the switch, where there is one."""
+    has_switch = places.hole.evidence == "switch"
+    if has_switch and before.place is PartPlace.SEATED and seen.switch is SwitchState.OPEN:
         return PartState(PartPlace.RACK, "the seated peg was taken away: the switch is open")
     return before
 

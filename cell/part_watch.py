@@ -12,13 +12,13 @@ from cell.cell_config import CellConfig
 from cell.custody import Custody
 from cell.part_state import UNRESOLVED, PegEvidence, Places, described, evidence_of, places_of, told
 from cell.record import Ending
-from cell.success import LastLook, Proof, judged
+from cell.success import Evidence, LastLook, evidence_for, judged
 from drivers.errors import CellError, SwitchDisagreesError, SwitchUnknownError
 from drivers.frames import end_point
 from drivers.quantities import ArmState, GripperState, SwitchState
 from plc_bridge.messages import PartPlace, Refusal, Report
 from skills.catalogue import GRASP, RECOVER, SEARCH
-from skills.contract import Observation, SkillContext
+from skills.contract import Observation, Outcome, SkillContext
 from skills.entry import Claim, Entry
 from skills.flow import StageRecord
 from skills.seating import depth_of
@@ -43,8 +43,11 @@ class PartWatch:
         self._cell, self._context = cell, context
         self._custody = Custody(folder, cell.config.arm.kind)
         self._places = _places(cell.config)
-        self._proof, self._is_running, self._has_looked = Proof(), False, False
+        self._proof: Evidence = evidence_for(cell.config.hole)
+        self._is_running = self._has_looked = self._was_open = False
         self._needs_switch = False
+        self.proof = ""
+        """Evidence by which the last run's success was proven, in words; empty where it was none or needed none."""
         self._unknown_since: float | None = None
         """Time since which the switch has not answered in the run, s."""
         self._hole, self._peak_force = (0.0, 0.0), 0.0
@@ -53,8 +56,10 @@ class PartWatch:
     def begin(self, config: CellConfig, claim: Claim) -> None:
         """Note that a run with this config begins, of a program whose success says this."""
         self._places, self._is_running = _places(config), True
-        self._needs_switch, self._unknown_since = claim in PROVEN_BY_SWITCH, None
-        self._proof, self._hole, self._peak_force = Proof(), (0.0, 0.0), 0.0
+        self._was_open, self.proof = False, ""
+        self._needs_switch = claim in PROVEN_BY_SWITCH and config.hole.evidence == "switch"
+        self._unknown_since = None
+        self._proof, self._hole, self._peak_force = evidence_for(config.hole), (0.0, 0.0), 0.0
 
     def see(self, seen: Observation) -> None:
         """Take one scan, in a run or outside one.
@@ -70,6 +75,7 @@ class PartWatch:
             return
         self._require_switch(seen)
         self._require_plausible(seen)
+        self._was_open = self._was_open or seen.switch is SwitchState.OPEN
         self._proof = self._proof.after(seen, self._context.held)
         self._peak_force = max(self._peak_force, math.hypot(*seen.arm.wrench.force))
         part = self._custody.part
@@ -87,7 +93,7 @@ class PartWatch:
 
     def _require_plausible(self, seen: Observation) -> None:
         """Make sure that a switch that was open does not close before the peg can be on it."""
-        is_early = self._needs_switch and self._context.stage in EARLY_STAGES and self._proof.was_open
+        is_early = self._needs_switch and self._context.stage in EARLY_STAGES and self._was_open
         if not is_early or seen.switch is not SwitchState.CLOSED:
             return
         hole = self._context.job.hole
@@ -113,7 +119,12 @@ class PartWatch:
         arm, hand, switch = self._devices()
         self._end(arm, hand, switch)
         look = LastLook(hand, arm.tcp.position, switch)
-        return judged(claim, ending, records, self._proof, look, self._custody.part, self._context.job)
+        judgement = judged(claim, ending, records, self._proof, look, self._custody.part, self._context.job)
+        is_proven = judgement.outcome is Outcome.SUCCESS and claim in PROVEN_BY_SWITCH
+        self.proof = self._proof.told if is_proven else ""
+        if claim is Claim.INSERTED and is_proven and self._context.job.hole.evidence == "force":
+            self._custody.seat(self.proof)
+        return judgement
 
     def end(self) -> None:
         """Note that the run has ended, in whatever way."""

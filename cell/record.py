@@ -133,9 +133,17 @@ class RunRecord:
         self._stream.add(seen, setpoint, CATALOGUE.stage_number(self.clock.stage), sight)
 
     def finish(
-        self, ending: Ending, fault: CellError | None, records: Sequence[StageRecord], now: float, part: PartPlace
+        self,
+        ending: Ending,
+        fault: CellError | None,
+        records: Sequence[StageRecord],
+        now: float,
+        part: PartPlace,
+        proof: str = "",
     ) -> None:
-        """Put on record how the run ended, at the time `now` on the cell's clock, s, and where the peg then was."""
+        """Put on record how the run ended, at the time `now` on the cell's clock, s, where the peg then was, and by which evidence a success was
+        proven.
+        """
         self.row = self._trace.figures(
             replace(
                 self.row,
@@ -149,6 +157,7 @@ class RunRecord:
                 cycle_time=now - self._trace.began,
                 retries=sum(record.retried for record in records),
                 part=part.name.lower(),
+                proof=proof,
                 samples=self._scans,
             )
         )

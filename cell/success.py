@@ -3,19 +3,21 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Protocol
 
 import numpy as np
 
 from cell.part_state import UNRESOLVED, WIDTH_TOLERANCE, PartState
 from cell.record import Ending
 from drivers.errors import CellError, SuccessUnprovenError, SwitchDisagreesError
-from drivers.parts import Job
+from drivers.parts import Hole, Job, Latch
 from drivers.quantities import GripperState, ImpedanceSetpoint, SwitchState, Vector
 from plc_bridge.messages import PartPlace
 from skills.contract import Observation, Outcome, Reason
 from skills.entry import Claim
 from skills.flow import StageRecord
 from skills.seating import CLOSED_TOLERANCE, DOUBTED, MOST_SHALLOW, Footing
+from skills.signature import LIFTED, Curve, Signature
 from skills.surface import Plane, nominal
 
 MOST_DEEP = 0.002
@@ -26,6 +28,39 @@ PLANE_TOLERANCE = 0.005
 """Largest distance of a felt surface from where the job says that the plate is, m."""
 AWAY = 0.03
 """Least distance between the hand and where it held the peg, once the hand has let go and drawn back, m."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LastLook:
+    """The devices when the arm stands still after a run."""
+
+    hand: GripperState
+    tcp: Vector
+    """Position of the finger centre, shape (3,), m, base frame."""
+    switch: SwitchState
+
+
+class Evidence(Protocol):
+    """What proves that the peg is seated; the recipe chooses it."""
+
+    @property
+    def seated_hand(self) -> Vector | None:
+        """Place of the hand where the peg was seated, shape (3,), m, base frame; None before."""
+
+    @property
+    def told(self) -> str:
+        """Evidence in words for the record of a success; empty where it proves none."""
+
+    def after(self, seen: Observation, setpoint: ImpedanceSetpoint | None = None) -> "Evidence":
+        """Return the evidence after one more scan, with the setpoint that was followed in it."""
+
+    def require_seated(self, plane: Plane | None, look: LastLook, job: Job) -> None:
+        """Make sure that the run has seated the peg, which then stayed, on the surface that its search has felt, if any.
+
+        Raises:
+            SuccessUnprovenError: It has not.
+            SwitchDisagreesError: The switch closed with the peg's end elsewhere than seated.
+        """
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,22 +95,95 @@ class Proof:
             return replace(self, footing=footing, borne_tip=seen.tip.copy())
         return replace(self, footing=footing)
 
+    @property
+    def told(self) -> str:
+        """Evidence in words for the record of a success."""
+        return "" if self.seated_tip is None else "switch"
+
+    def require_seated(self, plane: Plane | None, look: LastLook, job: Job) -> None:
+        """Make sure that the switch closed under a held peg, at the hole's depth, and is still closed."""
+        if not self.was_open:
+            raise _unproven("the switch was never open in this run")
+        if look.switch is not SwitchState.CLOSED:
+            raise _unproven(f"the switch is {look.switch} at the end of the run; closed needed")
+        if self.seated_tip is None:
+            raise _unproven("the switch did not close while the hand held the peg")
+        surface, less, more = nominal(job.hole), CLOSED_TOLERANCE, CLOSED_TOLERANCE
+        if plane is not None:
+            surface, less, more = plane, MOST_SHALLOW, MOST_DEEP
+        depth, low, high = surface.depth(self.seated_tip), job.hole.depth - less, job.hole.depth + more
+        if plane is not None and self.borne_tip is not None:
+            low, gained = job.hole.depth - DOUBTED, surface.depth(self.borne_tip) - depth
+            if gained > MOST_SHALLOW:
+                raise SwitchDisagreesError(
+                    f"switch closed {1e3 * gained:.1f} mm above the bottom that bore the peg then; {1e3 * MOST_SHALLOW:.1f} mm allowed"
+                )
+        if not low <= depth <= high:
+            raise SwitchDisagreesError(
+                f"switch closed with the tip {1e3 * depth:.1f} mm deep; {1e3 * low:.1f} to {1e3 * high:.1f} mm expected"
+            )
+
 
 @dataclass(frozen=True, slots=True, eq=False)
-class LastLook:
-    """The devices when the arm stands still after a run."""
+class ForceProof:
+    """What a run has shown so far of a hole without a switch: the force that its latch took, and the bottom behind it."""
 
-    hand: GripperState
-    tcp: Vector
-    """Position of the finger centre, shape (3,), m, base frame."""
-    switch: SwitchState
+    latch: Latch
+    """The latch as the recipe states it."""
+    curve: Curve = field(default_factory=Curve)
+    """Force against depth of the held peg."""
+    seated_tip: Vector | None = None
+    """End of the held peg where it rested behind its latch, shape (3,), m, base frame."""
+    seated_hand: Vector | None = None
+    """Place of the hand at that time, shape (3,), m, base frame."""
+    found: Signature | None = None
+    """What the curve said then."""
+
+    def after(self, seen: Observation, setpoint: ImpedanceSetpoint | None = None) -> "ForceProof":
+        """Return the proof after one more scan, with the setpoint that was followed in it; a peg that is drawn out while it is held
+        revokes it.
+        """
+        if self.seated_hand is not None:
+            is_out = seen.gripper.is_gripping and seen.arm.tcp.position[2] > self.seated_hand[2] + LIFTED
+            return ForceProof(self.latch) if is_out else self
+        curve = self.curve.after(seen, setpoint, self.latch)
+        found = curve.signature(self.latch, seen.stamp)
+        if found is None or not found.is_of(self.latch):
+            return replace(self, curve=curve)
+        return ForceProof(self.latch, curve, seen.tip.copy(), seen.arm.tcp.position.copy(), found)
+
+    def require_seated(self, plane: Plane | None, look: LastLook, job: Job) -> None:
+        """Make sure that a held peg went through its latch, and rested at the hole's depth then."""
+        if self.seated_tip is None:
+            raise _unproven(
+                "force against depth did not show the latch with the bottom behind it while the hand held the peg"
+            )
+        surface, less, more = nominal(job.hole), CLOSED_TOLERANCE, CLOSED_TOLERANCE
+        if plane is not None:
+            surface, less, more = plane, DOUBTED, MOST_DEEP
+        depth, low, high = surface.depth(self.seated_tip), job.hole.depth - less, job.hole.depth + more
+        if not low <= depth <= high:
+            raise _unproven(f"the peg rests {1e3 * depth:.1f} mm deep; {1e3 * low:.1f} to {1e3 * high:.1f} mm expected")
+
+    @property
+    def told(self) -> str:
+        """Evidence in words for the record of a success."""
+        if self.found is None:
+            return ""
+        force, offset = self.found.force, 1e3 * self.found.offset
+        return f"force: a {self.latch.kind} of {force:.1f} N, {self.latch.force:g} N stated, {offset:+.1f} mm off its place"
+
+
+def evidence_for(hole: Hole) -> Evidence:
+    """Return the evidence that the recipe of a hole asks for, of a run that has shown nothing."""
+    return ForceProof(hole.latch) if hole.evidence == "force" and hole.latch is not None else Proof()
 
 
 def judged(
     claim: Claim,
     ending: Ending,
     records: Sequence[StageRecord],
-    proof: Proof,
+    proof: Evidence,
     look: LastLook,
     part: PartState,
     job: Job,
@@ -102,7 +210,7 @@ def judged(
     if claim is Claim.HELD and not part.is_held:
         raise _unproven(f"the hand is to hold a peg; found {part.evidence}")
     if claim in (Claim.SEATED, Claim.INSERTED):
-        _require_seated(_plane(records, job), proof, look, job)
+        proof.require_seated(_plane(records, job), look, job)
     if claim is Claim.INSERTED:
         _require_gone(proof, look, job)
     if claim is Claim.LEFT and part.place is not PartPlace.SEATED:
@@ -118,30 +226,7 @@ def _freed(ending: Ending, look: LastLook, part: PartState, job: Job) -> Ending:
     return ending
 
 
-def _require_seated(plane: Plane | None, proof: Proof, look: LastLook, job: Job) -> None:
-    if not proof.was_open:
-        raise _unproven("the switch was never open in this run")
-    if look.switch is not SwitchState.CLOSED:
-        raise _unproven(f"the switch is {look.switch} at the end of the run; closed needed")
-    if proof.seated_tip is None:
-        raise _unproven("the switch did not close while the hand held the peg")
-    surface, less, more = nominal(job.hole), CLOSED_TOLERANCE, CLOSED_TOLERANCE
-    if plane is not None:
-        surface, less, more = plane, MOST_SHALLOW, MOST_DEEP
-    depth, low, high = surface.depth(proof.seated_tip), job.hole.depth - less, job.hole.depth + more
-    if plane is not None and proof.borne_tip is not None:
-        low, gained = job.hole.depth - DOUBTED, surface.depth(proof.borne_tip) - depth
-        if gained > MOST_SHALLOW:
-            raise SwitchDisagreesError(
-                f"switch closed {1e3 * gained:.1f} mm above the bottom that bore the peg then; {1e3 * MOST_SHALLOW:.1f} mm allowed"
-            )
-    if not low <= depth <= high:
-        raise SwitchDisagreesError(
-            f"switch closed with the tip {1e3 * depth:.1f} mm deep; {1e3 * low:.1f} to {1e3 * high:.1f} mm expected"
-        )
-
-
-def _require_gone(proof: Proof, look: LastLook, job: Job) -> None:
+def _require_gone(proof: Evidence, look: LastLook, job: Job) -> None:
     if not _is_open(look.hand, job):
         raise _unproven(
             f"the hand is {1e3 * look.hand.width:.1f} mm open at the end of the run and must be open and empty"

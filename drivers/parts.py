@@ -78,13 +78,6 @@ class Latch(ConfigModel):
     """Share of that force which the real part has lost, fraction; the simulation alone reads it. Source: set for each trial.
     """
 
-    def most_at(self, depth: float, bottom: float) -> float:
-        """Return the force, N, that it resists a slow push with at a depth, where the bottom is, m; less than 0 where it draws in."""
-        way = (depth - bottom + self.height) / self.height
-        if not 0.0 <= way <= 1.0:
-            return 0.0
-        return self.force * (math.sin(2.0 * math.pi * way) if self.kind == "detent" else way)
-
 
 Bounds = tuple[tuple[float, float], tuple[float, float]]
 """Least x and y, and largest x and y, of a rectangle, m, base frame."""
@@ -115,6 +108,8 @@ class Hole(ConfigModel):
     """Largest angle by which the hole's sides are turned from the base frame's x and y, rad; a round hole has none.
     Source: assumed; decision 0026.
     """
+    evidence: Literal["switch", "force"] = "switch"
+    """Evidence of a seated part: the switch under the hole, or force against depth, which needs `hole.latch`. Source: set for each part."""
     shallow: Annotated[float, Field(ge=0.0, le=0.02)] = 0.0
     """Height of the real bottom above where `depth` has it, m, as of a chip in the hole; the simulation alone reads it, and the skills do not
     know it. Source: set for each trial.
@@ -143,6 +138,13 @@ class Hole(ConfigModel):
     @model_validator(mode="after")
     def _has_size(self) -> Self:
         section_of(self.diameter, self.sides)
+        if self.evidence == "force" and (self.latch is None or self.latch.kind != "detent"):
+            found = (
+                "no latch"
+                if self.latch is None
+                else f'a latch of kind "{self.latch.kind}", whose end force does not tell'
+            )
+            raise ValueError(f'hole.evidence = "force": {found}; a [hole.latch] of kind "detent", or "switch", allowed')
         if self.latch is not None and self.latch.height >= self.depth:
             raise ValueError(
                 f"hole.latch.height = {self.latch.height}: begins above the hole; less than hole.depth = {self.depth} allowed"

@@ -154,7 +154,8 @@ def advance(
         joint_drive.act(control.joints, qvel, qfrc, stride > 1)
         if watch.hinge >= 0:
             slip.act(control.grip, qpos, qvel, qfrc, watch.hinge)
-        is_latched = control.latch[latch.KIND] > 0.0
+        # A peg that is out of the physics, where nothing is near any hole, feels nothing.
+        is_latched = control.latch[latch.KIND] > 0.0 and models.hole[6] > -math.inf
         if is_latched:
             latch.act(control.latch, peg, watch.mass_centre, watch.load)
         native.step(models.fine if stride == 1 else models.coarse, state.data)

@@ -127,7 +127,8 @@ def _plate(job: Job, drawn: Draw) -> Plate:
     if hole.part.symmetry > 0.0:
         lean = lean @ frames.rotation_about(frames.UP, drawn.yaw)
     half = hole.part.half if hole.present else (contact.SOLID, contact.SOLID)
-    floor = hole.depth - hole.shallow + FLOOR_MARGIN
+    # A switch needs some way to close; without one the bottom is where the part is seated.
+    floor = hole.depth - hole.shallow + (FLOOR_MARGIN if hole.evidence == "switch" else 0.0)
     return Plate(drawn.hole, lean, half, floor, outline_of(drawn.hole, lean, *job.hole.plate_bounds))
 
 

@@ -169,9 +169,9 @@ class World:
         return self.stepper.peg_pose()
 
     def is_switch_pressed(self) -> bool:
-        """Whether the peg's end presses the switch."""
+        """Whether the peg's end presses the switch, where the hole has one."""
         depth, in_hole = self.stepper.depth()
-        return in_hole and depth >= self.job.hole.depth
+        return in_hole and depth >= self.job.hole.depth and self.job.hole.evidence == "switch"
 
     def truth(self) -> Truth:
         """Return the true state of the world."""

@@ -12,7 +12,16 @@ from drivers.quantities import ImpedanceSetpoint, InHandTip, Pose, Twist, Vector
 from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillResult
 from skills.motion import VALIDITY, Gains, anchored, tilted_by
 from skills.paths import dither, spiral
-from skills.seating import CLOSED_TOLERANCE, OPEN_TOLERANCE, Arrival, depth_of, is_seated, require_short_of_bottom
+from skills.seating import (
+    CLOSED_TOLERANCE,
+    DOUBTED,
+    OPEN_TOLERANCE,
+    Arrival,
+    depth_of,
+    is_seated,
+    require_short_of_bottom,
+)
+from skills.signature import Curve
 from skills.surface import Plane, nominal
 
 ARRIVING = 3.0
@@ -211,13 +220,17 @@ def run(
             would press its faces against them, by its ratio to half a side.
     """
     hole, is_felt, plane = ctx.job.hole, plane is not None, plane or nominal(ctx.job.hole)
-    first, arrival = ctx.observe(), Arrival()
+    first, arrival, curve = ctx.observe(), Arrival(), Curve()
     aim, stall, guide = Aim(ctx.in_hand(), plane.normal), Stall(), Guide()
     descent = Descent(plane.depth(first.tip))
     identity, offset, tip, running = ctx.new_id(), np.zeros(2), first.tip, 0.0
     for seen in ctx.scan(params.timeout, holding=True):
         elapsed, running, tip = seen.elapsed, seen.running, aim.tip(seen.arm.tcp)
-        if is_seated(seen.switch, tip, hole):
+        if hole.latch is not None and hole.evidence == "force":
+            curve = curve.after(seen, ctx.held, hole.latch)
+            if curve.shows(hole.latch, seen.stamp) and abs(plane.depth(seen.tip) - hole.depth) <= DOUBTED:
+                return _result(Outcome.SUCCESS, Reason.NONE, running, offset, depth_of(tip, hole))
+        elif is_seated(seen.switch, tip, hole):
             arrival = arrival.after(seen, ctx.held, hole.depth - plane.depth(seen.tip) if is_felt else 0.0)
             if arrival.is_over(seen.stamp):
                 return _result(Outcome.SUCCESS, Reason.NONE, running, offset, depth_of(tip, hole))
@@ -254,7 +267,8 @@ def run(
                 in_hand=aim.in_hand,
             )
         )
-    require_short_of_bottom(tip, hole)
+    if hole.evidence == "switch":
+        require_short_of_bottom(tip, hole)
     return _result(Outcome.FAILURE, Reason.NOT_SEATED, running, offset, depth_of(tip, hole))
 
 

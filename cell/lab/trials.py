@@ -22,7 +22,7 @@ from cell.part_state import PartState
 from cell.provenance import config_hash, versions
 from cell.record import Ending, StageClock, ending_of
 from cell.statistics import spread, wilson
-from cell.success import LastLook, Proof, judged
+from cell.success import Evidence, LastLook, Proof, evidence_for, judged
 from drivers.errors import CellError, ConfigError, FaultCode
 from drivers.quantities import ImpedanceSetpoint
 from plc_bridge.messages import PartPlace
@@ -109,8 +109,8 @@ class Watcher:
     clock: StageClock = field(default_factory=StageClock)
     ending: "Truth | None" = None
     """True state when the insertion had ended and before anything was cleared away."""
-    proof: Proof = field(default_factory=Proof)
-    """What the trial has shown so far."""
+    proof: Evidence = field(default_factory=Proof)
+    """What the trial has shown so far, by the evidence that the job's hole asks for."""
     found_error: float | None = None
     """Distance of the peg's end from the hole's axis in the first scan after the newest search, m; None before."""
     count: int = 0
@@ -118,6 +118,10 @@ class Watcher:
     """Sum of squared errors of theta, rad²."""
     tip: float = 0.0
     """Sum of squared errors of the tip, m²."""
+
+    def __post_init__(self) -> None:
+        """Begin with the evidence of the job."""
+        self.proof = evidence_for(self.ctx.job.hole)
 
     def record(self, seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
         """Take one scan."""

@@ -47,6 +47,7 @@ STUDIES = (
     "faults",
     "learning",
     "opinion",
+    "seating",
 )
 """Package of each study in the laboratory; each has a module `study`."""
 

@@ -17,9 +17,11 @@ from cell.part_state import (
     at_start,
     evidence_of,
     places_of,
+    proven,
     refusal_of,
     told,
 )
+from drivers.parts import Latch
 from drivers.quantities import SwitchState
 from plc_bridge.messages import PartPlace, Refusal
 
@@ -243,3 +245,16 @@ def test_a_peg_whose_end_nobody_can_tell_is_where_the_hand_is(rig):
     state = rig.cell.context(0).observe()
     for tip, where in ((np.array([0.1, 0.2, 0.3]), (0.1, 0.2, 0.3)), (np.full(3, np.nan), (0.45, 0.0, 0.3))):
         assert evidence_of(state.arm, state.gripper, OPEN, tip, 0.0).tip == where
+
+
+def test_a_peg_that_force_has_proven_stays_seated_while_the_switch_is_open(places):
+    hole = places.hole.model_copy(update={"evidence": "force", "latch": Latch(kind="detent", force=5.0, height=0.003)})
+    without = replace(places, hole=hole)
+    let_go = after(held_at(places, 0.02), seen(places, at_depth(places, 0.02), gripping=False), without, True)
+    assert let_go.place is PartPlace.IN_HOLE
+    seated = proven(let_go, "force: a detent of 5.0 N")
+    assert (seated.place, "a detent of 5.0 N" in seated.evidence) == (PartPlace.SEATED, True)
+    looked = seen(places, at_depth(places, 0.02), gripping=False)
+    assert after_run(seated, looked, without) == after(seated, looked, without, False) == seated
+    assert at_start(seated, looked, without) == seated
+    assert refusal_of(seated, OPEN, False, False) is Refusal.NONE

@@ -7,6 +7,7 @@ from drivers.parts import Latch
 from sim import latch
 from sim.peg_distances import PegView
 from sim.plate import Plate
+from skills.signature import resistance
 
 BOTTOM = 0.02
 DETENT = Latch(kind="detent", force=6.0, height=0.003)
@@ -51,7 +52,7 @@ def test_a_detent_resists_most_at_its_crest_and_draws_in_behind_it():
     assert felt(state, BOTTOM - DETENT.height) == 0.0
     assert felt(state, crest) == pytest.approx(DETENT.force)
     assert felt(state, BOTTOM - 0.25 * DETENT.height) == pytest.approx(-DETENT.force)
-    assert felt(state, crest) == pytest.approx(DETENT.most_at(crest, BOTTOM))
+    assert felt(state, crest) == pytest.approx(float(resistance(np.array(BOTTOM - crest), DETENT)))
 
 
 def test_a_press_fit_resists_a_push_by_the_length_pressed_and_a_pull_as_much_the_other_way():
@@ -60,7 +61,7 @@ def test_a_press_fit_resists_a_push_by_the_length_pressed_and_a_pull_as_much_the
     pushed = [felt(state, depth) for depth in depths]
     assert pushed[0] == 0.0
     assert pushed[-1] == pytest.approx(PRESS.force, rel=0.02)
-    assert pushed[2500] == pytest.approx(PRESS.most_at(depths[2500], BOTTOM), rel=0.02)
+    assert pushed[2500] == pytest.approx(float(resistance(np.array(BOTTOM - depths[2500]), PRESS)), rel=0.02)
     assert felt(state, BOTTOM - 0.0006) == pytest.approx(-0.8 * PRESS.force)
 
 

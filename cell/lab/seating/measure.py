@@ -1,0 +1,268 @@
+"""Trials of holes without a switch: true seatings and what may be taken for one, each judged by the cell, and by its gate beside a skill that lies."""
+
+import csv
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, fields
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cell.assembly import assemble, opened
+from cell.cell_config import CellConfig
+from cell.lab.trials import Watcher
+from cell.lab.workers import on_processes
+from cell.part_state import PartState
+from cell.record import Ending, ending_of
+from cell.statistics import wilson
+from cell.success import Evidence, LastLook, judged
+from drivers.errors import CellError, FaultCode
+from drivers.parts import Latch
+from drivers.quantities import ImpedanceSetpoint
+from plc_bridge.messages import PartPlace
+from skills.catalogue import ADJUST, CATALOGUE, GRASP, INSERT, SEARCH
+from skills.contract import Observation, Outcome, Reason, SkillContext
+from skills.entry import Claim
+from skills.flow import StageRecord
+from skills.signature import Curve, Signature
+
+if TYPE_CHECKING:
+    from sim.truth import Truth
+
+TABLE = "seating.csv"
+ON_BOTTOM = 3e-4
+"""Largest distance of a seated peg's end from the bottom in the stand-in, m."""
+LATCHES = {
+    "detent": Latch(kind="detent", force=5.0, height=0.003),
+    "press": Latch(kind="press", force=5.0, height=0.003),
+}
+"""Latches by kind: 5 N, which the shipped push goes through."""
+
+AREA, SEARCHED = (0.004, 0.004), 5.0
+"""Area that contains the hole, m, and longest search, s: what is studied begins where the hole is found."""
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One way in which a part may end up."""
+
+    name: str
+    is_seated: bool
+    """Whether a part that is on the bottom counts as seated: not where its latch is worn out or the bottom is another one."""
+    shallow: float = 0.0
+    """Height of the real bottom above the stated one, m."""
+    wear: float = 0.0
+    """Share of the latch's force that is lost."""
+    has_hole: bool = True
+
+
+CASES = (
+    Case("seated", True),
+    Case("bottom 1 mm higher", False, shallow=0.001),
+    Case("stuck 3 mm short", False, shallow=0.003),
+    Case("worn latch", False, wear=1.0),
+    Case("no hole", False, has_hole=False),
+)
+"""What is measured; all but the first must never be called seated."""
+
+
+@dataclass(frozen=True, slots=True)
+class SeatingRow:
+    """One trial; SI units, empty where nothing rested."""
+
+    kind: str
+    case: str
+    seed: int
+    outcome: str
+    reason: str
+    depth: float
+    """True depth of the end when the adjustment had ended, m."""
+    is_seated: bool
+    """Whether the part was truly seated then."""
+    is_told: bool
+    """Whether the cell called it a success."""
+    is_believed: bool
+    """Whether the gate would have let a success pass, had the skill told one: what a skill that lies gets."""
+    force: float | None
+    """Force of the latch by the last curve that ended at rest, N."""
+    offset: float | None
+    """Its height over the stated one, m."""
+    misfit: float | None
+    """Remainder of that curve over the latch's swing, ratio."""
+    max_penetration: float
+    is_void: bool
+
+
+@dataclass(frozen=True, slots=True)
+class SeatingLine:
+    """One case of one kind of latch."""
+
+    kind: str
+    case: str
+    trials: int
+    seated: int
+    """Trials in which the part was truly seated."""
+    missed: int
+    """Truly seated parts that the cell did not call so."""
+    false: int
+    """Parts that were called seated, by the cell or by its gate beside a skill that lies, and were not."""
+    low: float
+    high: float
+    """Wilson 95 % interval of the errors of this case: missed of seated ones, or false of all others."""
+
+
+@dataclass(frozen=True, slots=True)
+class Curves:
+    """Force against height of one trial, for the picture."""
+
+    kind: str
+    case: str
+    seed: int
+    heights: tuple[float, ...]
+    """Heights above the last one, m."""
+    forces: tuple[float, ...]
+
+
+class Recorder:
+    """Watches one trial as the gate does, and keeps what the curve said last."""
+
+    def __init__(self, watcher: Watcher, latch: Latch) -> None:
+        """Take the watcher of the trial and the stated latch."""
+        self.watcher, self.latch = watcher, latch
+        self.curve, self.shown = Curve(), Curve()
+        self.said: Signature | None = None
+        self.proven: Evidence | None = None
+        self.truth: Truth | None = None
+
+    def record(self, seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
+        """Take one scan."""
+        self.watcher.record(seen, setpoint)
+        if self.watcher.ctx.stage == ADJUST.name:
+            assert self.watcher.cell.truth is not None
+            self.truth = self.watcher.cell.truth()
+        if self.proven is None and self.watcher.proof.seated_hand is not None:
+            self.proven = self.watcher.proof
+        self.curve = self.curve.after(seen, setpoint, self.latch)
+        found = self.curve.signature(self.latch, seen.stamp)
+        if found is not None:
+            self.said, self.shown = found, self.curve
+
+
+def run_trial(config: CellConfig, kind: str, case: Case, seed: int) -> tuple[SeatingRow, Curves]:
+    """Run one insertion on a fresh cell of this seed; where there is no hole, every stage is run whatever the one before said."""
+    latch = LATCHES[kind]
+    assert config.sim is not None
+    hole = config.hole.model_copy(
+        update={
+            "evidence": "force",
+            "latch": latch.model_copy(update={"wear": case.wear}),
+            "shallow": case.shallow,
+            "present": case.has_hole,
+            "area": AREA,
+        }
+    )
+    sim = config.sim.model_copy(update={"seed": seed, "pace": "max"})
+    config = config.with_params(SEARCH, timeout=SEARCHED)
+    config = config.model_copy(update={"hole": hole, "sim": sim, "retries": 0})
+    cell = assemble(config)
+    assert cell.truth is not None
+    with opened(cell):
+        ctx = cell.context(seed)
+        recorder = Recorder(Watcher(cell, ctx), latch)
+        ctx.record = recorder.record
+        records: list[StageRecord] = []
+        try:
+            records = _performed(case, config, ctx)
+            ending = recorder.watcher.judged(ending_of(records, None, ctx.stage), records)
+            outcome, reason = ending.outcome, ending.word
+        except CellError as error:
+            outcome, reason = Outcome.FAILURE, FaultCode(error.code).name.lower()
+        truth = recorder.truth or cell.truth()
+        look = LastLook(cell.gripper.read(), cell.arm.read().tcp.position, cell.switch.read())
+    at_bottom = truth.is_in_hole and truth.depth >= config.hole.depth - ON_BOTTOM
+    said, shown = recorder.said, recorder.shown
+    row = SeatingRow(
+        kind=kind,
+        case=case.name,
+        seed=seed,
+        outcome=outcome,
+        reason=reason,
+        depth=truth.depth,
+        is_seated=case.is_seated and at_bottom,
+        is_told=outcome is Outcome.SUCCESS,
+        is_believed=recorder.proven is not None and _is_believed(recorder.proven, records, look, ctx),
+        force=None if said is None else said.force,
+        offset=None if said is None else said.offset,
+        misfit=None if said is None else said.misfit,
+        max_penetration=truth.max_penetration,
+        is_void=truth.is_void,
+    )
+    lowest = shown.heights[-1] if shown.heights else math.nan
+    return row, Curves(kind, case.name, seed, tuple(height - lowest for height in shown.heights), shown.forces)
+
+
+def _performed(case: Case, config: CellConfig, ctx: SkillContext) -> list[StageRecord]:
+    skills = config.skill_set()
+    if case.has_hole:
+        return CATALOGUE["insert_peg"].run(skills, ctx)
+    return [record for entry in (GRASP, SEARCH, INSERT, ADJUST) for record in entry.run(skills, ctx)]
+
+
+def _is_believed(proof: Evidence, records: Sequence[StageRecord], look: LastLook, ctx: SkillContext) -> bool:
+    """Return whether the gate lets a told success of a seated peg pass."""
+    told, nobody = Ending(Outcome.SUCCESS, ADJUST.name, Reason.NONE), PartState(PartPlace.UNKNOWN, "")
+    try:
+        judged(Claim.SEATED, told, records, proof, look, nobody, ctx.job)
+    except CellError:
+        return False
+    return True
+
+
+def measure(
+    config: CellConfig, kinds: Sequence[str], counts: dict[str, int], seed: int, workers: int, done: Callable[[], None]
+) -> tuple[list[SeatingRow], list[Curves]]:
+    """Run the trials of every kind of latch and every case, and return their rows and curves in order.
+
+    Args:
+        config: Config of the cell of every trial, except its hole's evidence and latch.
+        kinds: Kinds of latches.
+        counts: Number of trials by the name of the case; a case that is not named is left out.
+        seed: Seed of the first trial of each case.
+        workers: Number of processes.
+        done: Called after each trial.
+    """
+    rows, curves = [], []
+    for kind in kinds:
+        for case in CASES:
+            seeds = range(seed, seed + counts.get(case.name, 0))
+            task = partial(run_trial, config, kind, case)
+            tried = map(task, seeds) if workers == 1 else on_processes(task, seeds, workers)
+            found = []
+            for one in tried:
+                found.append(one)
+                done()
+            found.sort(key=lambda pair: pair[0].seed)
+            rows += [row for row, _ in found]
+            curves += [curve for _, curve in found]
+    return rows, curves
+
+
+def lines_of(rows: Sequence[SeatingRow]) -> list[SeatingLine]:
+    """Return the counts of every case of every kind."""
+    lines = []
+    for kind, case in dict.fromkeys((row.kind, row.case) for row in rows):
+        own = [row for row in rows if (row.kind, row.case) == (kind, case)]
+        seated = [row for row in own if row.is_seated]
+        missed = sum(not row.is_told for row in seated)
+        false = sum((row.is_told or row.is_believed) and not row.is_seated for row in own)
+        wrong, of = (missed, len(seated)) if seated else (false, len(own))
+        lines.append(SeatingLine(kind, case, len(own), len(seated), missed, false, *wilson(wrong, of)))
+    return lines
+
+
+def write_table(rows: Sequence[SeatingRow], path: Path) -> None:
+    """Write rows as CSV."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, [field.name for field in fields(SeatingRow)], lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(asdict(row) for row in rows)

@@ -1,0 +1,44 @@
+"""`cell study seating`: how often force against depth misses a seated part in a hole without a switch, or takes another for one."""
+
+import argparse
+from dataclasses import asdict
+
+from cell.arguments import out_folder
+from cell.lab.arguments import add_seed, add_study, add_trials, add_workers, load_simulated
+from cell.lab.report import StudyReport, finite
+from cell.terminal import progress
+
+SUMMARY = (
+    "holes without a switch: seated parts that are missed, and others that are taken for seated, by force against depth"
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what is simulated, the kind of latch, and the number of trials of each case."""
+    add_study(parser)
+    add_seed(parser)
+    add_trials(parser, "of each case; 20, with --quick 1")
+    parser.add_argument("--latch", action="append", default=[], choices=("detent", "press"), help="both if not given")
+    add_workers(parser)
+
+
+def run(args: argparse.Namespace) -> StudyReport:
+    """Run every case of every kind of latch, write the table, draw the picture."""
+    from cell.lab.seating import charts, measure, tables
+
+    config = load_simulated(args, "study seating").cell
+    folder = out_folder(args.out)
+    kinds = args.latch or (["detent"] if args.quick else list(measure.LATCHES))
+    trials = args.trials or (1 if args.quick else 20)
+    counts = {case.name: trials for case in measure.CASES}
+    with progress() as bars:
+        bar = bars.add_task("trials", total=len(kinds) * sum(counts.values()))
+        rows, curves = measure.measure(config, kinds, counts, args.seed, args.workers, lambda: bars.advance(bar))
+    measure.write_table(rows, folder / measure.TABLE)
+    title = (
+        f"{trials} trials of each case, seeds {args.seed} to {args.seed + trials - 1}, reality {config.reality.scale:g}"
+    )
+    lines = measure.lines_of(rows)
+    result = {"title": title, "lines": [asdict(line) for line in lines], "rows": [asdict(row) for row in rows]}
+    files = [folder / measure.TABLE, charts.draw(curves, title, folder)]
+    return StudyReport([tables.seating(lines, title)], finite(result), files)

@@ -1,0 +1,21 @@
+"""The table of the study of seating without a switch."""
+
+from collections.abc import Sequence
+
+from rich.table import Table
+
+from cell.lab.seating.measure import SeatingLine
+
+
+def seating(lines: Sequence[SeatingLine], title: str) -> Table:
+    """Return what was missed and what was falsely called seated, case by case."""
+    caption = "false: called seated, or let pass by the gate had the skill said so, and not seated; interval of the case's own error"
+    table = Table(title=title, caption=caption)
+    for name in ("latch", "case", "trials", "seated", "missed", "false", "Wilson 95 %"):
+        table.add_column(name, justify="left" if name in ("latch", "case") else "right")
+    for line in lines:
+        counts = (line.trials, line.seated, line.missed, line.false)
+        table.add_row(
+            line.kind, line.case, *(str(count) for count in counts), f"{100 * line.low:.1f} to {100 * line.high:.1f} %"
+        )
+    return table

@@ -1,0 +1,35 @@
+"""Whole insertions into a hole without a switch, on honest cells: seated ones pass, and what may be taken for one does not."""
+
+import pytest
+
+from cell.config import load
+from cell.lab.seating import charts, measure
+
+CONFIG = load().cell
+CASES = {case.name: case for case in measure.CASES}
+
+
+def test_a_seated_peg_is_told_by_the_force_of_its_latch(tmp_path):
+    row, curve = measure.run_trial(CONFIG, "detent", CASES["seated"], 101001)
+    assert (row.outcome, row.is_seated, row.is_believed, row.is_void) == ("success", True, True, False)
+    assert row.force == pytest.approx(5.0, rel=0.35)
+    measure.write_table([row], tmp_path / measure.TABLE)
+    assert charts.draw([curve], "one trial", tmp_path).stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("case", ["bottom 1 mm higher"])
+def test_what_is_not_seated_is_not_called_so_and_would_not_be_believed(case):
+    row, _ = measure.run_trial(CONFIG, "detent", CASES[case], 101001)
+    assert (row.is_seated, row.is_told, row.is_believed) == (False, False, False)
+
+
+def test_lines_count_what_was_missed_and_what_was_false():
+    def row(case, is_seated, is_told, is_believed):
+        return measure.SeatingRow(
+            "detent", case, 1, "", "", 0.02, is_seated, is_told, is_believed, None, None, None, 0.0, False
+        )
+
+    rows = [row("seated", True, True, True), row("seated", True, False, False), row("worn latch", False, False, True)]
+    seated, worn = measure.lines_of(rows)
+    assert (seated.trials, seated.seated, seated.missed, seated.false) == (2, 2, 1, 0)
+    assert (worn.trials, worn.seated, worn.missed, worn.false) == (1, 0, 0, 1)

@@ -1,0 +1,110 @@
+"""What proves a success in a hole without a switch, each negative by itself; the curve is told in tests/unit/skills/test_signature.py."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cell.config import load
+from cell.part_state import PartState
+from cell.record import Ending
+from cell.success import AWAY, MOST_DEEP, ForceProof, LastLook, Proof, evidence_for, judged
+from drivers.errors import ConfigError, SuccessUnprovenError
+from drivers.frames import UP
+from drivers.quantities import GripperState, SwitchState
+from plc_bridge.messages import PartPlace
+from skills.contract import Outcome, Reason
+from skills.entry import Claim
+from skills.flow import StageRecord
+from skills.seating import DOUBTED
+from skills.signature import LIFTED, Curve, Signature
+from skills.spray_search import SpraySearchResult
+from skills.surface import Plane
+from tests.fakes import Rig
+from tests.unit.skills.test_signature import LATCH, lowered, pushing, scan
+
+SETS = ("hole.latch={kind='detent',force=5.0,height=0.003}", "hole.evidence=force")
+WIDE = GripperState(0.04, False, False)
+SUCCESS = Ending(Outcome.SUCCESS, "release_and_retract", Reason.NONE)
+
+
+@pytest.fixture
+def job():
+    return load(sets=SETS).cell.job()
+
+
+@pytest.fixture
+def seen(tmp_path):
+    return Rig(load(), tmp_path).cell.context(0).observe()
+
+
+def proven(job, depth=0.02):
+    tip = np.array(job.hole.centre) - depth * UP
+    return ForceProof(LATCH, Curve(), tip, tip + job.peg.length * UP, Signature(5.0, 0.0, 0.1))
+
+
+def judge(job, proof, away=0.08, hand=WIDE, claim=Claim.INSERTED):
+    plane = Plane(np.array(job.hole.centre), UP)
+    found = SpraySearchResult(Outcome.SUCCESS, Reason.NONE, 1.0, (0.0, 0.0, 0.0), (0.0, 0.0), 0, 0, plane)
+    place = proof.seated_hand if proof.seated_hand is not None else np.array(job.hole.centre)
+    look = LastLook(hand, place + away * UP, SwitchState.OPEN)
+    records = [StageRecord("spray_search", found, 0.0, 1.0)]
+    return judged(claim, SUCCESS, records, proof, look, PartState(PartPlace.IN_HOLE, ""), job)
+
+
+def test_the_recipe_chooses_the_evidence(job):
+    assert isinstance(evidence_for(load().cell.hole), Proof)
+    chosen = evidence_for(job.hole)
+    assert isinstance(chosen, ForceProof)
+    assert chosen.latch == LATCH
+
+
+def test_a_latch_passed_and_a_bottom_behind_it_are_a_success_without_a_switch(job):
+    assert judge(job, proven(job)) is SUCCESS
+    assert "5.0 N, 5 N stated" in proven(job).told
+
+
+def test_a_skill_that_lies_is_not_believed(job):
+    with pytest.raises(SuccessUnprovenError, match="did not show the latch"):
+        judge(job, ForceProof(LATCH))
+
+
+@pytest.mark.parametrize(("side", "most"), [(-1.0, DOUBTED), (1.0, MOST_DEEP)])
+def test_the_depth_is_that_of_a_seated_peg(job, side, most):
+    assert judge(job, proven(job, job.hole.depth + side * (most - 1e-5))) is SUCCESS
+    with pytest.raises(SuccessUnprovenError, match="mm deep"):
+        judge(job, proven(job, job.hole.depth + side * (most + 1e-5)))
+
+
+def test_a_peg_beside_the_hole_is_no_success(job):
+    with pytest.raises(SuccessUnprovenError, match=r"0\.0 mm deep"):
+        judge(job, proven(job, 0.0))
+
+
+def test_a_hand_that_still_holds_the_peg_or_is_not_away_is_no_success(job):
+    with pytest.raises(SuccessUnprovenError):
+        judge(job, proven(job), hand=GripperState(0.008, True, False))
+    with pytest.raises(SuccessUnprovenError):
+        judge(job, proven(job), away=AWAY - 1e-4)
+
+
+def test_a_switch_that_closes_proves_nothing_where_force_is_asked_for(job, seen):
+    proof = evidence_for(job.hole)
+    for stamp in range(40):
+        proof = proof.after(replace(seen, switch=SwitchState.CLOSED, stamp=0.01 * stamp), pushing(seen))
+    assert proof.seated_hand is None
+
+
+def test_the_gate_sees_the_latch_itself_and_a_peg_that_is_drawn_out_again(seen):
+    curve, now = lowered(seen)
+    proof = ForceProof(LATCH, curve).after(scan(seen, 0.0, 11.0, now), pushing(seen))
+    assert proof.seated_hand is not None
+    assert proof.after(scan(seen, 0.9 * LIFTED, 0.0, now + 1.0)) is proof
+    assert proof.after(scan(seen, 1.1 * LIFTED, 0.0, now + 1.0)).seated_hand is None
+
+
+def test_a_recipe_without_a_detent_cannot_ask_for_force():
+    with pytest.raises(ConfigError, match="no latch; a "):
+        load(sets=["hole.evidence=force"])
+    with pytest.raises(ConfigError, match='kind "press"'):
+        load(sets=["hole.latch={kind='press',force=5.0,height=0.003}", "hole.evidence=force"])
