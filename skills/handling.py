@@ -61,10 +61,12 @@ class Way:
 
 def _over_the_edge(sections: Sections) -> Handling:
     grip = grip_of(sections.grasp, sections.grip_share)
-    insert = grip.inserting(sections.insert)
+    first = grip.inserting(sections.insert)
+    # A depth that errs, because plate, peg and arm are elsewhere than stated, errs again: the adjustment finds out then.
+    again = first.model_copy(update={"least_share": 0.0})
     return Handling(
         search=grip.searching(sections.search),
-        insert=lambda ctx, plane, attempt: tactile_insert.run(insert, ctx, plane),
+        insert=lambda ctx, plane, attempt: tactile_insert.run(again if attempt else first, ctx, plane),
         adjust=lambda ctx, plane: spiral_adjust.run(grip.adjusting(sections.adjust, ctx.job.peg.length), ctx, plane),
         retries=sections.retries,
     )

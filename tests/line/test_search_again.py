@@ -6,10 +6,12 @@ import numpy as np
 
 from cell.assembly import assemble, opened
 from cell.config import load
+from cell.lab.trials import run_trial
 from skills import spiral_adjust, spray_search, tactile_insert
 from skills.catalogue import GRASP, find_and_seat
 from skills.contract import Outcome, Reason
 from skills.surface import Plane
+from tests.reality_files import reality_of
 
 
 def test_peg_that_stands_in_the_hole_is_pulled_out_before_it_is_led_aside():
@@ -67,3 +69,11 @@ def test_peg_that_jams_along_a_wrongly_felt_normal_is_freed_where_it_rests():
         tactile_insert.run(config.insert, ctx, wrong)
         ended = spiral_adjust.run(config.adjust, ctx, wrong)
     assert ended.outcome is Outcome.SUCCESS
+
+
+def test_peg_whose_depth_is_misjudged_by_what_stands_elsewhere_is_adjusted_when_it_was_found_again(tmp_path):
+    """A plate 3.5 mm lower than stated is taken for a shorter peg, which an upright hand shows 1.4 mm less deep than it is."""
+    path = reality_of(tmp_path, place_plate_height=-0.0035)
+    row = run_trial(load(sets=[f'reality.file="{path}"', "hole.area=[0.01,0.01]"]).cell, 1)
+    assert (row.outcome, row.retries) == (Outcome.SUCCESS, 1)
+    assert row.depth > 0.0199
