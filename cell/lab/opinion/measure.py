@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from importlib.util import find_spec
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,13 +26,28 @@ TABLE = "opinion.csv"
 OURS, THEIRS = "the cell's own arm", "the described arm"
 PACKAGE, FILE, BELIEF = "franka_sim", "models/fr3.urdf", "arm.model=fr3"
 """Package that carries a description of the arm, its file there, and the key of the arm that it describes."""
-PARTS: dict[str, tuple[str, ...]] = {
-    "kinematics": ("kinematics",),
-    "inertia": ("inertia", "gravity"),
-    "friction": ("friction",),
-    "rotors": ("rotors",),
+
+
+class Part(NamedTuple):
+    """A part of a description that is tried alone."""
+
+    figures: str
+    """Figures that have to differ, of `Comparison.differs`."""
+    takes: tuple[str, ...]
+    """What is taken from the description, see `sim.described.takes`."""
+
+
+PARTS = {
+    "its kinematics alone": Part("kinematics", ("kinematics",)),
+    "its inertia alone, weightless": Part("inertia", ("inertia",)),
+    "its inertia alone": Part("inertia", ("inertia", "gravity")),
+    "its friction alone": Part("friction", ("friction",)),
+    "its rotors alone": Part("rotors", ("rotors",)),
 }
-"""What is taken from the description, by what is asked: masses bring their weight, since the controller compensates the believed one."""
+"""Parts by name; masses that weigh leave over what the controller does not compensate."""
+LINKS = "its links alone"
+"""Name of kinematics and weighed masses together, tried where neither differs: whoever described them, the same is to come of it."""
+EVERYTHING = ("kinematics", "inertia", "gravity", "friction", "rotors")
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,13 +90,11 @@ def shipped_description() -> Path:
 def variants(described: DescribedArm, path: Path, compared: Comparison) -> list[Variant]:
     """Return the cell's own arm, the described one, and between them each part of it that differs, alone."""
     found = [Variant("opinion", OURS, None, ())]
-    single = [name for name in PARTS if name in compared.differs]
-    if len(single) > 1:
-        found += [
-            Variant("opinion", f"its {name} alone", None, (_key(described, path, PARTS[name]),)) for name in single
-        ]
-    every = tuple(part for parts in PARTS.values() for part in parts)
-    return [*found, Variant("opinion", THEIRS, None, (_key(described, path, every),))]
+    single = {name: part.takes for name, part in PARTS.items() if part.figures in compared.differs}
+    if not {"kinematics", "inertia"} & set(compared.differs):
+        single = {LINKS: ("kinematics", "inertia", "gravity"), **single}
+    found += [Variant("opinion", name, None, (_key(described, path, takes),)) for name, takes in single.items()]
+    return [*found, Variant("opinion", THEIRS, None, (_key(described, path, EVERYTHING),))]
 
 
 def _key(described: DescribedArm, path: Path, takes: tuple[str, ...]) -> str:

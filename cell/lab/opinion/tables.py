@@ -28,7 +28,10 @@ def agreement(compared: Comparison, described: DescribedArm, postures: int, arm:
 
 def joints(compared: Comparison) -> Table:
     """Return the figures of the joints on both sides."""
-    table = Table(title="Joints", caption="a rotor inertia of 0 is taken for one that is not described")
+    table = Table(
+        title="Joints",
+        caption="a rotor inertia or a largest torque of 0 is not described, and the cell's own then counts",
+    )
     table.add_column("figure")
     table.add_column("whose")
     for number in range(1, JOINTS + 1):
