@@ -3,7 +3,8 @@
 import pytest
 
 from cell.config import load
-from cell.lab.seating import charts, measure
+from cell.lab.seating import charts, drawn, measure
+from drivers.errors import ConfigError
 
 CONFIG = load().cell
 CASES = {case.name: case for case in measure.CASES}
@@ -21,6 +22,18 @@ def test_a_seated_peg_is_told_by_the_force_of_its_latch(tmp_path):
 def test_what_is_not_seated_is_not_called_so_and_would_not_be_believed(case):
     row, _ = measure.run_trial(CONFIG, "detent", CASES[case], 101001)
     assert (row.is_seated, row.is_told, row.is_believed) == (False, False, False)
+
+
+def test_noise_alone_neither_hides_a_latch_nor_makes_one():
+    told = {line.end: line.told for line in drawn.drawn(measure.LATCHES["detent"], 40, 1)}
+    assert min(told["seated"]) >= 39
+    assert told["worn out"] == told["bottom 1.5 mm higher"] == (0, 0, 0)
+    assert told["bottom 1 mm higher"][:2] == (0, 0)
+
+
+def test_a_case_that_does_not_exist_is_refused_by_name():
+    with pytest.raises(ConfigError, match="--case lost: no such case; seated, bottom 1 mm higher"):
+        measure.case_names(["lost"])
 
 
 def test_lines_count_what_was_missed_and_what_was_false():

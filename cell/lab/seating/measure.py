@@ -16,7 +16,7 @@ from cell.part_state import PartState
 from cell.record import Ending, ending_of
 from cell.statistics import wilson
 from cell.success import Evidence, LastLook, judged
-from drivers.errors import CellError, FaultCode
+from drivers.errors import CellError, ConfigError, FaultCode
 from drivers.parts import Latch
 from drivers.quantities import ImpedanceSetpoint
 from plc_bridge.messages import PartPlace
@@ -216,6 +216,19 @@ def _is_believed(proof: Evidence, records: Sequence[StageRecord], look: LastLook
     except CellError:
         return False
     return True
+
+
+def case_names(asked: Sequence[str]) -> list[str]:
+    """Return the names of the cases that are asked for, or of all.
+
+    Raises:
+        ConfigError: There is no case of that name.
+    """
+    known = [case.name for case in CASES]
+    for name in asked:
+        if name not in known:
+            raise ConfigError(f"--case {name}: no such case; {', '.join(known)} allowed")
+    return list(asked) or known
 
 
 def measure(

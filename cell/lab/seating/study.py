@@ -19,26 +19,35 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_seed(parser)
     add_trials(parser, "of each case; 20, with --quick 1")
     parser.add_argument("--latch", action="append", default=[], choices=("detent", "press"), help="both if not given")
+    parser.add_argument(
+        "--case", action="append", default=[], metavar="NAME", help="a case by its name; all if not given"
+    )
     add_workers(parser)
 
 
 def run(args: argparse.Namespace) -> StudyReport:
     """Run every case of every kind of latch, write the table, draw the picture."""
-    from cell.lab.seating import charts, measure, tables
+    from cell.lab.seating import charts, drawn, measure, tables
 
     config = load_simulated(args, "study seating").cell
     folder = out_folder(args.out)
     kinds = args.latch or (["detent"] if args.quick else list(measure.LATCHES))
     trials = args.trials or (1 if args.quick else 20)
-    counts = {case.name: trials for case in measure.CASES}
+    counts = dict.fromkeys(measure.case_names(args.case), trials)
     with progress() as bars:
         bar = bars.add_task("trials", total=len(kinds) * sum(counts.values()))
         rows, curves = measure.measure(config, kinds, counts, args.seed, args.workers, lambda: bars.advance(bar))
+    told = drawn.drawn(measure.LATCHES["detent"], 100 if args.quick else 1000, args.seed)
     measure.write_table(rows, folder / measure.TABLE)
     title = (
         f"{trials} trials of each case, seeds {args.seed} to {args.seed + trials - 1}, reality {config.reality.scale:g}"
     )
     lines = measure.lines_of(rows)
-    result = {"title": title, "lines": [asdict(line) for line in lines], "rows": [asdict(row) for row in rows]}
+    result = {
+        "title": title,
+        "lines": [asdict(line) for line in lines],
+        "drawn": [asdict(line) for line in told],
+        "rows": [asdict(row) for row in rows],
+    }
     files = [folder / measure.TABLE, charts.draw(curves, title, folder)]
-    return StudyReport([tables.seating(lines, title)], finite(result), files)
+    return StudyReport([tables.seating(lines, title), tables.of_drawn(told)], finite(result), files)

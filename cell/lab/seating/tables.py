@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from rich.table import Table
 
+from cell.lab.seating.drawn import NOISES, DrawnLine
 from cell.lab.seating.measure import SeatingLine
 
 
@@ -18,4 +19,16 @@ def seating(lines: Sequence[SeatingLine], title: str) -> Table:
         table.add_row(
             line.kind, line.case, *(str(count) for count in counts), f"{100 * line.low:.1f} to {100 * line.high:.1f} %"
         )
+    return table
+
+
+def of_drawn(lines: Sequence[DrawnLine]) -> Table:
+    """Return how many drawn curves of every end were told to be of a seated part."""
+    curves = lines[0].curves
+    table = Table(title=f"{curves} drawn curves of a detent for each figure: told to be of a seated part")
+    table.add_column("end")
+    for noise, wander in NOISES:
+        table.add_column(f"noise {noise:g} N, wander {wander:g} N", justify="right")
+    for line in lines:
+        table.add_row(line.end, *(str(count) for count in line.told))
     return table

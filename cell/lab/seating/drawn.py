@@ -1,0 +1,63 @@
+"""Thousands of drawn curves of force against height: how often noise alone hides a latch, or lets another end pass for the bottom."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from drivers.parts import Latch
+from drivers.quantities import Vector
+from skills.signature import BEFORE, FLOOR, GRID, fitted, resistance
+
+NOISES = ((0.3, 0.3), (1.0, 0.5), (1.0, 1.0))
+"""Noise of the force from scan to scan, N, up to the largest of `arm.wrench_noise`, and root mean square of what friction adds that wanders along the way,
+N; assumed, up to as much again.
+"""
+SCANS, WAY = 70, 0.006
+"""Number of scans on the way, and its length, m, as in simulated insertions."""
+SPREAD, PLACE = 1.2, 1e-4
+"""Largest factor of the latch's force, and deviation of its place, m: `latch.force` and `latch.place` of config/reality.toml."""
+ENDS = (
+    ("seated", 0.0, 0.0),
+    ("worn out", 0.0, 1.0),
+    ("three quarters worn", 0.0, 0.75),
+    *((f"bottom {height:g} mm higher", 1e-3 * height, 0.0) for height in (0.5, 0.8, 1.0, 1.5, 2.0, 3.0)),
+)
+"""Ends of a way by name: height of the true bottom over the stated one, m, and share of the latch's force that is lost."""
+
+
+@dataclass(frozen=True, slots=True)
+class DrawnLine:
+    """Curves of one end."""
+
+    end: str
+    curves: int
+    """Number of curves at each of `NOISES`."""
+    told: tuple[int, ...]
+    """Number of them that were told to be of a seated part."""
+
+
+def drawn(latch: Latch, curves: int, seed: int, done: Callable[[], None] = lambda: None) -> list[DrawnLine]:
+    """Return how many curves of every end show the latch as stated; `done` is called after each end."""
+    lines = []
+    for name, shallow, wear in ENDS:
+        rng = np.random.default_rng(seed)
+        told = tuple(sum(_is_told(latch, shallow, wear, noise, rng) for _ in range(curves)) for noise in NOISES)
+        lines.append(DrawnLine(name, curves, told))
+        done()
+    return lines
+
+
+def _is_told(latch: Latch, shallow: float, wear: float, noise: tuple[float, float], rng: np.random.Generator) -> bool:
+    place = float(np.clip(rng.normal(0.0, PLACE), -3.0 * PLACE, 3.0 * PLACE))
+    height = np.sort(np.concatenate([[0.0, WAY], rng.uniform(0.0, WAY, SCANS)]))
+    force = (1.0 - wear) * SPREAD ** rng.uniform(-1.0, 1.0) * resistance(height + shallow - place, latch)
+    grid = np.arange(FLOOR, latch.height + BEFORE, GRID)
+    return fitted(grid, np.interp(grid, height, force + _noise(noise, height.size, rng)), latch).is_of(latch)
+
+
+def _noise(noise: tuple[float, float], count: int, rng: np.random.Generator) -> Vector:
+    """Return white noise and a random walk, each of its own size, N, shape (count,)."""
+    walk = np.cumsum(rng.standard_normal(count))
+    walk -= walk.mean()
+    return np.asarray(noise[0] * rng.standard_normal(count) + noise[1] * walk / walk.std())
