@@ -35,6 +35,7 @@ from drivers.skin.calibration import CalibratedSkin, SkinCalibration, read_calib
 from drivers.skin.figures import SkinFigures
 from drivers.skin.layout import Layout
 from drivers.skin.recording import RecordedSkin
+from drivers.switch.absent import AbsentSwitch, NoSwitchConfig
 from drivers.switch.board import SerialSuccessSwitch
 from drivers.switch.board_config import SerialSwitchConfig
 from drivers.switch.wire import BAUD_RATE
@@ -240,7 +241,7 @@ def _law(config: CellConfig, calibration: ArmCalibration | None) -> Vector:
 def _hardware(config: CellConfig, arm: FrankaArmConfig, calibration: ArmCalibration | None) -> Cell:
     """Return a cell around a real arm, whose other devices are then real as well."""
     assert isinstance(config.gripper, FrankaGripperConfig)
-    assert isinstance(config.switch, SerialSwitchConfig)
+    assert isinstance(config.switch, SerialSwitchConfig | NoSwitchConfig)
     clock = WallClock()
     felt = _real_skin(config, clock)
     return Cell(
@@ -250,7 +251,7 @@ def _hardware(config: CellConfig, arm: FrankaArmConfig, calibration: ArmCalibrat
         arm_calibration=calibration,
         gripper=FrankaGripper(config.gripper, config.arm_model().hand.stroke),
         skin=_calibrated(config, felt.skin),
-        switch=_serial_switch(config.switch, clock),
+        switch=AbsentSwitch() if isinstance(config.switch, NoSwitchConfig) else _serial_switch(config.switch, clock),
         restock=lambda job, seed: None,
         skin_figures=felt.figures,
     )
@@ -388,6 +389,8 @@ def _switch(
 ) -> tuple[SuccessSwitch, Clock, tuple[Device, ...]]:
     """Return the switch, the clock that an emulated switch board keeps step with, and that board or None."""
     wired = config.switch
+    if isinstance(wired, NoSwitchConfig):
+        return AbsentSwitch(), clock, ()
     if not isinstance(wired, SerialSwitchConfig):
         from sim.switch import SimSwitch
 

@@ -26,6 +26,7 @@ from drivers.errors import ConfigError
 from drivers.gripper.franka_config import FrankaGripperConfig
 from drivers.parts import Hole, Job, Peg, Rack, require_fit
 from drivers.skin.board_config import EMULATED, CanSkinConfig, SerialSkinConfig
+from drivers.switch.absent import NoSwitchConfig
 from drivers.switch.board_config import SerialSwitchConfig
 from plc_bridge.config import PlcConfig
 from sim.config import (
@@ -148,7 +149,7 @@ class CellConfig(Catalogued):
     """How theta is carried from frame to frame."""
     observer: ObserverParams = ObserverParams()
     """How theta may move between frames, where `smoothing.method` is "observer"."""
-    switch: Annotated[SimSwitchConfig | SerialSwitchConfig, Field(discriminator="kind")]
+    switch: Annotated[SimSwitchConfig | SerialSwitchConfig | NoSwitchConfig, Field(discriminator="kind")]
     """The success switch under the hole."""
     plc: PlcConfig
     """The lines to the PLC."""
@@ -198,6 +199,12 @@ class CellConfig(Catalogued):
     @model_validator(mode="after")
     def _is_turned_as_its_hole(self) -> Self:
         require_turned_as_hole(self.params(SEARCH), self.peg)
+        return self
+
+    @model_validator(mode="after")
+    def _has_evidence(self) -> Self:
+        if self.switch.kind == "none" and self.hole.evidence == "switch":
+            raise ValueError('hole.evidence = "switch": there is none, as switch.kind = "none"; "force" allowed')
         return self
 
     @model_validator(mode="after")

@@ -145,8 +145,8 @@ def test_certificates_are_looked_for_beside_the_config_file(tmp_path):
 @pytest.mark.parametrize(
     ("wrong", "told"),
     [
-        ("switch={kind='modem'}", ["switch.kind = 'modem'", '"serial", "sim" allowed']),
-        ("switch={}", ["switch.kind", "missing", '"serial", "sim" needed']),
+        ("switch={kind='modem'}", ["switch.kind = 'modem'", '"none", "serial", "sim" allowed']),
+        ("switch={}", ["switch.kind", "missing", '"none", "serial", "sim" needed']),
         ("switch={kind='serial'}", ["switch.port", "missing"]),
         (
             "switch={kind='serial', port='/dev/ttyUSB0', baud=9600}",

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cell.assembly import assemble
 from cell.config import load
 from cell.part_state import PartState
 from cell.record import Ending
@@ -108,3 +109,10 @@ def test_a_recipe_without_a_detent_cannot_ask_for_force():
         load(sets=["hole.evidence=force"])
     with pytest.raises(ConfigError, match='kind "press"'):
         load(sets=["hole.latch={kind='press',force=5.0,height=0.003}", "hole.evidence=force"])
+
+
+def test_a_cell_without_a_switch_works_holes_that_need_none():
+    with pytest.raises(ConfigError, match=r'there is none, as switch.kind = "none"; "force" allowed'):
+        load(sets=["switch={kind='none'}"])
+    cell = assemble(load(sets=[*SETS, "switch={kind='none'}"]).cell)
+    assert cell.switch.read() is SwitchState.OPEN
