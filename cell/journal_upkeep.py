@@ -186,7 +186,12 @@ def _lost(row: RunRow, path: Path) -> RunRow:
         samples, ended = {"stamp": np.empty(0)}, row.started
     count = int(samples["stamp"].size)
     if not count:
-        return replace(row, outcome=LOST, ended=ended, message="the program ended before the run did; no samples")
+        return replace(
+            row,
+            outcome=LOST,
+            ended=ended,
+            message="its end was not recorded, as where the program is killed or the disk full; no samples",
+        )
     seconds = float(samples["stamp"][-1] - samples["stamp"][0])
     force = np.column_stack([samples[f"force_{axis}"] for axis in "xyz"])
     return replace(
@@ -194,7 +199,7 @@ def _lost(row: RunRow, path: Path) -> RunRow:
         started=row.started or ended,
         outcome=LOST,
         ended=ended,
-        message=f"the program ended before the run did; samples of {seconds:.2f} s are on record",
+        message=f"its end was not recorded, as where the program is killed or the disk full; samples of {seconds:.2f} s are on record",
         stage=CATALOGUE.stages.get(int(samples["stage"][-1]), ""),
         peak_force=float(np.max(np.linalg.norm(force, axis=1))),
         samples=count,

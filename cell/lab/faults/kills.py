@@ -7,15 +7,16 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from cell.journal import Journal
-from cell.journal_schema import LOST
+from cell.journal_schema import LOST, RunRow
 from cell.samples import read_samples
 from drivers.errors import CellError
+from plc_bridge.images import ReportImage
 from plc_bridge.messages import Control, PartPlace, Result
 from plc_bridge.peer import Peer
 from skills.catalogue import CATALOGUE
@@ -26,6 +27,8 @@ CYCLE = 0.02
 """Time between two cycles of the PLC, s of wall time."""
 ENDS = (signal.SIGKILL, signal.SIGKILL, signal.SIGTERM, signal.SIGKILL, signal.SIGKILL, signal.SIGHUP)
 """Signals, one after the other."""
+LAST = 1.0
+"""Time before a signal of which samples may be lost, s of wall time."""
 ENDING = 30.0
 """Longest wait for a program that was asked to end, s of wall time."""
 LEFT = {
@@ -58,6 +61,8 @@ class Kill:
     """Outcome of that run after the next start; empty where it is not on record."""
     samples: int
     """Number of that run's scans on record."""
+    told_scans: int
+    """Number of that run's scans that the PLC had been told of a second before the signal."""
     still_running: int
     """Number of runs that are reported as under way after the next start."""
     twice: int
@@ -72,6 +77,7 @@ class Kill:
         """Whether nothing was lost but the last second, and nothing is said that is not true."""
         is_ended_well = self.status == (-signal.SIGKILL if self.signal == "SIGKILL" else 0)
         is_told = self.told == 0 or self.outcome not in ("", "running")
+        is_told = is_told and self.samples >= self.told_scans
         is_part_kept = self.part_next in LEFT[self.part]
         return is_ended_well and is_told and is_part_kept and self.still_running == 0 and self.twice == 0
 
@@ -91,8 +97,8 @@ def kill(tries: int, seed: int, arguments: Sequence[str], watch: Callable[[Kill]
             found[-1:] = [replace(last, part_next=part_now) for last in found[-1:]]
             found.append(case)
             watch(case)
-        with _served(Path(folder), arguments) as (_, address):
-            found[-1:] = [replace(last, part_next=_part_at(address)) for last in found[-1:]]
+        with served(Path(folder), arguments) as (_, address):
+            found[-1:] = [replace(last, part_next=part_at(address)) for last in found[-1:]]
     return found
 
 
@@ -100,34 +106,32 @@ def _one(folder: Path, how: signal.Signals, progress: int, arguments: Sequence[s
     """Return where the peg is when the cell starts, and what the signal leaves, without what the next start will say."""
     with Journal(folder, is_read_only=True) as journal:
         before = {row.run for row in journal.runs(1_000_000)}
-    with _served(folder, arguments) as (process, address):
-        part_now = _part_at(address)
-        told, part = _insert(address, progress)
+    with served(folder, arguments) as (process, address):
+        part_now = part_at(address)
+        seen = insert(address, progress)
         process.send_signal(how)
         status = process.wait(ENDING)
     with Journal(folder) as journal:
         rows = {row.run: row for row in journal.runs(1_000_000)}
+    told = seen.run
     row = rows.get(told)
-    samples = 0
-    if row is not None and row.outcome == LOST:
-        with suppress(CellError):
-            samples = int(read_samples(folder / f"run-{told:06d}.arrows")["stamp"].size)
     return part_now, Kill(
         signal=how.name,
         progress=progress,
         status=status,
         told=told,
         outcome="" if row is None else row.outcome,
-        samples=row.samples if row is not None and row.outcome != LOST else samples,
+        samples=recorded(folder, row),
+        told_scans=seen.scans_before(LAST),
         still_running=sum(each.outcome == "running" for each in rows.values()),
         twice=int(told in before),
-        part=part.name.lower(),
+        part=seen.part.name.lower(),
         part_next="",
     )
 
 
 @contextmanager
-def _served(folder: Path, arguments: Sequence[str]) -> Iterator[tuple["subprocess.Popen[str]", tuple[str, int]]]:
+def served(folder: Path, arguments: Sequence[str]) -> Iterator[tuple["subprocess.Popen[str]", tuple[str, int]]]:
     """Yield a served cell in a process of its own, and where it listens."""
     command = [
         sys.executable,
@@ -152,19 +156,62 @@ def _served(folder: Path, arguments: Sequence[str]) -> Iterator[tuple["subproces
             process.kill()
 
 
-def _part_at(address: tuple[str, int]) -> str:
+def part_at(address: tuple[str, int]) -> str:
     """Return where a served cell says that its peg is."""
     with closing(Peer(*address)) as peer:
         return PartPlace(peer.look().part).name.lower()
 
 
-def _insert(address: tuple[str, int], progress: int) -> tuple[int, PartPlace]:
-    """Let an insertion come so far, percent, and return the number of the run and the place of the peg that were told last.
+def recorded(folder: Path, row: RunRow | None) -> int:
+    """Return the number of scans of a run that are on record."""
+    if row is None or row.outcome != LOST:
+        return 0 if row is None else row.samples
+    with suppress(CellError):
+        return int(read_samples(folder / f"run-{row.run:06d}.arrows")["stamp"].size)
+    return 0
+
+
+@dataclass(slots=True)
+class Seen:
+    """What a PLC has read of a run."""
+
+    run: int = 0
+    part: PartPlace = PartPlace.UNKNOWN
+    warnings: int = 0
+    """All warnings of the run together."""
+    report: ReportImage | None = None
+    """The last report."""
+    lives: list[tuple[float, int]] = field(default_factory=list)
+    """Moments of wall time, and the number of scans since the first of them, by the cell's sign of life."""
+
+    def see(self, report: ReportImage) -> None:
+        """Take one report of the run."""
+        step = 0 if self.report is None or report.run != self.run else (report.life - self.report.life) % 0x10000
+        if report.run != self.run:
+            self.lives, self.warnings = [], 0
+        self.run, self.part, self.report = report.run, PartPlace(report.part), report
+        self.warnings |= report.warnings
+        if report.result == Result.NONE:
+            self.lives.append((time.monotonic(), step + (self.lives[-1][1] if self.lives else 0)))
+
+    def scans_before(self, span: float) -> int:
+        """Return the number of scans that were told of before the last `span`, s of wall time."""
+        now = time.monotonic()
+        return max((scans for moment, scans in self.lives if moment <= now - span), default=0)
+
+
+def insert(address: tuple[str, int], progress: int, then: Callable[[Seen], None] | None = None) -> Seen:
+    """Let an insertion come so far, percent, and return what was told of it last.
+
+    Args:
+        address: Where the cell is served.
+        progress: How far it comes, percent; 101 is its end.
+        then: Called once the insertion has come so far, which then goes on to its end; None leaves it there.
 
     Raises:
         CellError: It does not come so far.
     """
-    deadline = time.monotonic() + LONGEST
+    deadline, seen = time.monotonic() + LONGEST, Seen()
     with closing(Peer(*address)) as peer:
         peer.connect()
         peer.take()
@@ -175,8 +222,14 @@ def _insert(address: tuple[str, int], progress: int) -> tuple[int, PartPlace]:
                 code = Control.CLEARED if report.refusal else _INSERT
                 peer.acknowledge()
                 report = peer.trigger(code)
-            elif code == _INSERT and (report.result != Result.NONE or (report.run and report.progress >= progress)):
-                return report.run, PartPlace(report.part)
+            elif code == _INSERT and report.run:
+                seen.see(report)
+                is_over = report.result != Result.NONE
+                if then is not None and (is_over or report.progress >= progress):
+                    then(seen)
+                    then, progress = None, 101
+                if is_over or report.progress >= progress:
+                    return seen
             elif time.monotonic() > deadline:
                 raise CellError(f"the insertion does not come to {progress} % in {LONGEST:g} s")
             time.sleep(CYCLE)

@@ -1,7 +1,10 @@
 """`cell study faults`: every kind of fault in the middle of an insertion."""
 
 import argparse
+import csv
+from collections.abc import Sequence
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cell.arguments import natural, out_folder, positive
@@ -27,6 +30,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="instead: end the program N times, two of three by kill -9",
     )
     parser.add_argument(
+        "--disks",
+        type=natural,
+        default=0,
+        metavar="N",
+        help="instead: let the disk be full from a random moment of an insertion on, N times",
+    )
+    parser.add_argument(
         "--soak",
         type=float,
         default=0.0,
@@ -40,9 +50,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> StudyReport:
-    """Try every case, write the table and draw the chart; with --kills or --soak do that instead."""
-    if args.kills:
-        return _kills(args)
+    """Try every case, write the table and draw the chart; with --kills, --disks or --soak do that instead."""
+    if args.kills or args.disks:
+        return _ends(args)
     if args.soak > 0.0:
         return _soak(args)
     from cell.lab.faults import cases, charts, measure, tables
@@ -80,17 +90,34 @@ def run(args: argparse.Namespace) -> StudyReport:
     return StudyReport([tables.table(rows, limit)], finite(result), [cases.write(rows, folder), folder / charts.CHART])
 
 
-def _kills(args: argparse.Namespace) -> StudyReport:
-    from cell.lab.faults import kills
+def _ends(args: argparse.Namespace) -> StudyReport:
+    from cell.lab.faults import disks, kills
     from cell.lab.tables import plain
 
     arguments = [word for key in ("sim.pace=max", *args.set) for word in ("--set", key)]
+    of_what, tries = ("ends of the program", args.kills) if args.kills else ("full disks", args.disks)
+    found: list[kills.Kill | disks.FullDisk] = []
+    written = out_folder(args.out) / ("kills.csv" if args.kills else "disks.csv")
     with progress() as bars:
-        bar = bars.add_task("ends", total=args.kills)
-        found = kills.kill(args.kills, args.seed, arguments, lambda case: bars.advance(bar))
-    unsound = sum(not case.is_sound for case in found)
-    title = f"{len(found)} ends of the program; {unsound} with something lost or untrue"
-    return StudyReport([plain(title, found)], {"unsound": unsound, "ends": [asdict(case) for case in found]})
+        bar = bars.add_task(of_what, total=tries)
+
+        def watch(case: kills.Kill | disks.FullDisk) -> None:
+            found.append(case)
+            _write_rows(written, [asdict(each) for each in found])  # what is broken off leaves what it found
+            bars.advance(bar)
+
+        cases = (kills.kill if args.kills else disks.fill)(tries, args.seed, arguments, watch)
+    _write_rows(written, [asdict(case) for case in cases])
+    unsound = sum(not case.is_sound for case in cases)
+    title = f"{len(cases)} {of_what}; {unsound} with something lost or untrue"
+    return StudyReport([plain(title, cases)], {"unsound": unsound, "ends": [asdict(case) for case in cases]}, [written])
+
+
+def _write_rows(file: Path, rows: Sequence[dict[str, object]]) -> None:
+    with file.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
 
 
 def _soak(args: argparse.Namespace) -> StudyReport:

@@ -11,6 +11,7 @@ SOUND = Kill(
     told=3,
     outcome="lost",
     samples=100,
+    told_scans=100,
     still_running=0,
     twice=0,
     part="in_hand",
@@ -19,7 +20,8 @@ SOUND = Kill(
 
 
 @pytest.mark.parametrize(
-    "kill", [SOUND, replace(SOUND, told=0, outcome=""), replace(SOUND, signal="SIGTERM", status=0)]
+    "kill",
+    [SOUND, replace(SOUND, told=0, outcome="", samples=0, told_scans=0), replace(SOUND, signal="SIGTERM", status=0)],
 )
 def test_an_end_that_lost_nothing_is_sound(kill):
     assert kill.is_sound
@@ -35,6 +37,7 @@ def test_an_end_that_lost_nothing_is_sound(kill):
         {"still_running": 1},
         {"twice": 1},
         {"status": 0},
+        {"samples": 99},
         {"signal": "SIGTERM"},
     ],
 )

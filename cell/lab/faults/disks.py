@@ -1,0 +1,149 @@
+"""A disk that is full from a random moment of an insertion on: what the PLC is told, and what the journal says afterwards."""
+
+import os
+import resource
+import signal
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from cell.journal import Journal
+from cell.journal_schema import LOST, RunRow
+from cell.lab.faults.kills import CYCLE, ENDING, LAST, LONGEST, Seen, insert, recorded, served
+from drivers.errors import CellError
+from plc_bridge.messages import Result
+from plc_bridge.peer import Peer
+from plc_bridge.registers import Warnings
+
+WARNED = 3.0
+"""Longest time from the end of a run to a warning about it, s of wall time."""
+WAYS = ("room again", "asked to end", "room again", "killed")
+"""What comes after the insertion has ended on the full disk, one after the other."""
+
+
+@dataclass(frozen=True, slots=True)
+class FullDisk:
+    """What one full disk leaves."""
+
+    way: str
+    """What came after the insertion had ended."""
+    progress: int
+    """Progress of the insertion at which no file grows any more, percent."""
+    run: int
+    result: str
+    """How the PLC was told that it ended."""
+    is_warned: bool
+    """Whether the PLC was told, until a moment after the end, that the run is not recorded, where something of it was lost."""
+    outcome: str
+    """Outcome of that run after the next start; empty where it is not on record."""
+    samples: int
+    """Number of that run's scans on record."""
+    told_scans: int
+    """Number of that run's scans that the PLC had been told of a second before the disk was full."""
+    still_running: int
+    """Number of runs that are reported as under way after the next start."""
+    changed: int
+    """Number of earlier runs whose record is another one than before."""
+    next_samples: int
+    """Number of scans on record of a run that was made when there was room again; -1 where none was made."""
+
+    @property
+    def is_sound(self) -> bool:
+        """Whether the run had an honest end, and nothing from before the last second is lost."""
+        is_honest = self.outcome in ((self.result,) if self.way == "room again" else (self.result, LOST))
+        is_whole = self.samples >= self.told_scans and self.changed == 0 and self.next_samples != 0
+        return is_honest and is_whole and self.is_warned and self.still_running == 0
+
+
+def fill(tries: int, seed: int, arguments: Sequence[str], watch: Callable[[FullDisk], None]) -> list[FullDisk]:
+    """Serve the cell again and again on one journal, and let its disk be full from a random moment on.
+
+    A program whose files may not grow meets the same as on a full disk, and nobody else on the computer does.
+
+    Raises:
+        CellError: A cell cannot be started.
+    """
+    rng, found = np.random.default_rng(seed), list[FullDisk]()
+    with tempfile.TemporaryDirectory() as folder:
+        for number in range(tries):
+            drawn = [*arguments, "--set", f"sim.seed={seed + number}"]
+            found.append(_one(Path(folder), WAYS[number % len(WAYS)], int(rng.integers(0, 101)), drawn))
+            watch(found[-1])
+    return found
+
+
+def _one(folder: Path, way: str, progress: int, arguments: Sequence[str]) -> FullDisk:
+    before, scans, after = _rows(folder), list[int](), 0
+    with served(folder, arguments) as (process, address):
+
+        def fill_up(seen: Seen) -> None:
+            scans.append(seen.scans_before(LAST))
+            _limit(process, 0)
+
+        seen = insert(address, progress, fill_up)
+        assert seen.report is not None
+        is_warned = bool(seen.warnings & Warnings.NOT_RECORDED) or _is_warned(address)
+        if way == "room again":
+            _limit(process, resource.RLIM_INFINITY)
+            _wait_for_record(folder, seen.run)
+            after = insert(address, 101).run
+        process.send_signal(signal.SIGKILL if way == "killed" else signal.SIGTERM)
+        process.wait(ENDING)
+    with Journal(folder):
+        pass  # the next start closes what is open
+    rows = _rows(folder)
+    row = rows.get(seen.run)
+    samples = recorded(folder, row)
+    has_lost = samples < seen.lives[-1][1]
+    return FullDisk(
+        way=way,
+        progress=progress,
+        run=seen.run,
+        result=Result(seen.report.result).name.lower(),
+        is_warned=is_warned or not has_lost,
+        outcome="" if row is None else row.outcome,
+        samples=samples,
+        told_scans=scans[0],
+        still_running=sum(each.outcome == "running" for each in rows.values()),
+        changed=sum(rows.get(run) != each for run, each in before.items()),
+        next_samples=recorded(folder, rows.get(after)) if after else -1,
+    )
+
+
+def _is_warned(address: tuple[str, int]) -> bool:
+    """Wait for a moment until a PLC is told that something is not recorded, and return whether it is."""
+    deadline = time.monotonic() + WARNED
+    with closing(Peer(*address)) as peer:
+        while not (warned := bool(peer.look().warnings & Warnings.NOT_RECORDED)) and time.monotonic() < deadline:
+            time.sleep(CYCLE)
+    return warned
+
+
+def _rows(folder: Path) -> dict[int, RunRow]:
+    with Journal(folder, is_read_only=True) as journal:
+        return {row.run: row for row in journal.runs(1_000_000)}
+
+
+def _limit(process: "subprocess.Popen[str]", most: int) -> None:
+    """Let no file of a process grow beyond so many bytes."""
+    _, hard = resource.prlimit(process.pid, resource.RLIMIT_FSIZE)
+    resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (most, hard))
+
+
+def _wait_for_record(folder: Path, run: int) -> None:
+    """Wait until the index has the end of a run.
+
+    Raises:
+        CellError: It does not come.
+    """
+    deadline = time.monotonic() + LONGEST
+    while (row := _rows(folder).get(run)) is None or row.outcome == "running":
+        if time.monotonic() > deadline:
+            raise CellError(f"{os.fspath(folder)}: run {run} is not on record {LONGEST:g} s after there is room again")
+        time.sleep(CYCLE)
