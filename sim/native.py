@@ -5,6 +5,7 @@ literals of this file, good for one release of MuJoCo, and proved against the ru
 """
 
 import ctypes
+import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,6 +18,8 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 from drivers.compiled import njit
+
+logger = logging.getLogger(__name__)
 
 MUJOCO_VERSION = "3.17.0"
 
@@ -138,6 +141,20 @@ def _verify_contacts(found: str) -> None:
     )
     if not right:
         raise ImportError(f"mujoco {found}: its contacts are not laid out as in sim/native.py")
+
+
+def log_warnings() -> None:
+    """Send MuJoCo's warnings to the log instead of the terminal and a file in the folder of whoever starts the program.
+
+    A state that is no longer finite ends the run by itself. "Linesearch objective is not convex" comes where a contact
+    slides by so little that rounding makes the second derivative of its cost negative: MuJoCo puts a small positive one in
+    its place, the search goes on between the limits that it has, and the step ends with the same tolerance.
+    """
+    mujoco.set_mju_user_warning(_log)
+
+
+def _log(text: str) -> None:
+    logger.debug("MuJoCo: %s", text)
 
 
 @contextmanager

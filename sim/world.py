@@ -10,7 +10,7 @@ from drivers.arm.model import ArmModel
 from drivers.parts import Job
 from drivers.quantities import Pose, Vector
 from drivers.skin.layout import Layout, pad_size
-from sim import described_arm, engine, metering, shapes, slip
+from sim import described_arm, engine, metering, native, shapes, slip
 from sim.config import ContactConfig, GripConfig, SimConfig
 from sim.disturb import Draw, draw, in_fixture
 from sim.pace import Pace
@@ -53,6 +53,7 @@ class World:
         self._pace = Pace(sim.timestep, sim.pace)
         self.stepper = Stepper(arm, sim, grip, self.pad, self._pace)
         shapes.install()
+        native.log_warnings()
         self.restock(job, sim.seed)
 
     def restock(self, job: Job, seed: int) -> None:

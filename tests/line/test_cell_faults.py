@@ -173,7 +173,7 @@ def test_a_wrong_config_is_told_before_anything_opens(capsys):
 def test_physics_that_diverge_are_a_fault(tmp_path, monkeypatch):
     loaded = load(sets=["sim.pace=max", "reality.scale=0.0"])
     reports = []
-    monkeypatch.chdir(tmp_path)  # the physics engine leaves a log where it runs
+    monkeypatch.chdir(tmp_path)
     with Journal(tmp_path) as journal, opened(assemble(loaded.cell)) as cell:
         line = TerminalLine(Command(1, GRASP), reports.append)
         supervisor = Supervisor(cell, loaded, line, journal)
@@ -181,6 +181,7 @@ def test_physics_that_diverge_are_a_fault(tmp_path, monkeypatch):
         cell.clock.physics()[1].qvel[:7] = 1e6  # a number still, so that it is not found when the arm is read
         supervisor.scan()
     assert (reports[-1].state, reports[-1].fault) == (State.ABORTED, FaultCode.SIMULATION_UNSTABLE)
+    assert not list(tmp_path.glob("MUJOCO*"))
 
 
 def test_a_skin_that_is_mostly_dead_stops_the_cell(rig):

@@ -1,5 +1,7 @@
 """The memory layout of MuJoCo that the exact contacts rely on is proved, and any other is refused."""
 
+import logging
+
 import mujoco
 import pytest
 
@@ -45,3 +47,15 @@ def test_a_field_of_a_contact_that_has_moved_is_refused(field, monkeypatch):
     monkeypatch.setitem(native.CONTACT_FIELDS, field, native.CONTACT_FIELDS[field] + 4)
     with pytest.raises(ImportError, match="contacts are not laid out"):
         native.verify_layout()
+
+
+def test_the_engine_s_warnings_go_to_the_log_and_nowhere_else(tmp_path, monkeypatch, capfd, caplog):
+    monkeypatch.chdir(tmp_path)
+    caplog.set_level(logging.DEBUG, "sim.native")
+    model = mujoco.MjModel.from_xml_string(native._BALL)
+    data = mujoco.MjData(model)
+    data.qvel[:] = 1e20
+    native.log_warnings()
+    mujoco.mj_step(model, data)
+    assert "Nan, Inf or huge value in QVEL" in caplog.text
+    assert (capfd.readouterr(), list(tmp_path.iterdir())) == (("", ""), [])
