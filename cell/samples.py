@@ -130,9 +130,12 @@ def read_facts(path: Path) -> SceneFacts:
     """Return the facts of a run's scene.
 
     Raises:
-        JournalError: There is no such file, or it was recorded by a version that did not write the facts of the scene.
+        JournalError: There is no such file, its head is torn, or it was recorded by a version that did not write the facts
+            of the scene.
     """
     schema, _, _ = _read(path)
+    if schema is _SCHEMA:
+        raise JournalError(f"{path}: torn: not even its head can be read")
     text = (schema.metadata or {}).get(_FACTS)
     try:
         return SceneFacts.model_validate_json(text or b"")

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from cell.arguments import add_journal, out_folder, positive, read_journal
 from cell.terminal import GOOD, show, written
+from drivers.errors import JournalError
 
 SUMMARY = "one run on record, with its plots"
 STOPS_ITSELF = False
@@ -39,6 +40,8 @@ def run(args: argparse.Namespace) -> int:
     from cell.samples import export_csv, read_samples
 
     samples = read_samples(recorded)
+    if not samples["stamp"].size:
+        raise JournalError(f"{recorded}: torn: no whole block of samples can be read")
     plot_run(row, samples, picture)
     if args.export:
         export_csv(samples, table)

@@ -155,6 +155,8 @@ async def _run(arguments: Sequence[str]) -> bool:
     try:
         return await asyncio.wait_for(process.wait(), LONGEST) == 0
     except TimeoutError:
-        process.kill()
-        await process.wait()
         return False
+    finally:
+        if process.returncode is None:  # it takes too long, or the server ends
+            process.kill()
+            await process.wait()

@@ -14,6 +14,7 @@ import numpy as np
 
 from cell.journal import Journal
 from cell.journal_schema import LOST, RunRow
+from cell.sample_blocks import BATCH
 from cell.samples import read_samples
 from drivers.errors import CellError
 from plc_bridge.images import ReportImage
@@ -195,9 +196,12 @@ class Seen:
             self.lives.append((time.monotonic(), step + (self.lives[-1][1] if self.lives else 0)))
 
     def scans_before(self, span: float) -> int:
-        """Return the number of scans that were told of before the last `span`, s of wall time."""
+        """Return the number of scans that were told of before the last `span`, s, of wall time or, where that is earlier, of
+        a block of samples, which is a second of the cell's clock.
+        """
         now = time.monotonic()
-        return max((scans for moment, scans in self.lives if moment <= now - span), default=0)
+        told = max((scans for moment, scans in self.lives if moment <= now - span), default=0)
+        return max(min(told, self.lives[-1][1] - BATCH), 0) if self.lives else 0
 
 
 def insert(address: tuple[str, int], progress: int, then: Callable[[Seen], None] | None = None) -> Seen:
@@ -231,6 +235,7 @@ def insert(address: tuple[str, int], progress: int, then: Callable[[Seen], None]
                 if is_over or report.progress >= progress:
                     return seen
             elif time.monotonic() > deadline:
-                raise CellError(f"the insertion does not come to {progress} % in {LONGEST:g} s")
+                told = f"state {report.state}, refusal {report.refusal}, result {report.result} of command {code}"
+                raise CellError(f"the insertion does not come to {progress} % in {LONGEST:g} s: {told}")
             time.sleep(CYCLE)
             report = peer.cycle()

@@ -7,6 +7,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
+from cell.cli import main
 from cell.journal import INDEX, Journal, default_folder
 from cell.journal_schema import LAYOUT, ConfigRow, EventKind, EventRow, RunRow, StageRow
 from cell.journal_told import Kind
@@ -15,6 +16,7 @@ from cell.record import scene_facts
 from cell.run_query import RunQuery
 from cell.sample_blocks import BATCH, COLUMNS, JOINT_COLUMNS, TAXEL_COLUMNS, SampleStream
 from cell.samples import SampleFile, export_csv, read_facts, read_samples
+from cell.terminal import FAULT
 from drivers.errors import JournalError
 from drivers.frames import rotation_about, rotation_of
 from drivers.quantities import Pose
@@ -304,6 +306,18 @@ def test_csv_has_a_row_a_scan(tmp_path, seen):
 def test_no_samples_are_told_by_their_file(tmp_path):
     with pytest.raises(JournalError, match="no samples on record"):
         read_samples(tmp_path / "gone.arrows")
+
+
+def test_a_torn_file_of_samples_is_told_after_what_the_index_knows(tmp_path, capsys):
+    with Journal(tmp_path) as journal:
+        journal.finish(replace(journal.begin(ROW), outcome="success", serial="A-18"))
+    (tmp_path / "run-000001.arrows").write_bytes(b"x")
+    assert main(["show", "1", "--journal", str(tmp_path)]) == FAULT
+    told = capsys.readouterr()
+    assert "A-18" in told.out
+    assert "torn: no whole block of samples" in told.err
+    with pytest.raises(JournalError, match="torn: not even its head"):
+        read_facts(tmp_path / "run-000001.arrows")
 
 
 def test_records_lie_among_the_user_s_own_data(monkeypatch, tmp_path):
