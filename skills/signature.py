@@ -1,6 +1,6 @@
 """Tell a part that went through its latch to the bottom by the force that it took at each depth; pure.
 
-    hand's height, force along z            least squares                     thresholds
+    hand's height, force along z            least absolute deviations         thresholds
     of the scans in which the peg   -->  F f((y - s) / h) + c, y above  -->  F, s, and what is left  -->  Signature.is_of
     goes deeper than ever before         the place where it rests            over
 
@@ -41,9 +41,15 @@ one as stated.
 PLACE = 0.0005
 """Largest difference between the measured height of the latch above the bottom and the stated one, m: halfway to a bottom that is 1 mm higher."""
 MISFIT = 0.7
-"""Largest remainder of the curve, root mean square, as a share of the swing of the latch itself, fraction: its shape explains two thirds of the
-variance. The noise of an arm that reports a force to 1 N is half of the swing of a latch of 4 N.
+"""Largest deviation of the curve, by its median, as a share of the swing of the latch itself, fraction: but for outliers its shape explains two thirds
+of the variance. The noise of an arm that reports a force to 1 N is half of the swing of a latch of 4 N.
 """
+ROUNDS = 12
+"""Rounds of reweighting by which the deviations are made least."""
+EXACT = 0.1
+"""Deviation below which all weigh the same, N."""
+DEVIATION = 1.4826
+"""Standard deviation of normal noise over the median of its size."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,11 +57,11 @@ class Signature:
     """What the curve of a part that rests says of its latch."""
 
     force: float
-    """Force of the latch by least squares, N."""
+    """Force of the latch, N."""
     offset: float
     """Height of the latch over the stated one, m."""
     misfit: float
-    """Remainder over the swing of the latch at that force, both root mean square, ratio."""
+    """Deviation of the curve from it over the latch's swing at that force, ratio."""
 
     def is_of(self, latch: Latch) -> bool:
         """Return whether this is the latch as the recipe states it, with the bottom where it should be."""
@@ -110,7 +116,8 @@ class Curve:
 
 
 def fitted(above: Vector, force: Vector, latch: Latch) -> Signature:
-    """Return the latch that explains a curve best, in the least-squares sense.
+    """Return the latch that explains a curve best, by least absolute deviations: where the hole wedges the peg for some tenths of a
+    millimetre the force rises by as much as at the latch, and squares would follow it.
 
     Args:
         above: Heights above the place where the peg rests, shape (n,), m.
@@ -119,14 +126,23 @@ def fitted(above: Vector, force: Vector, latch: Latch) -> Signature:
     """
     offsets = np.arange(-latch.height / 2, latch.height / 2 + GRID / 2, GRID)
     shapes = resistance(above[None, :] - offsets[:, None], latch) / latch.force
-    swings, y = shapes - shapes.mean(axis=1, keepdims=True), force - force.mean()
-    sizes = np.maximum(np.sum(swings * swings, axis=1), 1e-9)
-    found = swings @ y / sizes
-    # What the latch at each offset leaves of the curve's variance; a curve that falls where the latch rises is not explained by it.
-    best = int(np.argmax(np.maximum(found, 0.0) ** 2 * sizes))
-    left = max(float(y @ y - found[best] ** 2 * sizes[best]), 0.0)
-    misfit = math.sqrt(left / float(sizes[best])) / float(found[best]) if found[best] > 0.0 else math.inf
-    return Signature(float(found[best]), float(offsets[best]), misfit)
+    weights, rest = np.ones_like(shapes), np.zeros_like(shapes)
+    found = np.zeros(len(offsets))
+    for _ in range(ROUNDS):
+        total = weights.sum(axis=1, keepdims=True)
+        swings = shapes - (weights * shapes).sum(axis=1, keepdims=True) / total
+        around = force - (weights * force).sum(axis=1, keepdims=True) / total
+        found = (weights * swings * around).sum(axis=1) / np.maximum((weights * swings * swings).sum(axis=1), 1e-9)
+        rest = np.abs(around - found[:, None] * swings)
+        weights = 1.0 / np.maximum(rest, EXACT)
+    # A curve that falls where the latch rises is not explained by it.
+    best = int(np.argmin(np.where(found > 0.0, rest.sum(axis=1), math.inf)))
+    if found[best] <= 0.0:
+        return Signature(0.0, 0.0, math.inf)
+    swing = float(found[best] * shapes[best].std())
+    return Signature(
+        float(found[best]), float(offsets[best]), DEVIATION * float(np.median(rest[best])) / max(swing, 1e-9)
+    )
 
 
 def resistance(above: Vector, latch: Latch) -> Vector:
