@@ -232,7 +232,8 @@ def _flange(
             spec.delete(body)
             return *found, name
     names = [body.name for body in spec.bodies[1:]] + [site.name for site in spec.sites]
-    raise ConfigError(f"{path}: no flange {wanted or ' or '.join(FLANGES)}; {', '.join(filter(None, names))} allowed")
+    allowed = ", ".join(filter(None, names)) or "a body or site with a name, of which the file has none,"
+    raise ConfigError(f"{path}: no flange {wanted or ' or '.join(FLANGES)}; {allowed} allowed")
 
 
 def _require_chain(path: Path, model: mujoco.MjModel) -> None:

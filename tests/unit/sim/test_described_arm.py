@@ -136,6 +136,11 @@ def test_rotors_that_nobody_described_stay_as_drawn(written):
     ("text", "keys", "said"),
     [
         ("<robot", {}, "not an arm that MuJoCo reads"),
+        (
+            "<mujoco><worldbody/></mujoco>",
+            {},
+            "flange; a body or site with a name, of which the file has none, allowed",
+        ),
         (description(joints=6), {}, "6 joints, 6 of them hinges, before the flange; one chain of 7 hinges allowed"),
         (description(base=0.1), {}, "lies 100 mm and 0 degrees from where Franka Research 3 has it"),
         (description(), {"flange": "palm"}, "no flange palm; part0, part1"),
