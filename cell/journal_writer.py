@@ -28,6 +28,7 @@ from cell.journal_upkeep import (
 )
 from cell.run_samples import RunSamples
 from cell.sample_blocks import SampleBlock
+from cell.samples import prepare
 from drivers.errors import JournalError
 from drivers.scene_facts import SceneFacts
 
@@ -174,6 +175,7 @@ class JournalWriter:
         self._delete_old()
         self._claim()
         self._look_at_disk()
+        prepare()  # the first block of a run does not wait for it
         with self._changed:
             self._is_open = True
             self._changed.notify_all()

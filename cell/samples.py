@@ -103,6 +103,11 @@ def _require_empty(path: Path) -> None:
         os.close(number)
 
 
+def prepare() -> None:
+    """Let Arrow load now what it needs for its first column: it looks for pandas, which takes long where that is installed."""
+    pa.array([0.0])
+
+
 def read_samples(path: Path) -> dict[str, Vector]:
     """Return the columns of a run, as far as they reached the disk.
 
