@@ -20,6 +20,8 @@ from skills.seating import CLOSED_TOLERANCE, depth_of
 
 IN_HOLE_DEPTH = 0.004
 """Depth by the arm from which the end of a held peg is taken to be in the hole, m: the arm knows heights no better."""
+UPRIGHT = 0.25
+"""Tilt of a peg below which it may slide into the hole when the hand loses it at the surface, rad; `insert.aligned` is 0.1 as shipped."""
 WIDTH_TOLERANCE = 0.0015
 """Largest difference between the pads' distance and the peg's width where the peg is between them, m."""
 HOLE_MARGIN = 0.005
@@ -50,6 +52,8 @@ class PegEvidence:
     theta: float
     """In-hand angle by the skin, rad."""
     switch: SwitchState
+    tilt: float = math.pi / 2
+    """Angle between a peg in the hand and the vertical, by arm and skin, rad."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +70,7 @@ class PartState:
     tip: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Place of the peg's end when it was seen last, m, base frame; zeros before it was in the hand."""
     was_in_hole: bool = False
-    """Whether the peg has stood in the hole since the hand took hold of it."""
+    """Whether the peg has stood in the hole, or upright at it, since the hand took hold of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +97,9 @@ def evidence_of(arm: ArmState, hand: GripperState, switch: SwitchState, tip: Vec
     """Return what was read of the devices at one time as evidence; `tip` is the end of a peg in the hand, m, base frame."""
     where = arm.tcp.position if not np.isfinite(tip).all() else tip
     x, y, z = (float(value) for value in where)
-    return PegEvidence(hand.width, hand.is_gripping, hand.is_moving, (x, y, z), theta, switch)
+    along = arm.tcp.position - where
+    tilt = math.atan2(math.hypot(along[0], along[1]), along[2]) if along.any() else math.pi / 2
+    return PegEvidence(hand.width, hand.is_gripping, hand.is_moving, (x, y, z), theta, switch, tilt)
 
 
 def at_start(kept: PartState | None, seen: PegEvidence, places: Places) -> PartState:
@@ -130,7 +136,8 @@ def after(before: PartState, seen: PegEvidence, places: Places, is_running: bool
     """
     if _is_between(seen, places):
         now = _held(seen, places)
-        return replace(now, was_in_hole=now.place in IN_THE_HOLE or (before.is_held and before.was_in_hole))
+        was_in_hole = now.place in IN_THE_HOLE or _stands_at_hole(seen, places)
+        return replace(now, was_in_hole=was_in_hole or (before.is_held and before.was_in_hole))
     if before.is_held:
         if seen.is_moving:
             return before
@@ -191,7 +198,9 @@ def _let_go(before: PartState, seen: PegEvidence, places: Places, is_running: bo
     if any(math.dist(before.tip[:2], slot[:2]) <= SLOT_REACH and before.tip[2] < slot[2] for slot in places.slots):
         return replace(gone, place=PartPlace.RACK, evidence=f"let go in its slot, {hand}")
     if before.was_in_hole and _is_over_hole(before.tip, places.hole):
-        return replace(gone, place=PartPlace.UNKNOWN, evidence=f"lost over the hole after it stood in it, {hand}")
+        return replace(
+            gone, place=PartPlace.UNKNOWN, evidence=f"lost over the hole after it stood in it or at it, {hand}"
+        )
     height = _mm(-depth_of(np.array(before.tip), places.hole))
     if not is_running:
         return replace(gone, place=PartPlace.UNKNOWN, evidence=f"the hand was opened outside a run, {hand}")
@@ -212,6 +221,12 @@ def _left_alone(before: PartState, seen: PegEvidence, places: Places) -> PartSta
 
 def _is_over_hole(tip: tuple[float, float, float], hole: Hole) -> bool:
     return all(abs(tip[k] - hole.centre[k]) <= hole.area[k] / 2 + HOLE_MARGIN for k in range(2))
+
+
+def _stands_at_hole(seen: PegEvidence, places: Places) -> bool:
+    """Whether a peg in the hand may be in the hole by less than the arm can tell."""
+    is_near = abs(depth_of(np.array(seen.tip), places.hole)) < IN_HOLE_DEPTH
+    return is_near and seen.tilt < UPRIGHT and _is_over_hole(seen.tip, places.hole)
 
 
 def refusal_of(part: PartState, switch: SwitchState, is_rack_empty: bool, recovers_first: bool) -> Refusal:

@@ -1,5 +1,6 @@
 """Where the peg is by the evidence: every place, every way in and out, and what a start makes of it."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -34,9 +35,9 @@ def places(loaded):
     return places_of(loaded.cell.job(), loaded.cell.recover.bin)
 
 
-def seen(places, tip, *, gripping=True, width=None, moving=False, switch=OPEN):
+def seen(places, tip, *, gripping=True, width=None, moving=False, switch=OPEN, tilt=math.pi / 4):
     thickness = places.thickness if gripping else 0.04
-    return PegEvidence(thickness if width is None else width, gripping, moving, tip, 0.0, switch)
+    return PegEvidence(thickness if width is None else width, gripping, moving, tip, 0.0, switch, tilt)
 
 
 def at_depth(places, depth, aside=0.0):
@@ -258,3 +259,21 @@ def test_a_peg_that_force_has_proven_stays_seated_while_the_switch_is_open(place
     assert after_run(seated, looked, without) == after(seated, looked, without, False) == seated
     assert at_start(seated, looked, without) == seated
     assert refusal_of(seated, OPEN, False, False) is Refusal.NONE
+
+
+@pytest.mark.parametrize(
+    ("depth", "tilt", "place"),
+    [
+        (1e-3, 0.05, PartPlace.UNKNOWN),
+        (-1e-3, 0.05, PartPlace.UNKNOWN),
+        (1e-3, math.pi / 4, PartPlace.ON_PLATE),
+        (-0.02, 0.05, PartPlace.ON_PLATE),
+    ],
+)
+def test_a_peg_that_is_lost_upright_at_the_hole_may_be_in_it_and_a_leaning_one_lies_on_the_plate(
+    places, depth, tilt, place
+):
+    tip = at_depth(places, depth)
+    held = after(EMPTY, seen(places, tip, tilt=tilt), places, is_running=True)
+    lost = after(held, seen(places, tip, gripping=False), places, is_running=True)
+    assert (held.place, lost.place) == (PartPlace.IN_HAND, place)
