@@ -11,6 +11,7 @@ POLICY = (
 )
 """Content policy of the page: the browser loads from the cell alone."""
 
+_RANGE = re.compile(r"bytes=(?P<first>\d{0,15})-(?P<last>\d{0,15})", re.ASCII)
 _HOST = re.compile(r"(?:\[(?P<six>[0-9a-fA-F:.]+)\]|(?P<name>[\w.-]+))(?::\d{1,5})?", re.ASCII)
 
 
@@ -35,6 +36,17 @@ def _names() -> frozenset[str]:
     """Return the names of this computer."""
     name = socket.gethostname().lower()
     return frozenset({"localhost", name, f"{name}.local"})
+
+
+def part_of(asked: str, size: int) -> tuple[int, int]:
+    """Return the first and the last byte that a request's Range asks for; the whole where it asks for none that there is."""
+    match = _RANGE.fullmatch(asked)
+    if match is None or not size:
+        return 0, size - 1
+    if not match["first"]:
+        return max(size - (int(match["last"] or 0) or size), 0), size - 1
+    first, last = int(match["first"]), min(int(match["last"] or size), size - 1)
+    return (first, last) if first <= last else (0, size - 1)
 
 
 def headers(host: str) -> dict[str, str]:

@@ -15,7 +15,7 @@ from tornado.web import Application, HTTPError, RequestHandler
 from cell.config import LoadedConfig
 from cell.live import Live
 from cell.page.commands import MOST
-from cell.page.guard import headers, is_own_host
+from cell.page.guard import headers, is_own_host, part_of
 from cell.page.hub import PERIOD, SPECTATOR, PageHub
 from cell.page.records import FILES, Records
 from cell.page.socket import PageSocket
@@ -163,11 +163,20 @@ class Guarded(RequestHandler):
         self.finish(f"{status_code} {self._reason}\n")
 
     async def send(self, path: Path) -> None:
-        """Answer a file, piece by piece."""
+        """Answer a file, or the part of it that is asked for, as by a browser that seeks in a film, piece by piece."""
+        size = path.stat().st_size
+        first, last = part_of(self.request.headers.get("Range", ""), size)
         self.set_header("Content-Type", KINDS[path.suffix])
-        self.set_header("Content-Length", str(path.stat().st_size))
+        self.set_header("Accept-Ranges", "bytes")
+        self.set_header("Content-Length", str(last - first + 1))
+        if last - first + 1 < size:
+            self.set_status(206)
+            self.set_header("Content-Range", f"bytes {first}-{last}/{size}")
         with path.open("rb") as file:
-            while piece := file.read(PIECE):
+            file.seek(first)
+            left = last - first + 1
+            while left and (piece := file.read(min(PIECE, left))):
+                left -= len(piece)
                 self.write(piece)
                 await self.flush()
 

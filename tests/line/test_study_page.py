@@ -5,6 +5,7 @@ import json
 from cell.cli import GOOD, main
 from cell.lab.page import browser
 from cell.lab.page.jitter import Pair
+from cell.lab.page.tables import median_interval
 
 
 def test_the_study_tells_growth_latency_and_jitter(tmp_path, capsys):
@@ -20,3 +21,8 @@ def test_the_study_tells_growth_latency_and_jitter(tmp_path, capsys):
 
 def test_the_ratio_is_that_of_pages_to_none():
     assert Pair(without=0.002, with_pages=0.003, scans=1).ratio == 1.5
+
+
+def test_the_interval_of_a_median_lies_between_two_values():
+    assert median_interval([3.0, 1.0, 2.0]) == (1.0, 3.0)
+    assert median_interval([float(value) for value in range(12)]) == (2.0, 9.0)

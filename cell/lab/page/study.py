@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from cell.arguments import out_folder
+from cell.arguments import out_folder, positive
 from cell.lab.arguments import add_out
 from cell.lab.report import StudyReport, finite
 from cell.terminal import progress
@@ -27,6 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="H",
         help="simulated hours of runs for the growth, after up to one hour of warm-up; 0 measures only what the scan pays",
     )
+    parser.add_argument("--pairs", type=positive, default=12, metavar="N", help="pairs for what the scan pays; 12")
     parser.add_argument("--quick", action="store_true", help="a few runs, events and seconds")
 
 
@@ -36,7 +37,7 @@ def run(args: argparse.Namespace) -> StudyReport:
 
     folder, curve = out_folder(args.out), list[dict[str, float]]()
     file = folder / "page.json"
-    hours, events, pairs, length = (0.05, 10, 1, 1.5) if args.quick else (args.hours, 200, 12, 6.0)
+    hours, events, pairs, length = (0.05, 10, 1, 1.5) if args.quick else (args.hours, 200, args.pairs, 6.0)
     lines: list[growth.Growth] = []
     latencies: list[float] = []
     with progress() as bars, TemporaryDirectory() as name:

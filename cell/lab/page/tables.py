@@ -1,5 +1,6 @@
 """The tables of the study of the page."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -7,6 +8,7 @@ from rich.table import Table
 
 from cell.lab.page.growth import Growth
 from cell.lab.page.jitter import Pair
+from cell.statistics import Z95
 
 MOST_GROWTH, MOST_LATENCY, MOST_RATIO = 20.0, 0.2, 1.05
 """Targets: growth in 24 simulated hours, MB; latency, s; jitter with two pages over that without, ratio."""
@@ -14,7 +16,7 @@ MOST_GROWTH, MOST_LATENCY, MOST_RATIO = 20.0, 0.2, 1.05
 
 def growth_table(lines: Sequence[Growth]) -> Table:
     """Return what grew."""
-    shown = Table("what", "simulated (h)", "runs", "after warm-up (MB)", "at the end (MB)", "growth (MB)")
+    shown = Table("what", "hours", "runs", "warm (MB)", "end (MB)", "growth (MB)")
     shown.title = f"Growth with two pages open; under {MOST_GROWTH:g} MB in 24 h wanted"
     for line in lines:
         shown.add_row(
@@ -52,5 +54,14 @@ def jitter_table(pairs: Sequence[Pair]) -> Table:
             f"{100 * pair.share:.1f}",
         )
     ratio, share = (float(np.median([getattr(pair, name) for pair in pairs])) for name in ("ratio", "share"))
+    low, high = median_interval([pair.ratio for pair in pairs])
     shown.add_row("median", "", "", f"{ratio:.3f}", "", f"{100 * share:.1f}")
+    shown.caption = f"95 % interval of the median ratio, by order: {low:.3f} to {high:.3f}, n = {len(pairs)}"
     return shown
+
+
+def median_interval(values: Sequence[float]) -> tuple[float, float]:
+    """Return the 95 % interval of the median of independent values, between two of them in order; of few, all of them."""
+    ordered = sorted(values)
+    place = max(math.floor((len(ordered) - Z95 * math.sqrt(len(ordered))) / 2), 0)
+    return ordered[place], ordered[-1 - place]
