@@ -16,7 +16,7 @@ from plc_bridge.messages import PartPlace
 from skills.contract import Observation, Outcome, Reason
 from skills.entry import Claim
 from skills.flow import StageRecord
-from skills.seating import CLOSED_TOLERANCE, DOUBTED, MOST_SHALLOW, Footing
+from skills.seating import BORNE_WITHIN, CLOSED_TOLERANCE, DOUBTED, MOST_SHALLOW, Footing
 from skills.signature import LIFTED, Curve, Signature
 from skills.surface import Plane, nominal
 
@@ -143,10 +143,13 @@ class ForceProof:
         """Return the proof after one more scan, with the setpoint that was followed in it; a peg that is drawn out while it is held
         revokes it.
         """
-        if self.seated_hand is not None:
-            is_out = seen.gripper.is_gripping and seen.arm.tcp.position[2] > self.seated_hand[2] + LIFTED
-            return ForceProof(self.latch) if is_out else self
+        if self.seated_hand is not None and not seen.gripper.is_gripping:
+            return self
         curve = self.curve.after(seen, setpoint, self.latch)
+        if self.seated_hand is not None:
+            risen = float(seen.arm.tcp.position[2] - self.seated_hand[2])
+            # What gives way was no bottom.
+            return replace(self, curve=curve) if -BORNE_WITHIN <= risen <= LIFTED else ForceProof(self.latch, curve)
         found = curve.signature(self.latch, seen.stamp)
         if found is None or not found.is_of(self.latch):
             return replace(self, curve=curve)

@@ -13,6 +13,7 @@ from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillRes
 from skills.motion import VALIDITY, Gains, anchored, tilted_by
 from skills.paths import dither, spiral
 from skills.seating import (
+    BORNE_FOR,
     CLOSED_TOLERANCE,
     DOUBTED,
     OPEN_TOLERANCE,
@@ -228,7 +229,8 @@ def run(
         elapsed, running, tip = seen.elapsed, seen.running, aim.tip(seen.arm.tcp)
         if hole.latch is not None and hole.evidence == "force":
             curve = curve.after(seen, ctx.held, hole.latch)
-            if curve.shows(hole.latch, seen.stamp) and abs(plane.depth(seen.tip) - hole.depth) <= DOUBTED:
+            # The gate sees the same rest by itself, and may count it from a later scan.
+            if curve.shows(hole.latch, seen.stamp - BORNE_FOR) and abs(plane.depth(seen.tip) - hole.depth) <= DOUBTED:
                 return _result(Outcome.SUCCESS, Reason.NONE, running, offset, depth_of(tip, hole))
         elif is_seated(seen.switch, tip, hole):
             arrival = arrival.after(seen, ctx.held, hole.depth - plane.depth(seen.tip) if is_felt else 0.0)

@@ -17,7 +17,7 @@ from plc_bridge.messages import PartPlace
 from skills.contract import Outcome, Reason
 from skills.entry import Claim
 from skills.flow import StageRecord
-from skills.seating import DOUBTED
+from skills.seating import BORNE_WITHIN, DOUBTED
 from skills.signature import LIFTED, Curve, Signature
 from skills.spray_search import SpraySearchResult
 from skills.surface import Plane
@@ -100,7 +100,8 @@ def test_the_gate_sees_the_latch_itself_and_a_peg_that_is_drawn_out_again(seen):
     curve, now = lowered(seen)
     proof = ForceProof(LATCH, curve).after(scan(seen, 0.0, 11.0, now), pushing(seen))
     assert proof.seated_hand is not None
-    assert proof.after(scan(seen, 0.9 * LIFTED, 0.0, now + 1.0)) is proof
+    assert proof.after(scan(seen, 0.9 * LIFTED, 0.0, now + 1.0)).seated_hand is proof.seated_hand
+    assert proof.after(scan(seen, 0.1, 0.0, now + 1.0, WIDE)) is proof
     assert proof.after(scan(seen, 1.1 * LIFTED, 0.0, now + 1.0)).seated_hand is None
 
 
@@ -116,3 +117,11 @@ def test_a_cell_without_a_switch_works_holes_that_need_none():
         load(sets=["switch={kind='none'}"])
     cell = assemble(load(sets=[*SETS, "switch={kind='none'}"]).cell)
     assert cell.switch.read() is SwitchState.OPEN
+
+
+def test_a_bottom_that_gives_way_was_none_and_the_next_one_counts(seen):
+    curve, now = lowered(seen)
+    proof = ForceProof(LATCH, curve).after(scan(seen, 0.0, 11.0, now), pushing(seen))
+    deeper = proof.after(scan(seen, -1.1 * BORNE_WITHIN, 0.0, now + 1.0))
+    assert deeper.seated_hand is None
+    assert deeper.curve.heights[-1] < proof.curve.heights[-1]
