@@ -146,9 +146,9 @@ def _verify_contacts(found: str) -> None:
 def log_warnings() -> None:
     """Send MuJoCo's warnings to the log instead of the terminal and a file in the folder of whoever starts the program.
 
-    A state that is no longer finite ends the run by itself. "Linesearch objective is not convex" comes where a contact
-    slides by so little that rounding makes the second derivative of its cost negative: MuJoCo puts a small positive one in
-    its place, the search goes on between the limits that it has, and the step ends with the same tolerance.
+    A state that is no longer finite ends the run by itself. "Linesearch objective is not convex" comes from the solver, where
+    the second derivative of the cost of a contact on the edge of its friction cone is not positive, which only rounding
+    can make it: MuJoCo puts a small positive number in its place and searches on.
     """
     mujoco.set_mju_user_warning(_log)
 
