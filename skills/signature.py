@@ -108,6 +108,10 @@ class Curve:
         force = np.array(self.forces[::-1])
         # The end is where the hand is, but for the pads, which give way under the force.
         end = np.array(self.heights[::-1]) + SHEAR * force
+        # The bottom is where it began to bear the push: the fingers may have slid down the peg since.
+        level = (float(np.median(force)) + float(force[0])) / 2.0
+        bottom = max(int(np.argmax(force < level)) - 1, 0)
+        end, force = end[bottom:], force[bottom:]
         above = np.maximum.accumulate(end - end[0])
         if above[-1] < latch.height + BEFORE / 2:
             return None
