@@ -2,7 +2,8 @@
 
 import csv
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields
 from functools import partial
 from pathlib import Path
@@ -232,7 +233,12 @@ def case_names(asked: Sequence[str]) -> list[str]:
 
 
 def measure(
-    config: CellConfig, kinds: Sequence[str], counts: dict[str, int], seed: int, workers: int, done: Callable[[], None]
+    config: CellConfig,
+    kinds: Sequence[str],
+    counts: dict[str, int],
+    seed: int,
+    workers: int,
+    done: Callable[[SeatingRow], None],
 ) -> tuple[list[SeatingRow], list[Curves]]:
     """Run the trials of every kind of latch and every case, and return their rows and curves in order.
 
@@ -242,7 +248,7 @@ def measure(
         counts: Number of trials by the name of the case; a case that is not named is left out.
         seed: Seed of the first trial of each case.
         workers: Number of processes.
-        done: Called after each trial.
+        done: Called with the row of each trial as it ends.
     """
     rows, curves = [], []
     for kind in kinds:
@@ -253,7 +259,7 @@ def measure(
             found = []
             for one in tried:
                 found.append(one)
-                done()
+                done(one[0])
             found.sort(key=lambda pair: pair[0].seed)
             rows += [row for row, _ in found]
             curves += [curve for _, curve in found]
@@ -273,9 +279,22 @@ def lines_of(rows: Sequence[SeatingRow]) -> list[SeatingLine]:
     return lines
 
 
-def write_table(rows: Sequence[SeatingRow], path: Path) -> None:
-    """Write rows as CSV."""
+@contextmanager
+def growing_table(path: Path) -> Iterator[Callable[[SeatingRow], None]]:
+    """Yield what adds a row to a CSV file at once, so that an interrupted study leaves what it has done."""
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, [field.name for field in fields(SeatingRow)], lineterminator="\n")
         writer.writeheader()
-        writer.writerows(asdict(row) for row in rows)
+
+        def add(row: SeatingRow) -> None:
+            writer.writerow(asdict(row))
+            file.flush()
+
+        yield add
+
+
+def write_table(rows: Sequence[SeatingRow], path: Path) -> None:
+    """Write rows as CSV."""
+    with growing_table(path) as add:
+        for row in rows:
+            add(row)

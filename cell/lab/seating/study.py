@@ -34,14 +34,19 @@ def run(args: argparse.Namespace) -> StudyReport:
     kinds = args.latch or (["detent"] if args.quick else list(measure.LATCHES))
     trials = args.trials or (1 if args.quick else 20)
     counts = dict.fromkeys(measure.case_names(args.case), trials)
-    with progress() as bars:
+    with progress() as bars, measure.growing_table(folder / measure.TABLE) as add:
         bar = bars.add_task("trials", total=len(kinds) * sum(counts.values()))
-        rows, curves = measure.measure(config, kinds, counts, args.seed, args.workers, lambda: bars.advance(bar))
+
+        def done(row: measure.SeatingRow) -> None:
+            add(row)
+            bars.advance(bar)
+
+        rows, curves = measure.measure(config, kinds, counts, args.seed, args.workers, done)
     told = drawn.drawn(measure.LATCHES["detent"], 100 if args.quick else 1000, args.seed)
-    measure.write_table(rows, folder / measure.TABLE)
     title = (
         f"{trials} trials of each case, seeds {args.seed} to {args.seed + trials - 1}, reality {config.reality.scale:g}"
     )
+    measure.write_table(rows, folder / measure.TABLE)
     lines = measure.lines_of(rows)
     result = {
         "title": title,
