@@ -121,10 +121,10 @@ def _list(found: "list[Key]", settings: "dict[Key, Setting]") -> "RenderableType
     from cell.config_keys import toml
 
     table = Table("key", "in force", "meaning")
-    for key in found:
-        setting = settings.get(key)
-        if setting is not None:
-            table.add_row(key.name, toml(setting.value), key.summary)
+    # Keys of other kinds of a device are left out; a section that this cell does not have is shown whole.
+    for key in [key for key in found if key in settings] or found:
+        value = toml(settings[key].value) if key in settings else "not in this cell"
+        table.add_row(key.name, value, key.summary)
     return table
 
 

@@ -22,10 +22,18 @@ def draw(curves: Sequence[Curves], title: str, folder: Path) -> Path:
     panels = figure.subplots(1, len(kinds), sharey=True, squeeze=False).ravel()
     for axes, kind in zip(panels, kinds, strict=True):
         latch = LATCHES[kind]
-        for case, colour in zip(CASES, COLOURS, strict=False):
+        # True seatings stand out, above the others.
+        for case, colour in zip(CASES[::-1], COLOURS[1 : len(CASES)] + COLOURS[-1:], strict=True):
             own = [curve for curve in curves if (curve.kind, curve.case) == (kind, case.name) and curve.heights]
             for curve, label in zip(own[:SHOWN], (case.name, *[None] * SHOWN), strict=False):
-                axes.plot(1e3 * np.array(curve.heights), curve.forces, color=colour, alpha=0.7, lw=1.0, label=label)
+                axes.plot(
+                    1e3 * np.array(curve.heights),
+                    curve.forces,
+                    color=colour,
+                    alpha=0.8,
+                    lw=1.6 if case.is_seated else 0.8,
+                    label=label,
+                )
         above = np.linspace(0.0, 1.5 * latch.height, 200)
         axes.plot(1e3 * above, resistance(above, latch), "k--", lw=1.5, label="latch as stated")
         axes.set_title(f"{kind}, {latch.force:g} N over {1e3 * latch.height:g} mm", fontsize=10)

@@ -132,7 +132,8 @@ class Recorder:
         self.watcher, self.latch = watcher, latch
         self.curve, self.shown = Curve(), Curve()
         self.said: Signature | None = None
-        self.proven: Evidence | None = None
+        self.proofs: list[Evidence] = []
+        """What has proven a seated peg in some scan; a lying skill could have ended there."""
         self.truth: Truth | None = None
 
     def record(self, seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
@@ -141,8 +142,9 @@ class Recorder:
         if self.watcher.ctx.stage == ADJUST.name:
             assert self.watcher.cell.truth is not None
             self.truth = self.watcher.cell.truth()
-        if self.proven is None and self.watcher.proof.seated_hand is not None:
-            self.proven = self.watcher.proof
+        hand = self.watcher.proof.seated_hand
+        if hand is not None and (not self.proofs or self.proofs[-1].seated_hand is not hand):
+            self.proofs.append(self.watcher.proof)
         self.curve = self.curve.after(seen, setpoint, self.latch)
         found = self.curve.signature(self.latch, seen.stamp)
         if found is not None:
@@ -191,7 +193,7 @@ def run_trial(config: CellConfig, kind: str, case: Case, seed: int) -> tuple[Sea
         depth=truth.depth,
         is_seated=case.is_seated and at_bottom,
         is_told=outcome is Outcome.SUCCESS,
-        is_believed=recorder.proven is not None and _is_believed(recorder.proven, records, look, ctx),
+        is_believed=any(_is_believed(proof, records, look, ctx) for proof in recorder.proofs),
         force=None if said is None else said.force,
         offset=None if said is None else said.offset,
         misfit=None if said is None else said.misfit,

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from cell.cell_config import CellConfig
+from cell.cli import main
 from cell.config import load
 from cell.config_files import DEFAULT, SHIPPED
 from cell.config_keys import find, first_sentence, in_force, keys, section_summary, split_source, toml, unit_of
@@ -260,3 +261,13 @@ def test_of_two_keys_that_do_not_go_together_the_one_laid_over_the_other_is_blam
 
 def test_a_schema_of_the_whole_config_carries_the_docstrings():
     assert "m/s" in CellConfig.model_json_schema()["$defs"]["SpraySearchParams"]["properties"]["speed"]["description"]
+
+
+@pytest.mark.parametrize(
+    ("section", "key"), [("hole.latch", "hole.latch.force"), ("sim.described", "sim.described.file")]
+)
+def test_a_section_that_this_cell_does_not_have_is_explained_whole(section, key, capsys):
+    assert main(["config", "explain", section]) == 0
+    told = capsys.readouterr().out
+    assert key in told
+    assert "not in this cell" in told
