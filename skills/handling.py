@@ -11,6 +11,7 @@ from skills.grasp_from_rack import GraspFromRackParams
 from skills.grip import grip_of
 from skills.motion import Gains
 from skills.search.params import SpraySearchParams
+from skills.search.size import firm, shallow
 from skills.surface import Plane
 
 
@@ -56,23 +57,23 @@ class Way:
 
     section: str
     """Section of the config that the handling needs; empty where it needs none of its own."""
-    make: Callable[[Sections], Handling]
+    make: Callable[[Part, Sections], Handling]
 
 
-def _over_the_edge(sections: Sections) -> Handling:
+def _over_the_edge(part: Part, sections: Sections) -> Handling:
     grip = grip_of(sections.grasp, sections.grip_share)
     first = grip.inserting(sections.insert)
     # A depth that errs, because plate, peg and arm are elsewhere than stated, errs again: the adjustment finds out then.
     again = first.model_copy(update={"least_share": 0.0})
     return Handling(
-        search=grip.searching(sections.search),
+        search=shallow(grip.searching(firm(sections.search, part.thickness)), part.thickness),
         insert=lambda ctx, plane, attempt: tactile_insert.run(again if attempt else first, ctx, plane),
         adjust=lambda ctx, plane: spiral_adjust.run(grip.adjusting(sections.adjust, ctx.job.peg.length), ctx, plane),
         retries=sections.retries,
     )
 
 
-def _over_a_corner(sections: Sections) -> Handling:
+def _over_a_corner(part: Part, sections: Sections) -> Handling:
     assert sections.corner is not None
     grip, corner = grip_of(sections.grasp, sections.grip_share), sections.corner
 
@@ -103,4 +104,4 @@ WAYS: Mapping[str, Way] = {"round": Way("insert", _over_the_edge), "rectangular"
 
 def handling(part: Part, sections: Sections) -> Handling:
     """Return how this part is handled."""
-    return WAYS[part.kind].make(sections)
+    return WAYS[part.kind].make(part, sections)

@@ -17,6 +17,8 @@ CROSSINGS = 18.5
 """Largest number of hole diameters, or shorter sides, that a lane crosses in a second; 0.15 m/s over a hole of 8.1 mm,
 where few falls are missed.
 """
+DIP = 3e-4
+"""Dip threshold with which that was found, m."""
 MOST_LOOKS = 5
 """Number of strokes beyond which the likely place is so wide that the search begins with whole lanes."""
 SURE = 2.0
@@ -78,7 +80,7 @@ def make_course(
     path: Path
     outside, speed = hole.part.reach + rng.uniform(*OUTSIDE), params.speed
     if params.path == "lanes":
-        speed = min(speed, CROSSINGS * hole.part.inscribed)
+        speed = min(speed, fastest(params.dip_threshold, hole.part.inscribed))
         path = lanes(over, pitch, speed, fast, begin, max(outside - params.margin[0], 0.0))
     else:
         path = spray_paint(over, pitch, speed, fast, begin)
@@ -93,6 +95,18 @@ def make_course(
     height = params.height if is_length_known else params.first_height(part.reach)
     first = np.array([*(middle + path.at(0.0)[0]), hole.centre[2] + height])
     return Course(path, middle, first, height, axis, closing, fast, likely_until)
+
+
+def fastest(dip: float, width: float) -> float:
+    """Return the largest speed along a lane, m/s: the peg crosses a given share of the hole while it falls by the dip threshold.
+
+    Under a constant push a fall takes a time that grows with the root of its depth. A larger threshold than `DIP` is taken for that one.
+
+    Args:
+        dip: Dip threshold, m.
+        width: Diameter of the largest circle inside the hole, m.
+    """
+    return CROSSINGS * width * math.sqrt(DIP / min(dip, DIP))
 
 
 def _as_believed(belief: Belief, job: Job, rows: Rows, path: Path, outside: float, way: float) -> tuple[Path, float]:

@@ -26,6 +26,15 @@ LATE = 0.06
 estimate down with it, and the dip would not be seen. A peg that crosses half a hole of 8 mm at 0.14 m/s falls for 0.03 s."""
 
 
+JUMPED = 3e-4
+"""Depth below the surface estimate, m, beyond which an angle of the peg that has jumped is the reason: the estimate begins anew then, and no
+longer knows the plate's slopes."""
+
+
+SUDDEN = 0.08
+"""Time within which the hand drops with a peg that falls into the hole, s: it is caught after 0.02 to 0.05 s."""
+
+
 LIKELY = 0.5
 """Share of the dip threshold that is evidence of an edge where the hole is likely: a rest in vain there costs less than the whole area, which
 follows on a fall that was missed."""
@@ -82,6 +91,7 @@ class Evidence:
         """Take the surface estimate, the detector of the skin's events, and the scan's period, s."""
         self._params, self._surface, self._event = params, surface, event
         self._late = deque[tuple[Vector, int]](maxlen=max(round(LATE / scan_period), 1))
+        self._heights = deque[float](maxlen=max(round(SUDDEN / scan_period), 1))
 
     def update(self, seen: Observation, edge: Vector, sense: int, is_likely: bool = False) -> tuple[float, bool]:
         """Return the depth of the peg's lowest point `edge` below the surface estimate, m, and whether there is
@@ -96,7 +106,8 @@ class Evidence:
         threshold = self._params.dip_threshold * (LIKELY if is_likely else 1.0)
         is_event = seen.is_new_frame and self._event.update(seen.frame)
         below = self._surface.below(edge, sense)
-        return below, is_event if self._params.evidence == "skin" else below > threshold
+        has_dropped = self._params.drop == 0.0 or self._drop(float(seen.arm.tcp.position[2])) >= self._params.drop
+        return below, is_event if self._params.evidence == "skin" else below > threshold and has_dropped
 
     def learn(self, edge: Vector, sense: int) -> None:
         """Take a scan without an edge; the surface estimate is updated by one that is `LATE` back."""
@@ -110,13 +121,19 @@ class Evidence:
         """
         self._event.restart()
         self._late.clear()
+        self._heights.clear()
 
     def forget(self, below: float) -> None:
         """Start the surface estimate anew where all of the plate seems to lie `below`, m: theta has jumped, and the
         estimate with it.
         """
-        if below > self._params.dip_threshold:
+        if below > max(self._params.dip_threshold, JUMPED):
             self._surface = SurfaceEstimate()
+
+    def _drop(self, height: float) -> float:
+        """Take the height of the hand, m, and return by how much it has dropped within `SUDDEN`, m."""
+        self._heights.append(height)
+        return max(self._heights) - height
 
     @property
     def events(self) -> int:
