@@ -92,7 +92,7 @@ class SpraySearchParams(SkillParams):
     """
     drop: NonNegativeFloat = 0.0
     """Least drop of the hand that has to go with a dip of the tip, m: a new angle of the peg moves the tip, and not the hand. 0 asks for none; a
-    peg thinner than 8 mm has its dip threshold at least. Source: decision 0084.
+    peg thinner than 8 mm has its dip threshold at least. Source: decision 0082.
     """
     lag: PositiveFloat | None = None
     """Lag of the tip behind its setpoint along a pass that is evidence of an edge as well, m; times the stiffness it bounds the force on a wall

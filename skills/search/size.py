@@ -9,9 +9,9 @@ from skills.search.params import SpraySearchParams
 STATED = 8e-3
 """Thickness of the peg for which `search.dip_threshold` and `search.fall` are stated, m; thicker pegs have the same."""
 DIP = 0.025
-"""Dip threshold of a thinner peg, share of its thickness. Source: decision 0084."""
+"""Dip threshold of a thinner peg, share of its thickness. Source: decision 0082."""
 PUSH = 7.5
-"""Least push on a thinner peg, N: what pads of the shipped grip bear over a plate. Source: decision 0084."""
+"""Least push on a thinner peg, N: what pads of the shipped grip bear over a plate. Source: decision 0082."""
 
 
 def firm(search: SpraySearchParams, thickness: float) -> SpraySearchParams:
