@@ -88,11 +88,11 @@ class SpraySearchParams(SkillParams):
     """How a hole event of the skin is told from noise."""
     dip_threshold: PositiveFloat
     """Dip threshold: depth of the tip below the surface estimate that is evidence of an edge, m; the exact fall at 45
-    degrees is 2.4 mm. A round peg thinner than 8 mm has 0.025 of its thickness at most. Source: set by hand, its rate of false evidence measured by `cell study events`.
+    degrees is 2.4 mm. A round peg of 5 mm or less has 0.025 of its thickness at most. Source: set by hand, its rate of false evidence measured by `cell study events`.
     """
     drop: NonNegativeFloat = 0.0
     """Least drop of the hand that has to go with a dip of the tip, m: a new angle of the peg moves the tip, and not the hand. 0 asks for none; a
-    peg thinner than 8 mm has its dip threshold at least. Source: decision 0082.
+    round peg of 5 mm or less has its dip threshold at least. Source: decision 0082.
     """
     lag: PositiveFloat | None = None
     """Lag of the tip behind its setpoint along a pass that is evidence of an edge as well, m; times the stiffness it bounds the force on a wall
@@ -100,7 +100,7 @@ class SpraySearchParams(SkillParams):
     """
     fall: NonNegativeFloat
     """Depth below the surface at which the resting tip is in the hole, m; 0 takes the evidence for the hole, as [gibbons]
-    does. For a round peg thinner than 8 mm it is less in proportion. Source: chosen, not measured; reason in decision 0020.
+    does. For a round peg of 5 mm or less it is less in proportion to 8 mm. Source: chosen, not measured; reason in decision 0020.
     """
     slip_drop: NonNegativeFloat = 0.0
     """Drop of the tip that is put down to a turn of the peg in the hand by one radian, which slips it along the fingers as well, m; it adds to

@@ -1,22 +1,24 @@
 """Parameters of a search for a thin round peg; pure.
 
 A peg that leans over its edge falls into a hole by a share of its own thickness, however thick it is. The depths that tell its fall are
-stated for a peg of `STATED`; a thinner one has smaller ones, and it is pushed harder, so that it falls in less time.
+stated for a peg of `STATED`; a thin one has smaller ones, and it is pushed harder, so that it falls in less time.
 """
 
 from skills.search.params import SpraySearchParams
 
 STATED = 8e-3
-"""Thickness of the peg for which `search.dip_threshold` and `search.fall` are stated, m; thicker pegs have the same."""
+"""Thickness of the peg for which `search.dip_threshold` and `search.fall` are stated, m."""
+THIN = 5e-3
+"""Largest thickness of a thin peg, m; with 6 mm nothing was gained, and thicker pegs are searched with as stated. Source: decision 0082."""
 DIP = 0.025
-"""Dip threshold of a thinner peg, share of its thickness. Source: decision 0082."""
+"""Dip threshold of a thin peg, share of its thickness. Source: decision 0082."""
 PUSH = 7.5
-"""Least push on a thinner peg, N: what pads of the shipped grip bear over a plate. Source: decision 0082."""
+"""Least push on a thin peg, N: what pads of the shipped grip bear over a plate. Source: decision 0082."""
 
 
 def firm(search: SpraySearchParams, thickness: float) -> SpraySearchParams:
     """Return the parameters of a search with the push for a round peg of this thickness, m; what the pads bear still bounds it."""
-    if thickness >= STATED or search.push_offset == 0.0:
+    if thickness > THIN or search.push_offset == 0.0:
         return search
     return search.model_copy(update={"push_stiffness": max(search.push_stiffness, PUSH / search.push_offset)})
 
@@ -26,7 +28,7 @@ def shallow(search: SpraySearchParams, thickness: float) -> SpraySearchParams:
 
     So shallow a dip is no more than what a new angle of the peg moves the tip by, so that the hand has to have dropped by as much.
     """
-    if thickness >= STATED:
+    if thickness > THIN:
         return search
     dip = min(DIP * thickness, search.dip_threshold)
     return search.model_copy(

@@ -10,18 +10,18 @@ from skills.catalogue import GRASP, SEARCH
 from skills.grip import grip_of
 from skills.search.course import fastest
 from skills.search.feel import Evidence
-from skills.search.size import DIP, PUSH, STATED, firm, shallow
+from skills.search.size import DIP, PUSH, STATED, THIN, firm, shallow
 from skills.surface import SurfaceEstimate
 from skills.tactile.hole_event import HoleEvent
 
 SEARCH_PARAMS = load().cell.params(SEARCH)
-THIN = shallow(SEARCH_PARAMS, STATED / 2)
+SLIM = shallow(SEARCH_PARAMS, STATED / 2)
 PERIOD = 0.01
 
 
 def evidence_of(dip: float, hand: float) -> bool:
     """Return whether it is evidence that a thin peg's end seems to dip by `dip`, m, and the hand to drop by `hand`, m, within a scan."""
-    evidence = Evidence(THIN, SurfaceEstimate(), HoleEvent(THIN.event, THIN.timeout), PERIOD)
+    evidence = Evidence(SLIM, SurfaceEstimate(), HoleEvent(SLIM.event, SLIM.timeout), PERIOD)
     for k in range(400):
         edge = np.array([0.0, 1e-3 * (k % 60), 0.0])
         evidence.update(seen(0.2), edge, 1)
@@ -36,8 +36,8 @@ def seen(height: float) -> SimpleNamespace:
     )
 
 
-@pytest.mark.parametrize("thickness", [STATED, 2 * STATED])
-def test_a_peg_as_thick_as_stated_or_thicker_is_searched_with_as_stated(thickness):
+@pytest.mark.parametrize("thickness", [1.01 * THIN, STATED, 2 * STATED])
+def test_a_peg_that_is_not_thin_is_searched_with_as_stated(thickness):
     assert firm(SEARCH_PARAMS, thickness) is shallow(SEARCH_PARAMS, thickness) is SEARCH_PARAMS
 
 
@@ -63,15 +63,15 @@ def test_a_threshold_that_is_set_lower_is_kept():
 
 
 def test_a_dip_with_which_the_hand_drops_is_evidence():
-    assert evidence_of(1.5 * THIN.dip_threshold, hand=1.1 * THIN.drop)
+    assert evidence_of(1.5 * SLIM.dip_threshold, hand=1.1 * SLIM.drop)
 
 
 def test_a_dip_of_the_tip_alone_is_a_new_angle_and_no_evidence():
-    assert not evidence_of(1.5 * THIN.dip_threshold, hand=0.9 * THIN.drop)
+    assert not evidence_of(1.5 * SLIM.dip_threshold, hand=0.9 * SLIM.drop)
 
 
 def test_a_hand_that_drops_alone_is_no_evidence():
-    assert not evidence_of(0.5 * THIN.dip_threshold, hand=2.0 * THIN.drop)
+    assert not evidence_of(0.5 * SLIM.dip_threshold, hand=2.0 * SLIM.drop)
 
 
 def test_a_fall_of_a_quarter_of_the_depth_is_crossed_twice_as_fast():
