@@ -76,6 +76,7 @@ class Skin(Device, Protocol):
 
         Raises:
             SkinSilentError: No scan arrived within the configured time.
+            SkinUntrustedError: Modules or fingers have changed places since it was opened.
         """
 
 

@@ -12,6 +12,7 @@ from drivers.errors import DeviceNotOpenedError, SkinSilentError
 from drivers.quantities import FINGERS, TAXELS, Mask, TaxelFrame, Vector
 from drivers.skin.health import Counts, SkinHealth
 from drivers.skin.layout import MODULE_OF, MODULE_TAXELS
+from drivers.skin.order import TaxelOrder
 from sim.config import SimSkinConfig
 from sim.pads import PadLoad, Pads
 from sim.reality import Drawn
@@ -126,6 +127,7 @@ class SimSkin:
         """Frames that were measured and are not delivered yet."""
         self._taxels: Taxels | None = None
         self._health: SkinHealth | None = None
+        self._order = TaxelOrder()
         self._frame: TaxelFrame | None = None
         self._start = self._measured = 0.0
         self._due = 0
@@ -141,6 +143,7 @@ class SimSkin:
         frames = self._config.health.baseline_frames
         still = np.array([self._taxels.measure(pressure, 0.0) for _ in range(frames)])
         self._health = SkinHealth(self._config.health, still)
+        self._order = TaxelOrder(self._health.noise)
         self._start = self._measured = self._source.now()
         self._due, self._frame = 0, None
         self._under_way.clear()
@@ -164,6 +167,7 @@ class SimSkin:
         limit = self._config.silent_frames / self._config.rate
         if self._frame is None or now - last > limit:
             raise SkinSilentError(f"skin: no frame for {now - last:.3f} s > {limit:.3f} s limit")
+        self._order.require()
         return self._frame
 
     def _measure(self, taxels: Taxels, health: SkinHealth, now: float, sequence: int) -> None:
@@ -172,6 +176,7 @@ class SimSkin:
         arrived = self._disturb(raw)
         if arrived is not None:
             values, trusted = health.update(arrived, now)
+            self._order.take(arrived, values, trusted)
             self._under_way.append(TaxelFrame(values, trusted, now, sequence))
 
     def _pressure(self) -> Vector:

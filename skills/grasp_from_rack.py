@@ -14,6 +14,7 @@ from drivers.frames import UP, angle_between
 from drivers.quantities import Twist, Vector
 from skills.contract import Observation, Outcome, Reason, SkillContext, SkillParams, SkillResult
 from skills.motion import VALIDITY, Goal, Transfer, Trim, move
+from skills.tactile.order import PrintOrder
 
 ACROSS_RACK: Vector = np.array([0.0, -1.0, 0.0])
 """Direction of the closing axis at the rack, base frame; always the same, so that the wrist does not wind up from run
@@ -103,10 +104,13 @@ def run(params: GraspFromRackParams, ctx: SkillContext) -> GraspFromRackResult:
         return _missed(params, ctx, started, Reason.MISSED_GRASP)
     closed = ctx.clock.now()
     _draw_out(grip_at[2] + job.rack.depth, ctx)
-    for _ in move(above, params.transfer, ctx, None):
-        pass
+    order = PrintOrder(ctx.estimator)
+    for seen in move(above, params.transfer, ctx, None):
+        if seen.is_new_frame:
+            order.take(seen.frame)
     if not _holds_peg(params, ctx):
         return _missed(params, ctx, started, Reason.LOST_GRASP)
+    order.require()
     ctx.zero_wrench()
     seen = ctx.observe()
     _require_print(seen, closed)
@@ -182,8 +186,8 @@ def _require_print(seen: Observation, closed: float) -> None:
     """Make sure that the skin has seen the peg since the hand `closed`, s: a live skin shows the grasp's own print.
 
     Raises:
-        SkinUntrustedError: It has not. Modules that are dead, stuck below the rail, swapped or tell anything at random
-            are found here, before the peg goes anywhere near the plate.
+        SkinUntrustedError: It has not. Modules that are dead, stuck below the rail or tell anything at random are found
+            here, before the peg goes anywhere near the plate.
     """
     if not seen.peg.healthy or seen.peg.stamp < closed:
         raise SkinUntrustedError(

@@ -5,7 +5,8 @@
     | in the hand, clear of all   | draw up, drop it into the bin                                                       |
     | in the hand, at the plate   | pull it straight up with the force bounded, as it may be in the hole; then the bin    |
     | in the hand, in the hole,   | let go of it, draw back without it, and say that it is jammed: a person must         |
-    | and it does not come out    | take it out                                                                         |
+    | and it does not come out,   | take it out                                                                         |
+    | or slips out of the hand    |                                                                                   |
     | in the hand, seated         | let go of it and draw back                                                          |
     | nowhere in the hand         | draw up, open the hand; whether a person is needed the supervisor says               |
 
@@ -21,7 +22,7 @@ from pydantic import Field
 from drivers.frames import UP
 from drivers.parts import Point
 from drivers.quantities import SwitchState, Vector
-from skills.contract import Observation, Outcome, Reason, SkillContext, SkillParams, SkillResult
+from skills.contract import Interrupted, Observation, Outcome, Reason, SkillContext, SkillParams, SkillResult
 from skills.grasp_from_rack import ACROSS_RACK
 from skills.motion import Goal, Transfer, move
 from skills.pull_out import pull_out
@@ -84,11 +85,16 @@ def run(params: RecoverParams, ctx: SkillContext) -> RecoverResult:
 
 
 def _pull(params: RecoverParams, ctx: SkillContext) -> Vector | None:
-    """Pull the peg up until its end is clear of the plate; return where it is stuck, or None.
+    """Pull the peg up until its end is clear of the plate; return where it is stuck or slips out of the hand, or None.
 
     The limits do not count here: what the failure left pressed must first be able to give way, and the pull is bounded.
     """
-    return pull_out(ctx.job.hole.centre[2] + CLEAR, params.transfer.gains, ctx, limited=False)
+    try:
+        return pull_out(ctx.job.hole.centre[2] + CLEAR, params.transfer.gains, ctx, limited=False)
+    except Interrupted as interruption:
+        if interruption.reason is not Reason.LOST_GRASP:
+            raise
+        return ctx.observe().tip
 
 
 def _relax(ctx: SkillContext) -> None:

@@ -13,6 +13,7 @@ from drivers.skin.board_config import BOARD_MODULES, CanSkinConfig, IcubConfig, 
 from drivers.skin.dialogue import RETRY, RawScan
 from drivers.skin.figures import SkinFigures
 from drivers.skin.health import SkinHealth
+from drivers.skin.order import TaxelOrder
 from drivers.skin.port import HubOnCan, HubOnSerial, IcubOnCan, SkinPort
 from drivers.transport.wires import ByteLink, CanLink
 
@@ -41,6 +42,7 @@ class _BoardSkin:
 
     def _forget(self) -> None:
         self._health: SkinHealth | None = None
+        self._order = TaxelOrder()
         self._frame: TaxelFrame | None = None
         self._is_connected = False
         self._lost_line = ""
@@ -84,6 +86,7 @@ class _BoardSkin:
             raise DeviceNotOpenedError("skin: read before it was opened")
         for scan in self._poll():
             values, trusted = health.update(scan.counts, scan.stamp)
+            self._order.take(scan.counts, values, trusted)
             frame = TaxelFrame(values, trusted, scan.stamp, frame.sequence + 1 + scan.missed)
         self._frame = frame
         silence = self._silence()
@@ -91,6 +94,7 @@ class _BoardSkin:
             raise SkinSilentError(f"skin: no frame for {silence:.3f} s > {self._limit:.3f} s limit: {self._trouble()}")
         if self._port.dialogue.changed:
             raise SkinSilentError(f"skin: {self._port.dialogue.changed}: open it again, for a new baseline")
+        self._order.require()
         return frame
 
     def figures(self) -> SkinFigures:
@@ -133,6 +137,7 @@ class _BoardSkin:
                 f"{self._lost} lost, {self._port.refused()} messages refused: mend the wiring, or lower skin.rate"
             )
         self._health = SkinHealth(config.health, np.array([scan.counts for scan in still]))
+        self._order = TaxelOrder(self._health.noise)
         values, trusted = self._health.update(still[-1].counts, still[-1].stamp)
         self._frame = TaxelFrame(values, trusted, still[-1].stamp, 0)
 

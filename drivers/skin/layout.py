@@ -32,6 +32,30 @@ MODULE_OF = np.repeat(np.arange(FINGERS * MODULES), MODULE_TAXELS).reshape(FINGE
 """Number of the module that each taxel belongs to, left finger first, shape (2, 20)."""
 MODULE_OF.flags.writeable = False
 
+
+def _exchanged(*, left: bool, right: bool, fingers: bool) -> NDArray[np.intp]:
+    """Return whose reading each taxel has, shape (40,), after exchanges of a finger's modules and then of the fingers."""
+    told = np.arange(FINGERS * TAXELS).reshape(FINGERS, TAXELS)
+    for finger, is_exchanged in enumerate((left, right)):
+        if is_exchanged:
+            told[finger] = np.roll(told[finger], MODULE_TAXELS)
+    order: NDArray[np.intp] = told[::-1].ravel() if fingers else told.ravel()
+    order.flags.writeable = False
+    return order
+
+
+MODULE_EXCHANGES = {
+    "the two modules of the left finger": _exchanged(left=True, right=False, fingers=False),
+    "the two modules of the right finger": _exchanged(left=False, right=True, fingers=False),
+    "the two modules of each finger": _exchanged(left=True, right=True, fingers=False),
+}
+"""Ways in which modules can have each other's places, by what is exchanged: whose reading each taxel has, shape (40,)."""
+EXCHANGES = MODULE_EXCHANGES | {
+    "the two fingers": _exchanged(left=False, right=False, fingers=True),
+    "the two fingers and the modules of each": _exchanged(left=True, right=True, fingers=True),
+}
+"""The same with those of the fingers. A print is mirrored where the fingers are exchanged, so that it alone cannot tell these."""
+
 _SHEAR = 1e-6
 _FLAT = 1e-3
 

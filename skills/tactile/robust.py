@@ -18,7 +18,7 @@ from pydantic import Field
 
 from drivers.parts import Peg
 from drivers.quantities import Mask, TaxelFrame, Vector
-from drivers.skin.layout import MODULE_OF, Layout
+from drivers.skin.layout import MODULE_EXCHANGES, MODULE_OF, Layout
 from skills.tactile.likelihood import Bank, Found, LikelihoodParams, pose_of, weights_of
 from skills.tactile.pose import PegPose
 from skills.tactile.templates import Templates, broad_templates, reaching_templates
@@ -158,6 +158,21 @@ class RobustEstimator:
         if pose.healthy and bank is self._usual:
             self._usual.learn(found)
         return pose
+
+    def order_odds(self, frame: TaxelFrame) -> Vector:
+        """Return log odds that modules have each other's places; see `skills.tactile.order.TellsOrder`."""
+        params = self._params
+        values, trusted = frame.values.ravel(), frame.trusted.ravel() & (frame.values.ravel() > BELOW * params.noise)
+        as_told = self._usual.compare(values, weights_of(params, values, trusted))
+        odds, found = np.zeros(len(MODULE_EXCHANGES)), [as_told]
+        for number, told in enumerate(MODULE_EXCHANGES.values()):
+            moved = values[told]
+            found.append(self._usual.compare(moved, weights_of(params, moved, trusted[told])))
+            odds[number] = found[-1].chance - as_told.chance
+        if max(each.load for each in found) < params.least_load:
+            return np.zeros_like(odds)
+        # Noise may be stronger than configured; all log likelihoods then shrink alike.
+        return odds / max(1.0, min(each.misfit for each in found))
 
     def _silent(self, is_loud: Mask, weights: Vector) -> list[int]:
         """Return the modules without any reading above the noise."""

@@ -116,6 +116,7 @@ def _case(tested: FaultBench, kind: FaultKind, stage: str, moment: float) -> Fau
         if kind.ends_program and undo:
             tested.thread.join()
         outcome, truth = _outcome(tested, report), _truth(tested)
+        is_gripping = tested.gripper.gripper.read().is_gripping
         if outcome != "success":
             tested.let_pass(SEEN_ON)
         record = kind.is_record_apart and _is_on_record(tested, report, outcome, kind)
@@ -147,7 +148,7 @@ def _case(tested: FaultBench, kind: FaultKind, stage: str, moment: float) -> Fau
         peak_force=seen.peak_force,
         contact_force=seen.contact_force,
         wrong_success=outcome == "success" and not truth.switch_closed,
-        part_untrue=not _is_true(part, truth, tested.gripper.gripper.read().is_gripping),
+        part_untrue=not _is_true(part, truth, is_gripping),
         record=record,
         reset=reset,
         actions=actions,

@@ -1,0 +1,63 @@
+import numpy as np
+import pytest
+
+from drivers.errors import SkinUntrustedError
+from drivers.skin.layout import EXCHANGES
+from drivers.skin.order import TaxelOrder
+from tests.pegs import LOAD, SKIN, pushed, readings
+
+NOISE = np.full((2, 20), SKIN.noise * SKIN.full_scale)
+REST = 5000.0 + np.random.default_rng(0).normal(0.0, 250.0, (2, 20))
+TRUSTED = np.ones((2, 20), dtype=bool)
+
+
+def frames(load, count, seed=1):
+    """Return so many raw frames of a peg that is held."""
+    rng = np.random.default_rng(seed)
+    return [REST + readings("parallelogram", load, rng) for _ in range(count)]
+
+
+def taken(order, raws):
+    """Let the order take raw frames."""
+    for raw in raws:
+        order.take(raw, raw - REST, TRUSTED)
+    return order
+
+
+def as_told(raw, exchange):
+    return raw.ravel()[EXCHANGES[exchange]].reshape(raw.shape)
+
+
+ASLANT = pushed(np.random.default_rng(4), np.radians(6.0), 1e-3, LOAD)
+
+
+@pytest.mark.parametrize("exchange", EXCHANGES)
+def test_taxels_that_change_places_between_two_frames_are_named(exchange):
+    order = TaxelOrder(NOISE)
+    raws = frames(ASLANT, 3)
+    taken(order, [*raws[:2], as_told(raws[2], exchange)])
+    with pytest.raises(SkinUntrustedError, match=f"skin: {exchange} exchanged since the baseline"):
+        order.require()
+
+
+def test_the_order_stays_wrong_until_the_taxels_are_back_in_their_places():
+    raws = frames(ASLANT, 5)
+    order = taken(TaxelOrder(NOISE), [raws[0], *(as_told(raw, "the two fingers") for raw in raws[1:4])])
+    with pytest.raises(SkinUntrustedError, match="the two fingers"):
+        order.require()
+    taken(order, raws[4:]).require()
+
+
+def test_a_hand_that_closes_and_a_peg_that_turns_change_no_order():
+    rng = np.random.default_rng(3)
+    angles = np.radians([0.0, 2.0, 6.0, 5.0, -3.0, -8.0, 1.0, 9.0])
+    held = [REST + readings("parallelogram", pushed(rng, angle, 5e-4, LOAD), rng) for angle in angles]
+    empty = [REST + rng.normal(0.0, 300.0, REST.shape) for _ in range(3)]
+    taken(TaxelOrder(NOISE), [*empty, *held, *empty]).require()
+
+
+def test_a_taxel_that_is_not_trusted_says_nothing_of_the_order():
+    raws, order = frames(ASLANT, 3), TaxelOrder(NOISE)
+    for raw in (raws[0], as_told(raws[1], "the two fingers")):
+        order.take(raw, raw - REST, ~TRUSTED)
+    order.require()
