@@ -247,9 +247,11 @@ def refusal_of(part: PartState, switch: SwitchState, is_rack_empty: bool, recove
     return Refusal.RACK_EMPTY if is_rack_empty else Refusal.NONE
 
 
+READY = "ready: "
+"""Beginning of what is said of a peg that lets the next one be taken."""
 REMEDIES = {
-    PartPlace.RACK: "ready: the next peg is in the rack",
-    PartPlace.BIN: "ready: the last peg is in the reject bin",
+    PartPlace.RACK: f"{READY}the next peg is in the rack",
+    PartPlace.BIN: f"{READY}the last peg is in the reject bin",
     PartPlace.SEATED: "the peg is seated: take the workpiece away before the next start",
     PartPlace.IN_HAND: "the hand holds a peg: run `recover`",
     PartPlace.IN_HOLE: "a peg stands in the hole: where the hand holds it run `recover`; else draw it out, then give CLEARED",

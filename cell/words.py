@@ -7,8 +7,9 @@ from dataclasses import asdict
 from rich.table import Table
 
 from cell.journal_schema import RunRow, StageRow
-from cell.part_state import REMEDIES
+from cell.part_state import READY, REMEDIES
 from cell.states import State
+from drivers.errors import FAULTS, FaultCode
 from plc_bridge.images import Diagnostics, ReportImage
 from plc_bridge.messages import LeaseState, PartPlace, Refusal, Result
 from skills.catalogue import CATALOGUE
@@ -34,8 +35,18 @@ def report(image: ReportImage) -> dict[str, object]:
         "part_depth": image.part_depth,
         "hole": [image.hole_x, image.hole_y],
         "peak_force": image.peak_force,
-        "peg": REMEDIES[PartPlace(image.part)],
+        "next": _next(image),
     }
+
+
+def _next(image: ReportImage) -> str:
+    """Return what to do next, in one line: about what is broken, then about the peg."""
+    peg = REMEDIES[PartPlace(image.part)]
+    if image.fault:
+        return f"{FAULTS[FaultCode(image.fault)].remedy}; then {peg.removeprefix(READY)}"
+    if image.state in (State.STOPPED, State.ABORTED):
+        return f"reset; then {peg.removeprefix(READY)}"
+    return peg
 
 
 def _named(times: Sequence[float]) -> dict[str, float]:

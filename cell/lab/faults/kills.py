@@ -83,8 +83,14 @@ class Kill:
         return is_ended_well and is_told and is_part_kept and self.still_running == 0 and self.twice == 0
 
 
-def kill(tries: int, seed: int, arguments: Sequence[str], watch: Callable[[Kill], None]) -> list[Kill]:
-    """Start the served cell again and again on one journal, and end it at random moments; every third time politely.
+def kill(
+    tries: int,
+    seed: int,
+    arguments: Sequence[str],
+    watch: Callable[[Kill], None],
+    ends: Sequence[signal.Signals] = ENDS,
+) -> list[Kill]:
+    """Start the served cell again and again on one journal, and end it at random moments, by one signal of `ends` after the other.
 
     Raises:
         CellError: A cell cannot be started.
@@ -92,7 +98,7 @@ def kill(tries: int, seed: int, arguments: Sequence[str], watch: Callable[[Kill]
     rng, found = np.random.default_rng(seed), list[Kill]()
     with tempfile.TemporaryDirectory() as folder:
         for number in range(tries):
-            how = ENDS[number % len(ENDS)]
+            how = ends[number % len(ends)]
             drawn = [*arguments, "--set", f"sim.seed={seed + number}"]
             part_now, case = _one(Path(folder), how, int(rng.integers(0, 101)), drawn)
             found[-1:] = [replace(last, part_next=part_now) for last in found[-1:]]

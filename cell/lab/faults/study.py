@@ -2,6 +2,7 @@
 
 import argparse
 import csv
+import signal
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -28,6 +29,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=0,
         metavar="N",
         help="instead: end the program N times, two of three by kill -9",
+    )
+    parser.add_argument(
+        "--signal",
+        choices=("KILL", "TERM", "INT", "HUP"),
+        help="with --kills: end it by this signal alone",
     )
     parser.add_argument(
         "--disks",
@@ -106,7 +112,12 @@ def _ends(args: argparse.Namespace) -> StudyReport:
             _write_rows(written, [asdict(each) for each in found])  # what is broken off leaves what it found
             bars.advance(bar)
 
-        cases = (kills.kill if args.kills else disks.fill)(tries, args.seed, arguments, watch)
+        ends = (signal.Signals[f"SIG{args.signal}"],) if args.signal else kills.ENDS
+        cases: Sequence[kills.Kill | disks.FullDisk] = (
+            kills.kill(tries, args.seed, arguments, watch, ends)
+            if args.kills
+            else disks.fill(tries, args.seed, arguments, watch)
+        )
     _write_rows(written, [asdict(case) for case in cases])
     unsound = sum(not case.is_sound for case in cases)
     title = f"{len(cases)} {of_what}; {unsound} with something lost or untrue"

@@ -1,0 +1,36 @@
+import pytest
+
+from cell.states import State
+from cell.words import line, report
+from drivers.errors import FAULTS, FaultCode
+from plc_bridge.images import Diagnostics, ReportImage
+from plc_bridge.messages import PartPlace
+
+
+def told(**fields):
+    return report(ReportImage(**fields))["next"]
+
+
+def test_a_technician_at_a_faulted_cell_reads_what_is_broken_and_where_the_peg_goes():
+    skin = FAULTS[FaultCode.SKIN_SILENT].remedy
+    assert (
+        told(state=State.ABORTED, fault=1001, part=PartPlace.IN_HAND)
+        == f"{skin}; then the hand holds a peg: run `recover`"
+    )
+    assert told(state=State.ABORTED, fault=1001, part=PartPlace.RACK) == f"{skin}; then the next peg is in the rack"
+
+
+@pytest.mark.parametrize("state", [State.STOPPED, State.ABORTED])
+def test_a_cell_that_was_stopped_is_not_called_ready(state):
+    assert told(state=state, part=PartPlace.BIN) == "reset; then the last peg is in the reject bin"
+
+
+def test_a_cell_that_waits_is_ready():
+    assert told(state=State.IDLE, part=PartPlace.RACK) == "ready: the next peg is in the rack"
+
+
+def test_place_and_what_to_do_stand_in_the_same_line():
+    words = line(ReportImage(state=State.ABORTED, fault=2001, part=PartPlace.ON_PLATE), Diagnostics())
+    assert "part=on_plate" in words
+    assert "next=find out why, release the stop, then reset; then a peg lies on the plate" in words
+    assert "\n" not in words
