@@ -1,4 +1,4 @@
-"""Whether the order in which the skin's hub tells its taxels changes while it runs; pure, no I/O.
+"""Whether modules or fingers of the skin change places while it runs; pure, no I/O.
 
 A hub that numbers its modules anew, or a plug that was drawn and put elsewhere, shows as one frame that agrees with the one
 before only where modules or fingers have each other's places.
@@ -20,6 +20,8 @@ AGREES = 3.0
 """Mean square of the differences, in units of the expected, up to which two frames agree."""
 GAIN = 25.0
 """Log likelihood by which an exchange has to explain a frame better than the order before. Source: decision 0083."""
+TOLD = 1
+"""Number of further frames for which an exchange is told once somebody has asked: it ends every run, and a reset takes note of it."""
 
 
 class TaxelOrder:
@@ -30,17 +32,20 @@ class TaxelOrder:
         known = np.ones(FINGERS * TAXELS) if noise is None else np.maximum(noise.ravel(), 1.0)
         self._variance: Vector = 2.0 * known**2
         self._before: tuple[Vector, Vector, Mask] | None = None
-        self._order = AS_TOLD
+        self._exchange, self._told = "", 0
 
     def take(self, raw: Counts, values: Vector, trusted: Mask) -> None:
         """Take one frame: raw readings, counts, those above the baseline, counts, and which are trusted, each shape (2, 20)."""
         now, is_known = raw.astype(float).ravel(), trusted.ravel()
-        if self._before is not None:
-            self._compare(now, is_known, *self._before)
+        found = "" if self._before is None else self._exchange_of(now, is_known, *self._before)
         self._before = now, values.ravel(), is_known
+        if found or self._told > TOLD:
+            self._exchange, self._told = found, 0
+        elif self._told:
+            self._told += 1
 
-    def _compare(self, now: Vector, is_known: Mask, before: Vector, pressed: Vector, was_known: Mask) -> None:
-        # Where the order before left the taxel whose reading each place has now.
+    def _exchange_of(self, now: Vector, is_known: Mask, before: Vector, pressed: Vector, was_known: Mask) -> str:
+        """Return what has changed places since the frame before; empty where nothing has."""
         variance = self._variance + (CHANGE * pressed) ** 2
 
         def misfit(order: NDArray[np.intp]) -> tuple[float, float]:
@@ -49,21 +54,15 @@ class TaxelOrder:
             return 0.5 * float(squares.sum()), float(squares.mean()) if squares.size else np.inf
 
         as_before, _ = misfit(AS_TOLD)
-        (exchanged, mean), order = min(
-            ((misfit(order), order) for order in EXCHANGES.values()), key=lambda tried: tried[0]
-        )
-        if mean <= AGREES and as_before - exchanged > GAIN:
-            self._order = self._order[order]
+        (exchanged, mean), name = min((misfit(order), name) for name, order in EXCHANGES.items())
+        return name if mean <= AGREES and as_before - exchanged > GAIN else ""
 
     def require(self) -> None:
-        """Make sure that the taxels are told in the order of the baseline.
+        """Make sure that nothing has changed places.
 
         Raises:
-            SkinUntrustedError: They are not; the message says what is exchanged.
+            SkinUntrustedError: Something has; the message says what.
         """
-        if (self._order == AS_TOLD).all():
-            return
-        which = [name for name, order in EXCHANGES.items() if (order == self._order).all()]
-        raise SkinUntrustedError(
-            f"skin: {which[0] if which else 'modules'} exchanged since the baseline: put their plugs back"
-        )
+        if self._exchange:
+            self._told = max(self._told, 1)
+            raise SkinUntrustedError(f"skin: {self._exchange} exchanged while the skin ran: see their plugs")
