@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from cell.part_state import (
+    HOLE_MARGIN,
     IN_HOLE_DEPTH,
     REMEDIES,
     UNRESOLVED,
@@ -65,6 +66,16 @@ def test_a_held_peg_is_where_depth_and_switch_say(places, depth, switch, place):
     state = held_at(places, depth, switch)
     assert (state.place, state.is_held) == (place, True)
     assert state.depth == pytest.approx(depth if place is not PartPlace.IN_HAND else 0.0)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize(
+    ("beyond", "place"), [(HOLE_MARGIN - 1e-5, PartPlace.IN_HOLE), (HOLE_MARGIN + 1e-5, PartPlace.IN_HAND)]
+)
+def test_a_held_peg_is_in_the_hole_up_to_a_margin_beside_the_hole_s_area(places, axis, beyond, place):
+    tip = list(at_depth(places, 0.02))
+    tip[axis] -= places.hole.area[axis] / 2 + beyond
+    assert after(EMPTY, seen(places, tuple(tip)), places, is_running=True).place is place
 
 
 def test_a_held_peg_beside_the_hole_s_area_is_in_no_hole_however_deep(places):

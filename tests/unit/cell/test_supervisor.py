@@ -224,6 +224,15 @@ def test_a_fault_in_a_run_is_told_until_it_is_cleared(rig, program, error):
     assert rig.arm.resets == 2
 
 
+def test_a_fault_is_told_while_the_arm_still_comes_to_rest(rig, program):
+    program.fault = ArmReflexError("arm: reflex")
+    rig.arm.dq = rig.arm.dq + 0.5
+    told = read(rig, 0.05)
+    rig.at(0.1, lambda: setattr(rig.arm, "dq", 0.0 * rig.arm.dq))
+    report = rig.command(CODE)
+    assert (told[0].state, told[0].fault, report.state) == (State.ABORTING, FaultCode.ARM_REFLEX, State.ABORTED)
+
+
 def test_a_fault_outside_a_run_aborts_the_cell_and_is_on_record(rig, program):
     rig.arm.fault = ArmReflexError("arm: reflex")
     report = rig.scan(1)
