@@ -3,20 +3,30 @@
 Worker processes import this module again, so that it imports what a command needs only when that command is run.
 """
 
+import signal
 import sys
 
 
 def main() -> int:
     """Run one command and return its exit status."""
-    from drivers.errors import CellError
-
     try:
-        from cell.cli import main as run
-    except CellError as error:
-        # Faults of a catalogue show when it is read.
-        sys.stderr.write(f"{error}\n")
-        return 2
-    return run()
+        from drivers.errors import CellError
+
+        try:
+            from cell.cli import main as run
+        except CellError as error:
+            # Faults of a catalogue show when it is read.
+            sys.stderr.write(f"{error}\n")
+            return 2
+        return run()
+    except (
+        KeyboardInterrupt
+    ):  # before the command line listens, or a second time while what was interrupted is put in order
+        sys.stderr.write("cell: stopped\n")
+        return 1
+    finally:
+        # Whatever the interpreter still has to put in order, another Ctrl-C ends it at once.
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 if __name__ == "__main__":

@@ -29,6 +29,21 @@ class Parser(argparse.ArgumentParser):
         """
         raise ConfigError(message)
 
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse the arguments, after a look for options that there are none of.
+
+        Raises:
+            ConfigError: Something is wrong.
+        """
+        for word in args or ():
+            if word == "--" or (self._subparsers is not None and not word.startswith("-")):
+                break  # the rest is that of a command
+            option = word.split("=", 1)[0]
+            if option.startswith("--") and not any(known.startswith(option) for known in self._option_string_actions):
+                known = [name for name in self._option_string_actions if name.startswith("--")]
+                raise ConfigError(f"{option}: no such option of {self.prog}{did_you_mean(option, known)}")
+        return super().parse_known_args(args, namespace)
+
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is not None and value not in action.choices:
             known = [str(choice) for choice in action.choices]
@@ -114,6 +129,18 @@ def query_of(args: argparse.Namespace) -> "RunQuery":
         require_known("--outcome", args.outcome, OUTCOMES)
     since = since_text(args.since, datetime.now(UTC)) if args.since else ""
     return RunQuery(since, args.outcome, args.fault, args.part, args.program, args.recipe)
+
+
+def require_program(query: "RunQuery") -> None:
+    """Make sure that the program of a question to which no run was the answer is one that there is.
+
+    Raises:
+        ConfigError: It is none.
+    """
+    from skills.catalogue import CATALOGUE
+
+    if query.program is not None:
+        require_known("--program", query.program, CATALOGUE)
 
 
 def out_folder(folder: Path) -> Path:

@@ -12,6 +12,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from threading import Event as ThreadEvent
+from threading import Thread, Timer
 from typing import Any, Protocol, cast
 
 from cell.arguments import Parser, add_shared
@@ -28,16 +29,50 @@ class CommandModule(Protocol):
 
     SUMMARY: str
     """Purpose of the command, in one line for the help."""
-    STOPS_ITSELF: bool
-    """Whether the command ends in its own way when SIGINT or SIGTERM sets `args.stop`; other commands are interrupted."""
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Add the command's own arguments to those of every command."""
 
     def run(self, args: argparse.Namespace) -> int:
-        """Run the command and return the exit status."""
+        """Run the command and return the exit status; `args.stop` is a `Stop`."""
 
 
+class Stop(ThreadEvent):
+    """The wish of a signal to end a command.
+
+    A command that asks whether it is set ends in its own way from then on; before, as while it still imports and compiles, and
+    where a command never asks, the signal interrupts it.
+    """
+
+    def __init__(self) -> None:
+        """Begin with nobody who asks."""
+        super().__init__()
+        self._is_asked_for = False
+
+    def is_set(self) -> bool:
+        """Tell whether a signal has come."""
+        self._is_asked_for = True
+        return super().is_set()
+
+    def wait(self, timeout: float | None = None) -> bool:
+        """Wait for a signal, so many s at most, and tell whether it has come."""
+        self._is_asked_for = True
+        return super().wait(timeout)
+
+    def take(self, *_: object) -> None:
+        """Take a signal.
+
+        Raises:
+            KeyboardInterrupt: Nobody has asked yet.
+        """
+        if not self._is_asked_for:
+            raise KeyboardInterrupt
+        # Not here: the thread that the signal has come to may hold the event's lock at this moment, and would wait for itself.
+        Thread(target=self.set, name="stop", daemon=True).start()
+
+
+AGAIN = 0.02
+"""Time after which an interruption that was lost is tried again, s."""
 COMPLETION = "completion"
 """Command that needs the arguments of all others."""
 COMMANDS = {
@@ -71,7 +106,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         args = _parse(list(sys.argv[1:] if arguments is None else arguments))
         command = load_command(args.command)
-        with _logging(args), _signals(command.STOPS_ITSELF) as args.stop:
+        with _logging(args), _signals() as args.stop:
             return command.run(args)
     except ConfigError as error:
         return _complain(str(error), WRONG_USE)
@@ -147,17 +182,22 @@ def _complain(message: str, status: int) -> int:
     return status
 
 
-@contextmanager
-def _signals(stops_itself: bool) -> Iterator[ThreadEvent]:
-    """Yield an event that a signal to end, the end of a terminal included, sets for a command that stops itself.
+def _again() -> None:
+    """Interrupt once more a little later: the compiler called back when the signal came, and nobody there can raise anything."""
+    again = Timer(AGAIN, os.kill, (os.getpid(), signal.SIGINT))
+    again.daemon = True
+    again.start()
 
-    The signals interrupt any other command.
-    """
-    stop = ThreadEvent()
-    handler = (lambda *_: stop.set()) if stops_itself else signal.default_int_handler
-    before = {number: signal.signal(number, handler) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+
+@contextmanager
+def _signals() -> Iterator[Stop]:
+    """Yield what the signals to end, the end of a terminal included, set or interrupt."""
+    stop, tell = Stop(), sys.unraisablehook
+    before = {number: signal.signal(number, stop.take) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+    sys.unraisablehook = lambda lost: _again() if isinstance(lost.exc_value, KeyboardInterrupt) else tell(lost)
     try:
         yield stop
     finally:
+        sys.unraisablehook = tell
         for number, old in before.items():
             signal.signal(number, old)

@@ -5,6 +5,7 @@ import re
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, metadata, requires, version
 from pathlib import Path
+from textwrap import TextWrapper
 
 import config as shipped
 
@@ -65,13 +66,13 @@ def licence(name: str) -> str:
 
 
 def told() -> str:
-    """Return the output of `cell --version`; a package in another version than the tested one is marked."""
-    lines = [PackageLine("package", "installed", "tested with", "licence"), *packages()]
-    width = max(len(line.name) for line in lines)
-    rows = [
-        f"{line.name:{width}}  {line.installed:14}  {line.tested:14}"
-        + ("  differs  " if line.tested not in (line.installed, "tested with") else "           ")
-        + line.licence
-        for line in lines
-    ]
-    return "\n".join([f"cell {installed(PROGRAM)}, Python {platform.python_version()}", *rows])
+    """Return the output of `cell --version`, at most 80 characters wide; a package in another version than the tested one is marked."""
+    lines = packages()
+    name, version_ = (max(len(getattr(line, what)) for line in lines) for what in ("name", "installed"))
+    fold = TextWrapper(80, subsequent_indent=" " * (name + version_ + 4), replace_whitespace=False).wrap
+    rows = [f"cell {installed(PROGRAM)}, Python {platform.python_version()}"]
+    for line in lines:
+        rows += fold(f"{line.name:{name}}  {line.installed:{version_}}  {line.licence}")
+        if line.installed != line.tested:
+            rows.append(f"  differs from the tested version {line.tested}")
+    return "\n".join(rows)

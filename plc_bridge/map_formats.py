@@ -8,6 +8,14 @@ from dataclasses import asdict, fields
 
 from plc_bridge.registers import MIRROR, VERSION_MAJOR, VERSION_MINOR, Register
 
+RULES = (
+    f"Register map {VERSION_MAJOR}.{VERSION_MINOR}. Addresses are zero-based; wide values and strings are "
+    "big-endian; value = raw integer x scale, in unit; low and high are raw. Every connection has its own command "
+    f"block. Input registers can be read as holding registers too, {MIRROR} higher. On CAN the same values are "
+    "objects, index and sub-index, little-endian."
+)
+"""Rules that hold for the whole map, as people read them above it."""
+
 
 def as_json(registers: Sequence[Register]) -> str:
     """Return the map as a JSON list of objects."""
@@ -39,10 +47,7 @@ def as_markdown(registers: Sequence[Register]) -> str:
     hidden = {"index", "subindex"}
     columns = [column.name for column in fields(Register) if column.name not in hidden]
     lines = [
-        f"Register map {VERSION_MAJOR}.{VERSION_MINOR}. Addresses are zero-based; wide values and strings are "
-        "big-endian; value = raw integer x scale, in unit; low and high are raw. Every connection has its own command "
-        f"block. Input registers can be read as holding registers too, {MIRROR} higher. On CAN the same values are "
-        "objects, index and sub-index, little-endian.",
+        RULES,
         "",
         f"| {' | '.join(['object', *columns])} |",
         f"|{' --- |' * (len(columns) + 1)}",

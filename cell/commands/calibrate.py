@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from drivers.skin.calibration import SkinCalibration
 
 SUMMARY = "measure skin, arm or places and write a dated file"
-STOPS_ITSELF = False
 FRICTION_RANGE = (0.5, 2.0)
 """Friction over the published figure that a cell is made for: what `config/reality.toml` draws, and `cell study reality` shows to be borne."""
 MOST_PEGS = 20

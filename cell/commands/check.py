@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from cell.config import LoadedConfig
 
 SUMMARY = "open every device of a config, read each once, say what is wrong; with --plc, commission cell and PLC"
-STOPS_ITSELF = True
 PATIENCE = 300.0
 """Longest time for one step of the commissioning, s."""
 

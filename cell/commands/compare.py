@@ -10,7 +10,6 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
 SUMMARY = "two runs side by side, and where their configs differ"
-STOPS_ITSELF = False
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

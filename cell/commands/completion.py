@@ -5,7 +5,6 @@ import argparse
 from cell.terminal import GOOD, say
 
 SUMMARY = "a script that lets bash, zsh or tcsh complete commands and options"
-STOPS_ITSELF = False
 SHELLS = ("bash", "zsh", "tcsh")
 
 

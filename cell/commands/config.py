@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from cell.config_keys import Key, Setting
 
 SUMMARY = "what a key means, what is in force and where it came from"
-STOPS_ITSELF = False
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

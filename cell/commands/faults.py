@@ -8,7 +8,6 @@ from cell.terminal import GOOD, show
 from drivers.errors import FAULTS, ConfigError, FaultCode
 
 SUMMARY = "every fault code: meaning, cause, what to do"
-STOPS_ITSELF = False
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -7,7 +7,6 @@ from cell.arguments import add_journal, out_folder, positive, read_journal
 from cell.terminal import GOOD, progress, show, written
 
 SUMMARY = "a run on record as a film, or one picture of it"
-STOPS_ITSELF = False
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -11,7 +11,6 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 SUMMARY = "where the cell has learnt that holes are; `forget` begins anew"
-STOPS_ITSELF = False
 ACTIONS = ("show", "forget")
 
 

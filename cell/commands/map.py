@@ -1,22 +1,25 @@
 """`cell map`: the one register and object table, in the forms that PLC people import."""
 
 import argparse
+import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from cell.terminal import GOOD, say
+from cell.terminal import GOOD, say, show
 
 if TYPE_CHECKING:
+    from rich.console import Group
+
     from plc_bridge.registers import Register
 
 SUMMARY = "the register map"
-STOPS_ITSELF = False
 FORMATS = ("md", "csv", "json", "eds", "st", "xml", "scl", "h", "bytes")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the format."""
-    parser.add_argument("--format", choices=FORMATS, default="md", metavar="FORMAT", help=", ".join(FORMATS))
+    forms = f"{', '.join(FORMATS)}; on a terminal a table, in a pipe md"
+    parser.add_argument("--format", choices=FORMATS, metavar="FORMAT", help=forms)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -26,6 +29,10 @@ def run(args: argparse.Namespace) -> int:
 
     registers = table(PROGRAMS, PARAMETERS, WORDS)
     form = "json" if args.json else args.format
+    if form is None and sys.stdout.isatty():
+        show(args, _picture(registers), None)
+        return GOOD
+    form = form or "md"
     if form in ("st", "xml", "scl", "h"):
         text = _program(form, registers)
     elif form == "eds":
@@ -44,6 +51,30 @@ def run(args: argparse.Namespace) -> int:
         text = write(registers)
     say(text.rstrip("\n"))
     return GOOD
+
+
+def _picture(registers: "Sequence[Register]") -> "Group":
+    """Return the table for people, which fits 80 columns, below the rules that hold for all of it."""
+    from rich import box
+    from rich.console import Group
+    from rich.table import Table
+
+    from plc_bridge.map_formats import RULES
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for name in ("address", "name", "type", "meaning"):
+        table.add_column(name, no_wrap=name == "address")
+    for each in registers:
+        unit = f"{each.scale:g} {each.unit}".strip() if each.unit or each.scale != 1.0 else ""
+        limits = "" if each.low is None and each.high is None else f"{each.low} to {each.high}"
+        place = f"{each.index:04X}sub{each.subindex:X} {each.pdo}".rstrip() if each.index else ""
+        table.add_row(
+            f"{each.table} {each.address}\n{place}".rstrip(),
+            each.name,
+            "\n".join(filter(None, (f"{each.type} {each.access}", unit, limits))),
+            each.meaning,
+        )
+    return Group(RULES, table)
 
 
 def _program(form: str, registers: "Sequence[Register]") -> str:

@@ -5,14 +5,13 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cell.arguments import add_journal, add_query, query_of, read_journal
+from cell.arguments import add_journal, add_query, query_of, read_journal, require_program
 from cell.terminal import GOOD, show, written
 
 if TYPE_CHECKING:
     from cell.report.facts import Facts
 
 SUMMARY = "yield, times, reasons, forces and wear over many runs, of insert_peg unless --program says another"
-STOPS_ITSELF = False
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,7 +37,10 @@ def run(args: argparse.Namespace) -> int:
     if query.program is None:
         query = replace(query, program=PROGRAMS[FIRST_PROGRAM])
     with read_journal(args) as journal:
-        facts = facts_of(journal.told(query), query.since)
+        told = journal.told(query)
+    if not told.kind:
+        require_program(query)
+    facts = facts_of(told, query.since)
     shown = []
     for title, head, rows in tables(facts):
         table = Table(*head, title=title, title_justify="left")

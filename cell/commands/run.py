@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 SHOWN_EVERY = 0.1
 """Time between two looks at the progress, s."""
 SUMMARY = "one skill or program, by hand"
-STOPS_ITSELF = True
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -3,13 +3,13 @@
 import argparse
 import csv
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cell.arguments import add_journal, add_query, out_folder, positive, query_of, read_journal
-from cell.terminal import GOOD, show, written
+from cell.arguments import add_journal, add_query, out_folder, positive, query_of, read_journal, require_program
+from cell.terminal import GOOD, progress, show, written
 from drivers.errors import ConfigError, JournalError
 
 if TYPE_CHECKING:
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from cell.journal_schema import RunRow
 
 SUMMARY = "runs on record, by time, outcome, fault or part"
-STOPS_ITSELF = False
 LAST, BLOCK = 20, 100
 """Number of runs that are shown unless another is asked for, and of those below one head."""
 FORMATS = ("parquet", "csv", "mcap")
@@ -41,6 +40,8 @@ def run(args: argparse.Namespace) -> int:
     query = query_of(args)
     with read_journal(args) as journal:
         rows = journal.select(query, *([args.last or LAST] if args.last or not args.export else []))
+        if not rows:
+            require_program(query)
         files = _exported(args, journal, rows) if args.export else []
     from rich.console import Group
 
@@ -65,7 +66,7 @@ def _exported(args: argparse.Namespace, journal: "Journal", rows: "Sequence[RunR
     elif args.export == "parquet":
         files.append(folder / "runs.parquet")
         to.write_runs_parquet(rows, files[0])
-    for row in rows:
+    for row in _with_progress(rows):
         try:
             samples = read_samples(journal.samples_path(row.run))
         except JournalError:
@@ -79,6 +80,11 @@ def _exported(args: argparse.Namespace, journal: "Journal", rows: "Sequence[RunR
             to.write_mcap(row, samples, path)
         files.append(path)
     return files
+
+
+def _with_progress(rows: "Sequence[RunRow]") -> "Iterator[RunRow]":
+    with progress() as bars:
+        yield from bars.track(rows, description="runs")
 
 
 def _write_csv(rows: "Sequence[RunRow]", path: Path) -> None:

@@ -3,7 +3,7 @@
 import argparse
 import sys
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from plc_bridge.bridge import Bridge
 
 SUMMARY = "obey the PLC until SIGINT or SIGTERM"
-STOPS_ITSELF = True
 PAGE = "127.0.0.1:8080"
 """Where the page is, unless told otherwise: only this computer sees it there."""
 METRICS = "127.0.0.1:9464"
@@ -42,6 +41,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Serve until a signal; stop the arm and return GOOD."""
+    with suppress(KeyboardInterrupt):  # a signal before anybody is served
+        _serve(args)
+    return GOOD
+
+
+def _serve(args: argparse.Namespace) -> None:
     from cell.assembly import assemble, opened
     from cell.line import PARAMETERS, PROGRAMS
     from cell.live import Live
@@ -68,7 +73,6 @@ def run(args: argparse.Namespace) -> int:
             host, port = servers.enter_context(served_metrics(bridge, *args.metrics))
             say(f"metrics on http://{host}:{port}/metrics")
         supervisor.serve()
-    return GOOD
 
 
 @contextmanager

@@ -9,7 +9,6 @@ from cell.terminal import GOOD, show, written
 from drivers.errors import JournalError
 
 SUMMARY = "one run on record, with its plots"
-STOPS_ITSELF = False
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

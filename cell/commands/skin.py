@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from cell.skin_view import Seen
 
 SUMMARY = "both fingers live, or as they were recorded"
-STOPS_ITSELF = True
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -7,7 +7,6 @@ from cell.terminal import GOOD
 from drivers.errors import JournalError
 
 SUMMARY = "a run on record, or the one in progress, in MuJoCo's viewer"
-STOPS_ITSELF = True
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from plc_bridge.images import Diagnostics, ReportImage
 
 SUMMARY = "live state of a cell that is served"
-STOPS_ITSELF = True
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -90,8 +90,8 @@ def run_demo(
 
         first = journal.last_run() + 1
         peer = threading.Thread(target=ask, name="plc")
-        peer.start()
         try:
+            peer.start()
             supervisor.serve()
             was_interrupted = not has_ended.is_set()
         finally:

@@ -11,7 +11,6 @@ if TYPE_CHECKING:
     from cell.lab.report import StudyReport
 
 SUMMARY = "one study: how fast, how exact, where a method fails"
-STOPS_ITSELF = False
 
 
 class Study(Protocol):

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from cell.lab.trials import TrialRow
 
 SUMMARY = "many insertions on fresh simulated cells"
-STOPS_ITSELF = False
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

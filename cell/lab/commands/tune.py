@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from cell.lab.tune.measure import Candidate
 
 SUMMARY = "a recipe that fulfils a wish for time, force and success, searched for in simulation"
-STOPS_ITSELF = False
 RECIPE = "recipe.toml"
 AWAY = 1_000_000
 """Distance from the seeds that settings are chosen by to those that the best one is judged on."""

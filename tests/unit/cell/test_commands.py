@@ -20,7 +20,6 @@ ROOT = Path(__file__).parents[3]
 @pytest.mark.parametrize("name", COMMANDS)
 def test_a_command_has_its_parts(name, capsys):
     command = load_command(name)
-    assert isinstance(command.STOPS_ITSELF, bool)
     with pytest.raises(SystemExit, match="0"):
         main([name, "--help"])
     assert command.SUMMARY in " ".join(capsys.readouterr().out.split())
@@ -50,6 +49,10 @@ def test_a_profile_is_an_option_of_the_study_that_has_one(capsys):
         (["run", "insert_pegg"], "insert_peg"),
         (["map", "--format", "jsn"], "json"),
         (["faults", "skin_slient"], "SKIN_SILENT"),
+        (["trials", "--trails", "3"], "--trials"),
+        (["study", "page", "--hors", "1"], "--hours"),
+        (["runs", "--journal", "nowhere", "--program", "insert_pg"], "insert_peg"),
+        (["report", "--journal", "nowhere", "--program", "insert_pg"], "insert_peg"),
     ],
 )
 def test_a_slip_of_the_fingers_is_answered_with_what_was_meant(words, meant, capsys):
@@ -102,6 +105,7 @@ def test_the_version_is_told_with_those_that_the_suite_ran_with(capsys):
     assert told.startswith(f"cell {project['version']}, Python ")
     assert "numpy" in told
     assert "differs" not in told
+    assert max(map(len, told.splitlines())) <= 80
 
 
 def test_every_package_of_the_program_says_under_which_licence_it_is():
