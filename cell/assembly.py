@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from datetime import date
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -70,6 +70,13 @@ def _nothing() -> None:
     """Do nothing: the people and machines around a real cell do it."""
 
 
+class Pluggable(Protocol):
+    """A device of a simulated cell whose cable somebody may pull out and plug in again."""
+
+    is_unplugged: bool
+    """Whether the cable is pulled out."""
+
+
 @dataclass(frozen=True, slots=True)
 class Cell:
     """The parts of one cell, ready to be opened."""
@@ -102,6 +109,8 @@ class Cell:
     """Emulated wire of the skin, whose faults may be replaced; None where there is none."""
     skin_figures: Callable[[], SkinFigures] | None = None
     """Function that returns how well the skin is received; None for a simulated skin without a wire."""
+    cables: Mapping[str, Pluggable] = field(default_factory=dict)
+    """Simulated devices by name whose cables may be pulled out in a rehearsal; no real device is among them."""
 
     def devices(self) -> tuple[tuple[str, Device], ...]:
         """Return the devices by name, in the order in which they are opened."""
@@ -181,7 +190,7 @@ def assemble(config: CellConfig) -> Cell:
     job = config.job()
     world = World(config.arm_model(), config.sim, config.contact, config.grip, config.skin.layout, job, errors)
     felt = _world_skin(config, world, world.draw.skin, world.drawn)
-    switch, clock, boards = _switch(config, world, felt.clock)
+    switch, clock, boards, lever = _switch(config, world, felt.clock)
     if world.drawn["scan.late"] > 0.0:
         stream = np.random.SeedSequence(config.sim.seed, spawn_key=(SCAN_STREAM,))
         clock = BusyClock(clock, world.drawn, np.random.default_rng(stream))
@@ -204,6 +213,7 @@ def assemble(config: CellConfig) -> Cell:
         boards=boards,
         skin_wire=felt.wire,
         skin_figures=felt.figures,
+        cables={name: device for name, device in (("skin", felt.cable), ("switch", lever)) if device is not None},
     )
 
 
@@ -268,6 +278,8 @@ class SkinLine:
     """Function that returns how well the skin is received; None where there is no wire."""
     wire: "EmulatedCan | EmulatedLine | None" = None
     """Emulated wire, whose faults may be replaced; None where there is none."""
+    cable: Pluggable | None = None
+    """End of the cable that can be pulled out; None of a real board."""
 
 
 def _calibrated(config: CellConfig, skin: Skin) -> Skin:
@@ -319,19 +331,20 @@ def _world_skin(
         from sim.board_links import emulated_can
 
         bus = emulated_can(skin, model, source, rng, seed)
-        return replace(_can_skin(skin, bus, BoardClock(source, (bus,))), wire=bus)
+        return replace(_can_skin(skin, bus, BoardClock(source, (bus,))), wire=bus, cable=bus)
     if isinstance(skin, SerialSkinConfig) and skin.port == EMULATED:
         from sim.board_clock import BoardClock
         from sim.board_links import emulated_line
 
         line = emulated_line(skin, model, source, rng, seed)
-        return replace(_serial_skin(skin, line, BoardClock(source, (line,))), wire=line)
+        return replace(_serial_skin(skin, line, BoardClock(source, (line,))), wire=line, cable=line)
     if isinstance(skin, CanSkinConfig | SerialSkinConfig):
         return _real_skin(config, source)
     from sim.reality import AS_BELIEVED
     from sim.skin import SimSkin, skin_truth
 
-    return SkinLine(SimSkin(skin, source, rng, truth=skin_truth(drawn or AS_BELIEVED)), source, None)
+    made = SimSkin(skin, source, rng, truth=skin_truth(drawn or AS_BELIEVED))
+    return SkinLine(made, source, None, cable=made)
 
 
 def played_skin(config: CellConfig, path: Path, clock: Clock) -> SkinLine:
@@ -386,23 +399,26 @@ def bench_skin(config: CellConfig, rod_half: float) -> "tuple[Skin, Clock, Calib
 
 def _switch(
     config: CellConfig, source: "SwitchSource", clock: Clock
-) -> tuple[SuccessSwitch, Clock, tuple[Device, ...]]:
-    """Return the switch, the clock that an emulated switch board keeps step with, and that board or None."""
+) -> tuple[SuccessSwitch, Clock, tuple[Device, ...], Pluggable | None]:
+    """Return the switch, the clock that an emulated switch board keeps step with, that board if any, and whose cable can be
+    pulled out.
+    """
     wired = config.switch
     if isinstance(wired, NoSwitchConfig):
-        return AbsentSwitch(), clock, ()
+        return AbsentSwitch(), clock, (), None
     if not isinstance(wired, SerialSwitchConfig):
         from sim.switch import SimSwitch
 
-        return SimSwitch(source), clock, ()
+        made = SimSwitch(source)
+        return made, clock, (), made
     if wired.port != EMULATED:
-        return _serial_switch(wired, clock), clock, ()
+        return _serial_switch(wired, clock), clock, (), None
     from sim.board_clock import BoardClock
     from sim.switch_board import EmulatedSwitchBoard
 
     board = EmulatedSwitchBoard(source, faults=config.boards.switch.faults, seed=config.first_seed)
     clock = BoardClock(clock, (board,))
-    return _serial_switch(wired.model_copy(update={"port": board.port}), clock), clock, (board,)
+    return _serial_switch(wired.model_copy(update={"port": board.port}), clock), clock, (board,), board
 
 
 def _serial_switch(config: SerialSwitchConfig, clock: Clock) -> SerialSuccessSwitch:

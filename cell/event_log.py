@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 from cell.journal import Journal, now_text
 from cell.journal_schema import EventKind, EventRow
+from cell.live import Pull
 from cell.states import State
 from drivers.errors import CellError, JournalError
 from plc_bridge.messages import Command, Control, Refusal
@@ -47,8 +48,20 @@ class EventLog:
                 text = texts.get(bit, "") if now & bit else ""
                 self._note(EventKind.WARNING, name if now & bit else f"{name} is over", text=text)
 
-    def _note(self, kind: EventKind, name: str, code: int = 0, command: Command | None = None, text: str = "") -> None:
-        source, sequence = ("", 0) if command is None else (command.source, command.sequence)
+    def rehearsal(self, pull: Pull) -> None:
+        """Note that somebody pulled or plugged a cable of a simulated cell."""
+        self._note(EventKind.REHEARSAL, f"{pull.cable} {'unplugged' if pull.is_out else 'plugged in'}", by=pull.source)
+
+    def _note(
+        self,
+        kind: EventKind,
+        name: str,
+        code: int = 0,
+        command: Command | None = None,
+        text: str = "",
+        by: str = "",
+    ) -> None:
+        source, sequence = (by, 0) if command is None else (command.source, command.sequence)
         row = EventRow(0, now_text(), self._now(), kind, name, int(code), source, sequence, self.run, text)
         try:
             self._journal.note(row)

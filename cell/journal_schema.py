@@ -134,6 +134,8 @@ class EventKind(StrEnum):
     """A fault, in a run or outside one; `name` and `code` are its own, `text` its message."""
     WARNING = "warning"
     """Something is not as it should be without stopping the cell; with " is over" behind its name it has gone."""
+    REHEARSAL = "rehearsal"
+    """Somebody, `source`, has made trouble in a simulated cell on purpose; `name` is what."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -50,7 +50,8 @@ class Supervisor:
         self._late, self._is_timed = LateScans(self._context.scan_period, cell.config.scan), False
         self._part = PartWatch(cell, self._context, journal.folder)
         self._brake = Brake(cell, self._context)
-        self._desk = Desk(line, live or Live(), journal, cell.clock, self._part, self._late)
+        self._live = live or Live()
+        self._desk = Desk(line, self._live, journal, cell.clock, self._part, self._late)
         self._quit = stop or ThreadEvent()
         self._watchdog = ScanWatchdog(
             cell.config.scan.longest,
@@ -176,10 +177,19 @@ class Supervisor:
         self._listen()
         self._take_all()
 
+    def _rehearse(self) -> None:
+        """Pull and plug the cables of a simulated cell as onlookers wish."""
+        for pull in self._live.pulls():
+            if (device := self._cell.cables.get(pull.cable)) is not None and device.is_unplugged != pull.is_out:
+                device.is_unplugged = pull.is_out
+                self._live.unplugged ^= {pull.cable}
+                self._desk.events.rehearsal(pull)
+
     # Commands.
 
     def _take_all(self) -> None:
         """Act on every command that waits: a start behind an acknowledgement shall not wait for another scan."""
+        self._rehearse()
         while (command := self._desk.poll()) is not None:
             self._take(command)
             self._desk.publish()

@@ -33,6 +33,8 @@ class _Link(Generic[T]):
     ) -> None:
         self.faults = faults
         """Faults of the wire; they may be replaced at any time."""
+        self.is_unplugged = False
+        """Whether the board is neither powered nor connected, whatever the faults say."""
         self.port = name
         self.board, self._now = board, now
         self._rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(FAULT_STREAM,)))
@@ -62,7 +64,7 @@ class _Link(Generic[T]):
 
     def is_plugged(self, at: float) -> bool:
         """Whether the board is powered and connected."""
-        return not any(start <= at < end for start, end in self.faults.unplugged)
+        return not self.is_unplugged and not any(start <= at < end for start, end in self.faults.unplugged)
 
     def advance(self) -> None:
         """Advance the board to the present time."""

@@ -131,6 +131,8 @@ class SimSkin:
         self._frame: TaxelFrame | None = None
         self._start = self._measured = 0.0
         self._due = 0
+        self.is_unplugged = False
+        """Whether the board's cable is pulled out: what it measures does not arrive."""
 
     def open(self) -> None:
         """Draw a skin the first time, and take the baseline, which costs no simulated time.
@@ -174,7 +176,7 @@ class SimSkin:
         raw = taxels.measure(self._pressure(), now - self._measured)
         self._measured, self._due = now, sequence + 1
         arrived = self._disturb(raw)
-        if arrived is not None:
+        if arrived is not None and not self.is_unplugged:
             values, trusted = health.update(arrived, now)
             self._order.take(arrived, values, trusted)
             self._under_way.append(TaxelFrame(values, trusted, now, sequence))

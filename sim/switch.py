@@ -21,6 +21,8 @@ class SimSwitch:
     def __init__(self, world: SwitchSource) -> None:
         """Attach to the world that has the hole."""
         self._world = world
+        self.is_unplugged = False
+        """Whether the board's cable is pulled out."""
 
     def open(self) -> None:
         """Do nothing: there is no connection."""
@@ -30,4 +32,6 @@ class SimSwitch:
 
     def read(self) -> SwitchState:
         """Return whether the lever is pressed now; the board's debounce of 5 ms is shorter than one scan."""
+        if self.is_unplugged:
+            return SwitchState.UNKNOWN
         return SwitchState.CLOSED if self._world.is_switch_pressed() else SwitchState.OPEN

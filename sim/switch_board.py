@@ -101,6 +101,8 @@ class EmulatedSwitchBoard:
         self._source, self._firmware = source, firmware
         self.faults = faults
         """Faults of the wire; they may be replaced at any time."""
+        self.is_unplugged = False
+        """Whether the board's cable is pulled out, whatever the faults say."""
         self._rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(FAULT_STREAM,)))
         self._late: deque[tuple[float, bytes]] = deque()
         self._seen = -math.inf
@@ -154,7 +156,7 @@ class EmulatedSwitchBoard:
     def _suffer(self) -> None:
         """Unplug, plug in or reset the board where its faults say so."""
         now, faults = self._source.now(), self.faults
-        is_away = any(start <= now < end for start, end in faults.unplugged)
+        is_away = self.is_unplugged or any(start <= now < end for start, end in faults.unplugged)
         if is_away != self._is_away:
             self._is_away = is_away
             self._late.clear()

@@ -12,6 +12,7 @@ from cell.config import LoadedConfig
 from cell.journal import Journal
 from cell.line import PARAMETERS, PROGRAMS
 from cell.supervisor import Supervisor
+from drivers.errors import SkinSilentError
 from drivers.frames import peg_in_finger
 from drivers.parts import Job
 from drivers.quantities import (
@@ -139,6 +140,7 @@ class FakeSkin:
         self.clock, self.hand = clock, hand
         self.shows_print = True
         self.fault: Exception | None = None
+        self.is_unplugged = False
         self.trusted = np.ones((FINGERS, TAXELS), dtype=bool)
         self.reads = 0
 
@@ -150,6 +152,8 @@ class FakeSkin:
         self.reads += 1
         if self.fault is not None:
             raise self.fault
+        if self.is_unplugged:
+            raise SkinSilentError("skin: no frame")
         number = int(self.clock.now() * 10.0 + 1e-6)
         is_held = self.hand is not None and self.shows_print and self.hand.force > 0.0 and self.hand.has_peg
         values = readings("parallelogram", LOAD) if is_held else np.zeros((FINGERS, TAXELS))

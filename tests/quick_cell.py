@@ -82,7 +82,7 @@ def quick_cell(
     clock = BriefClock()
     hand = FakeGripper(config.peg.part.thickness)
     devices = FakeArm(clock), hand, FakeSkin(clock, hand), FakeSwitch()
-    made = Cell(config, clock, *devices, lambda *job: None)
+    made = Cell(config, clock, *devices, lambda *job: None, cables={"skin": devices[2]})
     bridge, program, stop = Bridge(plc, PROGRAMS, PARAMETERS), QuickProgram(), threading.Event()
 
     journal, live = Journal(folder), Live()

@@ -66,7 +66,7 @@ def _serve(args: argparse.Namespace) -> None:
         bridge.start()
         say(f"serving on {bridge.address[0]}:{bridge.address[1]}")
         if args.page is not None:
-            servers.enter_context(_page(args.page, bridge, live, loaded, journal.folder))
+            servers.enter_context(_page(args.page, bridge, live, loaded, journal.folder, tuple(cell.cables)))
         if args.metrics is not None:
             from cell.metrics import served_metrics
 
@@ -77,13 +77,18 @@ def _serve(args: argparse.Namespace) -> None:
 
 @contextmanager
 def _page(
-    address: tuple[str, int], bridge: "Bridge", live: "Live", loaded: "LoadedConfig", folder: Path
+    address: tuple[str, int],
+    bridge: "Bridge",
+    live: "Live",
+    loaded: "LoadedConfig",
+    folder: Path,
+    cables: tuple[str, ...],
 ) -> Iterator[None]:
     """Serve the page meanwhile; a terminal is shown the token, a log only where it is kept."""
     from cell.page.server import PageServer
     from cell.page.token import FILE
 
-    page = PageServer(address, bridge, live, loaded, folder)
+    page = PageServer(address, bridge, live, loaded, folder, cables)
     page.start()
     try:
         host, port = page.address

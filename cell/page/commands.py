@@ -21,11 +21,15 @@ class BadAskError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Ask:
-    """One request of a page: a token to be known by, a request for the lease, or a command."""
+    """One request of a page: a token to be known by, a request for the lease, a command, or a cable."""
 
     token: str | None = None
     lease: int = Lease.NONE
     command: CommandImage | None = None
+    cable: str | None = None
+    """Name of the simulated device whose cable is meant."""
+    is_out: bool = False
+    """Whether that cable shall be pulled out."""
 
 
 def parse(text: str | bytes) -> Ask:
@@ -45,11 +49,13 @@ def parse(text: str | bytes) -> Ask:
         return Ask(token=_text(data, "token"))
     if ask in ("take", "release"):
         return Ask(lease=Lease.TAKE if ask == "take" else Lease.RELEASE)
+    if ask in ("unplug", "plug"):
+        return Ask(cable=_text(data, "cable"), is_out=ask == "unplug")
     if ask == "start":
         return Ask(command=_start(data))
     if isinstance(ask, str) and ask in CONTROLS:
         return Ask(command=CommandImage(code=int(Control(CONTROLS[ask]))))
-    raise BadAskError(f"ask {ask!r:.40}: unlock, take, release, start, {', '.join(CONTROLS)} allowed")
+    raise BadAskError(f"ask {ask!r:.40}: unlock, take, release, start, unplug, plug, {', '.join(CONTROLS)} allowed")
 
 
 def _start(data: dict[str, object]) -> CommandImage:

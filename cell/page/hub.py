@@ -1,11 +1,11 @@
 """The view that all pages share: it looks at the cell at a fixed rate, and tells every open page what has changed."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 from cell.config import LoadedConfig
-from cell.live import Live, Look
+from cell.live import Live, Look, Pull
 from cell.page import telling
 from cell.page.records import Records
 from cell.page.traces import NAMES, POINTS, Traces, touch
@@ -42,13 +42,32 @@ class Page(Protocol):
 class PageHub:
     """Tells pages; all of it runs on the page's thread."""
 
-    def __init__(self, bridge: Bridge, live: Live, loaded: LoadedConfig, records: Records, build: str) -> None:
-        """Take the parts that are looked at; `build` names this version of the page, so that an old page loads itself anew."""
+    def __init__(
+        self,
+        bridge: Bridge,
+        live: Live,
+        loaded: LoadedConfig,
+        records: Records,
+        build: str,
+        cables: Sequence[str] = (),
+    ) -> None:
+        """Take the parts that are looked at.
+
+        Args:
+            bridge: The mailbox of the line.
+            live: The slot that the scan fills.
+            loaded: The cell and its recipes.
+            records: Records of its runs.
+            build: Name of this version of the page, so that an old page loads itself anew.
+            cables: Names of the simulated devices whose cables may be pulled out.
+        """
+        self._cables = tuple(cables)
         self._bridge, self._live, self._loaded, self._records = bridge, live, loaded, records
         self._build = build
         self.pages: set[Page] = set()
         self.traces = Traces()
         self._report: ReportImage | None = None
+        self._unplugged: frozenset[str] = frozenset()
         self._look: Look | None = None
         self._state = self._summary = b""
         self._new: list[list[float | None]] = []
@@ -63,7 +82,9 @@ class PageHub:
         self._new = added if self.traces.run != before else self._new + added
         self._look = looks[-1] if looks else self._look
         report = telling.still(self._bridge.report_for(SPECTATOR))
-        if report != self._report:
+        unplugged = self._live.unplugged
+        if report != self._report or unplugged != self._unplugged:
+            self._unplugged = unplugged
             is_news = self._report is None or _moment(report) != _moment(self._report)
             self._report = report
             self._tell_state(report)
@@ -85,12 +106,21 @@ class PageHub:
         page.tell(self.history())
         self.pages.add(page)
 
+    def pull(self, pull: Pull) -> str:
+        """Pass on the wish to pull or plug a cable; return why not, where there is no such cable."""
+        if pull.cable not in self._cables:
+            known = ", ".join(self._cables) or "none: its devices are real"
+            return f"cable {pull.cable!r:.40}: {known} allowed on this cell"
+        self._live.pull(pull)
+        return ""
+
     def history(self) -> bytes:
         """Return what is kept of the run under way, or of the last one."""
         return _text("history", {"run": self.traces.run, "points": list(self.traces.points)})
 
     def _tell_state(self, report: ReportImage) -> None:
-        self._state = _text("state", telling.told(report, self._live.fault))
+        told = telling.told(report, self._live.fault, tuple(name for name in self._cables if name in self._unplugged))
+        self._state = _text("state", told)
         self._tell(self._state)
 
     def _tell_records(self) -> None:
@@ -121,6 +151,7 @@ class PageHub:
             "simulated": cell.is_simulated,
             "programs": list(CATALOGUE),
             "recipes": sorted(self._loaded.recipes),
+            "cables": self._cables,
             "stages": [{"number": number, "name": name} for number, name in CATALOGUE.stages.items()],
             "counted": list(CATALOGUE.counted),
             "names": NAMES,

@@ -10,7 +10,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 from cell.journal import Journal
-from cell.journal_schema import RUNNING, RunRow
+from cell.journal_schema import LOST, RUNNING, RunRow
 from cell.line import PROGRAMS
 from cell.page import telling
 from cell.run_query import RunQuery
@@ -135,7 +135,7 @@ def shift(counts: Mapping[str, int]) -> dict[str, object]:
         "yield": round(good / ended, 4) if ended else None,
         "low": round(low, 4),
         "high": round(high, 4),
-        "counts": {outcome: counts.get(outcome, 0) for outcome in OUTCOMES},
+        "counts": {name: counts.get(name, 0) for name in (*OUTCOMES, LOST) if name != LOST or LOST in counts},
     }
 
 

@@ -5,6 +5,7 @@ import hashlib
 import json
 import socket as sockets
 import threading
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -51,12 +52,20 @@ class PageServer:
         live: The slot that the scan fills.
         loaded: The cell and its recipes.
         folder: Folder of the records.
+        cables: Names of the simulated devices whose cables the page may pull out.
     """
 
     def __init__(
-        self, address: tuple[str, int], bridge: Bridge, live: Live, loaded: LoadedConfig, folder: Path
+        self,
+        address: tuple[str, int],
+        bridge: Bridge,
+        live: Live,
+        loaded: LoadedConfig,
+        folder: Path,
+        cables: Sequence[str] = (),
     ) -> None:
         self._asked, self._bridge, self._live, self._loaded, self._folder = address, bridge, live, loaded, folder
+        self._cables = tuple(cables)
         self._socket: sockets.socket | None = None
         self._thread: threading.Thread | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -106,7 +115,7 @@ class PageServer:
     async def _serve(self, ready: threading.Event) -> None:
         self._loop, self._is_over = asyncio.get_running_loop(), asyncio.Event()
         records = Records(self._folder)
-        hub = PageHub(self._bridge, self._live, self._loaded, records, _build())
+        hub = PageHub(self._bridge, self._live, self._loaded, records, _build(), self._cables)
         server = HTTPServer(self._application(hub, records), max_body_size=MOST, idle_connection_timeout=60.0)
         assert self._socket is not None
         server.add_socket(self._socket)

@@ -9,6 +9,7 @@ from urllib.parse import urlsplit
 from tornado.iostream import StreamClosedError
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
+from cell.live import Pull
 from cell.page import telling
 from cell.page.commands import Ask, BadAskError, parse
 from cell.page.guard import is_own_host
@@ -66,6 +67,8 @@ class PageSocket(WebSocketHandler):
             self._unlock(ask.token)
         elif not self._source:
             self._say("refused", why="this page may only look; show the token first")
+        elif ask.cable is not None:
+            self._pull(ask)
         else:
             self._pass_on(ask)
 
@@ -134,6 +137,11 @@ class PageSocket(WebSocketHandler):
             self._source = f"{host} {id(self) & 0xFFFF:04x}"
             self._bridge.opened(self._source, host)
             self._say("unlocked", source=self._source)
+
+    def _pull(self, ask: Ask) -> None:
+        assert ask.cable is not None
+        if why := self._hub.pull(Pull(ask.cable, ask.is_out, self._source)):
+            self._say("refused", why=why)
 
     def _pass_on(self, ask: Ask) -> None:
         self._bridge.heard(self._source)

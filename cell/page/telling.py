@@ -1,5 +1,6 @@
 """The state of the cell in the words of the page: what it does, what is wrong, what to do next; pure."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from cell.journal_schema import RunRow
@@ -73,13 +74,20 @@ def still(image: ReportImage) -> ReportImage:
     return replace(image, life=0, life_tail=0)
 
 
-def told(image: ReportImage, message: str) -> dict[str, object]:
-    """Return what everybody sees of a report; `message` is that of the last fault."""
+def told(image: ReportImage, message: str, unplugged: Sequence[str] = ()) -> dict[str, object]:
+    """Return what everybody sees of a report.
+
+    Args:
+        image: The report.
+        message: Message of the last fault.
+        unplugged: Names of the simulated devices whose cables are pulled out.
+    """
     state = State(image.state) if image.state else State.IDLE
     times = {name: image.stage_times[n - 1] for n, name in CATALOGUE.stages.items() if n <= len(image.stage_times)}
     return {
         "state": state.name,
-        "next": _next(state, PartPlace(image.part)),
+        "next": _next(state, PartPlace(image.part), unplugged),
+        "unplugged": list(unplugged),
         "permitted": permitted(state),
         "program": CATALOGUE.by_code[image.code].name if image.code in CATALOGUE.by_code else "",
         "stage": CATALOGUE.stages.get(image.stage, ""),
@@ -99,11 +107,16 @@ def told(image: ReportImage, message: str) -> dict[str, object]:
     }
 
 
-def _next(state: State, part: PartPlace) -> str:
-    """Return what to do next; where nothing moves, with what the peg asks for."""
-    remedy = REMEDIES[part].replace("CLEARED", 'press "Peg taken away"').replace("`recover`", "recover")
+def _next(state: State, part: PartPlace, unplugged: Sequence[str]) -> str:
+    """Return what to do next; where nothing moves, with what cables and the peg ask for."""
+    remedy = (
+        REMEDIES[part]
+        .replace("CLEARED", 'press "Peg taken away"')
+        .replace("run `recover`", "start the program recover")
+    )
     is_asked_for = state in WAITING and part not in (PartPlace.RACK, PartPlace.BIN)
-    return NEXT.get(state, "") + (f" The part: {remedy}." if is_asked_for else "")
+    plug = f"Plug in what was pulled out: {', '.join(unplugged)}. " if unplugged and state in WAITING else ""
+    return plug + NEXT.get(state, "") + (f" The part: {remedy}." if is_asked_for else "")
 
 
 def _fault(code: int, message: str) -> dict[str, object] | None:

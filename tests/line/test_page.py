@@ -29,7 +29,7 @@ def browser():
 
 @pytest.fixture
 def server(served: QuickCell, loaded) -> Iterator[PageServer]:
-    made = PageServer(("127.0.0.1", 0), served.bridge, served.live, loaded, served.folder)
+    made = PageServer(("127.0.0.1", 0), served.bridge, served.live, loaded, served.folder, ["skin"])
     made.start()
     yield made
     made.close()
@@ -91,6 +91,24 @@ def test_a_fault_says_what_to_do_and_is_reset_from_the_page(served, page):
     page.until(lambda: not page.text("fault-title"))
 
 
+def test_a_simulated_cable_is_pulled_and_plugged_from_the_page(served, page):
+    served.program.may_end.clear()
+    page.press("start")
+    page.until_text("state", "Execute")
+    cable = page.front().find_element("css selector", "[data-cable=skin]")
+    cable.click()
+    page.until_text("state", "Aborted")
+    page.until_text("cable-skin", "Plug the skin in")
+    assert page.text("next").startswith("Plug in what was pulled out: skin.")
+    cable.click()
+    page.until_text("cable-skin", "Unplug the skin")
+    page.press("reset")
+    page.until_text("state", "Idle")
+    page.front().find_element("css selector", "#fault-list a").click()
+    page.until_text("event-rows", "skin unplugged")
+    assert page.complaints() == []
+
+
 def test_while_a_plc_holds_the_lease_the_page_may_only_stop(served, page, plc: Wire):
     served.program.may_end.clear()
     plc.order((1, 0), (2, CODE))
@@ -125,6 +143,8 @@ def test_a_page_without_the_token_may_only_look(served, open_page):
     assert "may only look" in page.text("locked")
     page.press("start")
     page.until_text("answer", "unlock the controls first")
+    page.front().find_element("css selector", "[data-cable=skin]").click()
+    page.until_text("answer", "The cable stays as it is: this page may only look")
     wrong = open_page("wrong")
     wrong.until_text("answer", "not the token of this cell")
     assert served.bridge.run == 0

@@ -26,9 +26,15 @@ export class Controls {
   }
 
   /** A new connection begins locked; the token that was shown before is shown again. */
-  greet({ programs, recipes }) {
+  greet({ programs, recipes, cables }) {
     fill(byId("program"), programs, words);
     fill(byId("recipe"), recipes, String);
+    byId("cables").hidden = !cables.length;
+    byId("cable-buttons").replaceChildren(...cables.map((cable) => {
+      const button = make("button", "", { type: "button", id: `cable-${cable}`, "data-cable": cable });
+      button.addEventListener("click", () => this.pull(button));
+      return button;
+    }));
     this.own = { lease: "free", answered: 0, refusal: "" };
     this.isUnlocked = false;
     const token = sessionStorage.getItem(KEPT);
@@ -73,6 +79,8 @@ export class Controls {
   }
 
   showState(state) {
+    const before = this.state?.unplugged.join(", "), now = state.unplugged.join(", ");
+    if (before !== undefined && before !== now) this.say(now ? `Unplugged: ${now}. Watch what the cell does.` : "Every cable is plugged in.");
     this.state = state;
     this.refresh();
   }
@@ -81,7 +89,7 @@ export class Controls {
     const isAnswer = own.answered !== this.own.answered;
     this.own = own;
     if (isAnswer && this.asked) {
-      this.say(own.refusal ? `${name(this.asked)} refused: ${own.refusal}.` : `${name(this.asked)}: done.`);
+      this.say(own.refusal ? `${name(this.asked)} refused: ${own.refusal}.` : `${name(this.asked)}: ${this.asked === "start" ? "taken" : "done"}.`);
       this.asked = "";
     }
     this.refresh();
@@ -103,9 +111,21 @@ export class Controls {
     this.link.ask(what, more);
   }
 
-  whyNot(what) {
+  /** Only simulated devices have such buttons; what the page asks for, the cell says it has done. */
+  pull(button) {
+    const cable = button.dataset.cable, isOut = this.state?.unplugged.includes(cable), why = this.whyLocked();
+    if (why) this.say(`The cable stays as it is: ${why}.`);
+    else this.link.ask(isOut ? "plug" : "unplug", { cable });
+  }
+
+  whyLocked() {
     if (document.body.dataset.link !== "live") return "there is no connection to the cell";
-    if (!this.isUnlocked) return "this page may only look; unlock the controls first";
+    return this.isUnlocked ? "" : "this page may only look; unlock the controls first";
+  }
+
+  whyNot(what) {
+    const locked = this.whyLocked();
+    if (locked) return locked;
     if (!this.state?.permitted.includes(what)) return `not in the state ${words((this.state?.state ?? "").toLowerCase())}`;
     if (this.own.lease === "taken" && !ANYBODY.includes(what)) return `${this.state.holder || "somebody else"} holds the lease`;
     return "";
@@ -114,6 +134,12 @@ export class Controls {
   refresh() {
     for (const button of document.querySelectorAll("[data-ask]")) {
       button.setAttribute("aria-disabled", String(Boolean(this.whyNot(button.dataset.ask))));
+    }
+    for (const button of document.querySelectorAll("[data-cable]")) {
+      const cable = button.dataset.cable, isOut = Boolean(this.state?.unplugged.includes(cable));
+      put(button.id, isOut ? `Plug the ${cable} in` : `Unplug the ${cable}`);
+      button.classList.toggle("go", isOut);
+      button.setAttribute("aria-disabled", String(Boolean(this.whyLocked())));
     }
     byId("locked").hidden = this.isUnlocked;
     put("unlock", this.isUnlocked ? "Lock controls" : "Unlock controls");

@@ -2,6 +2,8 @@
 
 import { byId, clock, make, put, words } from "./text.js";
 
+const PICTURES = 25, EFFORT = 0.5; // pictures of a second, and s of processor time for one
+
 const run = Number(location.pathname.split("/").pop());
 put("title", `Run ${run}`);
 document.title = `Run ${run} · Tactile insertion cell`;
@@ -23,7 +25,7 @@ function show(data) {
   byId("config").href = `/runs/${run}/config`;
   if (data.files.includes("picture.png")) picture();
   else put("picture-note", "No samples of an ended run are on record.");
-  if (data.files.includes("film.mp4")) film();
+  if (data.files.includes("film.mp4")) film(data.cycle_time);
   else put("film-note", "No samples of an ended run are on record.");
 }
 
@@ -35,8 +37,10 @@ function picture() {
   image.src = link.href = `/runs/${run}/picture.png`;
 }
 
-function film() {
+function film(length) {
   const button = byId("make-film"), video = byId("film");
+  const minutes = Math.max(1, Math.round((length * PICTURES * EFFORT) / 60));
+  if (length) put("film-note", `Drawing the film takes this computer about ${minutes} min at the least; it is kept afterwards.`);
   button.hidden = false;
   button.onclick = () => {
     button.hidden = true;

@@ -27,6 +27,23 @@ def test_a_real_arm_comes_with_real_devices_and_wall_time(skin, kind):
     cell = assemble(load(sets=[ARM, GRIPPER, SWITCH, skin]).cell)
     kinds = [type(device) for _, device in cell.devices()]
     assert (kinds, type(cell.clock)) == ([FrankaArm, FrankaGripper, kind, SerialSuccessSwitch], WallClock)
+    assert not cell.cables
+
+
+@pytest.mark.parametrize(
+    ("sets", "cables"),
+    [
+        ([], ["skin", "switch"]),
+        (["skin={kind='can'}"], ["skin", "switch"]),
+        ([BUS], ["switch"]),
+        (
+            ["switch={kind='none'}", "hole.evidence='force'", "hole.latch={kind='detent', force=5.0, height=0.003}"],
+            ["skin"],
+        ),
+    ],
+)
+def test_only_cables_of_simulated_devices_can_be_pulled(sets, cables):
+    assert list(assemble(load(sets=sets).cell).cables) == cables
 
 
 @pytest.mark.parametrize(

@@ -1,13 +1,15 @@
 """What a PLC reads of a cell that it commands: states, results, refusals, and what becomes of the arm."""
 
 import json
+from dataclasses import replace
 
 import pytest
 
 from cell import supervisor
 from cell.config import load
 from cell.journal import Journal
-from cell.live import Live
+from cell.journal_schema import EventKind
+from cell.live import Live, Pull
 from cell.states import State
 from cell.supervisor import Supervisor
 from drivers.errors import ArmReflexError, CellError, FaultCode, SkinSilentError, SwitchUnknownError
@@ -340,6 +342,23 @@ def test_onlookers_see_every_scan_with_its_stage_and_run(rig, program):
     assert {look.surface for look in looks} == {rig.loaded.cell.hole.centre[2]}
     assert all(look.seen.stamp <= rig.clock.now() for look in looks)
     assert live.fault == "ValueError: a slip"
+
+
+def test_a_cable_that_an_onlooker_pulls_is_out_until_it_is_plugged_in_and_both_are_on_record(rig, program):
+    live = Live()
+    rig.cell = replace(rig.cell, cables={"skin": rig.cell.skin})
+    rig.supervisor = Supervisor(rig.cell, rig.loaded, rig.bridge, rig.journal, live=live)
+    runs_on(rig, program)
+    rig.at(0.5, lambda: live.pull(Pull("skin", True, "page")))
+    rig.command(CODE)
+    assert (rig.supervisor.state, live.unplugged) == (State.ABORTED, {"skin"})
+    live.pull(Pull("skin", False, "page"))
+    live.pull(Pull("arm", True, "page"))
+    rig.command(Control.RESET)
+    rig.scan()
+    assert (rig.supervisor.state, live.unplugged) == (State.IDLE, frozenset())
+    noted = [(e.name, e.source, e.run) for e in rig.journal.events() if e.kind == EventKind.REHEARSAL]
+    assert noted == [("skin unplugged", "page", 1), ("skin plugged in", "page", 0)]
 
 
 def test_progress_of_a_skill_is_that_of_the_run(rig, program):

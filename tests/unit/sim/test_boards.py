@@ -131,6 +131,15 @@ def test_bus_of_an_unplugged_board_is_quiet(rig):
     assert listen(rig) == []
 
 
+def test_bus_of_a_board_is_quiet_as_long_as_its_cable_is_pulled(rig):
+    rig.skin.open()
+    rig.link.is_unplugged = True
+    rig.clock.wait_until(rig.world.time + 0.5)
+    assert listen(rig) == []
+    rig.link.is_unplugged = False
+    assert [answer.command for answer in ask(rig, Message(HubCommand.DECLARE))] == [HubCommand.DECLARE]
+
+
 def test_cable_passes_frames_between_a_board_and_another_bus(rig):
     sent, taken = to_can(encode(Message(HubCommand.DECLARE), WIRE), WIRE.hub), []
 

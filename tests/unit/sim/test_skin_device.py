@@ -54,6 +54,18 @@ def test_frames_come_at_the_rate_and_bear_the_time_they_were_measured_at():
     assert [frame.sequence for frame in seen[::10]] == list(range(11))
 
 
+def test_an_unplugged_board_falls_silent_and_goes_on_once_it_is_plugged_in():
+    source = Source()
+    skin = _skin(source)
+    skin.read()
+    skin.is_unplugged = True
+    assert _read_after(skin, source, 0.3).sequence == 0
+    with pytest.raises(SkinSilentError):
+        _read_after(skin, source, 0.1)
+    skin.is_unplugged = False
+    assert _read_after(skin, source, 0.1).sequence == 5
+
+
 def test_frame_that_nobody_read_is_lost():
     source = Source()
     skin = _skin(source)

@@ -5,16 +5,18 @@ from dataclasses import replace
 
 import pytest
 
-from cell.line import CONTROLS
-from cell.live import KEPT, Live, Look
+from cell.line import CONTROLS, PARAMETERS, PROGRAMS
+from cell.live import KEPT, Live, Look, Pull
 from cell.page import telling
-from cell.page.commands import BadAskError, parse
+from cell.page.commands import Ask, BadAskError, parse
 from cell.page.guard import is_own_host, part_of
-from cell.page.records import shift
+from cell.page.hub import PageHub
+from cell.page.records import Records, shift
 from cell.page.token import FILE, is_token, page_token
 from cell.page.traces import NAMES, POINTS, STEP, Traces, touch
 from cell.states import TRANSITIONS, Event, State
 from drivers.errors import FAULTS, ConfigError, FaultCode
+from plc_bridge.bridge import Bridge
 from plc_bridge.images import ReportImage
 from plc_bridge.messages import Control, PartPlace, Refusal
 from plc_bridge.registers import Lease
@@ -29,6 +31,34 @@ def look(rig: Rig) -> Look:
 
 def later(look: Look, time: float, **what) -> Look:
     return replace(look, seen=replace(look.seen, stamp=look.seen.stamp + time), **what)
+
+
+def test_wishes_are_handed_over_once_in_their_order():
+    live, pulls = Live(), [Pull("skin", is_out, "page") for is_out in (True, False)]
+    for pull in pulls:
+        live.pull(pull)
+    assert live.pulls() == pulls
+    assert live.pulls() == []
+
+
+def test_a_cable_is_meant_by_its_name_and_only_one_that_there_is_is_passed_on(loaded, tmp_path):
+    ask = parse('{"ask": "unplug", "cable": "skin"}')
+    assert (ask.cable, ask.is_out) == ("skin", True)
+    assert parse('{"ask": "plug", "cable": "skin"}') == Ask(cable="skin")
+    live, pull = Live(), Pull("skin", True, "page")
+    bridge = Bridge(loaded.cell.plc, PROGRAMS, PARAMETERS)
+    real, simulated = (PageHub(bridge, live, loaded, Records(tmp_path), "", names) for names in ((), ("skin",)))
+    assert "its devices are real" in real.pull(pull)
+    assert "skin allowed" in simulated.pull(replace(pull, cable="arm"))
+    assert live.pulls() == []
+    assert simulated.pull(pull) == ""
+    assert live.pulls() == [pull]
+
+
+def test_a_cable_that_is_out_is_the_first_of_the_next_steps():
+    told = telling.told(ReportImage(state=State.ABORTED), "", ["skin"])
+    assert (told["unplugged"], told["next"].split(".")[0]) == (["skin"], "Plug in what was pulled out: skin")
+    assert "Plug in" not in telling.told(ReportImage(state=State.EXECUTE), "", ["skin"])["next"]
 
 
 def test_a_full_slot_drops_the_oldest_look_and_never_grows(look):
@@ -128,6 +158,7 @@ def test_the_yield_counts_runs_that_have_ended():
     assert (told["runs"], told["yield"]) == (2, 0.5)
     assert told["counts"] == {"success": 1, "failure": 1, "aborted": 0, "fault": 0}
     assert shift({})["yield"] is None
+    assert shift({"lost": 1})["counts"]["lost"] == 1
 
 
 def test_a_start_becomes_the_command_block_of_a_plc():
@@ -150,6 +181,7 @@ def test_a_start_becomes_the_command_block_of_a_plc():
         ('{"ask": "start", "program": "insert_peg", "serial": "\\u00e4"}', "printable ASCII"),
         ('{"ask": "start", "program": "insert_peg", "serial": 7}', "serial: a text"),
         ('{"ask": "unlock", "token": null}', "token: a text"),
+        ('{"ask": "unplug", "cable": 1}', "cable: a text"),
     ],
 )
 def test_what_cannot_be_understood_is_answered_with_what_is_allowed(text, why):
