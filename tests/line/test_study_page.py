@@ -2,10 +2,12 @@
 
 import json
 
+import numpy as np
+import pytest
+
 from cell.cli import GOOD, main
 from cell.lab.page import browser
-from cell.lab.page.jitter import Pair
-from cell.lab.page.tables import median_interval
+from cell.lab.page.jitter import TURNS, Pair, cost
 
 
 def test_the_study_tells_growth_latency_and_jitter(tmp_path, capsys):
@@ -20,9 +22,20 @@ def test_the_study_tells_growth_latency_and_jitter(tmp_path, capsys):
 
 
 def test_the_ratio_is_that_of_pages_to_none():
-    assert Pair(without=0.002, with_pages=0.003, scans=1).ratio == 1.5
+    assert Pair([0.002] * 9, [0.003] * 9).ratio == pytest.approx(1.5)
 
 
-def test_the_interval_of_a_median_lies_between_two_values():
-    assert median_interval([3.0, 1.0, 2.0]) == (1.0, 3.0)
-    assert median_interval([float(value) for value in range(12)]) == (2.0, 9.0)
+def test_neither_a_slope_nor_a_bend_of_the_work_looks_like_a_cost_of_pages():
+    places = np.arange(len(TURNS))
+    for power in (0, 1, 2):
+        assert sum(np.where(TURNS, 1, -1) * places**power) == 0
+
+
+def test_the_cost_of_pages_is_told_within_its_interval_though_pairs_differ_in_their_work():
+    rng = np.random.default_rng(5)
+    pairs = []
+    for work in rng.lognormal(sigma=0.3, size=12):
+        without, with_pages = rng.exponential(work, (2, 200))
+        pairs.append(Pair(without, 1.5 * with_pages))
+    found = cost(pairs)
+    assert 1.0 < found.low < 1.5 < found.high < 2.0

@@ -5,7 +5,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,24 +26,64 @@ from plc_bridge.images import CommandImage
 from plc_bridge.messages import FIRST_PROGRAM, Control, PartPlace
 
 PAGES = 2
+TURNS = (False, True, True, False, True, False, False, True)
+"""Turns of a pair, with pages where it is True: neither a slope nor a bend over them favours one side; every other pair is the other way round."""
+RESAMPLES = 1000
+"""Number of times that the pairs are drawn again for the interval."""
 USER = "study"
 
 
 @dataclass(frozen=True, slots=True)
 class Pair:
-    """Jitter of the scan, which is how far an interval between two scans is from its period, s: the 99th percentile."""
+    """Jitter of the scan with pages and without, in stretches that take turns."""
 
-    without: float
-    with_pages: float
-    scans: int
-    """Number of scans of both stretches together."""
+    without: Sequence[float]
+    """How far each interval between two scans is from its period, s."""
+    with_pages: Sequence[float]
     share: float = 0.0
     """Processor time of the page's thread with the pages open, part of one core: all that it can take from the scan."""
 
     @property
+    def p99(self) -> tuple[float, float]:
+        """Return the 99th percentile without pages and with them, s."""
+        return _p99(self.without), _p99(self.with_pages)
+
+    @property
     def ratio(self) -> float:
         """Return the jitter with pages over that without."""
-        return self.with_pages / self.without
+        without, with_pages = self.p99
+        return with_pages / without
+
+    def told(self) -> dict[str, float]:
+        """Return the figures of the pair, for programs."""
+        without, with_pages = self.p99
+        scans = len(self.without) + len(self.with_pages)
+        told = {"without": without, "with_pages": with_pages, "ratio": self.ratio, "scans": scans, "share": self.share}
+        return {name: float(value) for name, value in told.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """What open pages cost the scan: the ratio of the 99th percentiles of all scans together, and its interval."""
+
+    ratio: float
+    low: float
+    high: float
+    """Limits of the 95 % interval, from pairs drawn again with repetition: what one stretch of work has in common moves together."""
+
+
+def cost(pairs: Sequence[Pair]) -> Cost:
+    """Return what open pages cost the scan."""
+    rng = np.random.default_rng(0)
+    drawn = [rng.integers(len(pairs), size=len(pairs)) for _ in range(RESAMPLES)]
+    ratios = [_ratio([pairs[number] for number in numbers]) for numbers in drawn]
+    low, high = np.percentile(ratios, (2.5, 97.5)).tolist()
+    return Cost(_ratio(pairs), low, high)
+
+
+def _ratio(pairs: Sequence[Pair]) -> float:
+    without = np.concatenate([pair.without for pair in pairs])
+    return float(np.percentile(np.concatenate([pair.with_pages for pair in pairs]), 99) / np.percentile(without, 99))
 
 
 class TimedLive(Live):
@@ -60,28 +100,29 @@ class TimedLive(Live):
 
 
 def measure(pairs: int, length: float, folder: Path, done: Callable[[], None]) -> list[Pair]:
-    """Serve a simulated cell in real time, run after run, and return what each pair of stretches shows.
+    """Serve a simulated cell in real time, run after run, and return what each pair shows.
 
-    Every other pair begins with the pages open, so that what changes slowly on the computer meets both alike. The
-    pages are read by another process, as by browsers on other computers.
+    Within a pair pages are opened and closed again and again, in an order by which what changes slowly, as the work of a run does,
+    meets both alike. The pages are read by another process, as by browsers on other computers.
 
     Args:
         pairs: Number of pairs.
-        length: Time of one stretch, s.
+        length: Time with pages, and time without, of each pair, s.
         folder: Folder of the records.
         done: Called after each pair.
     """
     found = []
-    with _serving(folder) as (server, live, period):
+    with _serving(folder) as (server, live, period), watched(server) as set_open:
         for number in range(pairs):
-            stretches, used = {}, {}
-            for has_pages in (bool(number % 2), not number % 2):
+            gaps: dict[bool, list[float]] = {False: [], True: []}
+            used = 0.0
+            for turn in TURNS:
+                has_pages = turn != bool(number % 2)
+                set_open(has_pages)
                 before = _thread_time()
-                stretches[has_pages] = _stretch(server, live, period, length, has_pages)
-                used[has_pages] = _thread_time() - before
-            without, with_pages = stretches[False], stretches[True]
-            scans = len(without) + len(with_pages)
-            found.append(Pair(_p99(without), _p99(with_pages), scans, used[True] / length))
+                gaps[has_pages] += _stretch(live, period, 2 * length / len(TURNS))
+                used += _thread_time() - before if has_pages else 0.0
+            found.append(Pair(gaps[False], gaps[True], used / length))
             done()
     return found
 
@@ -92,32 +133,39 @@ def _thread_time() -> float:
     return int(Path(f"/proc/self/task/{thread.native_id}/schedstat").read_text().split()[0]) / 1e9
 
 
-def _p99(jitter: list[float]) -> float:
-    return float(np.percentile(jitter, 99)) if jitter else math.nan
+def _p99(jitter: Sequence[float]) -> float:
+    return float(np.percentile(jitter, 99)) if len(jitter) else math.nan
 
 
-def _stretch(server: PageServer, live: TimedLive, period: float, length: float, has_pages: bool) -> list[float]:
-    with watched(server, PAGES if has_pages else 0):
-        live.stamps.clear()
-        threading.Event().wait(length)
-        stamps = list(live.stamps)
+def _stretch(live: TimedLive, period: float, length: float) -> list[float]:
+    live.stamps.clear()
+    threading.Event().wait(length)
+    stamps = list(live.stamps)
     # Between two runs the scan also opens and closes records; such an interval belongs to no scan.
     return [abs(gap - period) for gap in np.diff(stamps).tolist() if gap < 10 * period]
 
 
 @contextmanager
-def watched(server: PageServer, pages: int) -> Iterator[None]:
-    """Keep pages open in another process meanwhile."""
-    if pages == 0:
-        yield
-        return
+def watched(server: PageServer) -> Iterator[Callable[[bool], None]]:
+    """Yield how pages are opened and closed in another process."""
     host, port = server.address
-    command = [sys.executable, "-m", "cell.lab.page.watcher", f"ws://{host}:{port}/live", str(pages)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
-        assert process.stdout is not None
-        process.stdout.readline()  # all are open
+    command = [sys.executable, "-m", "cell.lab.page.watcher", f"ws://{host}:{port}/live", str(PAGES)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        into, out = process.stdin, process.stdout
+        assert into is not None
+        assert out is not None
+        is_open = False
+
+        def set_open(shall_be: bool) -> None:
+            nonlocal is_open
+            if shall_be != is_open:
+                into.write("open\n" if shall_be else "close\n")
+                into.flush()
+                out.readline()
+                is_open = shall_be
+
         try:
-            yield
+            yield set_open
         finally:
             process.terminate()
 

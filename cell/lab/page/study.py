@@ -66,7 +66,7 @@ def run(args: argparse.Namespace) -> StudyReport:
     shown = [tables.jitter_table(found)]
     if lines:
         shown = [tables.growth_table(lines), tables.latency_table(latencies), *shown]
-    result = finite(result | {"jitter": [asdict(pair) | {"ratio": pair.ratio} for pair in found]})
+    result = finite(result | {"jitter": [pair.told() for pair in found], "cost": asdict(jitter.cost(found))})
     _save(file, result)
     return StudyReport(shown, result, [file])
 

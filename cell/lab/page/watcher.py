@@ -1,23 +1,35 @@
-"""Several pages without a screen: each reads what the cell tells and throws it away, until the process is ended."""
+"""Several pages without a screen: each reads what the cell tells and throws it away.
+
+They are opened and closed by the lines `open` and `close` on standard input; each line is answered once that is done.
+"""
 
 import asyncio
 import sys
 
-from tornado.websocket import websocket_connect
+from tornado.websocket import WebSocketClientConnection, websocket_connect
 
 from cell.terminal import say
 
 
 async def watch(url: str, pages: int) -> None:
-    """Open so many pages at `url`, say so, and read."""
-    opened = [await websocket_connect(url) for _ in range(pages)]
-    say("open")
+    """Open so many pages at `url` and read them, or close them, as lines say, until there are no more."""
+    loop, opened, reading = asyncio.get_running_loop(), list[WebSocketClientConnection](), list[asyncio.Task[None]]()
+    while line := await loop.run_in_executor(None, sys.stdin.readline):
+        if line.strip() == "open":
+            opened = [await websocket_connect(url) for _ in range(pages)]
+            reading = [asyncio.create_task(read(page)) for page in opened]
+        else:
+            for page in opened:
+                page.close()
+            await asyncio.gather(*reading)
+            opened, reading = [], []
+        say("done")
 
-    async def read(number: int) -> None:
-        while await opened[number].read_message() is not None:
-            pass
 
-    await asyncio.gather(*map(read, range(pages)))
+async def read(page: WebSocketClientConnection) -> None:
+    """Read one page to its end."""
+    while await page.read_message() is not None:
+        pass
 
 
 if __name__ == "__main__":
