@@ -111,9 +111,11 @@ class Records:
             await _run(command)
             return
         part = path.with_stem(f"{path.stem}-part")
-        if await _run([*command, "--out", str(part)]):
-            part.replace(path)
-        part.unlink(missing_ok=True)
+        try:
+            if await _run([*command, "--out", str(part)]):
+                part.replace(path)
+        finally:
+            part.unlink(missing_ok=True)
 
     def _journal(self) -> Journal:
         return Journal(self._folder, is_read_only=True)

@@ -3,7 +3,6 @@
 import os
 import resource
 import signal
-import subprocess
 import tempfile
 import time
 from collections.abc import Callable, Sequence
@@ -15,7 +14,8 @@ import numpy as np
 
 from cell.journal import Journal
 from cell.journal_schema import LOST, RunRow
-from cell.lab.faults.kills import CYCLE, ENDING, LAST, LONGEST, Seen, insert, recorded, served
+from cell.lab.faults.kills import CYCLE, ENDING, LAST, LONGEST, Seen, insert, recorded
+from cell.lab.faults.starts import Program, served
 from drivers.errors import CellError
 from plc_bridge.messages import Result
 from plc_bridge.peer import Peer
@@ -80,21 +80,22 @@ def fill(tries: int, seed: int, arguments: Sequence[str], watch: Callable[[FullD
 
 def _one(folder: Path, way: str, progress: int, arguments: Sequence[str]) -> FullDisk:
     before, scans, after = _rows(folder), list[int](), 0
-    with served(folder, arguments) as (process, address):
+    with served(folder, arguments) as program:
+        address = program.address
 
         def fill_up(seen: Seen) -> None:
             scans.append(seen.scans_before(LAST))
-            _limit(process, 0)
+            _limit(program, 0)
 
         seen = insert(address, progress, fill_up)
         assert seen.report is not None
         is_warned = bool(seen.warnings & Warnings.NOT_RECORDED) or _is_warned(address)
         if way == "room again":
-            _limit(process, resource.RLIM_INFINITY)
+            _limit(program, resource.RLIM_INFINITY)
             _wait_for_record(folder, seen.run)
             after = insert(address, 101).run
-        process.send_signal(signal.SIGKILL if way == "killed" else signal.SIGTERM)
-        process.wait(ENDING)
+        program.signal(signal.SIGKILL if way == "killed" else signal.SIGTERM)
+        program.wait(ENDING)
     with Journal(folder):
         pass  # the next start closes what is open
     rows = _rows(folder)
@@ -130,10 +131,10 @@ def _rows(folder: Path) -> dict[int, RunRow]:
         return {row.run: row for row in journal.runs(1_000_000)}
 
 
-def _limit(process: "subprocess.Popen[str]", most: int) -> None:
-    """Let no file of a process grow beyond so many bytes."""
-    _, hard = resource.prlimit(process.pid, resource.RLIMIT_FSIZE)
-    resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (most, hard))
+def _limit(program: Program, most: int) -> None:
+    """Let no file of a program grow beyond so many bytes."""
+    _, hard = resource.prlimit(program.pid, resource.RLIMIT_FSIZE)
+    resource.prlimit(program.pid, resource.RLIMIT_FSIZE, (most, hard))
 
 
 def _wait_for_record(folder: Path, run: int) -> None:

@@ -1,12 +1,10 @@
 """The program killed, or asked to end, in the middle of insertions: what its journal and its next start say."""
 
 import signal
-import subprocess
-import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing, contextmanager, suppress
+from collections.abc import Callable, Sequence
+from contextlib import closing, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -14,8 +12,10 @@ import numpy as np
 
 from cell.journal import Journal
 from cell.journal_schema import LOST, RunRow
+from cell.lab.faults.starts import served
 from cell.sample_blocks import BATCH
 from cell.samples import read_samples
+from cell.states import State
 from drivers.errors import CellError
 from plc_bridge.images import ReportImage
 from plc_bridge.messages import Control, PartPlace, Result
@@ -104,8 +104,8 @@ def kill(
             found[-1:] = [replace(last, part_next=part_now) for last in found[-1:]]
             found.append(case)
             watch(case)
-        with served(Path(folder), arguments) as (_, address):
-            found[-1:] = [replace(last, part_next=part_at(address)) for last in found[-1:]]
+        with served(Path(folder), arguments) as program:
+            found[-1:] = [replace(last, part_next=part_at(program.address)) for last in found[-1:]]
     return found
 
 
@@ -113,11 +113,11 @@ def _one(folder: Path, how: signal.Signals, progress: int, arguments: Sequence[s
     """Return where the peg is when the cell starts, and what the signal leaves, without what the next start will say."""
     with Journal(folder, is_read_only=True) as journal:
         before = {row.run for row in journal.runs(1_000_000)}
-    with served(folder, arguments) as (process, address):
-        part_now = part_at(address)
-        seen = insert(address, progress)
-        process.send_signal(how)
-        status = process.wait(ENDING)
+    with served(folder, arguments) as program:
+        part_now = part_at(program.address)
+        seen = insert(program.address, progress)
+        program.signal(how)
+        status = program.wait(ENDING)
     with Journal(folder) as journal:
         rows = {row.run: row for row in journal.runs(1_000_000)}
     told = seen.run
@@ -135,32 +135,6 @@ def _one(folder: Path, how: signal.Signals, progress: int, arguments: Sequence[s
         part=seen.part.name.lower(),
         part_next="",
     )
-
-
-@contextmanager
-def served(folder: Path, arguments: Sequence[str]) -> Iterator[tuple["subprocess.Popen[str]", tuple[str, int]]]:
-    """Yield a served cell in a process of its own, and where it listens."""
-    command = [
-        sys.executable,
-        "-m",
-        "cell",
-        "serve",
-        "--journal",
-        str(folder),
-        "--set",
-        "plc.modbus.port=0",
-        *arguments,
-    ]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
-        try:
-            assert process.stdout is not None
-            words = process.stdout.readline().split()
-            if not words:
-                raise CellError(f"the cell does not start: {' '.join(command)}")
-            host, port = words[-1].rsplit(":", 1)
-            yield process, (host, int(port))
-        finally:
-            process.kill()
 
 
 def part_at(address: tuple[str, int]) -> str:
@@ -227,9 +201,15 @@ def insert(address: tuple[str, int], progress: int, then: Callable[[Seen], None]
         peer.take()
         code, report = int(_INSERT), peer.trigger(_INSERT)
         while True:
-            if report.refusal or (code == Control.CLEARED and report.result != Result.NONE):
+            is_aborted = report.state == State.ABORTED and not (code == _INSERT and report.run)
+            if is_aborted and code != Control.RESET:
+                # This computer was too busy: the cell took this PLC for lost.
+                code = int(Control.RESET)
+                peer.take()
+                report = peer.trigger(code)
+            elif report.refusal or (code != _INSERT and report.result != Result.NONE):
                 # A peg that an earlier end left somewhere is taken away first.
-                code = Control.CLEARED if report.refusal else _INSERT
+                code = int(Control.CLEARED if report.refusal else _INSERT)
                 peer.acknowledge()
                 report = peer.trigger(code)
             elif code == _INSERT and report.run:

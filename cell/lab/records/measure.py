@@ -10,7 +10,7 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -22,6 +22,7 @@ from cell.journal import Journal
 from cell.journal_index import Index
 from cell.journal_schema import EventRow, RunRow, StageRow
 from cell.lab.startup.measure import heavy_imports
+from cell.page.records import Records
 from cell.run_query import RunQuery
 from drivers.errors import FaultCode
 
@@ -37,6 +38,8 @@ MADE: tuple[tuple[str, ...], ...] = (
 """Runs that are made, each by these options of `cell run insert_peg`: a good one, one without a hole, and a fault."""
 FAULT = FaultCode.TRACKING
 """Fault that the last of them ends in."""
+OF_THE_PAGE = 2
+"""Number of questions that a page asks."""
 BATCH = 2000
 """Number of runs that are written at once."""
 
@@ -125,6 +128,8 @@ def questions(runs: int, drawn: Path) -> dict[str, tuple[str, ...]]:
         "runs --part SERIAL": ("runs", "--part", f"SN{run:07d}"),
         "show RUN": ("show", str(run)),
         "compare RUN RUN": ("compare", str(run), str(run + 1)),
+        "runs --since 1d --export parquet": ("runs", "--since", "1d", "--export", "parquet", "--out", f"{drawn}-runs"),
+        "faults CODE": ("faults", str(int(FAULT))),
         "report --since 1d": ("report", "--since", "1d"),
         "report --since 7d": ("report", "--since", "7d"),
         "report": ("report",),
@@ -133,23 +138,38 @@ def questions(runs: int, drawn: Path) -> dict[str, tuple[str, ...]]:
     }
 
 
-def measure(folder: Path, runs: int, times: int, done: Callable[[], None]) -> list[QuestionLine]:
-    """Ask every question of a journal.
+def measure(
+    folder: Path, runs: int, times: int, done: Callable[[], None], asked: Mapping[str, Sequence[str]]
+) -> list[QuestionLine]:
+    """Ask questions of a journal, and those that its page asks.
 
     Args:
         folder: Folder of the journal.
         runs: Number of runs in it.
         times: Number of times that each is asked.
         done: Called after every question.
+        asked: Arguments of each question's command, by its name.
     """
     lines = []
-    for name, arguments in questions(runs, folder / "report").items():
-        asked = (*arguments, "--journal", str(folder))
-        took, answer, whole = zip(*(_asked(asked) for _ in range(times)), strict=True)
-        heavy = " ".join(heavy_imports(asked))
+    for name, arguments in asked.items():
+        words = arguments if arguments[0] == "faults" else (*arguments, "--journal", str(folder))
+        took, answer, whole = zip(*(_asked(words) for _ in range(times)), strict=True)
+        heavy = " ".join(heavy_imports(words))
         lines.append(QuestionLine(name, runs, median(took), max(took), median(answer), median(whole), times, heavy))
         done()
+    records = Records(folder)
+    for name, ask in (("page: summary", records.summary), ("page: a run", lambda: records.whole(shown(runs)))):
+        spent = [_spent(ask) for _ in range(times)]
+        lines.append(QuestionLine(name, runs, median(spent), max(spent), median(spent), median(spent), times, ""))
+        done()
     return lines
+
+
+def _spent(ask: Callable[[], object]) -> float:
+    """Return the processor time of a question that the page's own thread asks, s."""
+    began = time.thread_time()
+    ask()
+    return time.thread_time() - began
 
 
 def _made(folder: Path) -> list[Made]:

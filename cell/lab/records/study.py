@@ -32,8 +32,9 @@ def run(args: argparse.Namespace) -> StudyReport:
     with progress() as bars, TemporaryDirectory() as journal:
         filled = bars.add_task("runs", total=runs - len(measure.MADE))
         measure.fill(Path(journal), runs, lambda count: bars.advance(filled, count))
-        bar = bars.add_task("questions", total=len(measure.questions(runs, folder)))
-        lines = measure.measure(Path(journal), runs, 1 if args.quick else 5, lambda: bars.advance(bar))
+        asked = measure.questions(runs, Path(journal) / "report")
+        bar = bars.add_task("questions", total=len(asked) + measure.OF_THE_PAGE)
+        lines = measure.measure(Path(journal), runs, 1 if args.quick else 5, lambda: bars.advance(bar), asked)
     rows = [asdict(line) | {"holds": line.holds} for line in lines]
     file = folder / "records.csv"
     with file.open("w", newline="", encoding="utf-8") as stream:
