@@ -2,9 +2,10 @@
 
 import csv
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -193,3 +194,9 @@ def export_csv(samples: dict[str, Vector], path: Path) -> None:
         writer = csv.writer(file)
         writer.writerow(flat)
         writer.writerows(zip(*(column.tolist() for column in flat.values()), strict=True))
+
+
+def torn(path: Path, found: Mapping[str, Any], recorded: int) -> str:
+    """Return what of a run's samples cannot be read, as one line; empty where all that were recorded can."""
+    read = len(found["stamp"])
+    return f"{path}: torn: {read} of {recorded} samples can be read" if read < recorded else ""

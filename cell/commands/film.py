@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from cell.arguments import add_journal, out_folder, positive, read_journal
-from cell.terminal import GOOD, progress, show, written
+from cell.terminal import GOOD, complain, progress, show, written
 
 SUMMARY = "a run on record as a film, or one picture of it"
 
@@ -21,13 +21,17 @@ def run(args: argparse.Namespace) -> int:
     """Render the run and write the file."""
     from cell.film.files import write_film
     from cell.film.recorded import recorded
+    from cell.samples import torn
 
     with read_journal(args) as journal:
         found = recorded(journal, args.number)
+        lack = torn(journal.samples_path(args.number), found.samples, found.row.samples)
     out_folder(args.out.parent)
     with progress() as bars:
         bar = bars.add_task("pictures", total=None)
         pictures = write_film(found, args.out, args.at, lambda done, of: bars.update(bar, completed=done, total=of))
+    if lack:
+        complain(f"warning: {lack}")
     data = {"run": args.number, "file": str(args.out), "pictures": pictures, "duration": float(found.times[-1])}
     show(args, f"run {args.number}: {pictures} pictures of {found.times[-1]:.1f} s", data)
     written(args, [args.out])

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cell.arguments import add_journal, add_query, out_folder, positive, query_of, read_journal, require_program
-from cell.terminal import GOOD, progress, show, written
+from cell.terminal import GOOD, complain, progress, show, written
 from drivers.errors import ConfigError, JournalError
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def run(args: argparse.Namespace) -> int:
 def _exported(args: argparse.Namespace, journal: "Journal", rows: "Sequence[RunRow]") -> list[Path]:
     """Write the runs as one table, and the samples of each that has any as one file."""
     from cell import sample_export as to
-    from cell.samples import export_csv, read_samples
+    from cell.samples import export_csv, read_samples, torn
 
     folder = out_folder(args.out)
     files = []
@@ -71,6 +71,8 @@ def _exported(args: argparse.Namespace, journal: "Journal", rows: "Sequence[RunR
             samples = read_samples(journal.samples_path(row.run))
         except JournalError:
             continue  # a run may have moved nothing, or its samples may have been cleared away
+        if lack := torn(journal.samples_path(row.run), samples, row.samples):
+            complain(f"warning: {lack}")
         path = folder / f"run-{row.run:06d}.{args.export}"
         if args.export == "csv":
             export_csv(samples, path)

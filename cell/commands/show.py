@@ -5,7 +5,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from cell.arguments import add_journal, out_folder, positive, read_journal
-from cell.terminal import GOOD, show, written
+from cell.terminal import GOOD, complain, show, written
 from drivers.errors import JournalError
 
 SUMMARY = "one run on record, with its plots"
@@ -36,11 +36,13 @@ def run(args: argparse.Namespace) -> int:
     )
     # Samples and charts, which the words do not wait for.
     from cell.plots import plot_run
-    from cell.samples import export_csv, read_samples
+    from cell.samples import export_csv, read_samples, torn
 
     samples = read_samples(recorded)
     if not samples["stamp"].size:
         raise JournalError(f"{recorded}: torn: no whole block of samples can be read")
+    if lack := torn(recorded, samples, row.samples):
+        complain(f"warning: {lack}")
     plot_run(row, samples, picture)
     if args.export:
         export_csv(samples, table)

@@ -14,7 +14,7 @@ import numpy as np
 
 from cell.journal import Journal
 from cell.journal_schema import LOST, RunRow
-from cell.lab.faults.kills import CYCLE, ENDING, LAST, LONGEST, Seen, insert, recorded
+from cell.lab.faults.kills import CYCLE, ENDING, LAST, Seen, insert, recorded
 from cell.lab.faults.starts import Program, served
 from drivers.errors import CellError
 from plc_bridge.messages import Result
@@ -23,6 +23,8 @@ from plc_bridge.registers import Warnings
 
 WARNED = 3.0
 """Longest time from the end of a run to a warning about it, s of wall time."""
+RECORDED = 300.0
+"""Longest time until a run is on record once there is room again, s of wall time."""
 WAYS = ("room again", "asked to end", "room again", "killed")
 """What comes after the insertion has ended on the full disk, one after the other."""
 
@@ -143,8 +145,8 @@ def _wait_for_record(folder: Path, run: int) -> None:
     Raises:
         CellError: It does not come.
     """
-    deadline = time.monotonic() + LONGEST
+    deadline = time.monotonic() + RECORDED
     while (row := _rows(folder).get(run)) is None or row.outcome == "running":
         if time.monotonic() > deadline:
-            raise CellError(f"{os.fspath(folder)}: run {run} is not on record {LONGEST:g} s after there is room again")
+            raise CellError(f"{os.fspath(folder)}: run {run} is not on record {RECORDED:g} s after there is room again")
         time.sleep(CYCLE)

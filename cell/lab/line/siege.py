@@ -4,6 +4,7 @@ import shutil
 import subprocess
 import tempfile
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -41,8 +42,8 @@ class Siege:
     """Duration of each exchange of both blocks under attack, s."""
 
 
-def besiege(loaded: LoadedConfig, tries: int) -> list[Siege]:
-    """Attack a served cell in every way, each so many times, while a PLC lets insertions run.
+def besiege(loaded: LoadedConfig, tries: int, done: Callable[[], None] = lambda: None) -> list[Siege]:
+    """Attack a served cell in every way, each so many times, while a PLC lets insertions run; `done` is called after each time.
 
     Raises:
         ConfigError: There is no openssl, which makes the certificate of the TLS server.
@@ -52,10 +53,10 @@ def besiege(loaded: LoadedConfig, tries: int) -> list[Siege]:
     with tempfile.TemporaryDirectory() as folder:
         plc = PlcConfig(modbus=ModbusConfig(port=0), tls=_tls(Path(folder)))
         with cell_process(loaded, scans, plc) as doors:
-            return [_besiege(name, doors, tries) for name in ATTACKS]
+            return [_besiege(name, doors, tries, done) for name in ATTACKS]
 
 
-def _besiege(name: str, doors: Doors, tries: int) -> Siege:
+def _besiege(name: str, doors: Doors, tries: int, done: Callable[[], None]) -> Siege:
     kept, cycles = 0, list[float]()
     plc: Plc | None = None
     n = 0
@@ -69,6 +70,7 @@ def _besiege(name: str, doors: Doors, tries: int) -> Siege:
                     plc.ensure_running(_INSERT)
                     with attack(name, doors, BURST):
                         kept += _hold_out(plc, cycles)
+                    done()
                 plc.finish()
             except OSError:
                 continue  # the connection was lost: this try is not kept, and the next begins with a new one

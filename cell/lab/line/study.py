@@ -6,6 +6,7 @@ from dataclasses import asdict
 from cell.arguments import out_folder
 from cell.lab.arguments import add_study, load_simulated
 from cell.lab.report import StudyReport
+from cell.terminal import progress
 
 SUMMARY = "the line to the PLC: answers, commands, the scan beside fifty clients, and a PLC under attack"
 
@@ -18,13 +19,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> StudyReport:
     """Measure in real time, write the figures, draw the distributions."""
-    from cell.lab.line import charts, measure, siege, tables
+    from cell.lab.line import attacks, charts, measure, siege, tables
 
     loaded, folder = load_simulated(args, "study line", pace=None), out_folder(args.out)
     effort = measure.QUICK if args.quick else measure.FULL
     samples = None if args.attacks else measure.measure(loaded, effort)
     lines = [] if samples is None else measure.measures(samples)
-    lines += siege.measures(siege.besiege(loaded, effort.tries))
+    with progress() as bars:
+        bar = bars.add_task("attacks", total=len(attacks.ATTACKS) * effort.tries)
+        lines += siege.measures(siege.besiege(loaded, effort.tries, lambda: bars.advance(bar)))
     files = measure.write(lines, folder)
     if samples is not None:
         files.append(folder / charts.CHART)

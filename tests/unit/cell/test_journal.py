@@ -14,9 +14,9 @@ from cell.journal_told import Kind
 from cell.provenance import config_hash
 from cell.record import scene_facts
 from cell.run_query import RunQuery
-from cell.sample_blocks import BATCH, COLUMNS, JOINT_COLUMNS, TAXEL_COLUMNS, SampleStream
+from cell.sample_blocks import BATCH, COLUMNS, JOINT_COLUMNS, TAXEL_COLUMNS, SampleBlock, SampleStream
 from cell.samples import SampleFile, export_csv, read_facts, read_samples
-from cell.terminal import FAULT
+from cell.terminal import FAULT, GOOD
 from drivers.errors import JournalError
 from drivers.frames import rotation_about, rotation_of
 from drivers.quantities import Pose
@@ -318,6 +318,24 @@ def test_a_torn_file_of_samples_is_told_after_what_the_index_knows(tmp_path, cap
     assert "torn: no whole block of samples" in told.err
     with pytest.raises(JournalError, match="torn: not even its head"):
         read_facts(tmp_path / "run-000001.arrows")
+
+
+def test_samples_that_cannot_be_read_any_more_are_counted(tmp_path, seen, capsys):
+    with Journal(tmp_path) as journal:
+        row, block = journal.begin(ROW), SampleBlock()
+        for _ in range(BATCH):
+            block.add(seen, None, 1, None)
+        journal.write(row.run, block)
+        rest = SampleBlock()
+        rest.add(seen, None, 1, None)
+        journal.finish(replace(row, outcome="success"), rest=rest)
+    path = tmp_path / "run-000001.arrows"
+    export = ["runs", "--export", "csv", "--out", str(tmp_path / "csv"), "--journal", str(tmp_path)]
+    assert main(export) == GOOD
+    assert "torn" not in capsys.readouterr().err
+    path.write_bytes(path.read_bytes()[:-1000])
+    assert main(export) == GOOD
+    assert f"{path}: torn: {BATCH} of {BATCH + 1} samples can be read" in capsys.readouterr().err
 
 
 def test_records_lie_among_the_user_s_own_data(monkeypatch, tmp_path):
