@@ -3,6 +3,7 @@
 Worker processes import this module again, so that it imports what a command needs only when that command is run.
 """
 
+import gc
 import signal
 import sys
 
@@ -27,6 +28,7 @@ def main() -> int:
     finally:
         # Whatever the interpreter still has to put in order, another Ctrl-C ends it at once.
         signal.signal(signal.SIGINT, signal.SIG_DFL)
+        gc.freeze()  # what is left goes with the process; looking for cycles in it would take half a second
 
 
 if __name__ == "__main__":

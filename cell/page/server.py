@@ -222,7 +222,7 @@ class RunData(Guarded):
         if text is None:
             raise HTTPError(404, reason=f"run {run}: its config was not kept")
         self.set_header("Content-Type", "application/json")
-        self.finish(text)
+        self.finish(text if what == "data" else json.dumps(json.loads(text), indent=2))  # a person reads it
 
 
 class RunFile(Guarded):
