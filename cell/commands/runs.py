@@ -46,7 +46,8 @@ def run(args: argparse.Namespace) -> int:
     from rich.console import Group
 
     # The first lines of many do not wait for the last ones.
-    blocks = Group(*(_table(rows[first : first + BLOCK]) for first in range(0, max(len(rows), 1), BLOCK)))
+    shown = rows[:LAST] if args.export else rows
+    blocks = Group(*(_table(shown[first : first + BLOCK]) for first in range(0, max(len(shown), 1), BLOCK)))
     data = [asdict(row) for row in rows] if args.json else []
     show(args, blocks, {"runs": data, "files": [str(path) for path in files]} if args.export else data)
     written(args, files[:3])
