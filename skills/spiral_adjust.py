@@ -34,6 +34,9 @@ strikes the wall.
 """
 AT_BOTTOM = 2.0
 """Multiple of the stall timeout that a peg at the bottom is given."""
+CREEP = 5.0
+"""Multiple of `jammed` that a peg must gain in a period of the dither, or it is freed as one that stands still is: a peg that
+is pushed along its hole gains fifty times as much, and one that wedges creeps."""
 SMOOTHING = 0.3
 """Share of a new scan in the tip's speed: theta's noise moves the tip."""
 
@@ -78,8 +81,9 @@ class SpiralAdjustParams(SkillParams):
     dither_period: PositiveFloat
     """Period of the dither, s; within it the radius fades to nothing."""
     jammed: NonNegativeFloat
-    """Least progress of the tip in one period of the dither, m; below it theta is read anew from the skin, and every
-    other time the peg is aimed along where it rests, so that only the dither's torque is left. Source: decision 0028.
+    """Least progress of the tip in one period of the dither, m; with less the peg stands still. Below five times as much theta is
+    read anew from the skin, and every other time the peg is aimed along where it rests, so that only the dither's torque
+    is left. Source: decision 0028; a creeping peg decision 0084.
     """
     arrival: NonNegativeFloat
     """Distance from the bottom within which the peg is damped more, m; it lets the peg arrive without a blow. Source:
@@ -179,7 +183,7 @@ class Guide:
     reached: float = 0.0
     """Depth at the end of the last period, m."""
     is_jammed: bool = False
-    """Whether a period ended in this scan that gained less than `jammed`."""
+    """Whether a period ended in this scan in which the peg stood still or crept."""
 
     @property
     def is_on(self) -> bool:
@@ -193,7 +197,7 @@ class Guide:
         began = min(self.began, elapsed)
         if int((elapsed - began) / params.dither_period) <= self.periods:
             return Guide(began, self.periods, self.reached)
-        return Guide(began, self.periods + 1, depth, is_jammed=depth - self.reached < params.jammed)
+        return Guide(began, self.periods + 1, depth, is_jammed=depth - self.reached < CREEP * params.jammed)
 
     def offset(self, elapsed: float, params: SpiralAdjustParams, share: float) -> Vector:
         """Return the offset of the finger centre from the line that the peg is aimed along, shape (2,), m.

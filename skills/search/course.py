@@ -88,9 +88,10 @@ def make_course(
         belief, job, Rows(over, fast, pitch, speed), path, outside, math.copysign(1.0, begin[fast])
     )
     axis, closing = part.leaning(params.tilt_azimuth, params.tilt)
-    ahead, azimuth = part.reach * math.cos(params.tilt), part.azimuth(params.tilt_azimuth)
+    azimuth = part.azimuth(params.tilt_azimuth)
     middle = np.array(hole.centre[:2])
     if params.edge_leads:
+        ahead = leading(part.reach, params.tilt, params.fall)
         middle = middle - ahead * np.array([math.cos(azimuth), math.sin(azimuth)])
     height = params.height if is_length_known else params.first_height(part.reach)
     first = np.array([*(middle + path.at(0.0)[0]), hole.centre[2] + height])
@@ -107,6 +108,23 @@ def fastest(dip: float, width: float) -> float:
         width: Diameter of the largest circle inside the hole, m.
     """
     return CROSSINGS * width * math.sqrt(DIP / min(dip, DIP))
+
+
+def leading(reach: float, tilt: float, fall: float) -> float:
+    """Return the distance from the middle of the peg's end to the middle of the band in which the peg falls, m, along the tilt's azimuth.
+
+    A lowest point at a depth h = `fall` has the peg's side h tan(tilt) ahead of it where it leaves the hole's mouth, and may lie no
+    nearer to the rim there; the end face cuts the mouth's plane h / tan(tilt) behind it, along a chord that is
+    h / sin(tilt) high, and may lie no nearer to the rim on the other side. The band, as wide as a hole as tight as the peg leaves it,
+    therefore lies off the lowest point by half of what these sum up to, (h / 2) (1 / tan(tilt / 2) - tan(tilt)).
+
+    Args:
+        reach: Largest distance of a point of the peg's end from its axis, m.
+        tilt: Tilt of the peg from the vertical, rad.
+        fall: Depth at which the lowest point counts as in the hole, m.
+    """
+    off = fall / 2.0 * (1.0 / math.tan(tilt / 2.0) - math.tan(tilt)) if tilt > 0.0 else 0.0
+    return reach * math.cos(tilt) - min(off, reach)
 
 
 def _as_believed(belief: Belief, job: Job, rows: Rows, path: Path, outside: float, way: float) -> tuple[Path, float]:

@@ -63,8 +63,8 @@ class SpraySearchParams(SkillParams):
     margin: tuple[Annotated[float, Field(ge=0.0, le=0.01)], Annotated[float, Field(ge=0.0, le=0.01)]]
     """Reach of the passes beyond the area, along its fast axis and across it, m. Source: decision 0030."""
     edge_leads: bool
-    """Whether the path is drawn by the lowest point of the peg's edge, which falls in, and not by the middle of its
-    end. Source: decision 0020.
+    """Whether the path is drawn by the middle of the band in which the leaning edge falls, and not by the middle of its
+    end. Source: decision 0020; the band decision 0084.
     """
     height: Annotated[float, Field(gt=0.0, le=0.1)]
     """Height above the surface at the end of the free-space approach, m."""

@@ -11,7 +11,7 @@ from drivers.quantities import InHandTip, Pose
 from skills.catalogue import ADJUST
 from skills.contract import Outcome, Reason
 from skills.seating import CLOSED_TOLERANCE, OPEN_TOLERANCE
-from skills.spiral_adjust import SLIDING, Aim, Descent, Guide, Stall, given_up_after, run
+from skills.spiral_adjust import CREEP, SLIDING, Aim, Descent, Guide, Stall, given_up_after, run
 from tests.fakes import HAND_DOWN, Rig
 
 PARAMS = load().cell.params(ADJUST)
@@ -37,8 +37,8 @@ def test_the_hole_guides_from_its_depth_on_and_for_good():
     assert guided.after(0.0, 2.1, PARAMS).began == 2.0
 
 
-@pytest.mark.parametrize(("gain", "is_jammed"), [(0.99, True), (1.01, False)])
-def test_a_period_that_gains_too_little_is_a_jam(gain, is_jammed):
+@pytest.mark.parametrize(("gain", "is_jammed"), [(0.0, True), (0.99 * CREEP, True), (1.01 * CREEP, False)])
+def test_a_period_in_which_the_peg_creeps_is_a_jam(gain, is_jammed):
     guide = replace(Guide().after(DEEP, 1.0, PARAMS), reached=5e-3)
     assert not guide.after(5e-3, 1.0 + 0.99 * PERIOD, PARAMS).is_jammed
     assert guide.after(5e-3 + gain * LEAST, 1.0 + 1.01 * PERIOD, PARAMS).is_jammed is is_jammed

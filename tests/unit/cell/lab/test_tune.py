@@ -80,7 +80,7 @@ def test_whole_numbers_are_the_presets(place, style):
 
 def test_between_two_presets_every_figure_lies_between_theirs():
     sets = Space(None, []).sets({"search": 1.5, "insert": 1.0, "adjust": 0.5})
-    assert "search.speed=0.1275" in sets
+    assert "search.speed=0.1225" in sets
     assert "search.margin=[0.002, 0.001]" in sets
     assert not any(text.startswith("insert.") for text in sets)
 
