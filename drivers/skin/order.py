@@ -1,7 +1,8 @@
 """Whether modules or fingers of the skin change places while it runs; pure, no I/O.
 
 A hub that numbers its modules anew, or a plug that was drawn and put elsewhere, shows as one frame that agrees with the one
-before only where modules or fingers have each other's places.
+before only where modules or fingers have each other's places, while the frames before it agree with each other, and so do
+those after it. A hand that closes, or a peg that turns, changes more than one frame.
 """
 
 import numpy as np
@@ -32,20 +33,21 @@ class TaxelOrder:
         known = np.ones(FINGERS * TAXELS) if noise is None else np.maximum(noise.ravel(), 1.0)
         self._variance: Vector = 2.0 * known**2
         self._before: tuple[Vector, Vector, Mask] | None = None
+        self._was_steady, self._suspected = False, ""
         self._exchange, self._told = "", 0
 
     def take(self, raw: Counts, values: Vector, trusted: Mask) -> None:
         """Take one frame: raw readings, counts, those above the baseline, counts, and which are trusted, each shape (2, 20)."""
         now, is_known = raw.astype(float).ravel(), trusted.ravel()
-        found = "" if self._before is None else self._exchange_of(now, is_known, *self._before)
+        found = "" if self._before is None else self._confirmed(now, is_known, *self._before)
         self._before = now, values.ravel(), is_known
         if found or self._told > TOLD:
             self._exchange, self._told = found, 0
         elif self._told:
             self._told += 1
 
-    def _exchange_of(self, now: Vector, is_known: Mask, before: Vector, pressed: Vector, was_known: Mask) -> str:
-        """Return what has changed places since the frame before; empty where nothing has."""
+    def _confirmed(self, now: Vector, is_known: Mask, before: Vector, pressed: Vector, was_known: Mask) -> str:
+        """Return what had changed places in the frame before, if this one agrees with it; empty where nothing had."""
         variance = self._variance + (CHANGE * pressed) ** 2
 
         def misfit(order: NDArray[np.intp]) -> tuple[float, float]:
@@ -53,9 +55,13 @@ class TaxelOrder:
             squares = ((now - before[order]) ** 2 / variance[order])[known]
             return 0.5 * float(squares.sum()), float(squares.mean()) if squares.size else np.inf
 
-        as_before, _ = misfit(AS_TOLD)
+        as_before, mean = misfit(AS_TOLD)
+        is_steady = mean <= AGREES
+        found = self._suspected if is_steady else ""
         (exchanged, mean), name = min((misfit(order), name) for name, order in EXCHANGES.items())
-        return name if mean <= AGREES and as_before - exchanged > GAIN else ""
+        is_jump = self._was_steady and mean <= AGREES and as_before - exchanged > GAIN
+        self._was_steady, self._suspected = is_steady, name if is_jump else ""
+        return found
 
     def require(self) -> None:
         """Make sure that nothing has changed places.

@@ -5,6 +5,7 @@ are exchanged shows the print turned by half a turn. Exchanged fingers show it m
 opposite angle: no single print tells them.
 """
 
+import math
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -13,8 +14,8 @@ from drivers.errors import SkinUntrustedError
 from drivers.quantities import TaxelFrame, Vector
 from drivers.skin.layout import MODULE_EXCHANGES
 
-EXCHANGED = 3.0
-"""Mean log odds of a frame from which modules count as exchanged. Source: decision 0083."""
+EXCHANGED = math.log(1000.0)
+"""Mean log odds of a frame from which modules count as exchanged: one grasp in a thousand, it is taken, comes after an exchange."""
 LEAST_FRAMES = 3
 """Number of frames below which nothing is said, for the errors of one may outweigh a faint print."""
 

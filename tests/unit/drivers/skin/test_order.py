@@ -34,16 +34,16 @@ ASLANT = pushed(np.random.default_rng(4), np.radians(6.0), 1e-3, LOAD)
 @pytest.mark.parametrize("exchange", EXCHANGES)
 def test_taxels_that_change_places_between_two_frames_are_named(exchange):
     order = TaxelOrder(NOISE)
-    raws = frames(ASLANT, 3)
-    taken(order, [*raws[:2], as_told(raws[2], exchange)])
+    raws = frames(ASLANT, 4)
+    taken(order, [*raws[:2], *(as_told(raw, exchange) for raw in raws[2:])])
     with pytest.raises(SkinUntrustedError, match=f"skin: {exchange} exchanged while the skin ran"):
         order.require()
 
 
 def test_an_exchange_is_told_for_some_frames_and_then_taken_for_known():
-    raws = [as_told(raw, "the two fingers") for raw in frames(ASLANT, TOLD + 2)]
-    order = taken(TaxelOrder(NOISE), [*frames(ASLANT, 1, 2), raws[0]])
-    for raw in raws[1:]:
+    raws = [as_told(raw, "the two fingers") for raw in frames(ASLANT, TOLD + 3)]
+    order = taken(TaxelOrder(NOISE), [*frames(ASLANT, 2, 2), *raws[:2]])
+    for raw in raws[2:]:
         with pytest.raises(SkinUntrustedError, match="the two fingers"):
             order.require()
         taken(order, [raw])
@@ -52,9 +52,15 @@ def test_an_exchange_is_told_for_some_frames_and_then_taken_for_known():
 
 def test_an_exchange_that_nobody_has_asked_for_yet_is_not_forgotten():
     raws = [as_told(raw, "the two fingers") for raw in frames(ASLANT, 5 + TOLD)]
-    order = taken(TaxelOrder(NOISE), [*frames(ASLANT, 1, 2), *raws])
+    order = taken(TaxelOrder(NOISE), [*frames(ASLANT, 2, 2), *raws])
     with pytest.raises(SkinUntrustedError, match="the two fingers"):
         order.require()
+
+
+def test_a_single_frame_and_a_print_that_was_not_steady_change_no_order():
+    raws, turned = frames(ASLANT, 2), [as_told(raw, "the two fingers") for raw in frames(ASLANT, 2, 2)]
+    taken(TaxelOrder(NOISE), [*raws, turned[0], *raws]).require()
+    taken(TaxelOrder(NOISE), [REST, raws[0], *turned]).require()
 
 
 def test_a_hand_that_closes_and_a_peg_that_turns_change_no_order():
@@ -66,7 +72,7 @@ def test_a_hand_that_closes_and_a_peg_that_turns_change_no_order():
 
 
 def test_a_taxel_that_is_not_trusted_says_nothing_of_the_order():
-    raws, order = frames(ASLANT, 3), TaxelOrder(NOISE)
-    for raw in (raws[0], as_told(raws[1], "the two fingers")):
+    raws, order = frames(ASLANT, 4), TaxelOrder(NOISE)
+    for raw in (*raws[:2], *(as_told(raw, "the two fingers") for raw in raws[2:])):
         order.take(raw, raw - REST, ~TRUSTED)
     order.require()
