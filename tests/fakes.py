@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from cell.assembly import Cell
+from cell.cell_config import CellConfig
 from cell.config import LoadedConfig
 from cell.journal import Journal
 from cell.line import PARAMETERS, PROGRAMS
@@ -29,6 +30,9 @@ from drivers.quantities import (
 from plc_bridge.bridge import Bridge
 from plc_bridge.images import CommandImage, ReportImage
 from skills.catalogue import RECOVER
+from skills.contract import SkillContext
+from skills.scan_guards import ScanLimits
+from skills.tactile.pose import PegPose
 from tests.pegs import LOAD, readings
 
 HAND_DOWN = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
@@ -172,6 +176,40 @@ class FakeSwitch:
 
     def read(self) -> SwitchState:
         return self.state
+
+
+class ToldEstimator:
+    """Says of each frame what the test has told it, and counts the frames."""
+
+    def __init__(self) -> None:
+        self.theta, self.is_healthy, self.frames = 0.0, True, 0
+
+    def estimate(self, frame: TaxelFrame) -> PegPose:
+        self.frames += 1
+        return PegPose(self.theta, 0.0, 0.01, 0.0, self.is_healthy, frame.stamp)
+
+
+PERIOD = 0.01
+"""Period of the scan of a context of fakes, s."""
+
+
+def context_of(
+    config: CellConfig, arm: FakeArm, hand: FakeGripper, scan_limits: ScanLimits | None = None
+) -> SkillContext:
+    """Return what a skill runs in, of an arm and a hand that share the arm's clock."""
+    return SkillContext(
+        clock=arm.clock,
+        arm=arm,
+        gripper=hand,
+        skin=FakeSkin(arm.clock, hand),
+        switch=FakeSwitch(),
+        estimator=ToldEstimator(),
+        job=config.job(),
+        limits=config.limits,
+        scan_period=PERIOD,
+        rng=np.random.default_rng(1),
+        scan_limits=scan_limits or ScanLimits(),
+    )
 
 
 class FakePlc:

@@ -17,30 +17,16 @@ from skills.contract import (
     Interrupted,
     Reason,
     Request,
-    SkillContext,
 )
 from skills.motion import Goal, move
 from skills.passivity import INERTIA, MASS, SOFTEN, STOP
 from skills.scan_guards import RESUME_TIME
-from skills.tactile.pose import PegPose
 from skills.wrench_zero import SCANS
-from tests.fakes import FakeArm, FakeClock, FakeGripper, FakeSkin, FakeSwitch
+from tests.fakes import PERIOD, FakeArm, FakeClock, FakeGripper, context_of
 
 CONFIG = load().cell
-PERIOD = 0.01  # s
 SOFT = np.array([800.0, 800.0, 800.0, 40.0, 40.0, 40.0])  # N/m, N·m/rad
 FORCE = CONFIG.limits.force
-
-
-class ToldEstimator:
-    """Says of each frame what the test has told it, and counts the frames."""
-
-    def __init__(self):
-        self.theta, self.is_healthy, self.frames = 0.0, True, 0
-
-    def estimate(self, frame):
-        self.frames += 1
-        return PegPose(self.theta, 0.0, 0.01, 0.0, self.is_healthy, frame.stamp)
 
 
 class AgedArm(FakeArm):
@@ -59,18 +45,7 @@ def ctx():
     clock = FakeClock()
     arm, hand = AgedArm(clock), FakeGripper(CONFIG.peg.part.thickness)
     hand.grip(30.0)
-    return SkillContext(
-        clock=clock,
-        arm=arm,
-        gripper=hand,
-        skin=FakeSkin(clock, hand),
-        switch=FakeSwitch(),
-        estimator=ToldEstimator(),
-        job=CONFIG.job(),
-        limits=CONFIG.limits,
-        scan_period=PERIOD,
-        rng=np.random.default_rng(1),
-    )
+    return context_of(CONFIG, arm, hand)
 
 
 def here(ctx, number=1, stiffness=SOFT):

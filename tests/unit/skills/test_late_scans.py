@@ -3,16 +3,13 @@
 import numpy as np
 import pytest
 
-from cell.assembly import make_estimator
 from cell.config import load
 from drivers.errors import ScanOverrunError
-from skills.contract import SkillContext
 from skills.motion import Goal, Transfer, move
 from skills.scan_guards import LONGEST_STEP, ScanLimits
-from tests.fakes import FakeArm, FakeClock, FakeGripper, FakeSkin, FakeSwitch
+from tests.fakes import PERIOD, FakeArm, FakeClock, FakeGripper, context_of
 
 CONFIG = load().cell
-PERIOD = 0.01
 
 
 def late_cell(lateness, **limits):
@@ -20,19 +17,7 @@ def late_cell(lateness, **limits):
     clock = FakeClock()
     scans = iter(range(10**6))
     clock.every.append(lambda: setattr(clock, "lag", lateness(next(scans))))
-    return SkillContext(
-        clock=clock,
-        arm=FakeArm(clock),
-        gripper=FakeGripper(0.008),
-        skin=FakeSkin(clock),
-        switch=FakeSwitch(),
-        estimator=make_estimator(CONFIG),
-        job=CONFIG.job(),
-        limits=CONFIG.limits,
-        scan_period=PERIOD,
-        rng=np.random.default_rng(1),
-        scan_limits=ScanLimits(**limits),
-    )
+    return context_of(CONFIG, FakeArm(clock), FakeGripper(0.008), ScanLimits(**limits))
 
 
 def moved(ctx):

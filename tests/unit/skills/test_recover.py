@@ -3,10 +3,9 @@ import pytest
 
 from cell.config import load
 from drivers.quantities import Pose
-from skills.contract import Interrupted, Outcome, Reason, Request, SkillContext
+from skills.contract import Interrupted, Outcome, Reason, Request
 from skills.recover import run
-from tests.fakes import HAND_DOWN, FakeArm, FakeClock, FakeGripper, FakeSkin, FakeSwitch
-from tests.unit.skills.test_contract import PERIOD, ToldEstimator
+from tests.fakes import HAND_DOWN, FakeArm, FakeClock, FakeGripper, context_of
 
 CONFIG = load().cell
 PARAMS = CONFIG.recover
@@ -20,18 +19,7 @@ def ctx():
     arm.tcp = Pose(np.array([*CONFIG.hole.centre[:2], CONFIG.hole.centre[2] + CONFIG.peg.length - 0.02]), HAND_DOWN)
     arm.is_blocked = True
     hand.grip(30.0)
-    return SkillContext(
-        clock=clock,
-        arm=arm,
-        gripper=hand,
-        skin=FakeSkin(clock, hand),
-        switch=FakeSwitch(),
-        estimator=ToldEstimator(),
-        job=CONFIG.job(),
-        limits=CONFIG.limits,
-        scan_period=PERIOD,
-        rng=np.random.default_rng(1),
-    )
+    return context_of(CONFIG, arm, hand)
 
 
 def test_a_peg_that_slips_out_of_the_hand_while_it_is_pulled_is_left_behind_by_an_open_hand(ctx):

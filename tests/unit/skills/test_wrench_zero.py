@@ -3,14 +3,12 @@
 import numpy as np
 import pytest
 
-from cell.assembly import make_estimator
 from cell.config import load
 from drivers.errors import WrenchOffsetError
 from drivers.quantities import Wrench
-from skills.contract import SkillContext
 from skills.search.feel import TOUCHED, Bearing
 from skills.wrench_zero import GUARD, SCANS, WrenchConfig, WrenchZero, zero_of
-from tests.fakes import FakeArm, FakeClock, FakeGripper, FakeSkin, FakeSwitch
+from tests.fakes import FakeArm, FakeClock, FakeGripper, context_of
 
 CONFIG = WrenchConfig()
 PUSH = 6.0
@@ -50,18 +48,7 @@ def test_what_begins_to_touch_meanwhile_is_told_from_noise():
 def test_a_zeroed_cell_reads_no_force_where_nothing_touches_and_all_of_what_touches_later():
     cell, clock = load().cell, FakeClock()
     arm = FakeArm(clock)
-    ctx = SkillContext(
-        clock=clock,
-        arm=arm,
-        gripper=FakeGripper(0.008),
-        skin=FakeSkin(clock),
-        switch=FakeSwitch(),
-        estimator=make_estimator(cell),
-        job=cell.job(),
-        limits=cell.limits,
-        scan_period=0.01,
-        rng=np.random.default_rng(1),
-    )
+    ctx = context_of(cell, arm, FakeGripper(0.008))
     arm.force = np.array([3.0, -4.0, 5.0])
     for _ in ctx.scan(0.3):
         pass
