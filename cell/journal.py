@@ -25,7 +25,7 @@ MOST = 2**62
 
 
 def default_folder() -> Path:
-    """Return the journal's folder among the user's own data."""
+    """Return the folder of the user's own data, which holds the journal."""
     base = os.environ.get("XDG_DATA_HOME")
     return (Path(base) if base else Path("~/.local/share").expanduser()) / "tactile-insertion-cell"
 

@@ -33,18 +33,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_config(parser)
     parser.add_argument("device", choices=list(DEVICES), metavar="DEVICE", help=" or ".join(DEVICES))
     parser.add_argument("--pegs", type=positive, metavar="N", help="pegs to touch the places off with; 3")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="instead of calibration/ beside the config file")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="instead of calibration/ beside the config file, or with the user's own data",
+    )
 
 
 def run(args: argparse.Namespace) -> int:
     """Measure, write the file, and show what was found."""
-    from cell.config_files import DEFAULT
+    from cell.journal import default_folder
 
     today = date.today()
     if args.pegs is not None and args.device != "places":
         raise ConfigError("--pegs: only for places")
     config = load_config(args).cell
-    path = (args.out or (args.config or DEFAULT).parent / "calibration") / f"{args.device}_{today.isoformat()}.toml"
+    beside = args.config.parent if args.config else default_folder()
+    path = (args.out or beside / "calibration") / f"{args.device}_{today.isoformat()}.toml"
     try:
         return DEVICES[args.device](args, config, today, path)
     except NotCalibratedError as error:

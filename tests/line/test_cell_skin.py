@@ -45,9 +45,12 @@ def checked(capsys, *arguments, status=FAULT):
     return next(line["found"] for line in found if line["device"] == "skin")
 
 
-def test_calibration_is_written_with_its_date_and_can_be_used(capsys, tmp_path):
-    found = told(capsys, "calibrate", "skin", *CAN, "--out", str(tmp_path))
-    assert found["file"] == str(tmp_path / f"skin_{found['date']}.toml")
+def test_calibration_of_the_shipped_cell_is_written_with_its_date_to_the_users_data_and_can_be_used(
+    capsys, tmp_path, monkeypatch
+):
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    found = told(capsys, "calibrate", "skin", *CAN)
+    assert found["file"] == str(tmp_path / "tactile-insertion-cell" / "calibration" / f"skin_{found['date']}.toml")
     assert found["point_spread"] == pytest.approx(1.2e-3, abs=0.1e-3)
     assert told(capsys, "skin", *CAN, "--set", f"calibration.skin={found['file']}")["figures"]["lost"] == 0
 
