@@ -6,6 +6,7 @@ and the least that the rotors may show. One cycle is then one matrix, and the lo
 Friction of the joints, which helps, is left out.
 """
 
+from collections.abc import Iterable
 from functools import lru_cache
 
 import numpy as np
@@ -31,16 +32,29 @@ SINGULAR = 1e-4
 @lru_cache(maxsize=64)
 def is_steady(gains: Gains, place: Place, factor: float = MARGIN) -> bool:
     """Return whether the arm stays at rest with `factor` times the torques of these gains, peg tilted and upright."""
-    return all(radius(one_cycle(place.arm, q, place.length, gains, factor)) < 1.0 for q in place.postures())
+    return _holds(_cycles(gains, place), factor)
 
 
 @lru_cache(maxsize=64)
 def largest(gains: Gains, place: Place) -> float:
     """Return the factor by which all torques of these gains can be multiplied before the arm swings; `MOST` when there is none."""
-    factor = 1.0 / MOST
-    while factor < MOST and is_steady(gains, place, factor * GROWTH):
+    cycles, factor = _cycles(gains, place), 1.0 / MOST
+    while factor < MOST and _holds(cycles, factor * GROWTH):
         factor *= GROWTH
     return factor
+
+
+def _cycles(gains: Gains, place: Place) -> list[tuple[Vector, Vector]]:
+    """Return, for each posture, one cycle without torques, and what one time the torques of these gains adds to it."""
+    cycles = []
+    for q in place.postures():
+        idle, once = (one_cycle(place.arm, q, place.length, gains, factor) for factor in (0.0, 1.0))
+        cycles.append((idle, once - idle))
+    return cycles
+
+
+def _holds(cycles: Iterable[tuple[Vector, Vector]], factor: float) -> bool:
+    return all(radius(idle + factor * added) < 1.0 for idle, added in cycles)
 
 
 def one_cycle(arm: ArmModel, q: Vector, length: float, gains: Gains, factor: float) -> Vector:

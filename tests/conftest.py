@@ -1,7 +1,10 @@
 """What tests share."""
 
 import fcntl
+import gc
 import logging
+import os
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -12,12 +15,27 @@ from tests.fakes import Rig
 
 LEVEL = logging.getLogger().level
 
+# Processes that tests start keep their bytecode, as an installed program does, whatever the environment says.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
+
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Let the contracts be checked on real devices."""
     parser.addoption(
         "--hardware", type=Path, metavar="FILE", help="config of a real cell: tests/contract runs on it too"
     )
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Iterator[None]:
+    """Look for no garbage while tests are collected, an eighth of the time, nor later among them: they stay."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 @pytest.hookimpl(wrapper=True)

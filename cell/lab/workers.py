@@ -38,14 +38,14 @@ _TAKE_UP = "the same command takes up where it was"
 def on_processes(task: Callable[[int], Row], seeds: Sequence[int], workers: int) -> Generator[Row, None, None]:
     """Yield the result of `task` for each seed, as it finishes, from `workers` processes of one thread each.
 
-    A call that ends with all its results leaves its processes to the next one, which then has nothing to load.
+    A call that ends with all its results leaves its processes to the next one of as many, which then has nothing to load.
 
     Raises:
         CellError: A worker was killed.
     """
     if not seeds:
         return
-    pool = _waiting.pop() if _waiting and _waiting[-1].workers == workers else Pool(workers)
+    pool = _waiting.pop(workers, None) or Pool(workers)
     futures: list[ProcessFuture[Row]] = []
     try:
         with _one_thread_each(), _deaf_children():
@@ -56,9 +56,8 @@ def on_processes(task: Callable[[int], Row], seeds: Sequence[int], workers: int)
         raise CellError(f"trials: a worker process was killed; {_TAKE_UP}") from None
     finally:
         if len(futures) == len(seeds) and all(future.done() and future.exception() is None for future in futures):
-            while _waiting:
-                _waiting.pop().leave()
-            _waiting.append(pool)
+            if _waiting.setdefault(workers, pool) is not pool:
+                pool.leave()
         else:
             # An interrupted call does not wait for trials under way; the same command runs them again.
             pool.leave()
@@ -69,7 +68,6 @@ class Pool(ProcessPoolExecutor):
 
     def __init__(self, workers: int) -> None:
         """Start nothing yet."""
-        self.workers = workers
         context = multiprocessing.get_context("spawn")
         self._lifeline, self._held = context.Pipe(duplex=False)
         super().__init__(workers, context, initializer=_leave_with_parent, initargs=(self._lifeline,))
@@ -81,8 +79,8 @@ class Pool(ProcessPoolExecutor):
         self._lifeline.close()
 
 
-_waiting: list[Pool] = []
-"""The pool of the last call, if it ended with all its results."""
+_waiting: dict[int, Pool] = {}
+"""Pools of calls that ended with all their results, by their number of processes."""
 
 
 def _leave_with_parent(lifeline: "Connection") -> None:

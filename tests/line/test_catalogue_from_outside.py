@@ -133,7 +133,7 @@ def put(file, before, text):
 def build(folder, code=CODE, stage=STAGE, name="fixed", room=STAGE):
     """Copy the program, its map with room for so many stages at least, and add to the copy what an engineer adds."""
     for package in PACKAGES:
-        shutil.copytree(HERE / package, folder / package, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(HERE / package, folder / package)
     if room > STAGES:
         table = folder / "plc_bridge" / "registers.py"
         told = table.read_text(encoding="utf-8")
