@@ -81,6 +81,7 @@ class Arm:
     """Largest change of a torque command within one millisecond so far, N·m/s."""
 
     def __post_init__(self) -> None:
+        self.figures = impedance.figures(self.world.arm)
         self.world.step(np.zeros(7))  # compiles, before a client waits for states
         self.held = self.world.q
 
@@ -115,7 +116,7 @@ class Arm:
         with self.lock:
             q, dq = self.world.q, self.world.dq
             force, torque = self.world.contact_force(), self.world.contact_torque()
-            position, rotation, _, _ = impedance.forward(impedance.figures(self.world.arm), q)
+            position, rotation, _, _ = impedance.forward(self.figures, q)
         pose = np.eye(4)
         pose[:3, :3], pose[:3, 3] = rotation, position
         return {
