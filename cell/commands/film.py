@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from cell.arguments import add_journal, out_folder, positive, read_journal
-from cell.terminal import GOOD, complain, progress, show, written
+from cell.terminal import GOOD, NOT_GOOD, complain, progress, show, written
 
 SUMMARY = "a run on record as a film, or one picture of it"
 
@@ -29,9 +29,17 @@ def run(args: argparse.Namespace) -> int:
     out_folder(args.out.parent)
     with progress() as bars:
         bar = bars.add_task("pictures", total=None)
-        pictures = write_film(found, args.out, args.at, lambda done, of: bars.update(bar, completed=done, total=of))
+
+        def watch(done: int, of: int) -> None:
+            bars.update(bar, completed=done, total=of)
+
+        pictures, of = write_film(found, args.out, args.at, watch, args.stop.is_set)
     if lack:
         complain(f"warning: {lack}")
+    if pictures < of:
+        kept = f"{args.out} has the first {pictures} of {of} pictures" if pictures else "no film is written"
+        complain(f"stopped: {kept}")
+        return NOT_GOOD
     data = {"run": args.number, "file": str(args.out), "pictures": pictures, "duration": float(found.times[-1])}
     show(args, f"run {args.number}: {pictures} pictures of {found.times[-1]:.1f} s", data)
     written(args, [args.out])

@@ -1,6 +1,7 @@
 """Writes pictures and films: one picture as PNG, a film as MP4 for people and GIF for pages."""
 
 from collections.abc import Callable, Iterator
+from itertools import takewhile
 from pathlib import Path
 
 import cv2
@@ -9,31 +10,35 @@ from PIL import Image as Pillow
 
 from cell.film.drawing import Image
 from cell.film.frames import HEIGHT, WIDTH, filmed
+from cell.film.mp4 import RATE, write_mp4
 from cell.film.recorded import RecordedRun
 from drivers.errors import ConfigError
 
-MP4_RATE = 25.0
-"""Picture rate of MP4 files, Hz."""
 GIF_RATE = 10.0
 """Picture rate of GIF files, Hz; a GIF is for pages, and counts time in hundredths of a second."""
 GIF_SIZE = (800, 450)
-CODEC = "vp09"
-"""Video codec that browsers play and OpenCV's wheel can write; it cannot write H.264."""
 
 Draw = Callable[[float], Image]
 """Function that returns the picture at a time since the first scan, s."""
 Done = Callable[[int, int], None]
 """Function that is called after each picture with the number of pictures done and of all."""
+IsEnded = Callable[[], bool]
+"""Function that tells whether somebody has ended a film early."""
+Write = Callable[[Path, Iterator[Image], IsEnded], int]
+"""Function that writes pictures, as many as come, and returns how many the file has; 0 where there is none."""
 
 
-def write_film(run: RecordedRun, path: Path, at: float | None, done: Done) -> int:
-    """Write a run in the form of the file's ending, and return the number of pictures drawn.
+def write_film(
+    run: RecordedRun, path: Path, at: float | None, done: Done, is_ended: IsEnded = lambda: False
+) -> tuple[int, int]:
+    """Write a run in the form of the file's ending, and return how many pictures the file has, and how many all are.
 
     Args:
         run: The run.
         path: `*.mp4` or `*.gif` for a film in real time, `*.png` for one picture.
         at: Time of the one picture since the first scan, s; None takes the last scan's.
-        done: Called after each picture.
+        done: Called after each picture that is drawn.
+        is_ended: Whether somebody wants no more of the film: what is done by then is written, and no file where that is nothing.
 
     Raises:
         ConfigError: The ending is unknown, the time is outside the run, the file cannot be written, or OpenGL is missing.
@@ -52,45 +57,49 @@ def write_film(run: RecordedRun, path: Path, at: float | None, done: Done) -> in
             done(number + 1, len(times))
             return image
 
-        _require(write(path, map(draw, range(len(times)))), path)
-    return len(times)
+        wanted = takewhile(lambda _: not is_ended(), range(len(times)))
+        pictures = write(path, map(draw, wanted), is_ended)
+    if pictures < len(times) and not is_ended():
+        raise ConfigError(f"--out {path}: cannot be written")
+    return pictures, len(times)
 
 
-def _write_png(path: Path, pictures: Iterator[Image]) -> bool:
-    return bool(cv2.imwrite(str(path), _bgr(next(pictures)), [cv2.IMWRITE_PNG_COMPRESSION, 9]))
+def _write_png(path: Path, pictures: Iterator[Image], _: IsEnded) -> int:
+    drawn = next(pictures, None)
+    return int(drawn is not None and cv2.imwrite(str(path), _bgr(drawn), [cv2.IMWRITE_PNG_COMPRESSION, 9]))
 
 
-def _write_mp4(path: Path, pictures: Iterator[Image]) -> bool:
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*CODEC), MP4_RATE, (WIDTH, HEIGHT))
-    try:
-        if not writer.isOpened():
-            return False
-        for picture in pictures:
-            writer.write(_bgr(picture))
-    finally:
-        writer.release()
-    return True
+def _write_mp4(path: Path, pictures: Iterator[Image], is_ended: IsEnded) -> int:
+    return write_mp4(path, (WIDTH, HEIGHT), pictures, is_ended)
 
 
-def _write_gif(path: Path, pictures: Iterator[Image]) -> bool:
+def _write_gif(path: Path, pictures: Iterator[Image], _: IsEnded) -> int:
     """Write a GIF that repeats for ever, each picture with its own palette."""
-    small = [_shrunk(picture).quantize(256, dither=Pillow.Dither.NONE) for picture in pictures]
+    frames = 0
+
+    def small() -> Iterator[Pillow.Image]:
+        nonlocal frames
+        for picture in pictures:
+            frames += 1
+            yield _shrunk(picture).quantize(256, dither=Pillow.Dither.NONE)
+
     try:
-        small[0].save(path, save_all=True, append_images=small[1:], duration=round(1e3 / GIF_RATE), loop=0)
+        for first in (shrunk := small()):
+            first.save(path, save_all=True, append_images=shrunk, duration=round(1e3 / GIF_RATE), loop=0)
     except OSError:
-        return False
-    return True
+        return 0
+    return frames
 
 
-_KINDS: dict[str, tuple[Callable[[Path, Iterator[Image]], bool], float | None]] = {
-    ".mp4": (_write_mp4, MP4_RATE),
+_KINDS: dict[str, tuple[Write, float | None]] = {
+    ".mp4": (_write_mp4, RATE),
     ".gif": (_write_gif, GIF_RATE),
     ".png": (_write_png, None),
 }
 """Writer and picture rate of each kind of file; a single picture has no rate."""
 
 
-def _require_kind(path: Path) -> tuple[Callable[[Path, Iterator[Image]], bool], float | None]:
+def _require_kind(path: Path) -> tuple[Write, float | None]:
     if path.suffix.lower() not in _KINDS:
         raise ConfigError(f"--out {path}: *{', *'.join(_KINDS)} allowed")
     return _KINDS[path.suffix.lower()]
@@ -108,8 +117,3 @@ def _shrunk(image: Image) -> Pillow.Image:
 
 def _bgr(image: Image) -> Image:
     return np.ascontiguousarray(image[..., ::-1])
-
-
-def _require(is_written: bool, path: Path) -> None:
-    if not is_written:
-        raise ConfigError(f"--out {path}: cannot be written")
