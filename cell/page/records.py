@@ -28,12 +28,15 @@ SHIFT = timedelta(hours=8)
 RECENT = 200
 """Number of runs that are searched for the last faults."""
 OUTCOMES = tuple(str(each) for each in Outcome)
-FILES = {"picture.png": "show", "film.mp4": "film"}
+FILM = "film.mp4"
+FILES = {"picture.png": "show", FILM: "film"}
 """What is made of a run when somebody asks for it, and by which command."""
 WAITING = 8
 """Number of requests for files that may wait for each other; further ones are turned away."""
-LONGEST = 600.0
-"""Longest time to make one file, s."""
+LONGEST = 7200.0
+"""Longest time to make one file, s; a film of a long run on a busy computer takes an hour."""
+GRACE = 2.0
+"""Time for a program that is asked to end, s; afterwards it is killed."""
 
 
 class Records:
@@ -43,6 +46,8 @@ class Records:
         """Keep the folder of the records; each question opens the journal anew, so that it may move or come later."""
         self._folder = folder
         self._making, self._waiting = asyncio.Lock(), 0
+        self._films: dict[int, asyncio.Task[Path | None]] = {}
+        """Films that are being made, or wait for it, by run."""
 
     def summary(self) -> dict[str, object]:
         """Return the last runs, and the yield of the shift; empty lists where the journal cannot be read."""
@@ -71,6 +76,8 @@ class Records:
                 "stages": [asdict(stage) for stage in journal.stages(run)],
                 "events": [asdict(event) for event in journal.events(run=run)],
                 "files": list(FILES) if _can_be_drawn(journal, row) else [],
+                "made": [name for name in FILES if self._path(run, name).is_file()],
+                "is_filmed": run in self._films,
             }
 
     def config(self, run: int) -> str | None:
@@ -93,7 +100,7 @@ class Records:
         with self._journal() as journal:
             if not _can_be_drawn(journal, journal.find(run)):
                 return None
-        path = self._folder / f"run-{run:06d}{Path(name).suffix}"
+        path = self._path(run, name)
         if not path.is_file() and self._waiting < WAITING:
             self._waiting += 1
             try:
@@ -103,6 +110,26 @@ class Records:
             finally:
                 self._waiting -= 1
         return path if path.is_file() else None
+
+    def film(self, run: int) -> Path | None:
+        """Return the film of a run; where nobody has made it yet, begin to, which takes minutes, and return None.
+
+        Raises:
+            JournalError: The run is not on record, or cannot be drawn.
+        """
+        with self._journal() as journal:
+            if not _can_be_drawn(journal, journal.find(run)):
+                raise JournalError(f"run {run}: no samples of an ended run are on record")
+        path = self._path(run, FILM)
+        if path.is_file():
+            return path
+        if run not in self._films:
+            self._films[run] = asyncio.create_task(self.file(run, FILM))
+            self._films[run].add_done_callback(lambda _: self._films.pop(run))
+        return None
+
+    def _path(self, run: int, name: str) -> Path:
+        return self._folder / f"run-{run:06d}{Path(name).suffix}"
 
     async def _make(self, run: int, name: str, path: Path) -> None:
         """Make a file of a run; a film that was given up leaves none behind."""
@@ -160,5 +187,9 @@ async def _run(arguments: Sequence[str]) -> bool:
         return False
     finally:
         if process.returncode is None:  # it takes too long, or the server ends
+            process.terminate()  # it puts away what it has begun
+            with suppress(TimeoutError):
+                await asyncio.wait_for(process.wait(), GRACE)
+        if process.returncode is None:
             process.kill()
             await process.wait()

@@ -18,7 +18,7 @@ from cell.live import Live
 from cell.page.commands import MOST
 from cell.page.guard import headers, is_own_host, part_of
 from cell.page.hub import PERIOD, SPECTATOR, PageHub
-from cell.page.records import FILES, Records
+from cell.page.records import FILES, FILM, Records
 from cell.page.socket import PageSocket
 from cell.page.token import page_token
 from drivers.errors import CellError, DeviceNotOpenedError, JournalError
@@ -233,12 +233,16 @@ class RunFile(Guarded):
         self._records = records
 
     async def get(self, number: str, name: str) -> None:
-        """Answer the file, which is made first where it is missing."""
+        """Answer the file, which is made first where it is missing; a film takes minutes, for which nobody can wait."""
         run = int(number)
         try:
-            path = await self._records.file(run, name)
+            path = self._records.film(run) if name == FILM else await self._records.file(run, name)
         except JournalError as error:
             raise HTTPError(404, reason=_ascii(error)) from None
+        if path is None and name == FILM:
+            self.set_status(202)
+            self.finish("being drawn\n")
+            return
         if path is None:
             raise HTTPError(404, reason=f"cell {FILES[name]} {run} cannot make it here")
         await self.send(path)

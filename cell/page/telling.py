@@ -30,6 +30,12 @@ NEXT = {
 }
 """Advice on the next step, for whoever stands before the cell."""
 
+THEN = {
+    State.IDLE: "Then start a program here, or let the PLC start one.",
+    State.COMPLETE: "Then start the next run, or reset.",
+}
+"""Advice on the next step where something else comes before it."""
+
 WAITING = (State.IDLE, State.COMPLETE, State.STOPPED, State.ABORTED)
 """States in which nothing moves and a person may reach into the cell."""
 BY_PERSON = ("cleared", "refilled")
@@ -58,14 +64,14 @@ _WARNINGS = {
 }
 
 
-def permitted(state: State) -> list[str]:
-    """Return the permitted requests in a state: `start`, the controls by name, and what a person may say."""
+def permitted(state: State, unplugged: Sequence[str] = ()) -> list[str]:
+    """Return the permitted requests in a state: `start` with every cable in, the controls by name, and what a person may say."""
     asked = [
         event.value
         for event in ASKED
         if is_permitted(state, event) or (event is Event.RESET and is_permitted(state, Event.CLEAR))
     ]
-    starts = ["start"] if state in (State.IDLE, State.COMPLETE) else []
+    starts = ["start"] if state in (State.IDLE, State.COMPLETE) and not unplugged else []
     return [*starts, *asked, *(BY_PERSON if state in WAITING else ())]
 
 
@@ -88,7 +94,7 @@ def told(image: ReportImage, message: str, unplugged: Sequence[str] = ()) -> dic
         "state": state.name,
         "next": _next(state, PartPlace(image.part), unplugged),
         "unplugged": list(unplugged),
-        "permitted": permitted(state),
+        "permitted": permitted(state, unplugged),
         "program": CATALOGUE.by_code[image.code].name if image.code in CATALOGUE.by_code else "",
         "stage": CATALOGUE.stages.get(image.stage, ""),
         "stage_times": {name: round(time, 2) for name, time in times.items()},
@@ -114,9 +120,13 @@ def _next(state: State, part: PartPlace, unplugged: Sequence[str]) -> str:
         .replace("CLEARED", 'press "Peg taken away"')
         .replace("run `recover`", "start the program recover")
     )
-    is_asked_for = state in WAITING and part not in (PartPlace.RACK, PartPlace.BIN)
-    plug = f"Plug in what was pulled out: {', '.join(unplugged)}. " if unplugged and state in WAITING else ""
-    return plug + NEXT.get(state, "") + (f" The part: {remedy}." if is_asked_for else "")
+    if state not in WAITING:
+        return NEXT.get(state, "")
+    plug = [f"Plug in what was pulled out: {', '.join(unplugged)}."] if unplugged else []
+    peg = [f"The part: {remedy}."] if part not in (PartPlace.RACK, PartPlace.BIN) else []
+    if state in THEN and (plug or peg):
+        return " ".join([*plug, *peg, THEN[state]])
+    return " ".join([*plug, NEXT[state], *peg])
 
 
 def _fault(code: int, message: str) -> dict[str, object] | None:

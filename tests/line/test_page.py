@@ -8,6 +8,8 @@ from contextlib import closing, contextmanager
 
 import pytest
 
+from cell.cli import GOOD, main
+from cell.film.recorded import recorded
 from cell.journal import Journal
 from cell.page.server import PageServer
 from cell.states import State
@@ -15,6 +17,7 @@ from drivers.errors import SkinSilentError
 from plc_bridge.messages import Refusal
 from plc_bridge.peer import Peer
 from tests.browser import PageView, browsing
+from tests.filmed_runs import require_rendering
 from tests.plc_wire import Wire
 from tests.quick_cell import CODE, QuickCell
 
@@ -76,6 +79,35 @@ def test_a_run_is_held_let_go_on_and_ended_from_the_page(served, page):
     assert page.complaints() == []
 
 
+def test_a_film_that_is_asked_for_is_shown_when_it_is_drawn_and_at_once_later(served, page, tmp_path):
+    page.press("start")
+    page.until_text("run-rows", "success")
+    with Journal(served.folder, is_read_only=True) as journal:
+        require_rendering(recorded(journal, 1))
+    page.front().find_element("link text", "Run 1").click()
+    page.until(lambda: page.front().find_element("id", "make-film").is_displayed())
+    page.front().find_element("id", "make-film").click()
+    page.until_text("film-note", "Drawing the film")
+    # As the page's own process does, which has low priority and may take minutes.
+    assert main(["film", "1", "--journal", str(served.folder), "--out", str(tmp_path / "film.mp4")]) == GOOD
+    (tmp_path / "film.mp4").replace(served.folder / "run-000001.mp4")
+    for reload in (True, False):
+        page.until(
+            lambda: (
+                page.script(
+                    "const film = document.getElementById('film'); return film.readyState >= 2 && film.videoWidth"
+                )
+                == 1280
+            )
+        )
+        assert page.front().find_element("id", "film").is_displayed()
+        assert not page.front().find_element("id", "make-film").is_displayed()
+        assert page.text("film-note") == ""
+        if reload:
+            page.front().refresh()
+    assert page.complaints() == []
+
+
 def test_a_fault_says_what_to_do_and_is_reset_from_the_page(served, page):
     served.program.may_end.clear()
     served.program.fault = SkinSilentError(WIRE_CUT)
@@ -104,6 +136,7 @@ def test_a_simulated_cable_is_pulled_and_plugged_from_the_page(served, page):
     page.until_text("cable-skin", "Unplug the skin")
     page.press("reset")
     page.until_text("state", "Idle")
+    assert page.front().find_element("css selector", "#run-rows td:last-child").text == "fault 1001"
     page.front().find_element("css selector", "#fault-list a").click()
     page.until_text("event-rows", "skin unplugged")
     assert page.complaints() == []

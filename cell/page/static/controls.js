@@ -126,6 +126,8 @@ export class Controls {
   whyNot(what) {
     const locked = this.whyLocked();
     if (locked) return locked;
+    const isOut = what === "start" && ["IDLE", "COMPLETE"].includes(this.state?.state) && this.state.unplugged.length;
+    if (isOut) return `plug in what was pulled out first: ${this.state.unplugged.join(", ")}`;
     if (!this.state?.permitted.includes(what)) return `not in the state ${words((this.state?.state ?? "").toLowerCase())}`;
     if (this.own.lease === "taken" && !ANYBODY.includes(what)) return `${this.state.holder || "somebody else"} holds the lease`;
     return "";

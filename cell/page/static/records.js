@@ -26,7 +26,7 @@ function row(run) {
   const line = make("tr");
   const link = make("td");
   link.append(toRun(run.run, `Run ${run.run}`));
-  const why = run.fault ? `fault ${run.fault}` : run.reason ? words(run.reason) : "";
+  const why = run.fault ? (run.outcome === "fault" ? run.fault : `fault ${run.fault}`) : run.reason ? words(run.reason) : "";
   const outcome = make("td");
   outcome.append(make("span", run.outcome, { class: `outcome ${run.outcome}` }), ` ${why}`);
   line.append(link, make("td", clock(run.started)), make("td", words(run.program)), make("td", run.serial), make("td", run.cycle_time === null ? "" : `${run.cycle_time.toFixed(1)} s`), make("td", run.source), outcome);

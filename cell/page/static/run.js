@@ -3,6 +3,7 @@
 import { byId, clock, make, put, words } from "./text.js";
 
 const PICTURES = 25, EFFORT = 0.5; // pictures of a second, and s of processor time for one
+const LOOK = 2000; // ms between two looks for a film that is being drawn
 
 const run = Number(location.pathname.split("/").pop());
 put("title", `Run ${run}`);
@@ -25,7 +26,7 @@ function show(data) {
   byId("config").href = `/runs/${run}/config`;
   if (data.files.includes("picture.png")) picture();
   else put("picture-note", "No samples of an ended run are on record.");
-  if (data.files.includes("film.mp4")) film(data.cycle_time);
+  if (data.files.includes("film.mp4")) film(data);
   else put("film-note", "No samples of an ended run are on record.");
 }
 
@@ -37,18 +38,47 @@ function picture() {
   image.src = link.href = `/runs/${run}/picture.png`;
 }
 
-function film(length) {
-  const button = byId("make-film"), video = byId("film");
+function film({ cycle_time: length, made, is_filmed: isUnderWay }) {
   const minutes = Math.max(1, Math.round((length * PICTURES * EFFORT) / 60));
-  if (length) put("film-note", `Drawing the film takes this computer about ${minutes} min at the least; it is kept afterwards.`);
-  button.hidden = false;
-  button.onclick = () => {
-    button.hidden = true;
-    put("film-note", "Drawing the film …");
-    video.onloadeddata = () => { put("film-note", ""); video.hidden = false; };
-    video.onerror = () => put("film-note", `The film cannot be drawn here; \`cell film ${run} --out FILE\` says why.`);
-    video.src = `/runs/${run}/film.mp4`;
-  };
+  byId("make-film").onclick = () => draw(minutes);
+  if (made.includes("film.mp4")) play();
+  else if (isUnderWay) wait(minutes);
+  else offer(length ? `Drawing the film takes this computer about ${minutes} min at the least; it is kept afterwards.` : "");
+}
+
+function offer(note) {
+  put("film-note", note);
+  byId("make-film").hidden = false;
+}
+
+async function draw(minutes) {
+  byId("make-film").hidden = true;
+  put("film-note", "Drawing the film …");
+  const answer = await fetch(`/runs/${run}/film.mp4`, { headers: { Range: "bytes=0-0" } }).catch(() => null);
+  if (answer?.status === 202) wait(minutes);
+  else if (answer?.ok) play();
+  else offer(answer ? `The film cannot be drawn: ${(await answer.text()).trim()}.` : "No connection to the cell: the film was not asked for.");
+}
+
+/** Asks again and again whether the film is there, so that no request is open for minutes. */
+async function wait(minutes) {
+  for (const began = performance.now(); ; await new Promise((wake) => setTimeout(wake, LOOK))) {
+    const answer = await fetch(`/runs/${run}/data`).catch(() => null), data = answer?.ok ? await answer.json() : null;
+    if (data?.made.includes("film.mp4")) return play();
+    if (data && !data.is_filmed) return offer(`The film was not drawn to its end; \`cell film ${run} --out FILE\` says why.`);
+    const since = ((performance.now() - began) / 60000).toFixed(1);
+    put("film-note", data ? `Drawing the film, for ${since} min here; it takes about ${minutes} min at the least, and goes on when this page is left.`
+      : "No connection to the cell; the film is looked for again.");
+  }
+}
+
+function play() {
+  const video = byId("film");
+  byId("make-film").hidden = true;
+  video.onloadedmetadata = () => put("film-note", "");
+  video.onerror = () => put("film-note", `The film cannot be shown here; \`cell film ${run} --out FILE\` draws it anew.`);
+  video.hidden = false;
+  video.src = `/runs/${run}/film.mp4`;
 }
 
 function stage(tried) {

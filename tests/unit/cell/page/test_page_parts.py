@@ -61,6 +61,16 @@ def test_a_cable_that_is_out_is_the_first_of_the_next_steps():
     assert "Plug in" not in telling.told(ReportImage(state=State.EXECUTE), "", ["skin"])["next"]
 
 
+@pytest.mark.parametrize("state", [State.IDLE, State.COMPLETE])
+def test_with_a_cable_out_neither_the_next_step_nor_the_controls_say_that_the_cell_is_ready(state):
+    told = telling.told(ReportImage(state=state, part=PartPlace.IN_HAND), "", ["switch"])
+    assert "start" not in told["permitted"]
+    assert told["next"].startswith(
+        "Plug in what was pulled out: switch. The part: the hand holds a peg: start the program recover. Then"
+    )
+    assert "start" in telling.told(ReportImage(state=state), "")["permitted"]
+
+
 def test_a_full_slot_drops_the_oldest_look_and_never_grows(look):
     live = Live()
     for number in range(KEPT + 5):
