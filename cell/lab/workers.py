@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from functools import partial
 from multiprocessing import connection
 from queue import Empty, SimpleQueue
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 from cell.provenance import versions
 from drivers.errors import CellError, ConfigError
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from distributed import Client, Future
 
 Row = TypeVar("Row")
+P = ParamSpec("P")
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Variables that make a worker single-threaded: one trial per core, and the same sums in the same order everywhere."""
 BLAS = "OPENBLAS_NUM_THREADS"
@@ -48,8 +49,7 @@ def on_processes(task: Callable[[int], Row], seeds: Sequence[int], workers: int)
     pool = _waiting.pop(workers, None) or Pool(workers)
     futures: list[ProcessFuture[Row]] = []
     try:
-        with _one_thread_each(), _deaf_children():
-            futures += [pool.submit(task, seed) for seed in seeds]
+        futures += [pool.submit(task, seed) for seed in seeds]
         for future in as_completed(futures):
             yield future.result()
     except BrokenProcessPool:
@@ -64,13 +64,22 @@ def on_processes(task: Callable[[int], Row], seeds: Sequence[int], workers: int)
 
 
 class Pool(ProcessPoolExecutor):
-    """Processes that end with the one that started them, and are started as they are needed."""
+    """Processes of one thread each that end with the one that started them, whatever they do, and are started as they are needed."""
 
     def __init__(self, workers: int) -> None:
         """Start nothing yet."""
         context = multiprocessing.get_context("spawn")
         self._lifeline, self._held = context.Pipe(duplex=False)
         super().__init__(workers, context, initializer=_leave_with_parent, initargs=(self._lifeline,))
+
+    def __exit__(self, *_: object) -> None:
+        """End the processes; one that is interrupted waits for none."""
+        self.leave()
+
+    def submit(self, fn: Callable[P, Row], /, *args: P.args, **kwargs: P.kwargs) -> "ProcessFuture[Row]":
+        """Give a process something to do, and start one more where all are busy and there may be more."""
+        with _one_thread_each(), _deaf_children():
+            return super().submit(fn, *args, **kwargs)
 
     def leave(self) -> None:
         """End the processes, whatever they do."""

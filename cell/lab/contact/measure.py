@@ -10,15 +10,14 @@ import csv
 import math
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
-from multiprocessing import get_context
 from pathlib import Path
 from statistics import mean, stdev
 
 from cell.cell_config import CellConfig
 from cell.lab.contact.ladder import NOT_RUN, TIGHT, Plan, Rung, model, on_trial
 from cell.lab.trials import VOID, TrialRow, run_trial
+from cell.lab.workers import Pool
 from drivers.part.contract import Part
 from drivers.parts import halfway
 from drivers.skin.layout import pad_size
@@ -166,7 +165,7 @@ def run(config: CellConfig, todo: Plan, seed: int, done: Callable[[str], None] =
     """
     seeds, peg, hole = range(seed, seed + todo.trials), config.peg.part, config.hole.part
     cells = [(kind, dt, k) for kind in ("exact", "unpredicted") for dt in todo.timesteps for k in todo.stiffnesses]
-    with ProcessPoolExecutor(todo.workers, mp_context=get_context("forkserver")) as pool:
+    with Pool(todo.workers) as pool:
         rungs = [pool.submit(measure_rung, rung, todo.azimuths, peg, hole) for rung in todo.rungs]
         hands = [pool.submit(hand_rig.measure, kind, config.arm_model(), config.job()) for kind in hand_rig.KINDS]
         points = [pool.submit(measure_point, *cell, peg, hole) for cell in cells]
