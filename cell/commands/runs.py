@@ -13,6 +13,7 @@ from cell.terminal import GOOD, complain, progress, show, written
 from drivers.errors import ConfigError, JournalError
 
 if TYPE_CHECKING:
+    from rich.console import Group
     from rich.table import Table
 
     from cell.journal import Journal
@@ -39,27 +40,35 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigError("--export, --out: only together; --export parquet --out DIR allowed")
     query = query_of(args)
     with read_journal(args) as journal:
-        rows = journal.select(query, *([args.last or LAST] if args.last or not args.export else []))
-        if not rows:
+        shown = journal.select(query, args.last or LAST)
+        if not shown:
             require_program(query)
-        files = _exported(args, journal, rows) if args.export else []
-    from rich.console import Group
-
-    # The first lines of many do not wait for the last ones.
-    shown = rows[:LAST] if args.export else rows
-    blocks = Group(*(_table(shown[first : first + BLOCK]) for first in range(0, max(len(shown), 1), BLOCK)))
-    data = [asdict(row) for row in rows] if args.json else []
-    show(args, blocks, {"runs": data, "files": [str(path) for path in files]} if args.export else data)
+        if not args.export:
+            show(args, _blocks(shown), [asdict(row) for row in shown] if args.json else [])
+            return GOOD
+        folder = out_folder(args.out)
+        if not args.json:  # what is written takes time, for which the newest runs do not wait
+            show(args, _blocks(shown[:LAST]), [])
+        rows = journal.select(query, *([args.last] if args.last else []))
+        files = _exported(args, journal, rows, folder)
+    if args.json:
+        show(args, "", {"runs": [asdict(row) for row in rows], "files": [str(path) for path in files]})
     written(args, files[:3])
     return GOOD
 
 
-def _exported(args: argparse.Namespace, journal: "Journal", rows: "Sequence[RunRow]") -> list[Path]:
+def _blocks(rows: "Sequence[RunRow]") -> "Group":
+    """Return tables of so many runs that the first lines of many do not wait for the last ones."""
+    from rich.console import Group
+
+    return Group(*(_table(rows[first : first + BLOCK]) for first in range(0, max(len(rows), 1), BLOCK)))
+
+
+def _exported(args: argparse.Namespace, journal: "Journal", rows: "Sequence[RunRow]", folder: Path) -> list[Path]:
     """Write the runs as one table, and the samples of each that has any as one file."""
     from cell import sample_export as to
     from cell.samples import export_csv, read_samples, torn
 
-    folder = out_folder(args.out)
     files = []
     if args.export == "csv":
         files.append(folder / "runs.csv")

@@ -242,6 +242,7 @@ def test_a_real_run_is_watched_and_a_page_outlives_a_killed_server(browser, tmp_
         page.until_text("doing", "spray search")
         page.until_text("state", "Complete")
         page.until_text("run-rows", "success")
+        page.until_text("theta", "no peg")  # it stays in the hole
         assert page.text("yield") == "100.0 %"
         assert page.script("return document.getElementById('percent').textContent") == "100 %"
         page.front().find_element("link text", "Run 1").click()

@@ -13,6 +13,8 @@ import { byId, degrees, make, millimetres, number, put, toRun, words } from "./t
 const MOODS = { EXECUTE: "good", STARTING: "good", COMPLETING: "good", UNHOLDING: "good", IDLE: "idle", COMPLETE: "good", RESETTING: "idle", CLEARING: "warn",
   HOLDING: "warn", HELD: "warn", STOPPING: "warn", STOPPED: "warn", ABORTING: "bad", ABORTED: "bad" };
 
+const ELSEWHERE = ["rack", "bin", "seated", "on_plate"]; // places of the peg in which what an empty hand feels has no angle
+
 const view = { hello: null, state: null, ring: null, fingers: null, run: 0, touch: null, heard: 0, isDue: false };
 
 const heard = {
@@ -141,7 +143,8 @@ function draw() {
   if (touch) showTouch(touch);
 }
 
-function showTouch(touch) {
+function showTouch(heard) {
+  const touch = ELSEWHERE.includes(view.state?.part) ? { ...heard, theta: null, sigma: null, theta_age: null } : heard;
   view.fingers.draw(touch);
   put("theta", touch.theta === null ? "no peg" : degrees(touch.theta));
   put("sigma", touch.sigma === null ? "–" : degrees(touch.sigma, 2));
