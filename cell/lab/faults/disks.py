@@ -3,11 +3,11 @@
 import os
 import resource
 import signal
-import tempfile
 import time
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -63,21 +63,48 @@ class FullDisk:
         return is_honest and is_whole and self.is_warned and self.still_running == 0
 
 
-def fill(tries: int, seed: int, arguments: Sequence[str], watch: Callable[[FullDisk], None]) -> list[FullDisk]:
-    """Serve the cell again and again on one journal, and let its disk be full from a random moment on.
+def fill(
+    drawn: Sequence[tuple[str, int]],
+    seed: int,
+    arguments: Sequence[str],
+    folder: Path,
+    begun: Sequence[FullDisk],
+    watch: Callable[[Sequence[FullDisk]], None],
+) -> list[FullDisk]:
+    """Serve the cell again and again on one journal, and let its disk be full from a drawn moment on.
 
     A program whose files may not grow meets the same as on a full disk, and nobody else on the computer does.
+
+    Args:
+        drawn: What comes after each full disk, and the progress at which it is full, percent.
+        seed: Seed of the first simulated cell.
+        arguments: Further arguments of the served cell.
+        folder: Folder of the journal, with what an earlier call has left there.
+        begun: First cases, which an earlier call has seen.
+        watch: Called after each case with all of them.
 
     Raises:
         CellError: A cell cannot be started.
     """
-    rng, found = np.random.default_rng(seed), list[FullDisk]()
-    with tempfile.TemporaryDirectory() as folder:
-        for number in range(tries):
-            drawn = [*arguments, "--set", f"sim.seed={seed + number}"]
-            found.append(_one(Path(folder), WAYS[number % len(WAYS)], int(rng.integers(0, 101)), drawn))
-            watch(found[-1])
+    found = list(begun)
+    with Journal(folder):
+        pass  # a run that an earlier call broke off is closed
+    for number in range(len(begun), len(drawn)):
+        found.append(_one(folder, *drawn[number], [*arguments, "--set", f"sim.seed={seed + number}"]))
+        watch(found)
     return found
+
+
+def draw(tries: int, seed: int) -> list[tuple[str, int]]:
+    """Return what comes after each full disk, one way after the other, and the progress at which it is full, percent."""
+    rng = np.random.default_rng(seed)
+    return [(WAYS[number % len(WAYS)], int(rng.integers(0, 101))) for number in range(tries)]
+
+
+def begun(seen: Sequence[FullDisk], drawn: Sequence[tuple[str, int]]) -> list[FullDisk]:
+    """Return the first cases that an earlier call has seen, as far as they are those that are drawn."""
+    pairs = zip(seen, drawn, strict=False)
+    return [case for case, _ in takewhile(lambda pair: (pair[0].way, pair[0].progress) == pair[1], pairs)]
 
 
 def _one(folder: Path, way: str, progress: int, arguments: Sequence[str]) -> FullDisk:

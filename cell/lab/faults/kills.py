@@ -1,11 +1,11 @@
 """The program killed, or asked to end, in the middle of insertions: what its journal and its next start say."""
 
 import signal
-import tempfile
 import time
 from collections.abc import Callable, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass, field, replace
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -84,29 +84,54 @@ class Kill:
 
 
 def kill(
-    tries: int,
+    drawn: Sequence[tuple[signal.Signals, int]],
     seed: int,
     arguments: Sequence[str],
-    watch: Callable[[Kill], None],
-    ends: Sequence[signal.Signals] = ENDS,
+    folder: Path,
+    begun: Sequence[Kill],
+    watch: Callable[[Sequence[Kill]], None],
 ) -> list[Kill]:
-    """Start the served cell again and again on one journal, and end it at random moments, by one signal of `ends` after the other.
+    """Start the served cell again and again on one journal, and end it at drawn moments.
+
+    Args:
+        drawn: The signal of each end, and the progress at which it comes, percent.
+        seed: Seed of the first simulated cell.
+        arguments: Further arguments of the served cell.
+        folder: Folder of the journal, with what an earlier call has left there.
+        begun: First ends, which an earlier call has seen.
+        watch: Called after each end with all of them.
 
     Raises:
         CellError: A cell cannot be started.
     """
-    rng, found = np.random.default_rng(seed), list[Kill]()
-    with tempfile.TemporaryDirectory() as folder:
-        for number in range(tries):
-            how = ends[number % len(ends)]
-            drawn = [*arguments, "--set", f"sim.seed={seed + number}"]
-            part_now, case = _one(Path(folder), how, int(rng.integers(0, 101)), drawn)
-            found[-1:] = [replace(last, part_next=part_now) for last in found[-1:]]
-            found.append(case)
-            watch(case)
-        with served(Path(folder), arguments) as program:
-            found[-1:] = [replace(last, part_next=part_at(program.address)) for last in found[-1:]]
+    found = list(begun)
+    for number in range(len(begun), len(drawn)):
+        part_now, case = _one(folder, *drawn[number], [*arguments, "--set", f"sim.seed={seed + number}"])
+        if number > len(begun):
+            found[-1] = replace(found[-1], part_next=part_now)
+        found.append(case)
+        watch(found)
+    if len(found) > len(begun):
+        with served(folder, arguments) as program:
+            found[-1] = replace(found[-1], part_next=part_at(program.address))
+        watch(found)
     return found
+
+
+def draw(tries: int, seed: int, ends: Sequence[signal.Signals] = ENDS) -> list[tuple[signal.Signals, int]]:
+    """Return the signal of each end, one of `ends` after the other, and the progress at which it comes, percent."""
+    rng = np.random.default_rng(seed)
+    return [(ends[number % len(ends)], int(rng.integers(0, 101))) for number in range(tries)]
+
+
+def begun(seen: Sequence[Kill], drawn: Sequence[tuple[signal.Signals, int]]) -> list[Kill]:
+    """Return the first ends that an earlier call has seen whole, as far as they are those that are drawn."""
+    pairs = zip(seen, drawn, strict=False)
+    return [case for case, _ in takewhile(lambda pair: pair[0].part_next and _was(pair[0]) == pair[1], pairs)]
+
+
+def _was(case: Kill) -> tuple[signal.Signals, int]:
+    return signal.Signals[case.signal], case.progress
 
 
 def _one(folder: Path, how: signal.Signals, progress: int, arguments: Sequence[str]) -> tuple[str, Kill]:

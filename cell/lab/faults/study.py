@@ -3,10 +3,10 @@
 import argparse
 import csv
 import signal
-from collections.abc import Sequence
-from dataclasses import asdict
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, fields
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from cell.arguments import natural, out_folder, positive
 from cell.lab.arguments import add_seed, add_study, load_simulated
@@ -15,6 +15,10 @@ from cell.terminal import progress
 
 if TYPE_CHECKING:
     from cell.config import LoadedConfig
+    from cell.lab.faults.disks import FullDisk
+    from cell.lab.faults.kills import Kill
+
+    Row = TypeVar("Row", Kill, FullDisk)
 
 SUMMARY = "faults of every kind at every stage: time to rest, force, state, record, and whether production goes on"
 
@@ -101,27 +105,48 @@ def _ends(args: argparse.Namespace) -> StudyReport:
     from cell.lab.tables import plain
 
     arguments = [word for key in ("sim.pace=max", *args.set) for word in ("--set", key)]
-    of_what, tries = ("ends of the program", args.kills) if args.kills else ("full disks", args.disks)
-    found: list[kills.Kill | disks.FullDisk] = []
-    written = out_folder(args.out) / ("kills.csv" if args.kills else "disks.csv")
+    of_what, name, tries = (
+        ("ends of the program", "kills", args.kills) if args.kills else ("full disks", "disks", args.disks)
+    )
+    folder = out_folder(args.out)
+    written = folder / f"{name}.csv"
+    # The journal of the ends goes on with them, where the same call was broken off.
+    records = folder / f"{name}-{args.seed}"
     with progress() as bars:
         bar = bars.add_task(of_what, total=tries)
 
-        def watch(case: kills.Kill | disks.FullDisk) -> None:
-            found.append(case)
+        def watch(found: Sequence[kills.Kill | disks.FullDisk]) -> None:
             _write_rows(written, [asdict(each) for each in found])  # what is broken off leaves what it found
-            bars.advance(bar)
+            bars.update(bar, completed=len(found))
 
-        ends = (signal.Signals[f"SIG{args.signal}"],) if args.signal else kills.ENDS
-        cases: Sequence[kills.Kill | disks.FullDisk] = (
-            kills.kill(tries, args.seed, arguments, watch, ends)
-            if args.kills
-            else disks.fill(tries, args.seed, arguments, watch)
-        )
-    _write_rows(written, [asdict(case) for case in cases])
+        cases: Sequence[kills.Kill | disks.FullDisk]
+        if args.kills:
+            ends = (signal.Signals[f"SIG{args.signal}"],) if args.signal else kills.ENDS
+            at = kills.draw(tries, args.seed, ends)
+            seen = kills.begun(_read_rows(written, kills.Kill) if records.is_dir() else [], at)
+            cases = kills.kill(at, args.seed, arguments, out_folder(records), seen, watch)
+        else:
+            when = disks.draw(tries, args.seed)
+            full = disks.begun(_read_rows(written, disks.FullDisk) if records.is_dir() else [], when)
+            cases = disks.fill(when, args.seed, arguments, out_folder(records), full, watch)
     unsound = sum(not case.is_sound for case in cases)
     title = f"{len(cases)} {of_what}; {unsound} with something lost or untrue"
     return StudyReport([plain(title, cases)], {"unsound": unsound, "ends": [asdict(case) for case in cases]}, [written])
+
+
+def _read_rows(file: Path, kind: "type[Row]") -> "list[Row]":
+    """Return the cases of an earlier call; none where there is no such table."""
+    if not file.is_file():
+        return []
+    read: dict[object, Callable[[str], Any]] = {bool: "True".__eq__, int: int, str: str}
+    columns = {each.name: read[each.type] for each in fields(kind)}
+    with file.open(newline="", encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    return [
+        kind(**{name: take(row[name]) for name, take in columns.items()})
+        for row in rows
+        if row.keys() == columns.keys()
+    ]
 
 
 def _write_rows(file: Path, rows: Sequence[dict[str, object]]) -> None:

@@ -1,8 +1,10 @@
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import pytest
 
-from cell.lab.faults.kills import Kill
+from cell.lab.faults.disks import FullDisk
+from cell.lab.faults.kills import Kill, begun, draw
+from cell.lab.faults.study import _read_rows, _write_rows
 
 SOUND = Kill(
     "SIGKILL",
@@ -43,3 +45,19 @@ def test_an_end_that_lost_nothing_is_sound(kill):
 )
 def test_what_is_lost_untrue_or_rude_is_not(change):
     assert not replace(SOUND, **change).is_sound
+
+
+def test_a_campaign_goes_on_behind_the_ends_that_were_seen_whole_and_fit(tmp_path):
+    drawn = draw(3, 7)
+    seen = [replace(SOUND, signal=how.name, progress=at) for how, at in drawn]
+    _write_rows(tmp_path / "kills.csv", [asdict(case) for case in seen])
+    assert begun(_read_rows(tmp_path / "kills.csv", Kill), drawn) == seen
+    assert begun([*seen[:2], replace(seen[2], part_next="")], drawn) == seen[:2]
+    assert begun(seen, draw(3, 8)) == []
+
+
+def test_a_table_of_full_disks_is_read_as_it_was_written(tmp_path):
+    case = FullDisk("killed", 40, 3, "success", False, "lost", 100, 90, 0, 0, -1)
+    _write_rows(tmp_path / "disks.csv", [asdict(case)])
+    assert _read_rows(tmp_path / "disks.csv", FullDisk) == [case]
+    assert _read_rows(tmp_path / "none.csv", FullDisk) == []
