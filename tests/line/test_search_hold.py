@@ -9,7 +9,7 @@ from skills import spray_search
 from skills.catalogue import GRASP
 from skills.contract import Observation, Reason, Request
 
-RUNNING, HELD, RESUMED = 0.3, 2.0, 1.0
+RUNNING, HELD, RESUMED = 0.3, 1.0, 1.0
 """s."""
 
 
