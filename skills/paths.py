@@ -70,7 +70,8 @@ class Lanes:
     them.
 
     The first lane begins at a corner, or before it. A turn takes `TURN_TIME`: the speed along the lane reverses at
-    constant acceleration while the point moves to the next lane along a cosine.
+    constant acceleration while the point moves to the next lane along a cosine. It lies within the rectangle and touches its
+    border half-way: a peg that turns is slow, and falls into a hole there all the sooner.
     """
 
     half: tuple[float, float]
@@ -89,24 +90,24 @@ class Lanes:
     @property
     def cover(self) -> float:
         """Time in which the rectangle is covered once, s."""
-        return self.run_in / self.speed + self.lanes * (2.0 * self.half[self.fast] / self.speed + TURN_TIME)
+        return self._lead + self.lanes * (self._straight + TURN_TIME)
 
     def at(self, time: float) -> tuple[Vector, Vector]:
         """Return the point, m, and its velocity, m/s, at `time`, each shape (2,), from the middle of the rectangle."""
         slow = 1 - self.fast
-        straight = 2.0 * self.half[self.fast] / self.speed
-        time -= self.run_in / self.speed
+        straight = self._straight
+        time -= self._lead
         lane = max(math.floor(time / (straight + TURN_TIME)), 0)
         within = time - lane * (straight + TURN_TIME)
         pitch = 2.0 * self.half[slow] / self.lanes
         here, there = self._place(lane), self._place(lane + 1)
         way = -1.0 if lane % 2 == 0 else 1.0
         if within < straight:
-            along, rate = -self.half[self.fast] + self.speed * within, self.speed
+            along, rate = self.speed * (within - straight / 2.0), self.speed
             across, drift = here, 0.0
         else:
             t = within - straight
-            along = self.half[self.fast] + self.speed * t * (1.0 - t / TURN_TIME)
+            along = self.speed * (straight / 2.0 + t * (1.0 - t / TURN_TIME))
             rate = self.speed * (1.0 - 2.0 * t / TURN_TIME)
             angle = math.pi * t / TURN_TIME
             across = here + (there - here) * (1.0 - math.cos(angle)) / 2.0
@@ -117,6 +118,16 @@ class Lanes:
         point[slow] = self.signs[slow] * pitch * across
         velocity[slow] = self.signs[slow] * pitch * drift
         return point, velocity
+
+    @property
+    def _straight(self) -> float:
+        """Time along the straight piece of a lane, s: a turn reaches beyond it by a quarter of its time at full speed."""
+        return max(2.0 * self.half[self.fast] / self.speed - TURN_TIME / 2.0, 0.0)
+
+    @property
+    def _lead(self) -> float:
+        """Time from the beginning of the path to that of the first straight piece, s."""
+        return self.run_in / self.speed + self.half[self.fast] / self.speed - self._straight / 2.0
 
     def _place(self, lane: int) -> float:
         """Return where a lane lies, in pitches from the middle; every second cover is shifted by half a pitch."""

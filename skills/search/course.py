@@ -8,7 +8,7 @@ import numpy as np
 
 from drivers.parts import Job
 from drivers.quantities import Vector
-from skills.paths import Lanes, lanes, spray_paint
+from skills.paths import TURN_TIME, Lanes, lanes, spray_paint
 from skills.search.belief import Belief
 from skills.search.params import SpraySearchParams
 from skills.search.tour import Left, Path, Rows, Stroke, first_look, outwards, tour
@@ -84,9 +84,10 @@ def make_course(
         path = lanes(over, pitch, speed, fast, begin, max(outside - params.margin[0], 0.0))
     else:
         path = spray_paint(over, pitch, speed, fast, begin)
-    path, likely_until = _as_believed(
-        belief, job, Rows(over, fast, pitch, speed), path, outside, math.copysign(1.0, begin[fast])
-    )
+    # Strokes end where their turns begin, which reach as far as those of the lanes.
+    ends = [extent - speed * TURN_TIME / 4.0 if axis == fast else extent for axis, extent in enumerate(over)]
+    rows = Rows((max(ends[0], 0.0), max(ends[1], 0.0)), fast, pitch, speed)
+    path, likely_until = _as_believed(belief, job, rows, path, outside, math.copysign(1.0, begin[fast]))
     axis, closing = part.leaning(params.tilt_azimuth, params.tilt)
     azimuth = part.azimuth(params.tilt_azimuth)
     middle = np.array(hole.centre[:2])

@@ -50,22 +50,25 @@ def test_circles_swell_from_nothing_and_fade_to_nothing() -> None:
 
 
 @pytest.mark.parametrize("fast", [0, 1])
-def test_lanes_begin_before_the_nearest_corner_and_leave_no_place_further_than_half_a_pitch(fast: int) -> None:
+def test_lanes_begin_before_the_nearest_corner_turn_at_the_border_and_leave_no_place_far_from_them(fast: int) -> None:
     pitch, speed, run_in = 0.005, 0.1, 0.004
     path = lanes(HALF, pitch, speed, fast, (-0.02, 0.01), run_in)
     first = np.array([-0.03, 0.03]) * (1.0 - 1.0 / path.lanes)
     first[fast] = (-0.034, 0.034)[fast]
     np.testing.assert_allclose(path.at(0.0)[0], first)
-    cover = run_in / speed + path.lanes * (0.06 / speed + TURN_TIME)
-    across = np.array([path.at(t)[0] for t in np.arange(0.0, cover - TURN_TIME, 0.002)])
+    swept = np.array([path.at(t)[0] for t in np.arange(0.0, path.cover, 0.002)])
+    assert np.abs(swept[20:, fast]).max() == pytest.approx(0.03, abs=1e-5)
     grid = np.stack(np.meshgrid(*[np.linspace(-0.03, 0.03, 25)] * 2), axis=-1).reshape(-1, 2)
-    assert np.sqrt(((grid[:, None] - across[None]) ** 2).sum(axis=2)).min(axis=1).max() <= pitch / 2 + 2e-4
+    gaps = np.sqrt(((grid[:, None] - swept[None]) ** 2).sum(axis=2)).min(axis=1)
+    inside = np.abs(grid[:, fast]) < 0.03 - speed * TURN_TIME / 4
+    assert gaps[inside].max() <= pitch / 2 + 2e-4
+    assert gaps.max() <= 0.8 * pitch
 
 
 def test_the_way_back_runs_between_the_lanes_of_the_way_there() -> None:
     path = lanes(HALF, 0.005, 0.1, 1, (0.0275, 0.03), 0.0)
-    straight = 0.06 / 0.1 + TURN_TIME
-    there, back = path.at(0.3)[0][0], path.at((2 * path.lanes - 1) * straight + 0.3)[0][0]
+    a_lane = path.cover / path.lanes
+    there, back = path.at(0.3)[0][0], path.at(path.cover + (path.lanes - 1) * a_lane + 0.3)[0][0]
     assert abs(there - back) == pytest.approx(0.0025)
 
 
