@@ -119,8 +119,10 @@ def test_a_peg_that_does_not_come_out_is_no_success_and_told_as_what_it_is(tmp_p
         # The hand lets go of it, or it slips through the pads before the pull has reached its bound.
         assert report.result == Result.FAILURE
         assert report.reason in (Reason.JAMMED, Reason.PART_LEFT)
-        assert report.part in (PartPlace.IN_HOLE, PartPlace.SEATED, PartPlace.UNKNOWN)  # once let go, it is drawn in
-        assert made.world.truth().is_in_hole or report.part == PartPlace.UNKNOWN
+        # Once let go, it is drawn in; one that slipped when it was out falls beside the hole.
+        in_hole = made.world.truth().is_in_hole
+        places = (PartPlace.IN_HOLE, PartPlace.SEATED) if in_hole else (PartPlace.ON_PLATE,)
+        assert report.part in (*places, PartPlace.UNKNOWN)
         assert not made.cell.gripper.read().is_gripping
 
 
