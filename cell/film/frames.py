@@ -1,5 +1,6 @@
 """A run on record as pictures: the cell, the hole cut open, touch, force and stages, side by side."""
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -38,8 +39,9 @@ class Filmed:
         image = np.full((HEIGHT, WIDTH, 3), (243, 245, 247), dtype=np.uint8)
         section = self._camera.section(RIGHT, SECTION)
         write(section, "section through the hole", (12, 20), 13, INK)
-        age = float(samples["stamp"][scan] - samples["theta_stamp"][scan])
-        touch = self._touch.draw(moment.taxels, float(samples["theta"][scan]), age)
+        theta = run.theta(scan)
+        age = math.nan if math.isnan(theta) else float(samples["stamp"][scan] - samples["theta_stamp"][scan])
+        touch = self._touch.draw(moment.taxels, theta, age)
         panels = (
             (0, 0, head_line(run, scan, WIDTH, HEAD)),
             (GAP, HEAD + GAP, self._camera.cell(LEFT, CELL, run.trail(scan))),

@@ -1,5 +1,6 @@
 """A run on record in the form that pictures need: the poses of everything at any of its scans."""
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -92,13 +93,19 @@ class RecordedRun:
         line[:, 2] = np.maximum(line[:, 2], surface) + HIGHER
         return line
 
+    def theta(self, scan: int) -> float:
+        """Return the angle of the peg in the hand at one scan as the skin told it, rad; NaN where the hand is too wide open to hold one."""
+        if float(self.samples["width"][scan]) > HELD * self.facts.job.peg.part.thickness:
+            return math.nan
+        return float(self.samples["theta"][scan])
+
     def _peg(self, scan: int) -> Pose | None:
         if self.is_simulated:
             return self._true("peg", scan)
-        peg, width = self.facts.job.peg, float(self.samples["width"][scan])
-        if width > HELD * peg.part.thickness or not np.isfinite(self.samples["theta"][scan]):
+        peg, theta = self.facts.job.peg, self.theta(scan)
+        if math.isnan(theta):
             return None
-        held = frames.peg_in_finger(float(self.samples["theta"][scan]), peg.length)
+        held = frames.peg_in_finger(theta, peg.length)
         end = frames.compose(finger_frame(self.facts.arm, self.samples["joints"][scan]), held)
         return Pose(end.position + (peg.length + peg.overhang) / 2 * end.rotation[:, 2], end.rotation)
 

@@ -99,7 +99,7 @@ class TimedLive(Live):
         super().show(look)
 
 
-def measure(pairs: int, length: float, folder: Path, done: Callable[[], None]) -> list[Pair]:
+def measure(pairs: int, length: float, folder: Path, done: Callable[[Sequence[Pair]], None]) -> list[Pair]:
     """Serve a simulated cell in real time, run after run, and return what each pair shows.
 
     Within a pair pages are opened and closed again and again, in an order by which what changes slowly, as the work of a run does,
@@ -109,9 +109,9 @@ def measure(pairs: int, length: float, folder: Path, done: Callable[[], None]) -
         pairs: Number of pairs.
         length: Time with pages, and time without, of each pair, s.
         folder: Folder of the records.
-        done: Called after each pair.
+        done: Called after each pair, with all pairs so far.
     """
-    found = []
+    found = list[Pair]()
     with _serving(folder) as (server, live, period), watched(server) as set_open:
         for number in range(pairs):
             gaps: dict[bool, list[float]] = {False: [], True: []}
@@ -123,7 +123,7 @@ def measure(pairs: int, length: float, folder: Path, done: Callable[[], None]) -
                 gaps[has_pages] += _stretch(live, period, 2 * length / len(TURNS))
                 used += _thread_time() - before if has_pages else 0.0
             found.append(Pair(gaps[False], gaps[True], used / length))
-            done()
+            done(found)
     return found
 
 

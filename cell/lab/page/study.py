@@ -3,14 +3,19 @@
 import argparse
 import csv
 import json
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
 
 from cell.arguments import out_folder, positive
 from cell.lab.arguments import add_out
 from cell.lab.report import StudyReport, finite
 from cell.terminal import progress
+
+if TYPE_CHECKING:
+    from cell.lab.page.jitter import Pair
 
 CURVE = "growth.csv"
 """File of the memory over the simulated hours, MB."""
@@ -62,13 +67,24 @@ def run(args: argparse.Namespace) -> StudyReport:
         }
         _save(file, result)  # hours of growth are not lost to what comes after them
         bar = bars.add_task("pairs", total=pairs)
-        found = jitter.measure(pairs, length, records / "jitter", lambda: bars.advance(bar))
+
+        def took(so_far: Sequence[jitter.Pair]) -> None:
+            bars.advance(bar)
+            _save(file, result | {"jitter": _told(so_far)})  # pairs that are broken off leave what they showed
+
+        found = jitter.measure(pairs, length, records / "jitter", took)
     shown = [tables.jitter_table(found)]
     if lines:
         shown = [tables.growth_table(lines), tables.latency_table(latencies), *shown]
-    result = finite(result | {"jitter": [pair.told() for pair in found], "cost": asdict(jitter.cost(found))})
+    result = finite(result | {"jitter": _told(found), "cost": asdict(jitter.cost(found))})
     _save(file, result)
     return StudyReport(shown, result, [file])
+
+
+def _told(pairs: "Sequence[Pair]") -> list[dict[str, float]]:
+    """Return the figures of the pairs, for programs."""
+    told: list[dict[str, float]] = finite([pair.told() for pair in pairs])
+    return told
 
 
 def _save_curve(file: Path, curve: list[dict[str, float]]) -> None:

@@ -4,6 +4,7 @@ import { begin, colours, stageColour, step } from "./paint.js";
 
 const NEAR = -0.012; // m above the plate: the way there would dwarf what happens on it
 const MARGIN = 22;
+const WORDS = 20; // pixels at the lower edge that hold the words
 
 export function drawPath(canvas, ring, hole, found) {
   const { context, width, height } = begin(canvas);
@@ -46,7 +47,7 @@ export function drawPath(canvas, ring, hole, found) {
     const [x, y] = at(ring.last("x"), ring.last("y"));
     context.fillStyle = tint.ink;
     context.beginPath();
-    context.arc(Math.min(Math.max(x, 6), width - 6), Math.min(Math.max(y, 6), height - 6), 5, 0, 2 * Math.PI);
+    context.arc(Math.min(Math.max(x, 6), width - 6), Math.min(Math.max(y, 6), height - WORDS), 5, 0, 2 * Math.PI);
     context.fill();
   }
 }

@@ -37,6 +37,13 @@ def test_a_physical_run_shows_the_peg_as_it_was_felt_once_the_hand_holds_it(rig,
     np.testing.assert_allclose(felt.rotation, held_peg(rig, 0.2).rotation, atol=1e-12)
 
 
+def test_an_open_hand_has_no_angle_of_a_peg_though_the_skin_told_one(rig, journal):
+    run = recorded(journal, record(rig, journal, knows_truth=True))
+    stale = replace(run, samples=run.samples | {"theta": np.full(60, 0.2)})
+    assert np.isnan(stale.theta(0))
+    assert stale.theta(59) == 0.2
+
+
 def test_a_physical_run_has_its_hole_where_the_switch_closed(rig, journal):
     run = recorded(journal, record(rig, journal, knows_truth=False))
     x, y, z = run.hole().position
