@@ -8,13 +8,15 @@ from dataclasses import replace
 import pytest
 
 from cell.config import load
-from cell.lab.faults import charts, tables
-from cell.lab.faults.bench import KEYS, REST_LIMIT
+from cell.lab.faults import charts, kills, tables
+from cell.lab.faults.bench import KEYS, REST_LIMIT, bench
 from cell.lab.faults.cases import FaultCase, begun, write
 from cell.lab.faults.kinds import KINDS
 from cell.lab.faults.measure import MOMENTS, cases, drawn, measure
 from cell.lab.faults.soak import SoakSample, growth
-from drivers.errors import FaultCode
+from cell.states import State
+from drivers.errors import CellError, FaultCode
+from sim.config import WireFaults
 
 KIND = next(kind for kind in KINDS if kind.name == "skin: unplugged")
 SOUND = FaultCase(
@@ -136,6 +138,37 @@ def test_a_run_that_ended_before_the_fault_is_not_counted():
 
 def test_every_kind_is_tried_at_every_stage():
     assert len(cases(KINDS)) == 20 * len(KINDS) >= 1000
+
+
+@pytest.fixture(scope="module")
+def idle():
+    """Yield a served cell that nobody commands yet."""
+    with bench(load(sets=[*KEYS, "reality.scale=0.0", "sim.pace=max"])) as tried:
+        tried.peer.close()
+        yield tried
+
+
+def stand_aborted(tried, away):
+    """Unplug the skin for so long, s of the cell's clock, and wait until the cell stands aborted, as a PLC finds it that comes later."""
+    tried.wire.faults = WireFaults(unplugged=((0.0, tried.cell.clock.now() + away),))
+    while tried.supervisor.state is not State.ABORTED:
+        tried.let_pass(0.1)
+
+
+def test_a_cell_that_no_reset_brings_back_is_given_up(idle, monkeypatch):
+    monkeypatch.setattr(kills, "PAUSE", 0.0)
+    stand_aborted(idle, 1e5)
+    seen = kills.Seen()
+    with pytest.raises(CellError, match=rf"fault {FaultCode.SKIN_SILENT} after {kills.RESETS} resets"):
+        kills.insert(idle.bridge.address, 1, seen=seen)
+    assert (seen.run, seen.resets) == (0, kills.RESETS)
+
+
+def test_a_cell_that_stands_aborted_from_its_start_is_reset_and_counted(idle):
+    stand_aborted(idle, 5.0)
+    seen = kills.insert(idle.bridge.address, 1)
+    assert (seen.run, seen.aborted) == (1, FaultCode.SKIN_SILENT)
+    assert seen.resets >= 1
 
 
 def test_growth_is_counted_once_caches_are_filled():

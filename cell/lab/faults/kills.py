@@ -32,6 +32,8 @@ LAST = 1.0
 """Time before a signal of which samples may be lost, s of wall time."""
 ENDING = 30.0
 """Longest wait for a program that was asked to end, s of wall time."""
+RESETS, PAUSE = 5, 1.0
+"""Number of times that a person resets a cell that stands aborted before giving it up, and the time before each, s of wall time."""
 LEFT = {
     "rack": ("rack", "unknown"),
     "in_hand": ("unknown",),
@@ -72,6 +74,12 @@ class Kill:
     """Place of the peg as the PLC had read it last."""
     part_next: str
     """Place of the peg as the next start tells it, of a world whose hand and hole are empty."""
+    resets: int = 0
+    """Number of resets that the cell needed before its insertion began."""
+    aborted: int = 0
+    """Fault code with which the cell stood aborted before its insertion began; 0 where it stood ready."""
+    trouble: str = ""
+    """What kept the insertion from coming so far; empty where nothing did."""
 
     @property
     def is_sound(self) -> bool:
@@ -80,7 +88,8 @@ class Kill:
         is_told = self.told == 0 or self.outcome not in ("", "running")
         is_told = is_told and self.samples >= self.told_scans
         is_part_kept = self.part_next in LEFT[self.part]
-        return is_ended_well and is_told and is_part_kept and self.still_running == 0 and self.twice == 0
+        is_clean = self.still_running == 0 and self.twice == 0 and not self.trouble
+        return is_ended_well and is_told and is_part_kept and is_clean
 
 
 def kill(
@@ -138,11 +147,18 @@ def _one(folder: Path, how: signal.Signals, progress: int, arguments: Sequence[s
     """Return where the peg is when the cell starts, and what the signal leaves, without what the next start will say."""
     with Journal(folder, is_read_only=True) as journal:
         before = {row.run for row in journal.runs(1_000_000)}
+    seen, trouble = Seen(), ""
     with served(folder, arguments) as program:
         part_now = part_at(program.address)
-        seen = insert(program.address, progress)
+        try:
+            insert(program.address, progress, seen=seen)
+        except CellError as error:
+            trouble = str(error)
         program.signal(how)
-        status = program.wait(ENDING)
+        try:
+            status = program.wait(ENDING)
+        except CellError as error:
+            status, trouble = -signal.SIGKILL, str(error)  # which it is given at once
     with Journal(folder) as journal:
         rows = {row.run: row for row in journal.runs(1_000_000)}
     told = seen.run
@@ -159,6 +175,9 @@ def _one(folder: Path, how: signal.Signals, progress: int, arguments: Sequence[s
         twice=int(told in before),
         part=seen.part.name.lower(),
         part_next="",
+        resets=seen.resets,
+        aborted=seen.aborted,
+        trouble=trouble,
     )
 
 
@@ -185,6 +204,10 @@ class Seen:
     part: PartPlace = PartPlace.UNKNOWN
     warnings: int = 0
     """All warnings of the run together."""
+    resets: int = 0
+    """Number of resets before the run began."""
+    aborted: int = 0
+    """Fault code with which the cell stood aborted before the first of them."""
     report: ReportImage | None = None
     """The last report."""
     lives: list[tuple[float, int]] = field(default_factory=list)
@@ -209,44 +232,63 @@ class Seen:
         return max(min(told, self.lives[-1][1] - BATCH), 0) if self.lives else 0
 
 
-def insert(address: tuple[str, int], progress: int, then: Callable[[Seen], None] | None = None) -> Seen:
+def insert(
+    address: tuple[str, int], progress: int, then: Callable[[Seen], None] | None = None, seen: Seen | None = None
+) -> Seen:
     """Let an insertion come so far, percent, and return what was told of it last.
+
+    What keeps it from its start is seen to first, as a person would: a cell that stands aborted is reset, and a peg that an
+    earlier end left somewhere is taken away.
 
     Args:
         address: Where the cell is served.
         progress: How far it comes, percent; 101 is its end.
         then: Called once the insertion has come so far, which then goes on to its end; None leaves it there.
+        seen: Where to note what is told; it is also what is returned.
 
     Raises:
         CellError: It does not come so far.
     """
-    deadline, seen = time.monotonic() + LONGEST, Seen()
+    deadline, seen = time.monotonic() + LONGEST, seen or Seen()
     with closing(Peer(*address)) as peer:
-        peer.connect()
+        before = peer.connect().run
         peer.take()
-        code, report = int(_INSERT), peer.trigger(_INSERT)
-        while True:
-            is_aborted = report.state == State.ABORTED and not (code == _INSERT and report.run)
-            if is_aborted and code != Control.RESET:
-                # This computer was too busy: the cell took this PLC for lost.
-                code = int(Control.RESET)
-                peer.take()
-                report = peer.trigger(code)
-            elif report.refusal or (code != _INSERT and report.result != Result.NONE):
-                # A peg that an earlier end left somewhere is taken away first.
-                code = int(Control.CLEARED if report.refusal else _INSERT)
-                peer.acknowledge()
-                report = peer.trigger(code)
-            elif code == _INSERT and report.run:
+        report = peer.trigger(_INSERT)
+        while time.monotonic() < deadline:
+            if report.run not in (0, before):
                 seen.see(report)
-                is_over = report.result != Result.NONE
+                # An end that this PLC never reads is one too: the cell took it for lost, as on a computer that is too busy.
+                is_over = report.result != Result.NONE or report.state == State.ABORTED
                 if then is not None and (is_over or report.progress >= progress):
                     then(seen)
                     then, progress = None, 101
                 if is_over or report.progress >= progress:
                     return seen
-            elif time.monotonic() > deadline:
-                told = f"state {report.state}, refusal {report.refusal}, result {report.result} of command {code}"
-                raise CellError(f"the insertion does not come to {progress} % in {LONGEST:g} s: {told}")
+            elif report.state in (State.ABORTED, State.STOPPED):
+                _reset(peer, report, seen)
+                report = peer.trigger(_INSERT)
+            elif report.refusal:
+                peer.run(Control.CLEARED, timeout=LONGEST)
+                report = peer.trigger(_INSERT)
             time.sleep(CYCLE)
             report = peer.cycle()
+    told = f"state {report.state}, refusal {report.refusal}, result {report.result}"
+    raise CellError(f"the insertion does not come to {progress} % in {LONGEST:g} s: {told}")
+
+
+def _reset(peer: Peer, report: ReportImage, seen: Seen) -> None:
+    """Reset a cell that stands aborted or stopped, and note it.
+
+    Raises:
+        CellError: It was reset before, again and again, and does not come back.
+    """
+    if seen.resets >= RESETS:
+        raise CellError(f"the cell stands aborted with fault {report.fault} after {seen.resets} resets")
+    seen.aborted = seen.aborted or report.fault
+    seen.resets += 1
+    peer.take()
+    deadline = time.monotonic() + PAUSE
+    while time.monotonic() < deadline:
+        time.sleep(CYCLE)
+        peer.cycle()
+    peer.run(Control.RESET, timeout=LONGEST)

@@ -120,17 +120,20 @@ def _ends(args: argparse.Namespace) -> StudyReport:
             bars.update(bar, completed=len(found))
 
         cases: Sequence[kills.Kill | disks.FullDisk]
+        stood = 0
         if args.kills:
             ends = (signal.Signals[f"SIG{args.signal}"],) if args.signal else kills.ENDS
             at = kills.draw(tries, args.seed, ends)
             seen = kills.begun(_read_rows(written, kills.Kill) if records.is_dir() else [], at)
-            cases = kills.kill(at, args.seed, arguments, out_folder(records), seen, watch)
+            killed = kills.kill(at, args.seed, arguments, out_folder(records), seen, watch)
+            stood, cases = sum(case.resets > 0 for case in killed), killed
         else:
             when = disks.draw(tries, args.seed)
             full = disks.begun(_read_rows(written, disks.FullDisk) if records.is_dir() else [], when)
             cases = disks.fill(when, args.seed, arguments, out_folder(records), full, watch)
     unsound = sum(not case.is_sound for case in cases)
     title = f"{len(cases)} {of_what}; {unsound} with something lost or untrue"
+    title += f"; {stood} cells stood aborted from their start and were reset" if args.kills else ""
     return StudyReport([plain(title, cases)], {"unsound": unsound, "ends": [asdict(case) for case in cases]}, [written])
 
 

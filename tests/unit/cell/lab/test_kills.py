@@ -23,7 +23,12 @@ SOUND = Kill(
 
 @pytest.mark.parametrize(
     "kill",
-    [SOUND, replace(SOUND, told=0, outcome="", samples=0, told_scans=0), replace(SOUND, signal="SIGTERM", status=0)],
+    [
+        SOUND,
+        replace(SOUND, told=0, outcome="", samples=0, told_scans=0),
+        replace(SOUND, signal="SIGTERM", status=0),
+        replace(SOUND, resets=1, aborted=1001),
+    ],
 )
 def test_an_end_that_lost_nothing_is_sound(kill):
     assert kill.is_sound
@@ -41,6 +46,7 @@ def test_an_end_that_lost_nothing_is_sound(kill):
         {"status": 0},
         {"samples": 99},
         {"signal": "SIGTERM"},
+        {"trouble": "the cell stands aborted with fault 1001 after 5 resets"},
     ],
 )
 def test_what_is_lost_untrue_or_rude_is_not(change):
