@@ -78,6 +78,7 @@ class Watch(NamedTuple):
     """View of the peg's centre of mass, shape (3,), m, base frame."""
     load: Vector
     """View of force, N, and torque, N·m, that are applied to it, shape (6,), base frame."""
+    hand: metering.HandView
 
 
 class Drives(NamedTuple):
@@ -164,6 +165,7 @@ def advance(
         if is_latched:
             latch.add_felt(control.latch, peg, watch.pivot, force, torque)
         metering.take(meters, force, torque, stride * span.timestep, watch.hinge, qpos)
+        metering.take_jerk(meters, watch.hand, stride * span.timestep, control.words[impedance.IS_FREE] > 0.0)
         for _ in range(stride):
             metering.judge(meters, state.userdata, lasting)
         if watch.hinge >= 0 and abs(qpos[watch.hinge]) > watch.lost:

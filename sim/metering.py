@@ -1,6 +1,7 @@
-"""The meters of the physics, compiled: force of the plates on the peg, penetrations that last, and the peg's turn."""
+"""The meters of the physics, compiled: force of the plates on the peg, penetrations that last, the peg's turn, and the hand's jerk."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,15 +23,36 @@ OVER_TIME, SURFACE_SUSTAINED = 11, 12
 """Indices of meters: time that the force on the held peg exceeded `OVER_FORCE`, s; deepest penetration of a surface or
 a floor that lasted, m.
 """
+JERK_FREE, JERK_CONTACT = 13, 14
+"""Indices of meters: largest jerk of the finger centre while the arm is told to go through free space, and at all other times, m/s³."""
 RING, SURFACE_RING = 20, 70
 """Places of the rings that hold the newest ticks' penetrations, of bores and rims and of surfaces and floors."""
 
+VELOCITY, ACCELERATION = 112, 115
+"""Places of the finger centre's velocity, m/s, and acceleration, m/s², base frame, behind the low-pass of `JERK_BANDWIDTH`."""
+
+JERK_BANDWIDTH = 10.0
+"""Corner frequency of the low-pass of second order, Butterworth, behind which the jerk is taken, as [r79] does, Hz. The shipped stiffness lets the hand swing at
+2 to 5 Hz; a blow that stops it within a step says nothing of how fast, and counts with its change of speed times (2 pi 10 Hz)²,
+which is 200 m/s³ for 0.05 m/s."""
 FORCE_FILTER = 0.005
 """Time constant of the low-pass on forces, s, a bandwidth of 32 Hz; single steps of a rigid contact carry no information."""
 OVER_FORCE = 20.0
 """Force on the peg, N, above which time is counted."""
 SUSTAINED_TIME = 0.002
 """Time for which a penetration has to last to count, s."""
+
+
+class HandView(NamedTuple):
+    """Views of the hand in the physics, base frame."""
+
+    velocity: Vector
+    """Angular, then linear velocity of the last link at `reference`, shape (6,), rad/s and m/s."""
+    reference: Vector
+    """Point of the last link's frame that `velocity` is of, shape (3,), m."""
+    left: Vector
+    """Place of one finger, or the finger centre, shape (3,), m; the finger centre is half-way to `right`."""
+    right: Vector
 
 
 def new_meters() -> Vector:
@@ -60,6 +82,43 @@ def take(
         if size > OVER_FORCE * OVER_FORCE:
             meters[OVER_TIME] += elapsed
         meters[TURN_MAX] = max(meters[TURN_MAX], abs(qpos[hinge] - meters[TURN_FROM]))
+
+
+@njit(cache=True)
+def take_jerk(meters: Vector, hand: HandView, elapsed: float, is_free: bool) -> None:  # pragma: no cover
+    """Meter the jerk of the finger centre in a step of `elapsed`, s: the change of its low-passed acceleration.
+
+    The low-pass a' = w² (v - u) - sqrt(2) w a, u' = a, with w = 2 pi `JERK_BANDWIDTH`, is integrated by the trapezoidal rule with the velocity v
+    held over the step, so that steps may have any length.
+
+    Args:
+        meters: Meters, updated.
+        hand: The hand.
+        elapsed: Length of the step, s.
+        is_free: Whether the arm is told to go through free space.
+    """
+    spin, speed = hand.velocity[:3], hand.velocity[3:]
+    x, y, z = (
+        (hand.left[0] + hand.right[0]) / 2.0 - hand.reference[0],
+        (hand.left[1] + hand.right[1]) / 2.0 - hand.reference[1],
+        (hand.left[2] + hand.right[2]) / 2.0 - hand.reference[2],
+    )
+    velocity = (
+        speed[0] + spin[1] * z - spin[2] * y,
+        speed[1] + spin[2] * x - spin[0] * z,
+        speed[2] + spin[0] * y - spin[1] * x,
+    )
+    rate = 2.0 * math.pi * JERK_BANDWIDTH
+    stiff, damped = elapsed * rate * rate, elapsed * math.sqrt(2.0) * rate
+    size = 0.0
+    for i in range(3):
+        smooth, before = meters[VELOCITY + i], meters[ACCELERATION + i]
+        both = (2.0 * before + stiff * (velocity[i] - smooth)) / (1.0 + damped / 2.0 + stiff * elapsed / 4.0)
+        meters[VELOCITY + i] = smooth + elapsed / 2.0 * both
+        meters[ACCELERATION + i] = both - before
+        size += (both - 2.0 * before) ** 2
+    at = JERK_FREE if is_free else JERK_CONTACT
+    meters[at] = max(meters[at], math.sqrt(size) / elapsed)
 
 
 @njit(cache=True)

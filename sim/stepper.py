@@ -221,13 +221,18 @@ class Stepper:
         self._state = engine.state_of(data)
         self._watch = engine.Watch(
             self.peg_view,
-            data.xpos[mechanism.pivot],
+            data.xpos[mechanism.sides[0]],
             mechanism.plates,
             HINGE if is_held else -1,
             situation.LOST_TURN,
             self.feels_plates(),
             data.xipos[mechanism.peg_body],
             data.xfrc_applied[mechanism.peg_body],
+            metering.HandView(
+                data.cvel[mechanism.hand],
+                data.subtree_com[int(mechanism.model.body_rootid[mechanism.hand])],
+                *(data.xpos[side] for side in mechanism.sides),
+            ),
         )
         self._set_near(self.scene.hole)
         self._in_grip_since = self._loose_since = now

@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 
 from drivers import frames
+from drivers.arm.model import JOINTS
 from drivers.errors import ConfigError
 from drivers.parts import Job
 from drivers.quantities import Pose, Vector
@@ -24,19 +25,20 @@ FLOOR_MARGIN = 0.5e-3
 class Mechanism:
     """One model of the scene with its state."""
 
-    def __init__(self, model: mujoco.MjModel, twin: mujoco.MjModel | None, pivot: str, plates: int) -> None:
+    def __init__(self, model: mujoco.MjModel, twin: mujoco.MjModel | None, sides: tuple[str, str], plates: int) -> None:
         """Make the state of a compiled model.
 
         Args:
             model: The model.
             twin: The same model with a time step `engine.COARSE` times as long, for the same state, or None.
-            pivot: Body at the finger centre.
+            sides: Bodies with the finger centre half-way between them; the plates' torque is taken about the first one.
             plates: Number of plates among the first geoms, which the net force counts.
         """
         self.model, self.twin, self.plates = model, twin, plates
         self.data = mujoco.MjData(model)
         self.peg_body, self.peg_geom = int(model.body("peg").id), int(model.geom("peg").id)
-        self.pivot = int(model.body(pivot).id)
+        self.hand = int(model.body(f"link{JOINTS}").id)
+        self.sides = tuple(int(model.body(name).id) for name in sides)
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,8 +85,8 @@ class TrialScene:
                 scene.held_model(self.arm, job, self.plate, drawn.friction, engine.COARSE * dt, how),
                 scene.without_peg(free, engine.COARSE),
             )
-        self.held = Mechanism(held, twins[0], scene.GRIP, int(held.geom("peg").id))
-        self.free = Mechanism(free, twins[1], "left", 2)
+        self.held = Mechanism(held, twins[0], (scene.GRIP, scene.GRIP), int(held.geom("peg").id))
+        self.free = Mechanism(free, twins[1], ("left", "right"), 2)
         """Free model with its twin, which leaves the peg out."""
         self.pads = (int(free.geom("left").id), int(free.geom("right").id))
         """Geoms of the pads in the free model."""

@@ -37,6 +37,10 @@ class Truth:
     """Largest distance that the peg slipped along and across the fingers since it was last grasped, m."""
     time_over_20N: float  # noqa: N815 - a column of trials.csv
     """Time that the force, low-passed as for `peak_contact_force`, exceeded 20 N, s."""
+    jerk_free: float
+    """Largest jerk of the finger centre on ways through free space, m/s³, behind a low-pass of 10 Hz, see `sim.metering`."""
+    jerk_contact: float
+    """Largest jerk of the finger centre at all other times, m/s³, behind the same low-pass."""
     plate_penetration: float
     """Deepest penetration of a surface or a hole's floor that lasted longer than 2 ms, m; recorded, not judged."""
     joint_speed: float

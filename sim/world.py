@@ -193,6 +193,8 @@ class World:
             max_in_hand_rotation=float(self.meters[metering.TURN_MAX]),
             grip_slip=float(self.control.grip[slip.SLIP]),
             time_over_20N=float(self.meters[metering.OVER_TIME]),
+            jerk_free=float(self.meters[metering.JERK_FREE]),
+            jerk_contact=float(self.meters[metering.JERK_CONTACT]),
             plate_penetration=float(self.meters[metering.SURFACE_SUSTAINED]),
             joint_speed=float(np.max(np.abs(self.dq))),
         )

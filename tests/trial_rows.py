@@ -26,5 +26,8 @@ SEATED = TrialRow(
     depth=0.02,
     sim_time=15.0,
     wall_time=1.0,
+    time_over_20N=0.0,
+    jerk_free=40.0,
+    jerk_contact=300.0,
 )
 """A peg that was seated in 8 s, with a largest force of 15 N."""

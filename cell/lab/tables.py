@@ -7,8 +7,17 @@ from typing import Any
 from rich.table import Table
 
 from cell.lab.published import PUBLISHED, PUBLISHED_ATTEMPTS, PUBLISHED_SUCCESSES, PUBLISHED_TOTAL, StageLine
-from cell.lab.trials import TrialRow
+from cell.lab.trials import LOADS, TrialRow, load
 from cell.statistics import mean, wilson
+from sim.metering import JERK_BANDWIDTH, OVER_FORCE
+
+LOADED = (
+    ("largest contact force (N)", 1),
+    ("time above 20 N (s)", 2),
+    ("largest jerk in free space (m/s³)", 0),
+    ("largest jerk elsewhere (m/s³)", 0),
+)
+"""Name and decimals of each of `LOADS`."""
 
 
 def stages(lines: Sequence[StageLine], cycles: Sequence[float]) -> Table:
@@ -41,6 +50,24 @@ def outcomes(rows: Sequence[TrialRow]) -> Table:
     for kind in kinds:
         count = sum((row.outcome, row.stage, row.reason) == kind for row in rows)
         table.add_row(*kind, str(count))
+    return table
+
+
+def loads(rows: Sequence[TrialRow]) -> Table:
+    """Return how hard the peg was pressed and how abruptly the hand moved, over all trials."""
+    within = sum(row.peak_contact_force <= OVER_FORCE for row in rows)
+    table = Table(title="Force and jerk")
+    table.caption = (
+        f"{within} of {len(rows)} trials within {OVER_FORCE:g} N; jerk behind a low-pass of {JERK_BANDWIDTH:g} Hz"
+    )
+    table.add_column("of a trial")
+    for name in ("median", "p95", "largest"):
+        table.add_column(name, justify="right")
+    for name, (label, digits) in zip(LOADS, LOADED, strict=True):
+        found = load(rows, name)
+        table.add_row(
+            label, *(f"{found[key]:.{digits}f}" for key in ("median", "p95", "largest")) if found else ("-",) * 3
+        )
     return table
 
 

@@ -39,6 +39,8 @@ WATCHED = frozenset({"spray_search", "tactile_insert"})
 """Stages over which the estimate in use is compared with the truth."""
 VOID = "void"
 """Outcome of a trial in which bodies penetrated each other, in place of an `Outcome`."""
+LOADS = ("peak_contact_force", "time_over_20N", "jerk_free", "jerk_contact")
+"""Columns that say how gently a trial went."""
 TABLE, PARTIAL, SUMMARY = "trials.csv", "trials.partial.jsonl", "summary.json"
 
 
@@ -81,6 +83,10 @@ class TrialRow:
     """Largest distance that the peg slipped along and across the fingers since the grasp, m."""
     found_error: float | None = None
     """Distance of the peg's end from the hole's axis along the plate, m, when the newest search had said that the hole was found."""
+    jerk_free: float = math.nan
+    """Largest jerk of the finger centre on ways through free space, m/s³, behind a low-pass of 10 Hz."""
+    jerk_contact: float = math.nan
+    """Largest jerk of the finger centre at all other times, m/s³, behind the same low-pass."""
     errors: dict[str, str] = field(default_factory=dict)
     """Drawn errors of the cell by name; each is a column."""
 
@@ -168,7 +174,6 @@ def run_trial(config: CellConfig, seed: int) -> TrialRow:
     cell = assemble(config)
     assert cell.truth is not None
     records: list[StageRecord] = []
-    fault: CellError | None = None
     with opened(cell):
         ctx, began = cell.context(seed), cell.clock.now()
         watcher = Watcher(cell, ctx)
@@ -176,17 +181,14 @@ def run_trial(config: CellConfig, seed: int) -> TrialRow:
         try:
             records = CATALOGUE["insert_peg"].run(config.skill_set(), ctx)
             ending = watcher.judged(ending_of(records, None, ctx.stage), records)
+            outcome, reason = ending.outcome, ending.word
         except CellError as error:
-            fault = error
+            ending = ending_of(records, error, ctx.stage)
+            outcome, reason = Outcome.FAILURE, FaultCode(error.code).name.lower()
         truth = watcher.ending or cell.truth()
         sim_time = cell.clock.now()
     watcher.clock.leave(sim_time)
     times = watcher.clock.times
-    if fault is not None:
-        ending = ending_of(records, fault, ctx.stage)
-    outcome, reason = ending.outcome, ending.word
-    if fault is not None:
-        outcome, reason = Outcome.FAILURE, FaultCode(fault.code).name.lower()
     start = next((r.result.start for r in records if isinstance(r.result, SpraySearchResult)), None)
     stages = [times[name] for name in CATALOGUE.counted if name in times]
     return TrialRow(
@@ -218,6 +220,8 @@ def run_trial(config: CellConfig, seed: int) -> TrialRow:
         plate_penetration=truth.plate_penetration,
         grip_slip=truth.grip_slip,
         found_error=watcher.found_error,
+        jerk_free=truth.jerk_free,
+        jerk_contact=truth.jerk_contact,
         errors=dict(cell.errors),
     )
 
@@ -362,7 +366,7 @@ def _cell(value: object) -> object:
 
 
 def summarise(rows: Sequence[TrialRow], config: CellConfig) -> dict[str, Any]:
-    """Return counts, the interval of the success rate, times of the successes, versions and the whole config."""
+    """Return counts, the interval of the success rate, times of the successes, loads of all, versions and the whole config."""
     outcomes = [row.outcome for row in rows]
     successes = outcomes.count(Outcome.SUCCESS)
     low, high = wilson(successes, len(rows))
@@ -376,8 +380,16 @@ def summarise(rows: Sequence[TrialRow], config: CellConfig) -> dict[str, Any]:
         "success_rate": successes / len(rows) if rows else None,
         "wilson_95": [low, high],
         "times": {name: spread([v for row in good if (v := getattr(row, name)) is not None]) for name in times},
+        "loads": {name: load(rows, name) for name in LOADS},
         "stages": [asdict(line) for line in stage_table([row.tried() for row in rows])],
         "config_hash": config_hash(config),
         "versions": {"python": platform.python_version(), **versions()},
         "config": config.model_dump(mode="json"),
     }
+
+
+def load(rows: Sequence[TrialRow], name: str) -> dict[str, float] | None:
+    """Return mean, median, 95th percentile and largest value of one of `LOADS` over all trials, or None of none."""
+    values = [getattr(row, name) for row in rows]
+    found = spread(values)
+    return None if found is None else {**found, "largest": max(values)}

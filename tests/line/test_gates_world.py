@@ -9,6 +9,7 @@ import pytest
 from cell.assembly import Cell, assemble
 from cell.config import load
 from cell.record import ending_of
+from drivers import impedance
 from drivers.frames import rotation_about
 from drivers.quantities import Pose
 from sim import metering, truth
@@ -211,3 +212,16 @@ def test_a_peg_at_rest_is_back_before_the_pads_reach_it() -> None:
     woken = [awake for awake, _ in seen].index(True, asleep)
     touched = next(k for k, (_, force) in enumerate(seen) if force > 0.0)
     assert asleep < woken < touched - 3
+
+
+@pytest.mark.parametrize("begin", [cell_of, holding], ids=["empty hand", "peg in the hand"])
+def test_the_jerk_of_a_struck_arm_is_that_of_its_finger_centre(begin) -> None:
+    _, physics = begin(1)
+    position, _, axes, origins = impedance.forward(impedance.figures(physics.arm), physics.q)
+    # A little is left of the swing that the grasp ended with.
+    physics.meters[metering.JERK_CONTACT] = 0.0
+    velocity = 0.2 * np.cross(axes[0], position - origins[0]) + 0.3 * np.cross(axes[3], position - origins[3])
+    physics.physics()[1].qvel[[0, 3]] += (0.2, 0.3)
+    physics.wait_until(physics.now() + 0.2)
+    rate = 2.0 * math.pi * metering.JERK_BANDWIDTH
+    assert physics.truth().jerk_contact == pytest.approx(rate**2 * float(np.linalg.norm(velocity)), rel=0.08)

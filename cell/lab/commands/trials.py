@@ -33,7 +33,7 @@ def run(args: argparse.Namespace) -> int:
 
     from cell.lab.charts import CHART, Point, plot_speed_accuracy
     from cell.lab.published import stage_table
-    from cell.lab.tables import outcomes, stages
+    from cell.lab.tables import loads, outcomes, stages
     from cell.lab.trials import SUMMARY as TOLD
     from cell.lab.trials import TABLE, run_trials
 
@@ -50,6 +50,6 @@ def run(args: argparse.Namespace) -> int:
     plot_speed_accuracy([Point.of_total(lines[-1])], args.out / CHART)
     summary = json.loads((args.out / TOLD).read_text(encoding="utf-8"))
     cycles = [row.cycle_time for row in rows if row.outcome == "success"]
-    show(args, Group(stages(lines, cycles), outcomes(rows)), summary)
+    show(args, Group(stages(lines, cycles), outcomes(rows), loads(rows)), summary)
     written(args, [args.out / name for name in (TABLE, TOLD, CHART)])
     return GOOD

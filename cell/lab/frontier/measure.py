@@ -20,6 +20,7 @@ from cell.lab.trials import SUMMARY, TABLE, VOID, TrialRow, read_table, run_tria
 from cell.provenance import config_hash, versions
 from cell.statistics import Z95, RateTest, Verdict, mean, wilson
 from drivers.errors import CellError, ConfigError, FaultCode
+from sim.metering import OVER_FORCE
 from skills.contract import Outcome
 
 logger = logging.getLogger(__name__)
@@ -73,6 +74,13 @@ class FrontierLine:
     force_median: float
     """Median over all trials of the largest contact force, N."""
     force_p95: float
+    within: int
+    """Number of trials whose largest contact force is at most `OVER_FORCE`."""
+    over_longest: float
+    """Longest time of a trial above that force, s."""
+    jerk_free: float
+    """95th percentile of the trials' largest jerk in free space, m/s³; the next field is that elsewhere."""
+    jerk_contact: float
     voids: int
     faults: int
     """Number of trials that a fault ended; they count as not successful."""
@@ -260,6 +268,10 @@ def _line(variant: Variant, place: str, rows: Sequence[TrialRow], trouble: str, 
         adjust=stage("adjust_time"),
         force_median=_quantile(forces, 0.5),
         force_p95=_quantile(forces, 0.95),
+        within=int(np.count_nonzero(forces <= OVER_FORCE)),
+        over_longest=max((row.time_over_20N for row in rows), default=math.nan),
+        jerk_free=_quantile([row.jerk_free for row in rows], 0.95),
+        jerk_contact=_quantile([row.jerk_contact for row in rows], 0.95),
         voids=sum(row.outcome == VOID for row in rows),
         faults=sum(row.reason in faults for row in rows),
         retries=sum(row.retries for row in rows),

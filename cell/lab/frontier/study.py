@@ -45,7 +45,7 @@ def run(args: argparse.Namespace) -> StudyReport:
         lines, title = _measured(args, config, folder)
     files = [folder / measure.FRONTIER, *charts.draw(lines, title, folder)]
     result = {"title": title, "lines": [asdict(line) for line in lines]}
-    return StudyReport([tables.frontier(lines, title)], finite(result), files)
+    return StudyReport([tables.frontier(lines, title), tables.gentleness(lines)], finite(result), files)
 
 
 def _measured(args: argparse.Namespace, config: "CellConfig", folder: Path) -> "tuple[list[FrontierLine], str]":

@@ -1,4 +1,4 @@
-"""The table of the frontier."""
+"""The tables of the frontier."""
 
 from collections.abc import Sequence
 
@@ -6,6 +6,7 @@ from rich.table import Table
 from rich.text import Text
 
 from cell.lab.frontier.measure import FrontierLine
+from sim.metering import JERK_BANDWIDTH, OVER_FORCE
 
 
 def frontier(lines: Sequence[FrontierLine], title: str) -> Table:
@@ -38,5 +39,31 @@ def frontier(lines: Sequence[FrontierLine], title: str) -> Table:
             str(line.retries),
             line.verdict,
             Text(line.error or line.endings),
+        )
+    return table
+
+
+def gentleness(lines: Sequence[FrontierLine]) -> Table:
+    """Return how gently each variant works."""
+    table = Table(title="Force and jerk")
+    table.caption = (
+        f"over: longest time above {OVER_FORCE:g} N, s; median and p95 of each trial's largest force, N; p95 of its largest jerk "
+        f"in free space and elsewhere, m/s³, behind {JERK_BANDWIDTH:g} Hz"
+    )
+    for name in ("", "variant"):
+        table.add_column(name)
+    for name in (f"≤ {OVER_FORCE:g} N", "over", "median", "p95", "jerk free", "else"):
+        table.add_column(name, justify="right")
+    for before, line in zip((None, *lines), lines, strict=False):
+        if not line.trials:
+            continue
+        is_new = before is None or before.family != line.family
+        table.add_row(
+            line.family if is_new else "",
+            line.variant,
+            f"{line.within}/{line.trials}",
+            f"{line.over_longest:.2f}",
+            *(f"{value:.1f}" for value in (line.force_median, line.force_p95)),
+            *(f"{value:.0f}" for value in (line.jerk_free, line.jerk_contact)),
         )
     return table

@@ -1,10 +1,14 @@
 import csv
+import io
 import json
+import re
 from dataclasses import asdict, replace
 
 import pytest
+from rich.console import Console
 
 from cell.lab import trials
+from cell.lab.tables import loads
 from cell.lab.trials import COLUMNS, ERRORS, PARTIAL, read_table, run_trials, summarise, write_table
 from cell.provenance import config_hash, versions
 from drivers.errors import ConfigError
@@ -63,7 +67,7 @@ def test_the_table_has_the_promised_columns(tmp_path):
     assert head == (
         "seed,outcome,reason,stage,grasp_time,search_time,insert_time,adjust_time,total_time,retries,peak_contact_force,"
         "max_penetration,max_in_hand_rotation,theta_rmse,tip_rmse,hole_x,hole_y,start_x,start_y,switch_closed,depth,"
-        "sim_time,wall_time,cycle_time,time_over_20N,plate_penetration,grip_slip,found_error"
+        "sim_time,wall_time,cycle_time,time_over_20N,plate_penetration,grip_slip,found_error,jerk_free,jerk_contact"
     )
     assert len(rows) == 2
 
@@ -161,6 +165,20 @@ def test_what_was_drawn_of_the_errors_stands_in_columns_of_its_own_and_is_read_b
         (tmp_path / "t.csv")
         .read_text()
         .splitlines()[0]
-        .endswith("plate_penetration,grip_slip,found_error,reality.arm.gravity,reality.skin.age")
+        .endswith("plate_penetration,grip_slip,found_error,jerk_free,jerk_contact,reality.arm.gravity,reality.skin.age")
     )
     assert [row.errors for row in read_table(tmp_path / "t.csv")] == [drawn, drawn]
+
+
+def test_the_summary_tells_how_hard_and_how_abruptly(loaded):
+    told = summarise([ROW, replace(ROW, seed=4, peak_contact_force=23.0, time_over_20N=0.3)], loaded.cell)["loads"]
+    assert (told["peak_contact_force"]["largest"], told["time_over_20N"]["largest"]) == (23.0, 0.3)
+    assert told["jerk_contact"] == {"mean": 300.0, "median": 300.0, "p95": 300.0, "n": 2, "largest": 300.0}
+
+
+def test_the_table_of_loads_fits_eighty_columns_and_counts_what_keeps_to_20_newtons():
+    console = Console(width=80, record=True, file=io.StringIO())
+    console.print(loads([ROW, replace(ROW, seed=4, peak_contact_force=23.0, time_over_20N=0.3)]))
+    told = console.export_text()
+    assert "1 of 2 trials within 20 N" in told
+    assert re.search(r"time above 20 N \(s\) +│ +0\.15 │ +0\.2\d │ +0\.30", told)
