@@ -30,10 +30,10 @@ class Parser(argparse.ArgumentParser):
         raise ConfigError(message)
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Parse the arguments, after a look for options that there are none of.
+        """Parse the arguments, and report an unknown option before anything else.
 
         Raises:
-            ConfigError: Something is wrong.
+            ConfigError: An option or an argument is wrong.
         """
         for word in args or ():
             if word == "--" or (self._subparsers is not None and not word.startswith("-")):
@@ -106,7 +106,7 @@ def read_journal(args: argparse.Namespace) -> "Journal":
 
 
 def add_query(parser: argparse.ArgumentParser) -> None:
-    """Add what runs a question is about."""
+    """Add the options that select the runs of a question."""
     parser.add_argument("--since", default="", metavar="WHEN", help="30m, 12h, 7d, 4w back, or a date in local time")
     parser.add_argument("--outcome", metavar="WORD", help="success, failure, aborted, fault, lost or running")
     parser.add_argument("--fault", type=positive, metavar="CODE", help="number of a fault, as in 2004")
@@ -116,7 +116,7 @@ def add_query(parser: argparse.ArgumentParser) -> None:
 
 
 def query_of(args: argparse.Namespace) -> "RunQuery":
-    """Return which runs a question is about.
+    """Return the selection of runs that the options state.
 
     Raises:
         ConfigError: A time or a word in it is wrong.
@@ -132,10 +132,10 @@ def query_of(args: argparse.Namespace) -> "RunQuery":
 
 
 def require_program(query: "RunQuery") -> None:
-    """Make sure that the program of a question to which no run was the answer is one that there is.
+    """Make sure, for a question that found no run, that the program which it names exists.
 
     Raises:
-        ConfigError: It is none.
+        ConfigError: There is no such program.
     """
     from skills.catalogue import CATALOGUE
 

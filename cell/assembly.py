@@ -92,9 +92,9 @@ class Cell:
     exchange: Callable[[], None] = _nothing
     """Function that takes the workpiece with the seated peg away; on hardware the line does it."""
     refill: Callable[[], None] = _nothing
-    """Function that fills the rack; on hardware the person who says so has done it."""
+    """Function that fills the rack; on hardware it does nothing, because a person fills the rack before reporting it."""
     clear: Callable[[], None] = _nothing
-    """Function that takes the peg away from wherever it is; on hardware the person who says so has done it."""
+    """Function that takes the peg away from wherever it is; on hardware it does nothing, because a person takes the peg away before reporting it."""
     errors: Mapping[str, str] = field(default_factory=dict)
     """Errors drawn for a simulated cell, by name, for records."""
     truth: "Callable[[], Truth] | None" = None

@@ -11,7 +11,7 @@ logger = logging.getLogger(__name__)
 
 
 def fault_of(act: Callable[[], None]) -> CellError | None:
-    """Do something, and return what broke, an error inside this program too, as the fault that the line reads."""
+    """Call a function and return the fault that it raised, or None; an error inside this program becomes a fault too."""
     try:
         act()
     except CellError as error:
@@ -23,13 +23,13 @@ def fault_of(act: Callable[[], None]) -> CellError | None:
 
 
 class Brake:
-    """Brings one arm to rest; for the scan thread, but for `halt`."""
+    """Brings one arm to rest; every method but `halt` is for the scan thread alone."""
 
     def __init__(self, cell: Cell, context: SkillContext) -> None:
         """Take the opened cell and the context of its skills."""
         self._cell, self._context = cell, context
         self.request = Request.RUN
-        """What the skill under way is asked at its next scan."""
+        """Request that the skill under way reads at its next scan."""
         self._since = 0.0
 
     @property
@@ -51,7 +51,7 @@ class Brake:
         return stamp - self._since
 
     def halt(self) -> None:
-        """Halt the arm, whatever state it is in; one at rest would only sink again by what its model of gravity lacks."""
+        """Halt the arm in any state; an arm at rest is left alone, since a halt lets it sink by the error of its gravity model."""
         if self.is_at_rest:
             return
         try:
@@ -60,7 +60,7 @@ class Brake:
             logger.error("the arm does not take the halt: %s", error)
 
     def wait(self, meanwhile: Callable[[], None] = lambda: None) -> CellError | None:
-        """Wait until the arm stands, and do something at each scan; what breaks meanwhile is returned, and the arm halted."""
+        """Wait until the arm stands, calling `meanwhile` at each scan; after a fault halt the arm and return the fault."""
 
         def act() -> None:
             self._context.rest.wait(self._cell.clock, self._context.scan_period, meanwhile)

@@ -42,11 +42,11 @@ INSIDE = 0.02
 LEAST_REACH = 0.5
 """Least share of `REACH` with which an arm is calibrated where the workspace leaves no more, fraction."""
 SWING = 0.07
-"""Amplitude of each joint meanwhile, rad."""
+"""Amplitude of each joint while all joints move together, rad."""
 RATES = (1.0, 1.3, 1.7, 1.1, 1.9, 1.5, 2.1)
-"""Angular rate of each joint meanwhile, rad/s: no two alike, so that every two senses meet."""
+"""Angular rate of each joint while all joints move together, rad/s; the rates differ, so that every combination of directions occurs."""
 NULL_LEAD = impedance.NULL_DAMPING / impedance.NULL_STIFFNESS
-"""Time by which the posture leads, s: the null space would lag by it."""
+"""Time by which the commanded posture leads the path, s; it makes up for the lag of the null space."""
 MOVING = 0.03
 """Velocity from which on a joint's torque is compared with the figures, rad/s."""
 AWAKE = 0.5
@@ -79,7 +79,7 @@ class Sample:
 def calibrate_arm(
     config: CellConfig, today: date, done: Callable[[int, int], None], sweep: Sweep = Sweep()
 ) -> ArmCalibration:
-    """Move every joint, and return what that tells; whatever ends it, the arm is brought to rest first.
+    """Move every joint and return its calibration; the arm is brought to rest in any case.
 
     Args:
         config: Config of the cell; a calibration that it names is not used.

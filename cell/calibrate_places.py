@@ -28,7 +28,7 @@ from skills.touch_off import touch_off
 PEGS = 3
 """Number of pegs that are taken, one slot after the other."""
 MOST_FORCE = 25.0
-"""Largest force at the TCP, N, beyond which it is no touching any more."""
+"""Largest force at the TCP while a peg touches, N; beyond it the calibration ends."""
 STILL = 1e-3
 """Height by which the hand has risen when it is no longer at the slot, m."""
 REPEATED = 1e-4
@@ -45,7 +45,7 @@ MOST_RACK = 5e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PegTouches:
-    """What one peg told."""
+    """Measurements that were made with one peg."""
 
     slot: Vector
     """Middle of the slot's mouth less the stated one, along x and y, shape (2,), m."""
@@ -109,7 +109,7 @@ class Places:
 
 
 def calibrate_places(config: CellConfig, today: date, done: Callable[[int, int], None], pegs: int = PEGS) -> Places:
-    """Take pegs from the rack, touch the plate with each, and return what that tells; the arm is brought to rest first.
+    """Take pegs from the rack, touch the plate with each, and return the measured places; the arm is brought to rest first.
 
     Args:
         config: Config of the cell.

@@ -27,7 +27,7 @@ class Custody:
 
         Args:
             folder: Folder of the journal.
-            kind: `arm.kind` of the config: a simulated cell never speaks for a real one.
+            kind: `arm.kind` of the config; what a simulated cell left does not count for a real one.
         """
         self._file = KeptFile(folder / f"part-{kind}.json", "where the peg is")
         self._kept, self._emptied = _read(self._file.path)
@@ -83,12 +83,12 @@ class Custody:
         return is_new
 
     def keep(self, is_lasting: bool = False) -> None:
-        """Let the file have what is known, with `is_lasting` also after a loss of power; never waits for the disk."""
+        """Have the present state written to the file without waiting for the disk; with `is_lasting` it survives a loss of power."""
         data = {**asdict(self.part), "place": self.part.place.name, "emptied": self._emptied}
         self._file.put(json.dumps(data), is_lasting)
 
     def flush(self) -> bool:
-        """Wait a moment until what is known is in the file, at the end of the program; return whether it is."""
+        """Wait for `FLUSH_TIME` at most until the present state is in the file, as the program ends; return whether it is."""
         return self._file.flush(FLUSH_TIME)
 
 

@@ -45,16 +45,16 @@ class Desk:
     def __init__(
         self, line: CommandLine, live: Live, journal: Journal, clock: Clock, part: PartWatch, late: LateScans
     ) -> None:
-        """Begin idle; the part, the journal's troubles and the late scans are told with every report."""
+        """Begin in IDLE; every report includes the peg's place, trouble with records, and late scans."""
         self._line, self._live, self._journal, self._part, self._late = line, live, journal, part, late
         self.events = EventLog(journal, clock.now)
         self.misfit = ""
-        """What of the arm's calibration does not fit what the arm did in the last run, as one line; empty where all fits."""
+        """Line that says where the arm's torques in the last run differed from its calibration; empty where they agreed."""
         self.state = State.IDLE
         self.report = Report(state=State.IDLE)
 
     def enter(self, event: Event) -> None:
-        """Go where an event leads from the present state; one that leads nowhere changes nothing."""
+        """Take the transition that an event causes in the present state; an event that causes none changes nothing."""
         before, self.state = self.state, after(self.state, event)
         if self.state is before:
             return
@@ -63,7 +63,7 @@ class Desk:
             self.report = replace(self.report, transition=Control[event.name])
 
     def leave_complete(self) -> None:
-        """Be idle again where the last run is complete."""
+        """Go from COMPLETE to IDLE; any other state stays."""
         if self.state is State.COMPLETE:
             self.enter(Event.RESET)
             self.enter(Event.FINISHED)
@@ -97,7 +97,7 @@ class Desk:
         self._line.publish(self.report)
 
     def fault(self, error: CellError) -> None:
-        """Be aborted, and report why; moving again takes a reset."""
+        """Enter ABORTED and report the fault; moving again takes a reset."""
         self._say(error)
         self.events.fault(error)
         self.enter(Event.ABORT)
@@ -109,7 +109,7 @@ class Desk:
         self.report = replace(self.report, result=result, fault=error.code)
 
     def tell_blocked(self, error: CellError) -> None:
-        """Tell of a scan that does not come, from the watchdog's thread; the report itself stays the scan's own."""
+        """Publish the fault of a scan that does not come, from the watchdog's thread; the desk's own report is left to the scan thread."""
         self._say(error)
         self._line.publish(replace(self.report, state=State.ABORTING, fault=error.code))
 

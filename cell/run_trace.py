@@ -125,7 +125,7 @@ def _is_over(seen: Observation, hole: Hole) -> bool:
 
 
 def _facts(result: SkillResult) -> dict[str, object]:
-    """Return what a skill's result says beside the fields of every skill's; JSON has no word for what is not finite."""
+    """Return the fields that a skill adds to its result; a number that is not finite becomes None, for JSON cannot express it."""
     common = {each.name for each in fields(SkillResult)}
     told = {name: value for name, value in asdict(result).items() if name not in common}
     return {name: _finite(value) if isinstance(value, float) else value for name, value in told.items()}

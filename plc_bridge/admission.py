@@ -23,7 +23,7 @@ class Guest(Protocol):
 
     @property
     def holds_stop(self) -> bool:
-        """Whether its stop coil is 1, which would fall with it."""
+        """Whether the connection holds its stop coil at 1; closing the connection would let the coil fall."""
 
 
 T = TypeVar("T", bound=Guest)

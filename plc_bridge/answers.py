@@ -43,7 +43,7 @@ class Inputs:
 
 
 def answer_for(link: Link, dispatch: Dispatch, lease: CellLease) -> Answer:
-    """Return the answer that `link` reads; a link that never spoke sees the run of whoever runs."""
+    """Return the answer that `link` reads; a link that never sent a command sees the run of any link."""
     if link.has_spoken:
         shown, answered, is_busy = link.shown, link.answered, link.shown is not None and link.shown.is_under_way
     else:

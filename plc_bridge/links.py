@@ -77,30 +77,30 @@ class Link:
     watchdog: LinkWatchdog
     is_local: bool = False
     opened: int = 0
-    """Time of its opening, as a number that counts links opened and closed."""
+    """Number of links opened and closed before this link was opened, which stands for the time."""
     closed: int | None = None
-    """Time of its end, as a number that counts links opened and closed; None while it is open."""
+    """Number of links opened and closed before this link was closed, which stands for the time; None while it is open."""
     has_spoken: bool = False
-    """Whether it wrote something other than a stop; until then it is a spectator."""
+    """Whether the link has written anything but a stop; until then it is a spectator."""
     image: CommandImage | None = None
     numbers: SequenceNumbers = field(default_factory=SequenceNumbers)
     coils: Coils = field(default_factory=Coils)
     shown: Order | None = None
-    """The order whose result it reads; None before its first."""
+    """Order whose result the link reads; None before its first order."""
     executed: Order | None = None
-    """Request of its coil `execute` that came last; None since it has sent a number."""
+    """Last request by the link's coil `execute`; None once the link has sent a sequence number."""
     resetting: Order | None = None
-    """Request of its coil `reset` that came last; None since it has sent a number."""
+    """Last request by the link's coil `reset`; None once the link has sent a sequence number."""
     was_lost: bool = False
-    """Whether it was taken for lost and has adopted no number since."""
+    """Whether the link was taken for lost and has adopted no number since."""
     torn_stop: int | None = None
     """Number of a torn block whose stop was obeyed at once."""
     late: Order | None = None
     """Refusal of an old number, until the block holds the current one again."""
     told: Refusal = Refusal.NONE
-    """Refusal that the log has already named, until one of its orders is not refused."""
+    """Refusal that the log has already named; it is forgotten once an order of the link is not refused."""
     has_resumed: bool = False
-    """Whether it goes on with the run of an earlier link, which its first number named."""
+    """Whether the link goes on with the run of an earlier link, which its first number named."""
     _asked: list[Order] = field(default_factory=list)
 
     @property

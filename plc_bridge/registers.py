@@ -200,7 +200,7 @@ def _command_block(programs: Mapping[int, str], parameters: Sequence[Parameter])
             block.add(f"parameter_{number}", "i32", meaning, spec.unit, spec.scale, limits=limits)
         else:
             block.add(f"parameter_{number}", "i32", "reserved; leave its mask bit 0", limits=(0, 0))
-    block.add("life_tail", "u16", "equal to command_life when the block is whole; leave 0 for ever to do without")
+    block.add("life_tail", "u16", "equal to command_life when the block is whole; always 0 skips this check")
     return block.registers
 
 
@@ -241,8 +241,8 @@ def _report_block() -> list[Register]:
     block.add("transition", "u16", f"why the state last changed, 0 not yet: {_transitions()}")
     block.add("part", "u16", f"where the peg is: {_numbers(PartPlace)}")
     block.add("part_depth", "i32", "how deep the peg's tip is below the plate", unit="m", scale=1e-6)
-    block.add("hole_x", "i32", "place where the hole was found, base frame, 0 not yet", unit="m", scale=1e-6)
-    block.add("hole_y", "i32", "the same, the other way", unit="m", scale=1e-6)
+    block.add("hole_x", "i32", "place along x where the hole was found, base frame, 0 not yet", unit="m", scale=1e-6)
+    block.add("hole_y", "i32", "place along y where the hole was found, base frame, 0 not yet", unit="m", scale=1e-6)
     block.add(
         "warnings",
         "u16",

@@ -67,7 +67,7 @@ class Receiver:
         return frames
 
     def give_up(self) -> None:
-        """Drop what has waited for its rest in vain."""
+        """Drop the beginning of a frame whose remainder did not come in time."""
         self.bad += bool(self._buffer)
         self._buffer.clear()
 

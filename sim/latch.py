@@ -39,7 +39,7 @@ def words_of(latch: Latch | None, plate: Plate, bottom: float, force: float, pla
     """Return the words of a latch that touches nothing yet, shape (WORDS,).
 
     Args:
-        latch: The latch as the job states it; None is none.
+        latch: The latch as the job states it; None for a hole without one.
         plate: The true plate.
         bottom: Depth of the bottom that the latch is placed by, m.
         force: True force over the stated one, ratio.

@@ -45,7 +45,7 @@ class PadLoad:
     reach_tip: float
     """Length of the peg from the finger centre towards its tip, m."""
     reach_back: float
-    """Length of the peg from the finger centre the other way, m."""
+    """Length of the peg from the finger centre to its end inside the hand, m."""
     width: float
     """Diameter of a round peg, or width of the faces that lie in the pads, m."""
     is_flat: bool = False

@@ -62,7 +62,7 @@ class Outcome(StrEnum):
 
 
 class Reason(IntEnum):
-    """Why a skill ended so, in the words that all skills share; the PLC reads the number."""
+    """Reason of a skill's ending, in the words that all skills share; the PLC reads the number."""
 
     NONE = 0
     MISSED_GRASP = 1
@@ -187,7 +187,7 @@ class SkillContext:
     rest: Rest = field(init=False)
     """Rest of the arm."""
     zero: WrenchZero = field(default_factory=WrenchZero, init=False)
-    """What the arm reports as a wrench where nothing touches; taken from what is observed."""
+    """Wrench that the arm reports where nothing touches it; it is subtracted from every observation."""
     excess: float = field(default=0.0, init=False)
     """Length by which the peg in the hand reaches further than the job says, m, as the first touch-down told."""
     grip_share: float = field(default=1.0, init=False)
@@ -196,7 +196,7 @@ class SkillContext:
     """Whether the peg in the hand has touched the plate since it was grasped."""
     _peg: PegPose = field(default=NO_PEG, init=False)
     _unseen_since: float | None = field(default=None, init=False)
-    """Time since which a peg has to be held that the skin has never seen, s; None where none has to be."""
+    """Time from which the hand holds a peg that the skin has not shown yet, s; None where no such peg is held."""
     _sequence: int = field(default=-1, init=False)
     _next_id: int = field(default=0, init=False)
     _late: deque[bool] = field(default_factory=new_window, init=False)
@@ -204,7 +204,7 @@ class SkillContext:
     _wrenches: deque[Wrench] = field(default_factory=lambda: deque(maxlen=SCANS), init=False)
     """Wrenches that the arm reported in the last scans."""
     _soft: tuple[int, Vector] | None = field(default=None, init=False)
-    """Id of the setpoint that is followed softly, and the most stiffness, shape (6,)."""
+    """Id of the setpoint whose motion the passivity guard has softened, and the largest stiffness that it leaves, shape (6,)."""
 
     def __post_init__(self) -> None:
         """Let the arm be brought to rest through the gate that setpoints pass."""
@@ -226,13 +226,13 @@ class SkillContext:
         self.arm.follow(setpoint)
 
     def set_excess(self, excess: float | None) -> None:
-        """Take how much further than the job says the peg reaches, m; None where nobody knows, as after a grasp."""
+        """Set the length by which the peg reaches further than the job says, m; None where it is unknown, as after a grasp."""
         if excess is None:
             self.grip_share = 1.0
         self.is_length_known, self.excess = excess is not None, excess or 0.0
 
     def note_slip(self) -> None:
-        """Take it that the peg has slipped along the fingers: the pads bear less than believed, and what follows pushes less."""
+        """Note that the peg has slipped along the fingers: the skills count on less grip from now on and push less."""
         self.grip_share *= SLIPPED
         logger.info("peg: slipped along the fingers; %.0f %% of the believed grip is counted on", 1e2 * self.grip_share)
 
@@ -246,17 +246,17 @@ class SkillContext:
         return InHandTip(self._peg.theta, self.length, self._peg.stamp)
 
     def zero_wrench(self) -> None:
-        """Take what the last scans, in which the hand rested in free air, read of the wrench for its offset from now on.
+        """Set the wrench's offset to its mean over the last scans, in which the hand rested in free air.
 
         Raises:
-            WrenchOffsetError: It is none of free air.
+            WrenchOffsetError: The mean is implausible for free air.
         """
         self.zero = zero_of(self._wrenches, self.wrench)
         x, y, z = self.zero.force
         logger.info("wrench zeroed: %.1f, %.1f, %.1f N in free air, noise %.1f N", x, y, z, self.zero.noise)
 
     def observe(self, elapsed: float = 0.0, step: float = 0.0, running: float = 0.0) -> Observation:
-        """Read every sensor once; the three times are what the observation shall say of the scan, s.
+        """Read every sensor once; the three times, s, are copied into the observation.
 
         Raises:
             CellError: A device is silent, stopped or not to be believed.

@@ -23,7 +23,7 @@ CONTACT = 0.036
 """Length of the peg between the pads, m: pads of 41 mm, behind whose middle the peg ends after 15 mm. Longer pads bear more moment, and a
 turn then makes more slip."""
 MOST_SHARE = 0.9
-"""Share of what the pads bear beyond which a load counts as this one: the slip of a turn would have no bound."""
+"""Largest share of what the pads bear that a load counts as, fraction; near 1 the computed slip of a turn has no bound."""
 
 P = TypeVar("P", bound=ConfigModel)
 

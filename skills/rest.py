@@ -33,10 +33,10 @@ LONGEST = 3.0
 
 
 class Rest:
-    """Rest of one arm, sought and reached."""
+    """Brings one arm to rest, and knows whether it has come to rest."""
 
     def __init__(self, arm: Arm) -> None:
-        """Keep the arm, whose rest nobody seeks yet."""
+        """Take the arm; it may move until `seek` is called."""
         self._arm = arm
         self._since: float | None = None
         self._calm = 0

@@ -148,10 +148,10 @@ def require_finite_skin(frame: TaxelFrame) -> None:
 
 
 def require_finite_theta(pose: PegPose) -> None:
-    """Make sure that an estimate that calls itself healthy is a number.
+    """Make sure that theta is finite in an estimate that calls itself healthy.
 
     Raises:
-        NotFiniteError: It is none.
+        NotFiniteError: Theta is not finite.
     """
     if pose.healthy and not math.isfinite(pose.theta):
         raise NotFiniteError(f"theta: {pose.theta}; a number needed from the estimator of insert.estimator")

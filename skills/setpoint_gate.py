@@ -54,10 +54,10 @@ class Handed:
 
 
 def require_finite(arm: ArmState) -> None:
-    """Make sure that everything an arm tells is a number.
+    """Make sure that every reading of an arm is finite.
 
     Raises:
-        NotFiniteError: One line that names what is none.
+        NotFiniteError: A reading is not finite; one line that names it.
     """
     for name, values in (
         ("joint position", arm.q),

@@ -141,7 +141,7 @@ def allowed_depth(phi: float, peg: float, hole: float) -> float:
 def turned(elapsed: float, rate: float, run_up: float) -> tuple[float, float]:
     """Return angle, rad, and rate, rad/s, after `elapsed` seconds, where the rate grows to `rate` evenly within `run_up`, s.
 
-    A rate of 0 is none: the angle is infinite from the beginning.
+    A rate of 0 means no limit: the angle is infinite from the beginning.
     """
     if rate == 0.0:
         return math.inf, 0.0

@@ -17,7 +17,7 @@ from plc_bridge.images import ReportImage
 from skills.catalogue import CATALOGUE
 
 SPECTATOR = "page"
-"""Name of the link that never speaks and therefore sees the run of whoever runs."""
+"""Name of the page's own link, which sends no command and therefore sees the run of any other link."""
 PERIOD = 0.05
 """Time between two looks at the cell, s; what happens reaches a page in about this time."""
 EVERY = 2

@@ -252,7 +252,7 @@ class Nothing(Guarded):
     """Handler of every other address."""
 
     def prepare(self) -> None:
-        """Answer that there is nothing.
+        """Answer 404, because no page has this address.
 
         Raises:
             HTTPError: Always.

@@ -80,5 +80,5 @@ def touch(look: Look) -> dict[str, object]:
 
 
 def _number(value: float, digits: int) -> float | None:
-    """Return a number with so many digits; None where it is none, which JSON cannot say."""
+    """Return a number rounded to so many digits; None for a value that is not finite, which JSON cannot express."""
     return round(value, digits) if math.isfinite(value) else None

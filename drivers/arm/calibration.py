@@ -58,7 +58,7 @@ class ArmCalibration(ConfigModel):
     dry: Measured
     """Level of the dry friction that fits the frictions best."""
     smooth: Measured
-    """Level of the friction that grows with velocity, likewise."""
+    """Level of the friction that grows with velocity, fitted together with the dry one."""
     unexplained: Frictions
     """Root mean square of what the figures leave unexplained while all joints move together, N·m."""
 

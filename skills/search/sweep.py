@@ -36,7 +36,7 @@ TRIMMED_BELOW = 5e-3
 """Height of the setpoint over the plate, m, from which on the way down the trim works: in the air it would wind up against joints at rest."""
 
 USUAL_TIME = 0.5
-"""Time constant with which the in-hand angle of late follows the angle, s: about a lane, over which the surface estimate learns the plate anew."""
+"""Time constant of the smoothed in-hand angle, s; about the time of a lane, in which the surface estimate learns the plate anew."""
 
 
 class Sweep:
@@ -49,7 +49,7 @@ class Sweep:
         self._theta = ctx.in_hand().theta
         """In-hand angle with which the hand began, rad."""
         self._usual = self._theta
-        """In-hand angle of late, smoothed, rad; a turn since then may have made the tip drop."""
+        """Smoothed in-hand angle, rad; a turn of the peg away from it may have made the tip drop."""
         self._push = Push(params.push_stiffness, self._theta)
         self._bearing = Bearing(ctx.zero, ctx.scan_period)
         self._trim = Trim(params.trim_rate, params.trim_limit)
