@@ -8,7 +8,7 @@ import math
 from collections.abc import Mapping
 
 from cell.margins import MARGIN, Place, too_high
-from cell.torque_path import is_steady, largest
+from cell.torque_path import is_hold_steady, is_steady, largest, largest_hold
 from drivers.parts import Hole, Latch, Peg, Rack
 from skills.grasp_from_rack import GraspFromRackParams
 from skills.grip import grip_of
@@ -188,19 +188,23 @@ def require_stable(steered: Mapping[str, Gains], rate: float, place: Place) -> N
 
 
 def require_steady(followed: Mapping[str, Gains], place: Place) -> None:
-    """Make sure that every gain bears the arm's torque path by the margin of `cell.margins`.
+    """Make sure that every gain, and the hold of a halted arm, bears the arm's torque path by the margin of `cell.margins`.
 
     Args:
         followed: Gains by the key of their section.
         place: Place and attitude in which the arm works.
 
     Raises:
-        ValueError: A gain would let the arm swing; one line.
+        ValueError: A gain, or the hold, would let the arm swing; one line.
     """
+    path = place.arm.torque_path
+    late = f"where they act {1e3 * path.transport:g} ms late behind {path.cutoff:g} Hz on {place.arm.name}; {MARGIN} times needed"
     for name, gains in followed.items():
         if not is_steady(gains, place):
-            path = place.arm.torque_path
             raise ValueError(
-                f"{name}: swings from {largest(gains, place):.2f} times these torques where they act {1e3 * path.transport:g} ms late"
-                f" behind {path.cutoff:g} Hz on {place.arm.name}; {MARGIN} times needed: lower damping_ratio or the stiffness"
+                f"{name}: swings from {largest(gains, place):.2f} times these torques {late}: lower damping_ratio or the stiffness"
             )
+    if not is_hold_steady(place):
+        raise ValueError(
+            f"arm: once halted, swings from {largest_hold(place):.2f} times its torques {late}: torque_path of the arm's file"
+        )

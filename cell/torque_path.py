@@ -4,9 +4,13 @@ The law is taken as linear about a posture at rest: tau = -(Jᵀ K J + N) q - (J
 out from the inertia that it believes. Torques act some cycles later, held for a cycle, through a first-order low-pass, on the inertia of the links
 and the least that the rotors may show. One cycle is then one matrix, and the loop is stable where its eigenvalues lie inside the unit circle.
 Friction of the joints, which helps, is left out.
+
+An arm that holds still has another law, -M (r² q + 2 r dq), in which M is the inertia that it counts on. Its modes are those of M against the
+true inertia, and each is one loop: with M c times the true inertia at most, along every direction, it is stable where a single joint is with c
+times its torques. `largest_hold` says how many times these torques an arm bears, with the most that it may count on and the least that may show.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -38,10 +42,27 @@ def is_steady(gains: Gains, place: Place, factor: float = MARGIN) -> bool:
 @lru_cache(maxsize=64)
 def largest(gains: Gains, place: Place) -> float:
     """Return the factor by which all torques of these gains can be multiplied before the arm swings; `MOST` when there is none."""
-    cycles, factor = _cycles(gains, place), 1.0 / MOST
-    while factor < MOST and _holds(cycles, factor * GROWTH):
-        factor *= GROWTH
-    return factor
+    return _largest(_cycles(gains, place))
+
+
+@lru_cache(maxsize=64)
+def is_hold_steady(place: Place, factor: float = MARGIN) -> bool:
+    """Return whether an arm that holds still stays at rest with `factor` times its torques, peg tilted and upright."""
+    return _holds(_hold_cycles(place), factor)
+
+
+@lru_cache(maxsize=64)
+def largest_hold(place: Place) -> float:
+    """Return the factor by which the torques of an arm that holds still can be multiplied before it swings; `MOST` when there is none."""
+    return _largest(_hold_cycles(place))
+
+
+def _hold_cycles(place: Place) -> list[tuple[Vector, Vector]]:
+    cycles = []
+    for q in place.postures():
+        idle, once = (one_held_cycle(place.arm, q, factor) for factor in (0.0, 1.0))
+        cycles.append((idle, once - idle))
+    return cycles
 
 
 def _cycles(gains: Gains, place: Place) -> list[tuple[Vector, Vector]]:
@@ -51,6 +72,13 @@ def _cycles(gains: Gains, place: Place) -> list[tuple[Vector, Vector]]:
         idle, once = (one_cycle(place.arm, q, place.length, gains, factor) for factor in (0.0, 1.0))
         cycles.append((idle, once - idle))
     return cycles
+
+
+def _largest(cycles: Sequence[tuple[Vector, Vector]]) -> float:
+    factor = 1.0 / MOST
+    while factor < MOST and _holds(cycles, factor * GROWTH):
+        factor *= GROWTH
+    return factor
 
 
 def _holds(cycles: Iterable[tuple[Vector, Vector]], factor: float) -> bool:
@@ -70,9 +98,20 @@ def one_cycle(arm: ArmModel, q: Vector, length: float, gains: Gains, factor: flo
     Returns:
         Matrix of shape (7 (3 + delay), 7 (3 + delay)), the delay in cycles, at least 1.
     """
+    return _one_cycle(arm, q, factor * _law(arm, q, length, gains))
+
+
+def one_held_cycle(arm: ArmModel, q: Vector, factor: float) -> Vector:
+    """Return the same matrix for an arm that holds still and counts on the most inertia that it may; see `one_cycle`."""
+    counted = joint_inertia(arm, q) + np.diag(np.array(arm.joints.rotor_inertia) + impedance.most_learnt(arm))
+    rate = impedance.HOLD_RATE
+    return _one_cycle(arm, q, factor * np.hstack([rate**2 * counted, 2.0 * rate * counted]))
+
+
+def _one_cycle(arm: ArmModel, q: Vector, law: Vector) -> Vector:
+    """Return the matrix of one control cycle with a law of shape (7, 14), which positions and velocities take away from the torques."""
     n, path = JOINTS, arm.torque_path
     delay = max(round(path.transport / arm.control_period), 1)
-    law = -factor * _law(arm, q, length, gains)
     rotors = path.rotor_share * np.diag(arm.joints.rotor_inertia)
     corner = 2.0 * np.pi * path.cutoff
     # Positions, velocities, acting torques, and the torque that arrives in this cycle.
@@ -84,7 +123,7 @@ def one_cycle(arm: ArmModel, q: Vector, length: float, gains: Gains, factor: flo
     step = np.zeros(((3 + delay) * n,) * 2)
     step[: 3 * n, : 3 * n] = passed[: 3 * n, : 3 * n]
     step[: 3 * n, -n:] += passed[: 3 * n, 3 * n :]
-    step[3 * n : 4 * n, : 2 * n] = law
+    step[3 * n : 4 * n, : 2 * n] = -law
     for k in range(1, delay):
         step[(3 + k) * n : (4 + k) * n, (2 + k) * n : (3 + k) * n] = np.eye(n)
     return step

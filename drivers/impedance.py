@@ -28,33 +28,36 @@ HAS_POSTURE, POSTURE = 35, 36
 STAMP, IS_FREE = 43, 44
 
 INTEGRAL, SEEN_ID, TORQUE, IS_HOLDING, DAMPED_SINCE, DAMPING = 0, 3, 4, 11, 12, 13
-LEARNING = DAMPING + 36
+HELD = DAMPING + 36
+WEIGHED_SINCE = HELD + JOINTS
+INERTIA = WEIGHED_SINCE + 1
+LEARNING = INERTIA + JOINTS * JOINTS
 STATE_WORDS = LEARNING + learning.WORDS
 """State of the law between steps: the integral's torque, the id it belongs to, the last torque, whether it holds still, when
-the damping was worked out, s, the damping at the tip, shape (6, 6), and the words of `drivers.arm.learning`."""
+the damping was worked out, s, the damping at the tip, shape (6, 6); of an arm that holds still where its joints are held, rad, when
+its inertia was worked out, s, and that inertia, shape (7, 7), kg·m²; and the words of `drivers.arm.learning`."""
 DAMPING_PERIOD = 0.01
-"""Time between two computations of the damping, s; at 1 rad/s the arm's inertia changes by about 1 % in it."""
+"""Time between two computations of damping or inertia, s; at 1 rad/s the arm's inertia changes by about 1 % in it."""
 
 NULL_STIFFNESS = 10.0
 """Stiffness of the null space towards the posture, N·m/rad."""
 NULL_DAMPING = 3.0
 """Damping of the null space, N·m·s/rad."""
 
-HALT_STIFFNESS = (1500.0, 1500.0, 1500.0, 60.0, 60.0, 60.0)
-"""Stiffness of an arm that holds still, compliant, N/m and N·m/rad; its damping is critical. That of free motion: an arm
-that is softer creeps for a second by what its model of gravity lacks, and brakes more slowly."""
-HALT_NULL_STIFFNESS = 50.0
-"""Stiffness of the null space towards where the arm began to hold still, N·m/rad."""
-HALT_NULL_DAMPING = 10.0
-"""Damping of the null space of an arm that holds still, N·m·s/rad; with twice as much a wrist without rotors would swing
-where torques act 2 ms late."""
+HOLD_RATE = 25.0
+"""Rate of every mode of an arm that holds still, rad/s, each critically damped; while it is halted anew it loses its momentum at twice
+this rate. Source: `cell.torque_path`, which says how much an arm bears, and decision 0087."""
+ROTOR_RANGE = 5.0
+"""Largest ratio of the rotor inertia that an arm holds still with, once learnt, to the least that may show. Source: decision 0087."""
 
 MASSES = 45
-FIGURES = MASSES + dynamics.WORDS
+MOST_LEARNT = MASSES + dynamics.WORDS
+FIGURES = MOST_LEARNT + JOINTS
 DH_A, DH_D, COS_ALPHA, SIN_ALPHA, TORQUE_MAX, TORQUE_RATE = 0, 7, 14, 21, 28, 35
 REACH, TURN_COS, TURN_SIN = 42, 43, 44
 """The arm's figures as the law takes them: kinematics, limits, distance from the last joint's frame to the finger
-centre, m, the hand's turn about the flange, and the masses of `drivers.arm.dynamics`."""
+centre, m, the hand's turn about the flange, the masses of `drivers.arm.dynamics`, and the most of each rotor's learnt inertia
+that is counted on, kg·m²."""
 
 
 def figures(arm: ArmModel) -> Vector:
@@ -73,8 +76,15 @@ def figures(arm: ArmModel) -> Vector:
         words[place : place + JOINTS] = values
     words[REACH] = dh.flange + arm.hand.finger_centre
     words[TURN_COS], words[TURN_SIN] = math.cos(arm.hand.turn), math.sin(arm.hand.turn)
-    words[MASSES:] = dynamics.masses(arm)
+    words[MASSES:MOST_LEARNT] = dynamics.masses(arm)
+    words[MOST_LEARNT:] = most_learnt(arm)
     return words
+
+
+def most_learnt(arm: ArmModel) -> Vector:
+    """Return the most inertia beyond the model's that an arm which holds still counts on at each rotor, shape (7,), kg·m²."""
+    most: Vector = max(ROTOR_RANGE * arm.torque_path.rotor_share - 1.0, 0.0) * np.array(arm.joints.rotor_inertia)
+    return most
 
 
 def pack(setpoint: ImpedanceSetpoint, stamp: float) -> Vector:
@@ -242,7 +252,7 @@ def torque(  # noqa: C901, PLR0915  the whole law at 1 kHz, compiled as one: a c
 
     Args:
         arm: Figures of the arm, from `figures`.
-        words: The held setpoint, from `pack`; past its validity it is overwritten by "hold still here".
+        words: The held setpoint, from `pack`; past its validity the arm holds still where it is then.
         state: State of the law, shape (STATE_WORDS,), updated.
         q: Joint positions, shape (7,), rad.
         dq: Joint velocities, shape (7,), rad/s.
@@ -253,6 +263,11 @@ def torque(  # noqa: C901, PLR0915  the whole law at 1 kHz, compiled as one: a c
         Torques, shape (7,), N·m.
     """
     rotations, origins = links(arm, q)
+    if now > words[VALID_UNTIL]:
+        held = _held(arm, state, rotations, origins, q, dq, now)
+        tau: Vector = _bounded(arm, state, held, rotations, origins, dq, period, False)
+        return tau
+    state[IS_HOLDING] = 0.0
     position, finger = finger_of(arm, rotations[6], origins[6])
     x, v = np.empty(3), np.empty(3)
     if words[HAS_HAND] > 0.0:
@@ -263,18 +278,6 @@ def torque(  # noqa: C901, PLR0915  the whole law at 1 kHz, compiled as one: a c
         v[k] = -(finger[k, 0] * c + finger[k, 1] * s)
         x[k] = position[k] - length * v[k]
 
-    if now > words[VALID_UNTIL] and state[IS_HOLDING] == 0.0:
-        state[IS_HOLDING] = 1.0
-        words[IS_FREE] = 0.0
-        for k in range(3):
-            words[TIP + k], words[AXIS + k] = x[k], v[k]
-            words[TWIST + k] = words[TWIST + 3 + k] = 0.0
-            state[INTEGRAL + k] = 0.0
-            words[ROLL + k] = finger[k, 2]
-        words[HAS_POSTURE] = 1.0
-        for i in range(JOINTS):
-            words[POSTURE + i] = q[i]
-        state[DAMPED_SINCE] = -math.inf
     if words[ID] != state[SEEN_ID]:
         state[SEEN_ID] = words[ID]
         state[DAMPED_SINCE] = -math.inf
@@ -318,7 +321,7 @@ def torque(  # noqa: C901, PLR0915  the whole law at 1 kHz, compiled as one: a c
         wrench[3 + k] = words[STIFFNESS + 3 + k] * turn[k] + state[INTEGRAL + k]
     if not now - state[DAMPED_SINCE] < DAMPING_PERIOD:
         state[DAMPED_SINCE] = now
-        M = dynamics.joint_inertia(arm[MASSES:], rotations, origins)
+        M = dynamics.joint_inertia(arm[MASSES:MOST_LEARNT], rotations, origins)
         D = dynamics.critical_damping(dynamics.inertia_at(M, J), words[STIFFNESS : STIFFNESS + 6])
         for k in range(6):
             for j in range(6):
@@ -330,12 +333,10 @@ def torque(  # noqa: C901, PLR0915  the whole law at 1 kHz, compiled as one: a c
 
     # Null space: posture and damping, less what of it would move the tip (projection by J's pseudo-inverse).
     null = np.empty(7)
-    is_holding = state[IS_HOLDING] > 0.0
     for i in range(7):
-        null[i] = -(HALT_NULL_DAMPING if is_holding else NULL_DAMPING) * dq[i]
+        null[i] = -NULL_DAMPING * dq[i]
         if words[HAS_POSTURE] > 0.0:
-            stiffness = HALT_NULL_STIFFNESS if is_holding else NULL_STIFFNESS
-            null[i] += stiffness * (words[POSTURE + i] - q[i])
+            null[i] += NULL_STIFFNESS * (words[POSTURE + i] - q[i])
     A = np.empty((6, 6))
     for k in range(6):
         for j in range(6):
@@ -353,21 +354,71 @@ def torque(  # noqa: C901, PLR0915  the whole law at 1 kHz, compiled as one: a c
         for j in range(6):
             wrench[k] -= A[k, j] * felt[j]
             wanted[k] += A[k, j] * words[TWIST + j]
-    known = state[LEARNING:]
-    tau = np.empty(7)
+    wished = np.empty(7)
     for i in range(7):
         t, rate = null[i], 0.0
         for k in range(6):
             t += J[k, i] * wrench[k]
             rate += J[k, i] * wanted[k]
-        t += learning.feed_forward(known, i, rate)
+        wished[i] = t + learning.feed_forward(state[LEARNING:], i, rate)
+    bounded: Vector = _bounded(arm, state, wished, rotations, origins, dq, period, words[IS_FREE] > 0.0)
+    return bounded
+
+
+@njit(cache=True)
+def _held(
+    arm: Vector, state: Vector, rotations: Vector, origins: Vector, q: Vector, dq: Vector, now: float
+) -> Vector:  # pragma: no cover
+    """Return the torques with which an arm holds still where it began to, -M (r² (q - held) + 2 r dq), shape (7,), N·m.
+
+    Stiffness and damping in proportion to the inertia M make one critically damped rate r of every mode, which is the bound of what
+    torques that act late allow: a spring at the tip is too soft for the whole arm where it is as stiff as the wrist bears.
+    """
+    if state[IS_HOLDING] == 0.0:
+        state[IS_HOLDING] = 1.0
+        state[WEIGHED_SINCE] = -math.inf
+        for k in range(3):
+            state[INTEGRAL + k] = 0.0
+        for i in range(JOINTS):
+            state[HELD + i] = q[i]
+    if not now - state[WEIGHED_SINCE] < DAMPING_PERIOD:
+        state[WEIGHED_SINCE] = now
+        M = dynamics.joint_inertia(arm[MASSES:MOST_LEARNT], rotations, origins)
+        for i in range(JOINTS):
+            M[i, i] += min(learning.sure_rotor(state[LEARNING:], i), arm[MOST_LEARNT + i])
+            for j in range(JOINTS):
+                state[INERTIA + JOINTS * i + j] = M[i, j]
+    torques = np.empty(JOINTS)
+    for i in range(JOINTS):
+        torques[i] = learning.feed_forward(state[LEARNING:], i, 0.0)
+        for j in range(JOINTS):
+            back = HOLD_RATE * (state[HELD + j] - q[j]) - 2.0 * dq[j]
+            torques[i] += state[INERTIA + JOINTS * i + j] * HOLD_RATE * back
+    return torques
+
+
+@njit(cache=True)
+def _bounded(
+    arm: Vector,
+    state: Vector,
+    wished: Vector,
+    rotations: Vector,
+    origins: Vector,
+    dq: Vector,
+    period: float,
+    is_free: bool,
+) -> Vector:  # pragma: no cover
+    """Return torques within the arm's limits of torque and torque rate, and learn from what they do."""
+    known = state[LEARNING:]
+    tau = np.empty(7)
+    for i in range(7):
         last, step, most = state[TORQUE + i], arm[TORQUE_RATE + i] * period, arm[TORQUE_MAX + i]
-        t = min(max(t, last - step), last + step)
+        t = min(max(wished[i], last - step), last + step)
         tau[i] = min(max(t, -most), most)
         state[TORQUE + i] = tau[i]
         known[learning.COMMANDED + i] += tau[i] / learning.CYCLES
     known[learning.COUNT] += 1.0
     if known[learning.COUNT] >= learning.CYCLES:
-        M = dynamics.joint_inertia(arm[MASSES:], rotations, origins)
-        learning.observe(known, M, dq, learning.CYCLES * period, words[IS_FREE] > 0.0)
+        M = dynamics.joint_inertia(arm[MASSES:MOST_LEARNT], rotations, origins)
+        learning.observe(known, M, dq, learning.CYCLES * period, is_free)
     return tau

@@ -32,13 +32,7 @@ class SimArm:
 
     def halt(self) -> None:
         """Hold still where the arm is, compliant."""
-        words = self._world.control.words
-        words[impedance.STIFFNESS : impedance.STIFFNESS + 6] = impedance.HALT_STIFFNESS
-        words[impedance.DAMPING_RATIO : impedance.DAMPING_RATIO + 6] = 1.0
-        words[impedance.HAS_ROLL] = 1.0
-        words[impedance.IS_FREE] = 0.0
-        words[impedance.INTEGRAL_GAIN] = 0.0
-        words[impedance.VALID_UNTIL] = -math.inf
+        self._world.control.words[impedance.VALID_UNTIL] = -math.inf
         self._world.control.law[impedance.IS_HOLDING] = 0.0
 
     def reset(self) -> None:

@@ -56,11 +56,8 @@ class LoopPhase(IntEnum):
 
 
 def holding_words() -> Vector:
-    """Return the words of "hold still where the arm is, compliant", shape (WORDS,)."""
+    """Return the words of "hold still where the arm is, compliant", shape (WORDS,): those of a setpoint that is never valid."""
     words = np.zeros(impedance.WORDS)
-    words[impedance.STIFFNESS : impedance.STIFFNESS + 6] = impedance.HALT_STIFFNESS
-    words[impedance.DAMPING_RATIO : impedance.DAMPING_RATIO + 6] = 1.0
-    words[impedance.HAS_ROLL] = 1.0
     words[impedance.VALID_UNTIL] = -math.inf
     return words
 

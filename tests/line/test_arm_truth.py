@@ -1,5 +1,6 @@
 """An arm that is not as the cell believes, in the whole physics: what each departure from the ideal does to it."""
 
+import math
 from dataclasses import replace
 
 import mujoco
@@ -9,16 +10,18 @@ import pytest
 from cell.assembly import assemble, opened
 from cell.config import load
 from drivers import impedance
+from drivers.arm import dynamics
+from drivers.quantities import ImpedanceSetpoint
 from sim import joint_drive
 from sim.arm import SimArm
 from sim.arm_truth import JointFriction, Payload, StateReading, TorquePath, WrenchReading, every, ideal
 from sim.world import World
 from skills.catalogue import CATALOGUE
 
-OVERDAMPED = 5.0
 SOFT = 400.0
-"""Stiffness of a hold that shows what pulls at the arm, N/m."""
-"""Damping ratio that late torques turn into a swing where no rotors help."""
+"""Stiffness that shows what pulls at the arm, N/m."""
+HEAVY = 10.0
+"""Factor of the believed inertia of the rotors over the shipped one that late torques turn into a swing where no rotors help."""
 NEVER = 2**40
 """Ticks until the law commands."""
 CURVE = JointFriction.published_curve(load().cell.arm_model().joints)
@@ -32,10 +35,11 @@ def world_of(timestep=5e-4, **departure):
     return world
 
 
-def hold_softly(world, arm):
-    """Let the arm hold still where it is, with little stiffness."""
-    arm.halt()
-    world.control.words[impedance.STIFFNESS : impedance.STIFFNESS + 3] = SOFT
+def hold_softly(arm):
+    """Let the arm follow a setpoint where it is, with little stiffness."""
+    tcp = arm.read().tcp
+    stiffness = np.array([SOFT, SOFT, SOFT, 60.0, 60.0, 60.0])
+    arm.follow(ImpedanceSetpoint(1, tcp.position, -tcp.rotation[:, 0], stiffness, np.ones(6), math.inf))
 
 
 def torqued(world, torque, seconds):
@@ -117,7 +121,7 @@ def test_a_wrong_zero_puts_the_tip_where_the_cell_does_not_see_it():
 def test_a_payload_pulls_the_arm_down_and_is_told_as_a_force():
     world = world_of(payload=Payload(0.5, (0.0, 0.0, 0.1034)))
     arm, height = SimArm(world), world.tcp().position[2]
-    hold_softly(world, arm)
+    hold_softly(arm)
     world.wait_until(1.5)
     assert world.tcp().position[2] < height - 2e-3
     force = arm.read().wrench.force
@@ -125,14 +129,13 @@ def test_a_payload_pulls_the_arm_down_and_is_told_as_a_force():
     assert np.linalg.norm(force[:2]) < 0.01
 
 
-@pytest.mark.parametrize("rotor_inertia", [0.0, 0.1])
-@pytest.mark.parametrize("damping_ratio", [1.0, OVERDAMPED])
-def test_late_torques_swing_a_wrist_only_where_it_is_damped_for_more_inertia_than_it_has(damping_ratio, rotor_inertia):
-    world = world_of(friction=JointFriction(), rotor_inertia=every(rotor_inertia), path=TorquePath(2, 100.0))
-    arm = SimArm(world)
-    arm.halt()
-    words = world.control.words
-    words[impedance.DAMPING_RATIO : impedance.DAMPING_RATIO + 6] = damping_ratio
+@pytest.mark.parametrize(("times", "share", "swings"), [(1.0, 0.0, False), (HEAVY, 0.0, True), (HEAVY, 0.4, False)])
+def test_late_torques_swing_a_halted_arm_only_where_it_believes_in_more_inertia_than_it_has(times, share, swings):
+    believed = times * np.array(load().cell.arm_model().joints.rotor_inertia)
+    world = world_of(friction=JointFriction(), rotor_inertia=tuple(share * believed), path=TorquePath(2, 100.0))
+    first = impedance.MASSES + dynamics.ROTORS
+    world.control.arm[first : first + 7] = believed
+    SimArm(world).halt()
     _, data = world.physics()
     data.qvel[:7] = 0.02
     world.wait_until(1.0)
@@ -140,7 +143,7 @@ def test_late_torques_swing_a_wrist_only_where_it_is_damped_for_more_inertia_tha
     for k in range(100):
         world.wait_until(1.0 + 0.002 * k)
         swing.append(np.abs(world.dq).max())
-    assert (max(swing) > 0.5) == (damping_ratio > 1.0 and rotor_inertia == 0.0)
+    assert (max(swing) > 0.5) == swings
 
 
 def motion(timestep):
@@ -153,7 +156,7 @@ def motion(timestep):
         payload=Payload(0.5, (0.0, 0.0, 0.1034)),
     )
     arm = SimArm(world)
-    hold_softly(world, arm)
+    hold_softly(arm)
     places = []
     for k in range(1, 31):
         world.wait_until(0.02 * k)

@@ -11,7 +11,7 @@ from cell.cell_config import CellConfig
 from cell.lab.stability.measure import QUICK, WHOLE, Boundary, Shipped, StepTrace, boundaries, measure, shipped_margins
 from cell.margins import HELD, MARGIN
 from cell.provenance import config_hash, versions
-from cell.torque_path import largest
+from cell.torque_path import largest, largest_hold
 from skills.catalogue import INSERT
 
 CASES, FIGURES = "stability.csv", "stability.json"
@@ -47,7 +47,8 @@ def run(config: CellConfig, quick: bool, workers: int, done: Callable[[int], Non
         "guard": caught(traces),
         "margin_needed": MARGIN,
         "shipped": [asdict(line) for line in shipped],
-        "torque_path": {key: largest(gains, config.place()) for key, gains in config.followed().items()},
+        "torque_path": {key: largest(gains, config.place()) for key, gains in config.followed().items()}
+        | {"halted": largest_hold(config.place())},
         "theory": [asdict(line) for line in theory],
         "inertia": inertia.tolist(),
         "versions": versions(),
