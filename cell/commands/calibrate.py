@@ -32,12 +32,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add which device, and where the file goes."""
     add_config(parser)
     parser.add_argument("device", choices=list(DEVICES), metavar="DEVICE", help=" or ".join(DEVICES))
-    parser.add_argument("--pegs", type=positive, metavar="N", help="pegs to touch the places off with; 3")
+    parser.add_argument(
+        "--pegs", type=positive, metavar="N", help="number of pegs that touch the places off; default 3"
+    )
     parser.add_argument(
         "--out",
         type=Path,
         metavar="DIR",
-        help="instead of calibration/ beside the config file, or with the user's own data",
+        help="folder for the file; default calibration/ beside the config file, or among the user's own data",
     )
 
 

@@ -24,8 +24,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--plc", metavar="HOST", help='address of the PLC that will connect, "node 1" on CAN, "rtu:ttyUSB0" on a line'
     )
-    parser.add_argument("--name", default="", metavar="NAME", help="who commissions, for the record of --plc")
-    parser.add_argument("--out", type=Path, metavar="FILE", help="where the record of --plc goes, JSON")
+    parser.add_argument(
+        "--name", default="", metavar="NAME", help="name of the person who commissions, for the record of --plc"
+    )
+    parser.add_argument("--out", type=Path, metavar="FILE", help="file for the record of --plc, JSON")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -14,7 +14,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_journal(parser)
     parser.add_argument("number", type=positive, metavar="RUN")
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="*.mp4, *.gif or *.png")
-    parser.add_argument("--at", type=float, metavar="S", help="of a *.png: since the first scan; the last one")
+    parser.add_argument(
+        "--at", type=float, metavar="S", help="time of a *.png, s since the first scan; default the last scan"
+    )
 
 
 def run(args: argparse.Namespace) -> int:

@@ -18,8 +18,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what to do, of which recipe, and where the records are."""
     add_config(parser)
     add_journal(parser)
-    parser.add_argument("action", metavar="ACTION", nargs="?", default="show", help=f"{' or '.join(ACTIONS)}; show")
-    parser.add_argument("--recipe", type=natural, metavar="N", help="number of the recipe; all of them")
+    parser.add_argument(
+        "action", metavar="ACTION", nargs="?", default="show", help=f"{' or '.join(ACTIONS)}; default show"
+    )
+    parser.add_argument("--recipe", type=natural, metavar="N", help="number of the recipe; default all")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -27,9 +27,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_config(parser)
     add_journal(parser)
     parser.add_argument("name", metavar="NAME", help=names)
-    parser.add_argument("--connect", type=address, metavar="HOST:PORT", help="on a cell that is served there")
+    parser.add_argument(
+        "--connect", type=address, metavar="HOST:PORT", help="run it on a cell that is served at this address"
+    )
     parser.add_argument("--recipe", type=natural, default=0, metavar="N", help="number of the part's recipe")
-    parser.add_argument("--serial", default="", metavar="TEXT", help="of the part, for the record")
+    parser.add_argument("--serial", default="", metavar="TEXT", help="serial number of the part, for the record")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -29,7 +29,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add where the records are, which runs, and where they are written."""
     add_journal(parser)
     add_query(parser)
-    parser.add_argument("--last", type=positive, metavar="N", help=f"so many, the newest; {LAST}, or all with --export")
+    parser.add_argument(
+        "--last", type=positive, metavar="N", help=f"only the N newest; default {LAST}, or all with --export"
+    )
     parser.add_argument("--export", choices=FORMATS, metavar="FORMAT", help=f"{', '.join(FORMATS)}: runs and samples")
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the exported files")
 

@@ -27,7 +27,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_config(parser)
     add_journal(parser)
     parser.add_argument(
-        "--page", nargs="?", const=PAGE, type=listening, metavar="HOST:PORT", help=f"and a page for browsers at {PAGE}"
+        "--page",
+        nargs="?",
+        const=PAGE,
+        type=listening,
+        metavar="HOST:PORT",
+        help=f"also serve a page for browsers, by default at {PAGE}",
     )
     parser.add_argument(
         "--metrics",
@@ -35,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         const=METRICS,
         type=listening,
         metavar="HOST:PORT",
-        help=f"and counters and timings as Prometheus text at {METRICS}",
+        help=f"also serve counters and timings as Prometheus text, by default at {METRICS}",
     )
 
 

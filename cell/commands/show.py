@@ -15,7 +15,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add which run, and where its files go."""
     add_journal(parser)
     parser.add_argument("number", type=positive, metavar="RUN")
-    parser.add_argument("--export", type=Path, metavar="DIR", help="raw samples as CSV")
+    parser.add_argument("--export", type=Path, metavar="DIR", help="folder for the raw samples as CSV")
 
 
 def run(args: argparse.Namespace) -> int:

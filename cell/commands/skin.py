@@ -19,7 +19,7 @@ SUMMARY = "both fingers live, or as they were recorded"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add how long, and what is recorded, replayed and drawn."""
     add_config(parser)
-    parser.add_argument("--seconds", type=float, metavar="S", help="how long; until stopped, in a pipe 1")
+    parser.add_argument("--seconds", type=float, metavar="S", help="duration, s; default until stopped, in a pipe 1")
     parser.add_argument("--out", type=Path, metavar="PNG", help="picture of the last frame")
     parser.add_argument("--record", type=Path, metavar="FILE", help="write the traffic of the wire")
     parser.add_argument("--replay", type=Path, metavar="FILE", help="recorded traffic, or a text recording")

@@ -12,7 +12,7 @@ SUMMARY = "a run on record, or the one in progress, in MuJoCo's viewer"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add which run."""
     add_journal(parser)
-    parser.add_argument("number", type=positive, nargs="?", metavar="RUN", help="the newest")
+    parser.add_argument("number", type=positive, nargs="?", metavar="RUN", help="number of the run; default the newest")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -18,7 +18,7 @@ SUMMARY = "live state of a cell that is served"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add where the cell is served, and how long it is watched."""
     parser.add_argument("--connect", type=address, required=True, metavar="HOST:PORT")
-    parser.add_argument("--once", action="store_true", help="the state now, and no more")
+    parser.add_argument("--once", action="store_true", help="show the present state once and end")
 
 
 def run(args: argparse.Namespace) -> int:

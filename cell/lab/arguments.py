@@ -20,12 +20,14 @@ def add_study(parser: argparse.ArgumentParser) -> None:
 
 def add_out(parser: argparse.ArgumentParser) -> None:
     """Add --out."""
-    parser.add_argument("--out", type=Path, default=Path("out/study"), metavar="DIR", help="where its files go")
+    parser.add_argument(
+        "--out", type=Path, default=Path("out/study"), metavar="DIR", help="folder for its files; default out/study"
+    )
 
 
 def add_seed(parser: argparse.ArgumentParser) -> None:
     """Add --seed."""
-    parser.add_argument("--seed", type=natural, default=1, metavar="S", help="of the first trial")
+    parser.add_argument("--seed", type=natural, default=1, metavar="S", help="seed of the first trial; default 1")
 
 
 def add_trials(parser: argparse.ArgumentParser, of_what: str) -> None:
@@ -36,7 +38,11 @@ def add_trials(parser: argparse.ArgumentParser, of_what: str) -> None:
 def add_workers(parser: argparse.ArgumentParser) -> None:
     """Add --workers."""
     parser.add_argument(
-        "--workers", type=positive, default=os.cpu_count() or 1, metavar="N", help="processes; one for each core"
+        "--workers",
+        type=positive,
+        default=os.cpu_count() or 1,
+        metavar="N",
+        help="number of processes; default one for each core",
     )
 
 

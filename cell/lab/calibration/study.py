@@ -15,7 +15,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what is simulated, and the number of arms of each kind."""
     add_study(parser)
     add_seed(parser)
-    add_trials(parser, "arms of each kind; 8, with --quick 1")
+    add_trials(parser, "arms of each kind; default 8, with --quick 1")
     parser.add_argument("--arms", action="append", default=[], metavar="NAME", help="a kind of arms; all if not given")
     add_workers(parser)
 

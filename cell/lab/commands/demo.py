@@ -18,8 +18,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add how many insertions, and where records and pictures go."""
     add_config(parser)
     add_journal(parser)
-    parser.add_argument("--trials", type=positive, default=5, metavar="N", help="insertions that the peer asks for")
-    parser.add_argument("--out", type=Path, default=Path("out/demo"), metavar="DIR", help="where the pictures go")
+    parser.add_argument(
+        "--trials", type=positive, default=5, metavar="N", help="insertions that the peer asks for; default 5"
+    )
+    parser.add_argument(
+        "--out", type=Path, default=Path("out/demo"), metavar="DIR", help="folder for the pictures; default out/demo"
+    )
 
 
 def run(args: argparse.Namespace) -> int:

@@ -20,10 +20,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the number of trials, their seeds, where they run and where the rows go."""
     add_config(parser)
     parser.add_argument("--trials", type=positive, default=40, metavar="N")
-    parser.add_argument("--seed", type=natural, default=1, metavar="S", help="of the first trial")
+    parser.add_argument("--seed", type=natural, default=1, metavar="S", help="seed of the first trial; default 1")
     where = parser.add_mutually_exclusive_group()
-    where.add_argument("--workers", type=positive, metavar="N", help="processes; one for each core")
-    where.add_argument("--scheduler", type=scheduler, metavar="tcp://HOST:PORT", help="of a Dask cluster")
+    where.add_argument("--workers", type=positive, metavar="N", help="number of processes; default one for each core")
+    where.add_argument(
+        "--scheduler", type=scheduler, metavar="tcp://HOST:PORT", help="address of a Dask cluster instead"
+    )
     parser.add_argument("--out", type=Path, required=True, metavar="DIR")
 
 

@@ -30,14 +30,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--want", required=True, metavar="WISH", help='as in "p95<=8 s, force<=20 N, success>=98 %%"; mean<= as well'
     )
-    parser.add_argument("--candidates", type=positive, default=18, metavar="N", help="settings to try; 18")
-    parser.add_argument("--trials", type=positive, default=16, metavar="N", help="insertions by each at most; 16")
+    parser.add_argument("--candidates", type=positive, default=18, metavar="N", help="settings to try; default 18")
     parser.add_argument(
-        "--judge", type=positive, default=60, metavar="N", help="insertions by the best one, on other seeds; 60"
+        "--trials", type=positive, default=16, metavar="N", help="insertions by each setting at most; default 16"
     )
-    parser.add_argument("--seed", type=natural, default=1, metavar="S", help="of the first trial")
     parser.add_argument(
-        "--workers", type=positive, default=os.cpu_count() or 1, metavar="N", help="processes; one for each core"
+        "--judge",
+        type=positive,
+        default=60,
+        metavar="N",
+        help="insertions by the best setting, on other seeds; default 60",
+    )
+    parser.add_argument("--seed", type=natural, default=1, metavar="S", help="seed of the first trial; default 1")
+    parser.add_argument(
+        "--workers",
+        type=positive,
+        default=os.cpu_count() or 1,
+        metavar="N",
+        help="number of processes; default one for each core",
     )
     parser.add_argument("--out", type=Path, required=True, metavar="DIR")
 

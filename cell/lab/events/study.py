@@ -17,7 +17,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what is simulated, and the number of searches."""
     add_study(parser)
     add_seed(parser)
-    add_trials(parser, "searches without a hole; 1000, with --quick 4")
+    add_trials(parser, "searches without a hole; default 1000, with --quick 4")
     add_workers(parser)
 
 

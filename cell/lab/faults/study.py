@@ -32,28 +32,28 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=natural,
         default=0,
         metavar="N",
-        help="instead: end the program N times, two of three by kill -9",
+        help="instead of breaking things: end the program N times, two of three by kill -9",
     )
     parser.add_argument(
         "--signal",
         choices=("KILL", "TERM", "INT", "HUP"),
-        help="with --kills: end it by this signal alone",
+        help="with --kills: end the program by this signal alone",
     )
     parser.add_argument(
         "--disks",
         type=natural,
         default=0,
         metavar="N",
-        help="instead: let the disk be full from a random moment of an insertion on, N times",
+        help="instead of breaking things: let the disk seem full from a random moment of an insertion on, N times",
     )
     parser.add_argument(
         "--soak",
         type=float,
         default=0.0,
         metavar="HOURS",
-        help="instead: mixed commands for so many simulated hours, and whether memory, handles and threads grow",
+        help="instead of breaking things: mixed commands for so many simulated hours, and whether memory, handles and threads grow",
     )
-    parser.add_argument("--cases", type=positive, metavar="N", help="so many cases drawn by the seed instead of all")
+    parser.add_argument("--cases", type=positive, metavar="N", help="N cases, drawn by the seed, instead of all")
     parser.add_argument(
         "--kind", action="append", default=[], metavar="TEXT", help="only kinds whose name contains TEXT"
     )

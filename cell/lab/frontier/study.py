@@ -21,13 +21,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what is simulated, what of it, the number of trials of each variant, and where they run."""
     add_study(parser)
     add_seed(parser)
-    add_trials(parser, "of each variant at most, a test ends them where the answer is clear; 120, with --quick 2")
+    add_trials(
+        parser, "most trials of each variant, a test ends them where the answer is clear; default 120, with --quick 2"
+    )
     parser.add_argument(
         "--only", action="append", metavar="GROUP", help="a group of variants, as in preset; all else is left out"
     )
     add_workers(parser)
     parser.add_argument(
-        "--scheduler", type=scheduler, metavar="tcp://HOST:PORT", help="of a Dask cluster that runs the trials"
+        "--scheduler", type=scheduler, metavar="tcp://HOST:PORT", help="address of a Dask cluster that runs the trials"
     )
     parser.add_argument("--redraw", action="store_true", help="draw the tables in --out again, run nothing")
 

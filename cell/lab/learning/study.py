@@ -17,8 +17,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what is simulated, the number of series, and the number of parts in each."""
     add_study(parser)
     add_seed(parser)
-    add_trials(parser, "series in each mode; 10, with --quick 1")
-    parser.add_argument("--parts", type=positive, metavar="N", help="parts of one fixture; 20, with --quick 3")
+    add_trials(parser, "series in each mode; default 10, with --quick 1")
+    parser.add_argument("--parts", type=positive, metavar="N", help="parts of one fixture; default 20, with --quick 3")
     add_workers(parser)
 
 

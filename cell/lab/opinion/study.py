@@ -18,7 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what is simulated, the description, and the number of trials on each arm."""
     add_study(parser)
     add_seed(parser)
-    add_trials(parser, "on each arm; 20, with --quick 1 on the described arm alone")
+    add_trials(parser, "trials on each arm; default 20, with --quick 1 on the described arm alone")
     parser.add_argument(
         "--model",
         type=Path,

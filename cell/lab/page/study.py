@@ -32,7 +32,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="H",
         help="simulated hours of runs for the growth, after up to one hour of warm-up; 0 measures only what the scan pays",
     )
-    parser.add_argument("--pairs", type=positive, default=12, metavar="N", help="pairs for what the scan pays; 12")
+    parser.add_argument(
+        "--pairs", type=positive, default=12, metavar="N", help="pairs of stretches with and without pages; default 12"
+    )
     parser.add_argument("--quick", action="store_true", help="a few runs, events and seconds")
 
 

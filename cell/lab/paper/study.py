@@ -24,7 +24,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what is simulated, and the number of trials by which the fit is judged."""
     add_study(parser)
     add_seed(parser)
-    add_trials(parser, "by which the fit is judged, on seeds 500 away; 40 as in life, with --quick 1")
+    add_trials(
+        parser, "trials by which the fit is judged, on seeds 500 away; default 40 as in [gibbons], with --quick 1"
+    )
     add_workers(parser)
     parser.add_argument(
         "--kept", action="store_true", help="fit nothing: judge the preset as it is, in the laboratory that was found"

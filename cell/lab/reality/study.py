@@ -15,7 +15,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what is simulated, and the number of trials at each scale of each error."""
     add_study(parser)
     add_seed(parser)
-    add_trials(parser, "of each size of each error; 40, of each row at most 12, with --quick 1")
+    add_trials(parser, "trials of each size of each error; default 40, of each row at most 12, with --quick 1")
     parser.add_argument("--rows", action="store_true", help="instead, a table of named errors, each at one stated size")
     add_workers(parser)
 

@@ -17,7 +17,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what is simulated, the kind of latch, and the number of trials of each case."""
     add_study(parser)
     add_seed(parser)
-    add_trials(parser, "of each case; 20, with --quick 1")
+    add_trials(parser, "trials of each case; default 20, with --quick 1")
     parser.add_argument("--latch", action="append", default=[], choices=("detent", "press"), help="both if not given")
     parser.add_argument(
         "--case", action="append", default=[], metavar="NAME", help="a case by its name; all if not given"

@@ -17,7 +17,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what is simulated, and the number of trials of each case."""
     add_study(parser)
     add_seed(parser)
-    add_trials(parser, "of each case; 20, with --quick 1")
+    add_trials(parser, "trials of each case; default 20, with --quick 1")
     parser.add_argument(
         "--hand",
         action="append",

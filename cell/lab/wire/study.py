@@ -16,7 +16,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what is simulated, and the number of insertions through each wire."""
     add_study(parser)
     add_seed(parser)
-    add_trials(parser, "insertions through each wire; 20, with --quick 2")
+    add_trials(parser, "insertions through each wire; default 20, with --quick 2")
     add_workers(parser)
 
 
