@@ -6,7 +6,8 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
-from drivers.arm.model import ArmModel
+from drivers import impedance
+from drivers.arm.model import JOINTS, ArmModel
 from drivers.parts import Job
 from drivers.quantities import Pose, Vector
 from drivers.skin.layout import Layout, pad_size
@@ -137,6 +138,16 @@ class World:
     def physics(self) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """Return the model that the next step takes, and the data, for measurements."""
         return self.stepper.physics()
+
+    def inertia(self, point: Vector) -> Vector:
+        """Return the true inertia of the arm at a point of the hand, m, (J M⁻¹ Jᵀ)⁻¹, shape (6, 6), translation first, base frame."""
+        model, data = self.physics()
+        M = np.empty((model.nv, model.nv))
+        mujoco.mj_fullM(model, data, M)
+        _, _, axes, origins = impedance.forward(impedance.figures(self.draw.arm.model), self.q)
+        J = np.vstack([np.cross(axes, point - origins).T, axes.T])
+        inertia: Vector = np.linalg.inv(J @ np.linalg.inv(M[:JOINTS, :JOINTS]) @ J.T)
+        return inertia
 
     def finger_gap(self) -> float:
         """Return the distance between the pads, m."""

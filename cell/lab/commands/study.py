@@ -47,6 +47,7 @@ STUDIES = (
     "learning",
     "opinion",
     "seating",
+    "limits",
 )
 """Package of each study in the laboratory; each has a module `study`."""
 

@@ -1,0 +1,1 @@
+"""Study of what limits each phase of an insertion."""

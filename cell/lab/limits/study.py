@@ -1,0 +1,81 @@
+"""`cell study limits`: what limits each phase of an insertion, by formula, beside what trials reach."""
+
+import argparse
+import csv
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cell.arguments import out_folder
+from cell.lab.arguments import add_seed, add_study, add_trials, add_workers, load_simulated
+from cell.lab.report import StudyReport, finite
+from cell.terminal import progress
+
+if TYPE_CHECKING:
+    from cell.lab.limits.cases import Case
+    from cell.lab.limits.lines import LimitsLine
+
+SUMMARY = "what limits each phase: the bound by formula beside what trials of what ships and of fast reach"
+TABLE, TITLE = "limits.csv", "title.txt"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what is simulated, the number of trials of each case, and where they run."""
+    add_study(parser)
+    add_seed(parser)
+    add_trials(parser, "of each case; 24, with --quick 1 of two cases")
+    add_workers(parser)
+    parser.add_argument("--redraw", action="store_true", help="draw the rows in --out again, run nothing")
+
+
+def run(args: argparse.Namespace) -> StudyReport:
+    """Run every case on the same seeds, write rows and table, draw the chart; rows that are there are not run again."""
+    from cell.lab.frontier.measure import load_variant
+    from cell.lab.limits import charts, lines, measure, tables
+    from cell.lab.limits.cases import cases
+
+    load_simulated(args, "study limits")
+    folder = out_folder(args.out)
+    tried = cases(bool(args.config or args.set), args.quick)
+    title = _title(folder) if args.redraw else _measured(args, tried, folder)
+    configs = {
+        case.name: load_variant(args.config, case.variant.preset, [*args.set, *case.variant.sets]) for case in tried
+    }
+    studies = lines.studies(tried, configs, measure.read_rows(folder / measure.ROWS))
+    found = [line for study in studies for line in study.lines()]
+    _write(found, folder / TABLE)
+    files = [folder / measure.ROWS, folder / TABLE, charts.draw(studies, title, folder)]
+    return StudyReport(
+        [tables.limits(found, title)], finite({"title": title, "lines": [asdict(line) for line in found]}), files
+    )
+
+
+def _measured(args: argparse.Namespace, tried: "list[Case]", folder: Path) -> str:
+    """Run what is missing and return the words under which it is drawn."""
+    from cell.lab.frontier.measure import title_of
+    from cell.lab.limits import measure
+
+    seeds = range(args.seed, args.seed + (args.trials or (1 if args.quick else 24)))
+    with progress() as bars:
+        bar = bars.add_task("trials", total=len(tried) * len(seeds))
+        measure.measure(
+            args.config, args.set, tried, seeds, args.workers, folder, lambda count: bars.advance(bar, count)
+        )
+    title = title_of(seeds).replace("a variant", "a case")
+    (folder / TITLE).write_text(title + "\n", encoding="utf-8")
+    return title
+
+
+def _title(folder: Path) -> str:
+    """Return the words of an earlier call; without them there are rows of one that was ended."""
+    path = folder / TITLE
+    return path.read_text(encoding="utf-8").strip() if path.exists() else "an ended call"
+
+
+def _write(found: "list[LimitsLine]", path: Path) -> None:
+    from cell.lab.limits.lines import LimitsLine
+
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, [each.name for each in fields(LimitsLine)], lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(asdict(line) for line in found)
