@@ -10,6 +10,7 @@ from cell.assembly import Cell, assemble
 from cell.config import load
 from cell.record import ending_of
 from drivers import impedance
+from drivers.arm.inertia import tip_inertia
 from drivers.frames import rotation_about
 from drivers.quantities import Pose
 from sim import metering, truth
@@ -218,10 +219,22 @@ def test_a_peg_at_rest_is_back_before_the_pads_reach_it() -> None:
 def test_the_jerk_of_a_struck_arm_is_that_of_its_finger_centre(begin) -> None:
     _, physics = begin(1)
     position, _, axes, origins = impedance.forward(impedance.figures(physics.arm), physics.q)
-    # A little is left of the swing that the grasp ended with.
-    physics.meters[metering.JERK_CONTACT] = 0.0
+    # The meters begin anew where the grasp has ended.
+    physics.meters[[metering.JERK_FREE, metering.JERK_CONTACT]] = 0.0
     velocity = 0.2 * np.cross(axes[0], position - origins[0]) + 0.3 * np.cross(axes[3], position - origins[3])
     physics.physics()[1].qvel[[0, 3]] += (0.2, 0.3)
     physics.wait_until(physics.now() + 0.2)
     rate = 2.0 * math.pi * metering.JERK_BANDWIDTH
-    assert physics.truth().jerk_contact == pytest.approx(rate**2 * float(np.linalg.norm(velocity)), rel=0.08)
+    found = physics.truth()
+    assert max(found.jerk_free, found.jerk_contact) == pytest.approx(
+        rate**2 * float(np.linalg.norm(velocity)), rel=0.08
+    )
+
+
+def test_the_true_inertia_at_a_point_of_the_hand_is_that_of_the_arm_and_the_light_peg() -> None:
+    _, physics = holding(1)
+    tcp = physics.tcp()
+    found = physics.inertia(tcp.position + 0.05 * tcp.rotation[:, 0])
+    joints = physics.arm.joints.model_copy(update={"rotor_inertia": physics.draw.arm.rotor_inertia})
+    expected = tip_inertia(physics.arm.model_copy(update={"joints": joints}), physics.q, 0.05)
+    np.testing.assert_allclose(found, expected, atol=0.02 * np.abs(expected).max())
