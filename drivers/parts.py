@@ -178,7 +178,7 @@ class Rack(ConfigModel):
     depth: Annotated[float, Field(ge=0.002, le=0.1)]
     """Depth of a slot, m."""
     refill: Literal["feeder", "asked"] = "feeder"
-    """How slots are filled again: by a feeder before the next turn, or by hand, told by the command REFILLED."""
+    """How slots are filled again: by a feeder before the next turn, or by hand, which the command REFILLED reports."""
 
     @property
     def bounds(self) -> Bounds:

@@ -66,7 +66,7 @@ class CornerAdjustParams(SkillParams):
     entered: PositiveFloat
     """Distance by which the tip sinks when the peg is between the walls, m; more than the peg slips along the fingers."""
     timeout: PositiveFloat
-    """Longest time until the peg is between the walls, s; a peg that is not is turned otherwise, and searches anew."""
+    """Longest time until the peg is between the walls, s; otherwise the cell searches anew and turns the peg another way."""
 
 
 @dataclass(frozen=True, slots=True)

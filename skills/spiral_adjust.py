@@ -54,8 +54,8 @@ class SpiralAdjustParams(SkillParams):
     radius: PositiveFloat
     """Largest radius of the spiral, m; `stall_timeout` may end the spiral before. Source: [gibbons], Sec. VI."""
     stall_timeout: Annotated[float, Field(gt=0.0, le=120.0)]
-    """Stall timeout: time in which a peg that goes no deeper by `jammed` is given up, s; such a peg is not in the hole or
-    will not go in so. Close to the bottom it is given twice as long, and then the switch does not tell what is there.
+    """Stall timeout: time in which a peg that goes no deeper by `jammed` is given up, s; such a peg is not in the hole, or
+    does not go in this way. Close to the bottom the time is twice as long; a switch that is still open then disagrees with the depth.
     Source: chosen, not measured; reason in decision 0030.
     """
     timeout: PositiveFloat

@@ -13,7 +13,7 @@ class NoSwitchConfig(ConfigModel):
     """
 
     kind: Literal["none"]
-    """Kind of the switch: none, which every hole of the cell needs other evidence for, `hole.evidence`."""
+    """Kind of the switch: there is none, so that every hole of the cell needs other evidence, see `hole.evidence`."""
 
 
 class AbsentSwitch:

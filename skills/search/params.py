@@ -46,7 +46,7 @@ class SpraySearchParams(SkillParams):
     """What keeps its attitude while the peg turns in the hand: the hand, or the peg, which the hand then turns after. Source: decision 0070."""
     turned: Annotated[float, Field(ge=0.0, le=1.5)] = 0.35
     """Turn of the peg in the hand at which it is lifted off and the hand turns after it, rad; 0 never does, as in [gibbons]. In the air the pads hold
-    it; on the plate they would let it turn on. A tilt of 45 degrees is 48 with 0.35. Source: decision 0070.
+    it; on the plate they would let it turn on. With 0.35 a peg that leaned by 45 degrees leans by 48. Source: decision 0070.
     """
     fast_axis: Literal["x", "y"]
     """Axis of the base frame that is swept fast; a peg with corners is always swept along its hand's closing axis. Source: set for each cell."""
@@ -103,7 +103,7 @@ class SpraySearchParams(SkillParams):
     does. For a round peg of 5 mm or less it is less in proportion to 8 mm. Source: chosen, not measured; reason in decision 0020.
     """
     slip_drop: NonNegativeFloat = 0.0
-    """Drop of the tip that is put down to a turn of the peg in the hand by one radian, which slips it along the fingers as well, m; it adds to
+    """Drop of the tip that a turn of the peg in the hand by one radian explains, because the peg then slips along the fingers, m; it adds to
     `fall`. The grip's own figure is taken where it is larger. Source: decision 0070.
     """
     rest: PositiveFloat
