@@ -7,8 +7,8 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
-from drivers.frames import end_point
-from drivers.quantities import ImpedanceSetpoint, InHandTip, Pose, Twist, Vector
+from drivers.frames import angle_between, end_point
+from drivers.quantities import ArmState, ImpedanceSetpoint, InHandTip, Pose, Twist, Vector
 from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillResult
 from skills.motion import VALIDITY, Gains, anchored, tilted_by
 from skills.paths import dither, spiral
@@ -39,6 +39,16 @@ CREEP = 5.0
 is pushed along its hole gains fifty times as much, and one that wedges creeps."""
 SMOOTHING = 0.3
 """Share of a new scan in the tip's speed: theta's noise moves the tip."""
+SWINGING = 0.15
+"""Turning rate of the hand beyond which it swings, rad/s; the dither turns it by 0.1 rad/s."""
+SWING_DAMPING = 10.0
+"""Growth of the damping along z with the swing, by its value without one, s/rad. Source: decision 0088."""
+MOST_SWING_DAMPING = 5.0
+"""Largest factor on the damping along z for a swing: torques that come 4 ms late behind 50 Hz bear 1.2 times as much. Source: decision 0088."""
+SWING_PUSH = 2.0
+"""Growth of the divisor of the push with the swing, s/rad. Source: decision 0088."""
+SWING_SMOOTHING = 0.5
+"""Share of a new scan in the hand's turning rate."""
 
 
 class SpiralAdjustParams(SkillParams):
@@ -142,6 +152,44 @@ class Descent:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Swing:
+    """Turning rate of the hand, smoothed, and how gently a peg is let down while the hand swings; pure.
+
+    The insertion turns the hand upright, and its inertia carries it on. A peg that has fallen some millimetres by then has little play left in
+    the hole, whose walls stop the hand with a lever of that depth.
+    """
+
+    axis: Vector
+    """Direction in which the hand points at the last scan, unit, shape (3,), base frame."""
+    stamp: float
+    """Time of that state of the arm, s."""
+    rate: float = 0.0
+    """Turning rate, rad/s, >= 0."""
+
+    def after(self, arm: ArmState) -> "Swing":
+        """Return the swing after one more state of the arm; an old one changes nothing."""
+        if arm.stamp <= self.stamp:
+            return self
+        axis = arm.tcp.rotation[:, 0]
+        rate = angle_between(axis, self.axis) / (arm.stamp - self.stamp)
+        return Swing(axis, arm.stamp, self.rate + SWING_SMOOTHING * (rate - self.rate))
+
+    @property
+    def _beyond(self) -> float:
+        return max(self.rate - SWINGING, 0.0)
+
+    @property
+    def damping(self) -> float:
+        """Factor on the damping along z, >= 1."""
+        return min(1.0 + SWING_DAMPING * self._beyond, MOST_SWING_DAMPING)
+
+    @property
+    def push(self) -> float:
+        """Share of the push that is kept, from 0 to 1."""
+        return 1.0 / (1.0 + SWING_PUSH * self._beyond)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Aim:
     """How the peg is taken to lie in the hand, and along which direction it is pushed.
 
@@ -227,7 +275,7 @@ def run(
     hole, is_felt, plane = ctx.job.hole, plane is not None, plane or nominal(ctx.job.hole)
     first, arrival, curve = ctx.observe(), Arrival(), Curve()
     aim, stall, guide = Aim(ctx.in_hand(), plane.normal), Stall(), Guide()
-    descent = Descent(plane.depth(first.tip))
+    descent, swing = Descent(plane.depth(first.tip)), Swing(first.arm.tcp.rotation[:, 0], first.arm.stamp)
     identity, offset, tip, running = ctx.new_id(), np.zeros(2), first.tip, 0.0
     for seen in ctx.scan(params.timeout, holding=True):
         elapsed, running, tip = seen.elapsed, seen.running, aim.tip(seen.arm.tcp)
@@ -257,9 +305,10 @@ def run(
         descent = descent.after(plane.depth(tip), ctx.scan_period)
         offset, next_offset = (guide.offset(elapsed + ahead, params, descent.rest) for ahead in (0.0, ctx.scan_period))
         ctx.progress(elapsed / params.timeout)
-        stiffness, damping_ratio = _compliance(params, depth_of(tip, hole) > hole.depth - params.arrival)
+        swing = swing.after(seen.arm)
+        stiffness, damping_ratio = _compliance(params, swing, depth_of(tip, hole) > hole.depth - params.arrival)
         target = anchored(tip, first.tip) if guide.is_on else first.tip.copy()
-        target[2] = tip[2] - params.push_offset
+        target[2] = tip[2] - swing.push * params.push_offset
         ctx.follow(
             ImpedanceSetpoint(
                 id=identity,
@@ -287,11 +336,11 @@ def given_up_after(depth: float, bottom: float, params: SpiralAdjustParams) -> f
     return params.stall_timeout * (AT_BOTTOM if depth >= bottom - OPEN_TOLERANCE else 1.0)
 
 
-def _compliance(params: SpiralAdjustParams, is_arriving: bool) -> tuple[Vector, Vector]:
-    """Return stiffness and damping ratios, each shape (6,); close to the bottom the peg is damped more."""
+def _compliance(params: SpiralAdjustParams, swing: Swing, is_arriving: bool) -> tuple[Vector, Vector]:
+    """Return stiffness and damping ratios, each shape (6,); while the hand swings, and close to the bottom, the peg is damped more."""
     stiffness, damping_ratio = params.gains.stiffness(), params.gains.damping_ratios()
     stiffness[2] = params.push_stiffness
-    damping_ratio[2] = params.push_damping_ratio * (ARRIVING if is_arriving else 1.0)
+    damping_ratio[2] = params.push_damping_ratio * max(ARRIVING if is_arriving else 1.0, swing.damping)
     return stiffness, damping_ratio
 
 

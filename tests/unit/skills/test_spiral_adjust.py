@@ -7,16 +7,31 @@ import numpy as np
 import pytest
 
 from cell.config import load
-from drivers.quantities import InHandTip, Pose
+from cell.margins import inertias
+from drivers.arm.dynamics import critical_damping
+from drivers.frames import rotation_about
+from drivers.quantities import ArmState, InHandTip, Pose, Wrench
 from skills.catalogue import ADJUST
 from skills.contract import Outcome, Reason
 from skills.seating import CLOSED_TOLERANCE, OPEN_TOLERANCE
-from skills.spiral_adjust import CREEP, SLIDING, Aim, Descent, Guide, Stall, given_up_after, run
+from skills.spiral_adjust import (
+    CREEP,
+    MOST_SWING_DAMPING,
+    SLIDING,
+    Aim,
+    Descent,
+    Guide,
+    Stall,
+    Swing,
+    given_up_after,
+    run,
+)
 from tests.fakes import HAND_DOWN, Rig
 
 PARAMS = load().cell.params(ADJUST)
 PERIOD, LEAST = PARAMS.dither_period, PARAMS.jammed
 DEEP = PARAMS.guided_depth + 1e-6
+SIDE = np.array([0.0, 1.0, 0.0])
 
 
 def test_less_than_the_least_gain_is_no_gain():
@@ -60,6 +75,52 @@ def test_a_peg_that_slides_is_not_dithered_and_one_that_rests_is():
     ]
     assert sizes == pytest.approx([0.8 * PARAMS.dither_radius, 0.0], abs=0.25 * PARAMS.dither_radius)
     assert sizes[1] == 0.0
+
+
+def turning(rate, stamps):
+    """Return the swing of a hand that turns at `rate`, rad/s, in states of the arm at these times, s."""
+    swing = Swing(HAND_DOWN[:, 0], float(stamps[0]))
+    for stamp in stamps:
+        tcp = Pose(np.zeros(3), rotation_about(SIDE, rate * stamp) @ HAND_DOWN)
+        swing = swing.after(ArmState(stamp, np.zeros(7), np.zeros(7), tcp, Wrench(np.zeros(3), np.zeros(3)), 2, 0.0))
+    return swing
+
+
+@pytest.mark.parametrize("stamps", [np.arange(0.0, 0.3, 0.01), np.arange(0.0, 1.2, 0.1)])
+def test_the_swing_of_a_hand_is_its_turning_rate_however_late_the_scans_come(stamps):
+    assert turning(0.7, stamps).rate == pytest.approx(0.7, rel=0.01)
+
+
+def test_a_state_of_the_arm_that_is_read_twice_tells_no_other_swing():
+    swing = turning(0.7, [0.0, 0.01])
+    assert turning(0.7, [0.0, 0.01, 0.01]).rate == swing.rate
+
+
+def test_a_peg_is_let_down_the_more_gently_the_faster_the_hand_turns_and_as_ever_while_it_is_dithered():
+    dithered = Swing(SIDE, 0.0, PARAMS.dither_rate * PARAMS.dither_radius / load().cell.peg.length)
+    slow, fast = (Swing(SIDE, 0.0, rate) for rate in (0.5, 1.0))
+    assert (dithered.damping, dithered.push) == (1.0, 1.0)
+    assert 1.0 < slow.damping < fast.damping == MOST_SWING_DAMPING
+    assert 1.0 > slow.push > fast.push > 0.3
+
+
+@pytest.mark.parametrize("preset", ["balanced", "fast", "careful"])
+def test_torques_that_act_as_late_as_a_careless_arms_bear_the_damping_of_a_swing(preset):
+    # One mode of damping alone, v' = -r v, whose torque comes after T behind a low-pass of L, is stable up to
+    # r = w sqrt(1 + (w L)^2) with w T + atan(w L) a quarter of a turn.
+    cell = load(sets=[f"preset={preset}"]).cell
+    params = cell.params(ADJUST)
+    transport, lag = 2 * 0.002, 2 * 0.0016
+    low, high = 1.0, math.pi / 2 / transport
+    for _ in range(60):
+        middle = (low + high) / 2
+        low, high = (middle, high) if middle * transport + math.atan(middle * lag) < math.pi / 2 else (low, middle)
+    stiffness, ratios = params.gains.stiffness(), params.gains.damping_ratios()
+    stiffness[2], ratios[2] = params.push_stiffness, MOST_SWING_DAMPING * params.push_damping_ratio
+    for inertia in inertias(cell.place())[1:]:  # the peg is upright
+        damping = np.sqrt(np.outer(ratios, ratios)) * critical_damping(inertia, stiffness)
+        rates = np.abs(np.linalg.eigvals(np.linalg.solve(inertia, damping)))
+        assert 1.2 * rates.max() < low * math.hypot(1.0, low * lag)
 
 
 def test_a_tip_that_rises_slides_nowhere():

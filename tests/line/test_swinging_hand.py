@@ -1,0 +1,16 @@
+"""A hand that is still turning when the peg goes down the hole."""
+
+import pytest
+
+from cell.config import load
+from cell.lab.trials import run_trial
+from skills.contract import Outcome
+
+
+@pytest.mark.parametrize("seed", [115324, 115338])
+def test_a_hand_that_swings_through_upright_does_not_strike_the_hole_with_a_deep_peg(seed):
+    # Arms with heavy rotors and late scans, turned at 1 rad/s: let down as fast as an upright peg, these pegs
+    # were 5 to 6 mm deep when the hand passed upright, and the walls stopped it with 98 and 68 N.
+    row = run_trial(load(sets=["preset=fast", "reality.scale=2"]).cell, seed)
+    assert row.outcome == Outcome.SUCCESS
+    assert row.peak_contact_force < 40.0
