@@ -38,6 +38,7 @@ WRONG = {
     "unknown recipe": ["run", "insert_peg", "--recipe", "999"],
     "not an address": ["watch", "--connect", "localhost"],
     "not a count": ["demo", "--trials", "0"],
+    "a demo that would move an arm": ["demo", "--config", str(DEFAULT.parent / "cell_01.toml")],
     "unknown command": ["dance"],
     "no command": [],
     "unknown format": ["map", "--format", "pdf"],

@@ -5,7 +5,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cell.arguments import add_config, add_journal, load_config, open_journal, out_folder, positive
+from cell.arguments import add_config, add_journal, open_journal, out_folder, positive
+from cell.lab.arguments import load_simulated
 from cell.terminal import GOOD, NOT_GOOD, progress, say, show
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ def run(args: argparse.Namespace) -> int:
     from cell.lab.tables import stages
     from skills.contract import Outcome
 
-    loaded = load_config(args, default_pace="max")
+    loaded = load_simulated(args, "demo")
     folder = out_folder(args.out)
     with open_journal(args, loaded.cell.journal) as journal, progress() as bars:
         bar = bars.add_task("insertions", total=args.trials)
