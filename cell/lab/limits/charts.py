@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -13,19 +14,20 @@ from matplotlib.patches import Patch
 
 from cell.lab.limits.bounds import Dip, fall_depth, most_lean, turn_force
 from cell.lab.limits.cases import FAST, STATED
-from cell.lab.limits.lines import Study
+from cell.lab.limits.lines import STILL, Study
 from drivers.quantities import Vector
 from sim.metering import OVER_FORCE
 
 CHART = "limits.png"
 INK, BEYOND, BLUE, RED, GREEN, GREY = "#222222", "#e6e6e6", "#4477aa", "#ee6677", "#228833", "#888888"
-MISSED = "#aa3377"
+JAMMED = "#aa3377"
+LOOKS: tuple[dict[str, Any], ...] = (
+    {"ms": 4.0, "alpha": 0.35, "zorder": 4.0},
+    {"ms": 9.0, "alpha": 0.75, "zorder": 5.0},
+)
+"""Sizes and the like of scans of pegs that go down, and of those that stand still."""
 LEAST_SHARE = 0.15
 """Least share of the cover before the hole of a trial that is drawn on its own: of a shorter way touching down and resting are most."""
-STILL = 2e-3
-"""Speed down the hole below which a peg stands still, m/s."""
-OVER = 3
-"""Number of scans over which that speed is taken."""
 SMALL = 9
 """Size of the letters of notes and legends."""
 
@@ -87,7 +89,7 @@ def _style(axes: Axes, *lines: tuple[str, str, float, str], is_left: bool = Fals
 
 def _cover(axes: Axes, sized: Sequence[Study]) -> None:
     """Draw the time of a cover against the diameter of the peg."""
-    _titled(axes, "Search", "no quicker, and lanes no further apart, than a fall can be told")
+    _titled(axes, "Search", "lanes as quick and as far apart as a fall can still be told")
     own = [study for study in sized if study.case.label != FAST and study.mass > 0.0]
     if own:
         sizes, bounds = [1e3 * study.case.size for study in own], [study.cover().time for study in own]
@@ -102,7 +104,7 @@ def _cover(axes: Axes, sized: Sequence[Study]) -> None:
         for place, study in zip(places, of, strict=True):
             for row in study.rows:
                 if row.search_time and row.share and row.share > LEAST_SHARE:
-                    axes.plot(place, row.search_time / row.share, ".", color=colour, alpha=0.3, ms=5, mew=0.0)
+                    axes.plot(place, row.search_time / row.share, ".", color=colour, alpha=0.45, ms=6, mew=0.0)
         reached = [study.searched() for study in of]
         values, errors = [value for value, _ in reached], [error for _, error in reached]
         axes.errorbar(places, values, yerr=errors, fmt="o", color=colour, capsize=3, ms=6, zorder=4)
@@ -128,19 +130,22 @@ def _band(axes: Axes, studies: Sequence[Study]) -> None:
     half = [5e2 * dip.band(float(speed)) for speed in speeds]
     axes.fill_between(1e3 * speeds, half, 10.0, color=BEYOND, zorder=1)
     axes.plot(1e3 * speeds, half, "-", color=INK, lw=2, zorder=3)
-    counts = []
-    for is_noticed, marker, colour in ((True, "o", GREEN), (False, "x", MISSED)):
-        of = [each for each in passes if each.is_noticed is is_noticed]
-        counts.append(len(of))
-        x, y = [1e3 * each.speed for each in of], [1e3 * abs(each.offset) for each in of]
-        edge = 0.0 if is_noticed else 1.6
-        axes.plot(x, y, marker, color=colour, ms=5.5, alpha=0.7 if is_noticed else 1.0, mew=edge, zorder=4, ls="none")
+    for study in studies:
+        for is_noticed, marker in ((True, "o"), (False, "x")):
+            of = [each for each in study.passes if each.is_noticed is is_noticed]
+            x, y = [1e3 * each.speed for each in of], [1e3 * abs(each.offset) for each in of]
+            look: dict[str, Any] = (
+                {"ms": 5.5, "alpha": 0.65, "mew": 0.0} if is_noticed else {"ms": 6.0, "alpha": 1.0, "mew": 1.6}
+            )
+            axes.plot(x, y, marker, color=colour_of(study), zorder=4, ls="none", **look)
+    missed = [each for each in passes if not each.is_noticed]
+    within = sum(2.0 * abs(each.offset) < dip.band(each.speed) for each in missed)
     axes.axhline(5e2 * dip.hole, color=GREY, ls="--", lw=1)
     _note(axes, (297.0, 5e2 * dip.hole + 0.12), "rim of the hole", GREY, "right")
     _style(
         axes,
-        ("o", GREEN, 0.0, f"noticed: {counts[0]} passes"),
-        ("x", MISSED, 0.0, f"missed: {counts[1]} passes"),
+        ("o", GREY, 0.0, f"noticed: {len(passes) - len(missed)} passes"),
+        ("x", GREY, 0.0, f"missed: {len(missed)} passes, {within} within the bound"),
         ("-", INK, 2.0, f"bound: {1e3 * dip.depth:g} mm under {dip.push:g} N on {dip.mass:.1f} kg"),
     )
     axes.set_xlim(0.0, 300.0)
@@ -260,16 +265,18 @@ def _lean(axes: Axes, stated: Sequence[Study]) -> None:
     most = np.degrees([most_lean(float(depth), peg, bore) for depth in depths])
     axes.fill_between(1e3 * depths, most, 20.0, color=BEYOND, zorder=1)
     axes.plot(1e3 * depths, most, "-", color=INK, lw=2, zorder=3)
-    moving, still = scans_of(stated)
-    for found, colour, size in ((moving, GREEN, 4), (still, MISSED, 8)):
-        if found:
-            x, y = np.array(found).T
-            axes.plot(1e3 * x, np.degrees(y), ".", color=colour, ms=size, alpha=0.55, mew=0.0, zorder=4)
+    counts = [0, 0]
+    for study in stated:
+        for place, (found, look) in enumerate(zip(study.scans(), LOOKS, strict=True)):
+            counts[place] += len(found)
+            if found:
+                x, y = np.array(found).T
+                axes.plot(1e3 * x, np.degrees(y), ".", color=(colour_of(study), JAMMED)[place], mew=0.0, **look)
     _style(
         axes,
         ("-", INK, 2.0, "bound: both walls touch"),
-        (".", GREEN, 0.0, f"scans of pegs that go down: {len(moving)}"),
-        (".", MISSED, 0.0, f"slower than {1e3 * STILL:g} mm/s: {len(still)}"),
+        (".", GREY, 0.0, f"on the way down: {counts[0]} scans"),
+        (".", JAMMED, 0.0, f"slower than {1e3 * STILL:g} mm/s: {counts[1]} scans"),
     )
     axes.set_yscale("log")
     axes.set_yticks((0.1, 0.2, 0.5, 1, 2, 5), ("0.1", "0.2", "0.5", "1", "2", "5"))
@@ -278,19 +285,6 @@ def _lean(axes: Axes, stated: Sequence[Study]) -> None:
     axes.set_xlim(0.0, 20.5)
     axes.set_xlabel("depth of the peg in its hole (mm)")
     axes.set_ylabel("lean of the peg from the hole's axis (degrees)")
-
-
-def scans_of(studies: Sequence[Study]) -> tuple[list[tuple[float, float]], list[tuple[float, float]]]:
-    """Return depth, m, and lean, rad, of the scans on all ways down that goes down, and of those in which the peg stands still; not at the bottom."""
-    moving: list[tuple[float, float]] = []
-    still: list[tuple[float, float]] = []
-    for study in studies:
-        for row in study.rows:
-            scans = row.way.scans if row.way is not None else ()
-            for (since, above, _), (until, below, lean) in zip(scans, scans[OVER:], strict=False):
-                if below < study.config.hole.depth - 1e-3 and until > since:
-                    (still if below - above < STILL * (until - since) else moving).append((below, lean))
-    return moving, still
 
 
 def _typical(studies: Sequence[Study]) -> Dip:

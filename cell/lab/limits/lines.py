@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cell.cell_config import CellConfig
-from cell.lab.limits.bounds import Cover, Dip, Down, Upright, critical_damping, fall_time, turn_time
+from cell.lab.limits.bounds import Cover, Dip, Down, Upright, critical_damping, fall_time, most_lean, turn_time
 from cell.lab.limits.cases import AREA, Case
 from cell.lab.limits.measure import LimitsRow, Pass, Turn, searching
 from cell.statistics import Z95
@@ -19,6 +19,14 @@ from skills.spiral_adjust import ARRIVING
 
 SETTLED = 5e-4
 """Distance from the depth of a seated peg at which a way down counts as ended, m."""
+BETWEEN = 2e-3
+"""Depth from which on a peg stands between the walls and not over the rim, m."""
+STILL = 2e-3
+"""Speed down the hole below which a peg stands still, m/s."""
+NEAR = 1e-3
+"""Distance from the depth of a seated peg within which a way down is at its end, m."""
+OVER = 3
+"""Number of scans over which that speed is taken."""
 RATE_TIME = 0.05
 """Time over which the rate of the lean at the beginning of a way down is taken, s."""
 
@@ -126,13 +134,28 @@ class Study:
         end = self.config.hole.depth - SETTLED
         return next((time for time, depth, *_ in row.way.scans if depth >= end), math.nan)
 
+    def scans(self) -> tuple[list[tuple[float, float]], list[tuple[float, float]]]:
+        """Return depth, m, and lean, rad, in all scans of pegs that go down, and in those of pegs that stand still; not at the bottom."""
+        moving: list[tuple[float, float]] = []
+        still: list[tuple[float, float]] = []
+        for row in self.rows:
+            scans = row.way.scans if row.way is not None else ()
+            for (since, above, _), (until, below, lean) in zip(scans, scans[OVER:], strict=False):
+                if below < self.config.hole.depth - NEAR and until > since:
+                    (still if below - above < STILL * (until - since) else moving).append((below, lean))
+        return moving, still
+
     def turns(self) -> list[Turn]:
         """Return the turns of the trials that were seated."""
         return [row.turn for row in self.good if row.turn is not None]
 
     def lines(self) -> list[LimitsLine]:
         """Return the lines of this case."""
-        return [line for line in (self._cover(), self._band(), self._fall(), self._turn(), *self._down()) if line.count]
+        return [
+            line
+            for line in (self._cover(), self._band(), self._fall(), self._turn(), *self._down(), self._jam())
+            if line.count
+        ]
 
     def _line(self, phase: str, unit: str, bounds: Sequence[float], found: Sequence[float], told: str) -> LimitsLine:
         values = np.array([value for value in found if math.isfinite(value)])
@@ -162,7 +185,7 @@ class Study:
         speed = _median([each.speed for each in noticed])
         reached = [1e3 * abs(each.offset) for each in noticed]
         inside = sum(2 * abs(each.offset) < dip.band(each.speed) for each in missed)
-        told = f"at {speed:.3f} m/s; {len(missed)} missed, {inside} of them within the band"
+        told = f"at {speed:.3f} m/s over the rim; {len(missed)} missed, {inside} of them within the band"
         return self._line("fall noticed off the middle", "mm", [5e2 * dip.band(speed)], reached, told)
 
     def _fall(self) -> LimitsLine:
@@ -190,6 +213,13 @@ class Study:
             "and a hand that comes upright": [float(self.descent(row, walls=True)[0][-1]) for row in rows],
         }
         return [self._line("way down", "s", times, found, told) for told, times in bounds.items()]
+
+    def _jam(self) -> LimitsLine:
+        peg, bore = self.config.job().peg.part.thickness, self.config.job().hole.part.thickness
+        moving, still = self.scans()
+        shares = [lean / most_lean(depth, peg, bore) for depth, lean in still if depth > BETWEEN]
+        told = f"lean that both walls allow; slower than {1e3 * STILL:g} mm/s in {len(still)} of {len(still) + len(moving)} scans"
+        return self._line("lean of a peg that stands still", "of it", [1.0], shares, told)
 
 
 def crossed(fall: Sequence[tuple[float, float]], depth: float) -> float:
