@@ -40,7 +40,7 @@ is pushed along its hole gains fifty times as much, and one that wedges creeps."
 SMOOTHING = 0.3
 """Share of a new scan in the tip's speed: theta's noise moves the tip."""
 SWINGING = 0.15
-"""Turning rate of the hand beyond which it swings, rad/s; the dither turns it by 0.1 rad/s."""
+"""Turning rate of the hand beyond which it swings, rad/s; the dither turns it at 0.1 rad/s."""
 SWING_DAMPING = 10.0
 """Growth of the damping along z with the swing, by its value without one, s/rad. Source: decision 0088."""
 MOST_SWING_DAMPING = 5.0
@@ -98,6 +98,10 @@ class SpiralAdjustParams(SkillParams):
     arrival: NonNegativeFloat
     """Distance from the bottom within which the peg is damped more, m; it lets the peg arrive without a blow. Source:
     decision 0028.
+    """
+    swing_time: NonNegativeFloat = 0.6
+    """Time for which a peg is let down gently where the hand still turns from the insertion, s; later the hand turns as this skill
+    asks for. 0 as in [gibbons]. Source: decision 0088.
     """
     most_deep: Annotated[float, Field(gt=0.0, le=0.05)] = CLOSED_TOLERANCE
     """Depth below the bottom of an open switch at which a peg is believed to have slipped, m; the attempt then ends. Source: decision 0070."""
@@ -275,7 +279,8 @@ def run(
     hole, is_felt, plane = ctx.job.hole, plane is not None, plane or nominal(ctx.job.hole)
     first, arrival, curve = ctx.observe(), Arrival(), Curve()
     aim, stall, guide = Aim(ctx.in_hand(), plane.normal), Stall(), Guide()
-    descent, swing = Descent(plane.depth(first.tip)), Swing(first.arm.tcp.rotation[:, 0], first.arm.stamp)
+    descent = Descent(plane.depth(first.tip))
+    swing = at_rest = Swing(first.arm.tcp.rotation[:, 0], first.arm.stamp)
     identity, offset, tip, running = ctx.new_id(), np.zeros(2), first.tip, 0.0
     for seen in ctx.scan(params.timeout, holding=True):
         elapsed, running, tip = seen.elapsed, seen.running, aim.tip(seen.arm.tcp)
@@ -305,7 +310,7 @@ def run(
         descent = descent.after(plane.depth(tip), ctx.scan_period)
         offset, next_offset = (guide.offset(elapsed + ahead, params, descent.rest) for ahead in (0.0, ctx.scan_period))
         ctx.progress(elapsed / params.timeout)
-        swing = swing.after(seen.arm)
+        swing = swing.after(seen.arm) if running < params.swing_time else at_rest
         stiffness, damping_ratio = _compliance(params, swing, depth_of(tip, hole) > hole.depth - params.arrival)
         target = anchored(tip, first.tip) if guide.is_on else first.tip.copy()
         target[2] = tip[2] - swing.push * params.push_offset

@@ -104,6 +104,10 @@ def test_a_peg_is_let_down_the_more_gently_the_faster_the_hand_turns_and_as_ever
     assert 1.0 > slow.push > fast.push > 0.3
 
 
+def test_the_published_adjustment_knows_no_swing():
+    assert load(sets=["preset=paper"]).cell.params(ADJUST).swing_time == 0.0
+
+
 @pytest.mark.parametrize("preset", ["balanced", "fast", "careful"])
 def test_torques_that_act_as_late_as_a_careless_arms_bear_the_damping_of_a_swing(preset):
     # One mode of damping alone, v' = -r v, whose torque comes after T behind a low-pass of L, is stable up to
