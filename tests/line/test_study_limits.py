@@ -3,13 +3,16 @@
 import csv
 import io
 import json
+import math
 from contextlib import redirect_stdout
 
 import pytest
 
 from cell.cli import main
+from cell.lab.frontier.measure import load_variant
 from cell.lab.limits import measure as limits
 from cell.lab.limits.cases import cases
+from cell.lab.limits.lines import Study
 from cell.lab.limits.measure import ROWS, measure, read_rows
 from cell.terminal import GOOD
 
@@ -44,6 +47,13 @@ def test_falls_take_the_time_that_push_and_mass_allow(study):
     for each in passes:
         assert 3.0 < each.mass < 6.0
         assert each.push == pytest.approx(6.0)
+
+
+def test_the_band_in_which_a_fall_is_told_lies_nearer_to_the_lowest_point_than_that_of_a_peg_at_rest():
+    case = cases(True, True)[0]
+    study = Study(case, load_variant(None, None, SETS), [])
+    # By `leading`: half of 0.6 mm less half of 0.3 mm, times 1/tan(22.5 degrees) - tan(45 degrees).
+    assert study.shift == pytest.approx(0.3e-3 * (1.0 / math.tan(math.pi / 8) - 1.0) / 2.0, rel=1e-3)
 
 
 def test_rows_and_the_chart_are_written(study):

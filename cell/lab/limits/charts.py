@@ -73,7 +73,8 @@ def _titled(axes: Axes, name: str, what: str) -> None:
 
 
 def _note(axes: Axes, place: tuple[float, float], text: str, colour: str = INK, side: str = "left") -> None:
-    axes.text(*place, text, fontsize=SMALL, color=colour, ha=side, va="center", zorder=7)
+    box = {"boxstyle": "square,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.75}
+    axes.text(*place, text, fontsize=SMALL, color=colour, ha=side, va="center", zorder=7, bbox=box)
 
 
 def _style(axes: Axes, *lines: tuple[str, str, float, str], is_left: bool = False) -> None:
@@ -114,7 +115,7 @@ def _cover(axes: Axes, sized: Sequence[Study]) -> None:
         ("--", GREY, 1.2, "as the lanes are laid"),
         ("o", GREY, 0.0, "reached, 95 % interval; dots are trials"),
     )
-    axes.set_ylim(0.0, 32.0)
+    axes.set_ylim(0.0, 37.0)
     axes.set_xlabel("diameter of the peg, hole 0.1 mm wider (mm)")
     axes.set_ylabel("time to cover 60 x 60 mm once (s)")
 
@@ -133,15 +134,15 @@ def _band(axes: Axes, studies: Sequence[Study]) -> None:
     for study in studies:
         for is_noticed, marker in ((True, "o"), (False, "x")):
             of = [each for each in study.passes if each.is_noticed is is_noticed]
-            x, y = [1e3 * each.speed for each in of], [1e3 * abs(each.offset) for each in of]
+            x, y = [1e3 * each.speed for each in of], [1e3 * study.aside(each) for each in of]
             look: dict[str, Any] = (
                 {"ms": 5.5, "alpha": 0.65, "mew": 0.0} if is_noticed else {"ms": 6.0, "alpha": 1.0, "mew": 1.6}
             )
             axes.plot(x, y, marker, color=colour_of(study), zorder=4, ls="none", **look)
-    missed = [each for each in passes if not each.is_noticed]
-    within = sum(2.0 * abs(each.offset) < dip.band(each.speed) for each in missed)
+    missed = [(study, each) for study in studies for each in study.passes if not each.is_noticed]
+    within = sum(2.0 * study.aside(each) < dip.band(each.speed) for study, each in missed)
     axes.axhline(5e2 * dip.hole, color=GREY, ls="--", lw=1)
-    _note(axes, (297.0, 5e2 * dip.hole + 0.12), "rim of the hole", GREY, "right")
+    _note(axes, (297.0, 5e2 * dip.hole + 0.2), "rim of the hole", GREY, "right")
     _style(
         axes,
         ("o", GREY, 0.0, f"noticed: {len(passes) - len(missed)} passes"),
@@ -169,7 +170,7 @@ def _fall(axes: Axes, stated: Sequence[Study]) -> None:
         x, y = [1e3 * time for time, _ in each.fall], [1e3 * depth for _, depth in each.fall]
         axes.plot(x, y, "-", color=colour_of(study), lw=1.0, alpha=0.55, zorder=4)
     axes.axhline(1e3 * dip.depth, color=GREY, ls="--", lw=1)
-    _note(axes, (79.0, 1e3 * dip.depth - 0.05), "told as a fall", GREY, "right")
+    _note(axes, (79.0, 1e3 * dip.depth - 0.09), "told as a fall", GREY, "right")
     _style(
         axes,
         ("-", INK, 2.0, f"bound: {dip.push:g} N on {dip.mass:.1f} kg"),

@@ -15,6 +15,7 @@ from drivers.quantities import Vector
 from sim.metering import OVER_FORCE
 from skills.catalogue import ADJUST
 from skills.contract import Outcome
+from skills.search.course import leading
 from skills.spiral_adjust import ARRIVING
 
 SETTLED = 5e-4
@@ -72,6 +73,22 @@ class Study:
     def mass(self) -> float:
         """Median mass of the hand at the leaning peg's lowest point, kg; NaN where no pass was seen."""
         return _median([each.mass for each in self.passes])
+
+    @property
+    def shift(self) -> float:
+        """Distance from the middle of the band that lanes are laid by to that of the band in which a fall is told, m.
+
+        The one is that of a peg at rest, which is `fall` deep, the other that of a peg as deep as the dip threshold.
+        """
+        search, reach = searching(self.config), self.config.job().peg.part.reach
+        if not search.edge_leads:
+            return 0.0
+        told, laid = (leading(reach, search.tilt, depth) for depth in (search.dip_threshold, search.fall))
+        return told - laid
+
+    def aside(self, each: Pass) -> float:
+        """Return the distance of a pass from the middle of the band in which a fall is told, m."""
+        return abs(each.offset + self.shift)
 
     def dip(self, mass: float | None = None) -> Dip:
         """Return what a fall takes in this case, for a hand of this mass, kg, or the median one."""
@@ -183,8 +200,8 @@ class Study:
         missed = [each for each in self.passes if not each.is_noticed]
         dip = self.dip()
         speed = _median([each.speed for each in noticed])
-        reached = [1e3 * abs(each.offset) for each in noticed]
-        inside = sum(2 * abs(each.offset) < dip.band(each.speed) for each in missed)
+        reached = [1e3 * self.aside(each) for each in noticed]
+        inside = sum(2 * self.aside(each) < dip.band(each.speed) for each in missed)
         told = f"at {speed:.3f} m/s over the rim; {len(missed)} missed, {inside} of them within the band"
         return self._line("fall noticed off the middle", "mm", [5e2 * dip.band(speed)], reached, told)
 

@@ -53,7 +53,7 @@ class Pass:
     """One way of the leaning peg over the hole along a lane."""
 
     offset: float
-    """Distance of the middle of its band from the hole's middle, across the lane, m."""
+    """Distance of the middle of the band that lanes are laid by from the hole's middle, across the lane, m."""
     speed: float
     """Mean speed along the lane while it begins to fall, m/s; behind a turn a peg that friction held back is quicker than its lane."""
     is_noticed: bool
