@@ -66,8 +66,8 @@ def spray_paint(
 
 @dataclass(frozen=True, slots=True)
 class Lanes:
-    """Straight lanes there and back at one speed, a pitch apart, that cover a rectangle; the next cover lies between
-    them.
+    """Straight lanes there and back at one speed, a pitch apart, that cover a rectangle; those of the next cover lie between
+    them and along both borders, where a hole has a lane to one side of it alone.
 
     The first lane begins at a corner, or before it. A turn takes `TURN_TIME`: the speed along the lane reverses at
     constant acceleration while the point moves to the next lane along a cosine. It lies within the rectangle and touches its
@@ -81,7 +81,7 @@ class Lanes:
     speed: float
     """Speed along a lane, m/s."""
     lanes: int
-    """Number of lanes that cover the rectangle once."""
+    """Number of lanes of the first cover."""
     signs: tuple[float, float]
     """Signs of the coordinates of the first corner."""
     run_in: float
@@ -89,7 +89,7 @@ class Lanes:
 
     @property
     def cover(self) -> float:
-        """Time in which the rectangle is covered once, s."""
+        """Time in which the rectangle is covered once for the first time, s."""
         return self._lead + self.lanes * (self._straight + TURN_TIME)
 
     def at(self, time: float) -> tuple[Vector, Vector]:
@@ -130,10 +130,11 @@ class Lanes:
         return self.run_in / self.speed + self.half[self.fast] / self.speed - self._straight / 2.0
 
     def _place(self, lane: int) -> float:
-        """Return where a lane lies, in pitches from the middle; every second cover is shifted by half a pitch."""
-        cover, number = divmod(lane, self.lanes)
-        first = (self.lanes - 1) / 2.0
-        return first - number if cover % 2 == 0 else number - first + 0.5
+        """Return where a lane lies, in pitches from the middle; every second cover is shifted by half a pitch and has one lane more."""
+        number = lane % (2 * self.lanes + 1)
+        if number < self.lanes:
+            return (self.lanes - 1) / 2.0 - number
+        return number - self.lanes - self.lanes / 2.0
 
 
 def lanes(

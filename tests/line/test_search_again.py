@@ -77,3 +77,10 @@ def test_peg_whose_depth_is_misjudged_by_what_stands_elsewhere_is_adjusted_when_
     row = run_trial(load(sets=[f'reality.file="{path}"', "hole.area=[0.01,0.01]"]).cell, 1)
     assert (row.outcome, row.retries) == (Outcome.SUCCESS, 1)
     assert row.depth > 0.0199
+
+
+def test_a_hole_at_the_border_that_the_first_cover_passes_by_is_found_by_the_second():
+    """0.2 mm inside the border across the lanes of `fast`, where the first lane lies 2.7 mm from it; a cover takes 6 s."""
+    row = run_trial(load(sets=["preset=fast"]).cell, 116353)
+    assert row.outcome == "success"
+    assert 5.0 < row.search_time < 10.0

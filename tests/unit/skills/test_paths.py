@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from skills.paths import TURN_TIME, dither, lanes, spiral, spiral_at_speed, spray_paint
+from skills.paths import TURN_TIME, Lanes, dither, lanes, spiral, spiral_at_speed, spray_paint
 
 HALF = (0.03, 0.03)
 
@@ -65,11 +65,19 @@ def test_lanes_begin_before_the_nearest_corner_turn_at_the_border_and_leave_no_p
     assert gaps.max() <= 0.8 * pitch
 
 
-def test_the_way_back_runs_between_the_lanes_of_the_way_there() -> None:
+def middle_of(path: Lanes, lane: int) -> float:
+    """Return the time at which a path whose first lane begins at the border is half-way along a lane, s."""
+    return (lane + 0.5) * (path.cover - TURN_TIME / 4) / path.lanes - TURN_TIME / 4
+
+
+def test_every_second_cover_runs_between_the_lanes_of_the_others_and_along_both_borders() -> None:
     path = lanes(HALF, 0.005, 0.1, 1, (0.0275, 0.03), 0.0)
-    a_lane = path.cover / path.lanes
-    there, back = path.at(0.3)[0][0], path.at(path.cover + (path.lanes - 1) * a_lane + 0.3)[0][0]
-    assert abs(there - back) == pytest.approx(0.0025)
+    first = [path.at(middle_of(path, lane))[0][0] for lane in range(path.lanes)]
+    second = [path.at(middle_of(path, path.lanes + lane))[0][0] for lane in range(path.lanes + 1)]
+    third = [path.at(middle_of(path, 2 * path.lanes + 1 + lane))[0][0] for lane in range(path.lanes)]
+    np.testing.assert_allclose(second, np.linspace(-0.03, 0.03, path.lanes + 1), atol=1e-12)
+    np.testing.assert_allclose(sorted(first), (np.array(second[1:]) + second[:-1]) / 2, atol=1e-12)
+    np.testing.assert_allclose(third, first)
 
 
 def test_the_lanes_velocity_is_the_derivative_of_their_place() -> None:
