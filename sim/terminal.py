@@ -46,7 +46,7 @@ class Terminal:
 
         Bytes that nobody reads are lost once the line is full, as in a USB adapter; all are while it is unplugged.
         """
-        if self._ends is None:
+        if self._ends is None or not data:
             return
         far, near = self._ends
         arrived = _waiting(near) + len(data)

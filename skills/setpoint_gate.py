@@ -67,7 +67,7 @@ def require_finite(arm: ArmState) -> None:
         ("force", arm.wrench.force),
         ("torque", arm.wrench.torque),
     ):
-        _require_finite(f"arm: {name}", values, NotFiniteError)
+        _require_finite("arm", name, values, NotFiniteError)
 
 
 def require_sound(
@@ -125,7 +125,7 @@ def _require_numbers(setpoint: ImpedanceSetpoint) -> None:
         ("twist", () if twist is None else (*twist.linear, *twist.angular)),
         ("posture", () if setpoint.posture is None else setpoint.posture),
     ):
-        _require_finite(f"setpoint: {name}", values, SetpointError)
+        _require_finite("setpoint", name, values, SetpointError)
     if math.isnan(setpoint.valid_until):
         raise SetpointError("setpoint: valid_until nan; a number allowed")
     if abs(_size(setpoint.axis) - 1.0) > UNIT_TOLERANCE:
@@ -137,15 +137,18 @@ def _require_numbers(setpoint: ImpedanceSetpoint) -> None:
 def _require_inside(setpoint: ImpedanceSetpoint, arm: ArmState, limits: Limits) -> None:
     """Make sure that the hand's place is inside the workspace, or on its way back from where the hand is outside."""
     length = 0.0 if setpoint.in_hand is None else setpoint.in_hand.length
-    asked = setpoint.tip + length * setpoint.axis
-    low, high = np.array(limits.low), np.array(limits.high)
-    beyond = np.maximum(np.maximum(low - asked, asked - high), 0.0)
-    here = arm.tcp.position
-    allowed = np.maximum(np.maximum(low - here, here - high), 0.0) + OUTWARD_SLACK
-    if np.any(beyond > allowed):
-        k = int(np.argmax(beyond - allowed))
+    asked = (setpoint.tip + length * setpoint.axis).tolist()
+    worst, axis = 0.0, 0
+    for k, (there, here, low, high) in enumerate(
+        zip(asked, arm.tcp.position.tolist(), limits.low, limits.high, strict=True)
+    ):
+        beyond = max(low - there, there - high, 0.0) - max(low - here, here - high, 0.0) - OUTWARD_SLACK
+        if beyond > worst:
+            worst, axis = beyond, k
+    if worst > 0.0:
         raise SetpointError(
-            f"setpoint: hand at {'xyz'[k]} = {asked[k]:.3f} m; limits: {low[k]:g} to {high[k]:g} m allowed"
+            f"setpoint: hand at {'xyz'[axis]} = {asked[axis]:.3f} m;"
+            f" limits: {limits.low[axis]:g} to {limits.high[axis]:g} m allowed"
         )
 
 
@@ -157,13 +160,16 @@ def _require_step(setpoint: ImpedanceSetpoint, before: Handed, stamp: float, mos
 
 
 def _require_finite(
-    name: str, values: "Vector | tuple[float, ...]", error: type[SetpointError] | type[NotFiniteError]
+    of_what: str, name: str, values: "Vector | tuple[float, ...]", error: type[SetpointError] | type[NotFiniteError]
 ) -> None:
+    # A sum of squares is a number where all its terms are; where it is none a closer look decides, as numbers may be too large for it.
+    if all(map(math.isfinite, values)) if isinstance(values, tuple) else math.isfinite(np.vdot(values, values)):
+        return
     flat = np.asarray(values, dtype=float).ravel()
     is_finite = np.isfinite(flat)
     if not is_finite.all():
         place = int(np.argmin(is_finite))
-        raise error(f"{name} {place + 1} of {flat.size}: {flat[place]}; a number needed")
+        raise error(f"{of_what}: {name} {place + 1} of {flat.size}: {flat[place]}; a number needed")
 
 
 def _size(vector: Vector) -> float:
