@@ -252,7 +252,7 @@ READY = "ready: "
 REMEDIES = {
     PartPlace.RACK: f"{READY}the next peg is in the rack",
     PartPlace.BIN: f"{READY}the last peg is in the reject bin",
-    PartPlace.SEATED: "the peg is seated: take the workpiece away before the next start",
+    PartPlace.SEATED: "the peg is seated: where the hand still holds it run `recover`; take the workpiece away before the next start",
     PartPlace.IN_HAND: "the hand holds a peg: run `recover`",
     PartPlace.IN_HOLE: "a peg stands in the hole: where the hand holds it run `recover`; else draw it out, then give CLEARED",
     PartPlace.ON_PLATE: "a peg lies on the plate, or on what is below where it fell: a person must take it away, then give CLEARED",

@@ -218,8 +218,8 @@ def bring_back(tested: FaultBench) -> tuple[str, int, str]:
 
 def _remedy(report: ReportImage, tested: FaultBench) -> int:
     """Return the command that the report's place of the peg asks for: the hand lets go of what it holds, or a person acts."""
-    is_held = report.part in (PartPlace.IN_HAND, PartPlace.IN_HOLE) and tested.gripper.gripper.read().is_gripping
-    return _RECOVER if is_held else Control.CLEARED
+    can_be_held = report.part in (PartPlace.IN_HAND, PartPlace.IN_HOLE, PartPlace.SEATED)
+    return _RECOVER if can_be_held and tested.gripper.gripper.read().is_gripping else Control.CLEARED
 
 
 def _word(report: ReportImage) -> str:
