@@ -38,6 +38,11 @@ TRIMMED_BELOW = 5e-3
 USUAL_TIME = 0.5
 """Time constant of the smoothed in-hand angle, s; about the time of a lane, in which the surface estimate learns the plate anew."""
 
+STUCK_WITHIN = 1e-3
+"""Largest distance between two rests of a peg that has not got away in between, m."""
+STUCK_AFTER = 3
+"""Number of rests in one place from which on a peg as deep as in a hole is in it: one that only slipped in the hand would slide on."""
+
 
 class Sweep:
     """Goes through the phases of a search; `skills.search.phases` decides on which phase follows."""
@@ -63,6 +68,8 @@ class Sweep:
         self._edge = course.first
         self.touched: Vector | None = None
         """Lowest point of the peg at its last touch-down, shape (3,), m, base frame, by the length that it told; None before."""
+        self._rested: tuple[Vector, int] = np.full(2, math.inf), 0
+        """Place of the newest rest in vain, shape (2,), m, base frame, and the number of rests there so far."""
         self.rests = 0
         """Number of times that contact evidence stopped the path."""
 
@@ -82,10 +89,17 @@ class Sweep:
             self._evidence.learn(edge, sense)
             self._usual += min(seen.step / USUAL_TIME, 1.0) * (seen.peg.theta - self._usual)
         if isinstance(self._phase, Resting) and self._phase.is_over(felt, params):
-            if params.fall == 0.0 or felt.below >= params.fall + params.slip_drop * abs(seen.peg.theta - self._usual):
+            slipped = params.slip_drop * abs(seen.peg.theta - self._usual)
+            if params.fall == 0.0 or felt.below >= params.fall + (0.0 if self._is_stuck(felt) else slipped):
                 return True
             self._enter(after_rest(self._phase, felt, params, course, point), felt)
         return False
+
+    def _is_stuck(self, felt: Felt) -> bool:
+        """Count a rest that is over, and return whether the peg has rested here time and again."""
+        place, times = self._rested
+        self._rested = felt.tip[:2], times + 1 if math.dist(felt.tip[:2], place) <= STUCK_WITHIN else 1
+        return self._rested[1] >= STUCK_AFTER
 
     def is_turned(self, seen: Observation) -> bool:
         """Return whether the peg has turned so far in the hand that the hand should turn after it, in the air."""
