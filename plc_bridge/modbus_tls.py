@@ -24,7 +24,8 @@ class _Door(asyncio.Protocol):
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         assert isinstance(transport, asyncio.Transport)
-        transport.pause_reading()
+        # Python 3.11.2, which Debian 12 has, begins to read behind this call, whether or not it paused, and what came would be lost.
+        self._server.loop.call_soon(transport.pause_reading)
         self._server.knock(transport)
 
 
