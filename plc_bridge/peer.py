@@ -177,6 +177,9 @@ class PlcPeer(ABC):
                 return report
             if report.answered == self._image.sequence and report.refusal:
                 return report
+            if report.answered == self._image.sequence and report.answered_result != Result.NONE:
+                # A control that was sent while a run had not ended yet: the run's own result stays in view.
+                return replace(report, sequence=report.answered, result=report.answered_result)
             if self._now() > deadline:
                 raise CellSilentError(f"{self._where}: no result of command {self._image.sequence} in {timeout:g} s")
             self._wait(self._period)

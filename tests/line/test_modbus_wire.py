@@ -481,6 +481,14 @@ def test_fifty_triggers_are_fifty_runs(peer, supervisor):
     assert sum(command.code == FIRST_PROGRAM for command in supervisor.commands) == 50
 
 
+def test_peer_waits_for_the_end_of_a_control_that_it_sent_in_the_middle_of_a_run(peer, supervisor):
+    supervisor.result = Result.NONE
+    run = peer.trigger(FIRST_PROGRAM)
+    report = peer.run(Control.RESET, timeout=PATIENCE)
+    assert (report.sequence, report.result) == (run.sequence + 1, Result.SUCCESS)
+    assert peer.read_report().sequence == run.sequence
+
+
 def test_peer_reads_why_it_is_refused(peer, bridge, supervisor):
     bridge.take("terminal")
     report = peer.run(FIRST_PROGRAM, timeout=PATIENCE)

@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import shutil
 from contextlib import redirect_stdout
 from dataclasses import replace
 from itertools import pairwise
@@ -78,8 +79,8 @@ def test_a_group_that_is_not_there_is_told_with_those_that_are(tmp_path, capsys)
     assert "did you mean preset" in capsys.readouterr().err
 
 
-def test_what_was_run_is_taken_up(study, monkeypatch):
-    found, folder = study
+def test_what_was_run_is_taken_up(study, monkeypatch, tmp_path):
+    found, folder = study[0], shutil.copytree(study[1], tmp_path / "again")
     monkeypatch.setattr(frontier, "run_trials", None)  # calling it would be an error in the lines
     sets = ["search.timeout=1.0"]
     lines = measure(None, sets, variants(None, sets, True), range(1, 2), 1, folder, lambda count: None)
@@ -87,8 +88,8 @@ def test_what_was_run_is_taken_up(study, monkeypatch):
     assert [line.endings for line in lines] == [line["endings"] for line in found["lines"]]
 
 
-def test_other_seeds_are_run_anew(study, monkeypatch):
-    _, folder = study
+def test_other_seeds_are_run_anew(study, monkeypatch, tmp_path):
+    folder = shutil.copytree(study[1], tmp_path / "again")  # in whatever order the tests come, others find their own
     monkeypatch.setattr(frontier, "run_trials", None)
     sets = ["search.timeout=1.0"]
     lines = measure(None, sets, variants(None, sets, True), range(2, 3), 1, folder, lambda count: None)
