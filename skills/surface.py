@@ -90,10 +90,25 @@ class SurfaceEstimate:
         row = self._row(edge, sense)
         return float(row @ self._values - edge[2]) - math.sqrt(float(row @ self._covariance @ row))
 
+    @property
+    def knows_slopes(self) -> bool:
+        """Whether enough scans have told the slopes; until then the plane counts as level."""
+        return self._scans >= self.MEMORY / 2
+
+    def fallen(self, before: Vector, edge: Vector) -> float:
+        """Return by how much a pass went down from the point `before` to the point `edge`, less what the slopes and one standard deviation of
+        them explain, m.
+
+        The height of the plane cancels, so that a plane of which little was felt yet tells a fall as well. Points have the shape (3,), m, base
+        frame.
+        """
+        way = np.array([0.0, edge[0] - before[0], edge[1] - before[1], 0.0])
+        return float(before[2] + way @ self._values - edge[2]) - math.sqrt(float(way @ self._covariance @ way))
+
     def plane(self, near: Vector) -> Plane:
         """Return the plane at `near`, shape (2,) or more, m, base frame; level until `MEMORY` / 2 scans have told its slopes."""
         slopes = np.clip(self._values[1:3], -3.0 * self.SLOPE, 3.0 * self.SLOPE)
-        if self._scans < self.MEMORY / 2:
+        if not self.knows_slopes:
             slopes = np.zeros(2)
         slope: Vector = np.array([-slopes[0], -slopes[1], 1.0])
         height = self._values[:3] @ self._row(near, 0)[:3]

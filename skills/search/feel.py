@@ -35,6 +35,10 @@ SUDDEN = 0.08
 """Time within which the hand drops with a peg that falls into the hole, s: it is caught after 0.02 to 0.05 s."""
 
 
+FALLING = 0.05
+"""Time within which a peg falls by the dip threshold, s; it takes 0.02 to 0.04 s. Source: measured by `cell study limits`."""
+
+
 LIKELY = 0.5
 """Share of the dip threshold that is evidence of an edge where the hole is likely: a rest in vain there costs less than the whole area, which
 follows on a fall that was missed."""
@@ -92,6 +96,7 @@ class Evidence:
         self._params, self._surface, self._event = params, surface, event
         self._late = deque[tuple[Vector, int]](maxlen=max(round(LATE / scan_period), 1))
         self._heights = deque[float](maxlen=max(round(SUDDEN / scan_period), 1))
+        self._edges = deque[tuple[Vector, int]](maxlen=max(round(FALLING / scan_period), 1))
 
     def update(self, seen: Observation, edge: Vector, sense: int, is_likely: bool = False) -> tuple[float, bool]:
         """Return the depth of the peg's lowest point `edge` below the surface estimate, m, and whether there is
@@ -106,8 +111,9 @@ class Evidence:
         threshold = self._params.dip_threshold * (LIKELY if is_likely else 1.0)
         is_event = seen.is_new_frame and self._event.update(seen.frame)
         below = self._surface.below(edge, sense)
+        has_fallen = self._fallen(edge, sense) > threshold
         has_dropped = self._params.drop == 0.0 or self._drop(float(seen.arm.tcp.position[2])) >= self._params.drop
-        return below, is_event if self._params.evidence == "skin" else below > threshold and has_dropped
+        return below, is_event if self._params.evidence == "skin" else (below > threshold or has_fallen) and has_dropped
 
     def learn(self, edge: Vector, sense: int) -> None:
         """Take a scan without an edge; the surface estimate is updated by one that is `LATE` back."""
@@ -122,6 +128,7 @@ class Evidence:
         self._event.restart()
         self._late.clear()
         self._heights.clear()
+        self._edges.clear()
 
     def forget(self, below: float) -> None:
         """Start the surface estimate anew where all of the plate seems to lie `below`, m: theta has jumped, and the
@@ -129,6 +136,17 @@ class Evidence:
         """
         if below > max(self._params.dip_threshold, JUMPED):
             self._surface = SurfaceEstimate()
+
+    def _fallen(self, edge: Vector, sense: int) -> float:
+        """Take the peg's lowest point in a pass, and return by how much it has fallen within `FALLING`, m; 0 once the plate's slopes are known,
+        because its height is known then, too.
+        """
+        fallen = 0.0
+        if not self._surface.knows_slopes:
+            earlier = (before for before, way in self._edges if way == sense)
+            fallen = max((self._surface.fallen(before, edge) for before in earlier), default=0.0)
+        self._edges.append((edge, sense))
+        return fallen
 
     def _drop(self, height: float) -> float:
         """Take the height of the hand, m, and return by how much it has dropped within `SUDDEN`, m."""

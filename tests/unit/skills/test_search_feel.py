@@ -21,15 +21,15 @@ BLIND = SimpleNamespace(is_new_frame=False)
 """An observation without a frame: the height alone is asked."""
 
 
-def felt(dip: float, scans: int, *, is_likely: bool) -> float:
+def felt(dip: float, scans: int, *, is_likely: bool, slope: float = 0.0) -> float:
     """Return the largest depth below the estimate, m, or infinity where it was evidence, of an edge that runs up from rest over a
-    level plate, and after so many scans falls by `dip`, m, within three scans and stays there for five.
+    plate, down its slope, and after so many scans falls by `dip`, m, within three scans and stays there for five.
     """
     evidence = Evidence(PARAMS, SurfaceEstimate(), HoleEvent(PARAMS.event, PARAMS.timeout), PERIOD)
     place, deepest = 0.0, 0.0
     for k in range(scans + 8):
         place += PERIOD * SPEED * min(k * PERIOD / RUN_UP, 1.0)
-        edge = np.array([0.0, place, -dip * min(max(k - scans, 0) / 3.0, 1.0)])
+        edge = np.array([0.0, place, -slope * place - dip * min(max(k - scans, 0) / 3.0, 1.0)])
         below, is_edge = evidence.update(BLIND, edge, 1, is_likely)
         if is_edge:
             return np.inf
@@ -40,6 +40,15 @@ def felt(dip: float, scans: int, *, is_likely: bool) -> float:
 
 def test_a_shallow_fall_right_after_the_run_up_is_seen_where_the_hole_is_likely():
     assert felt(5e-4, 15, is_likely=True) == np.inf
+
+
+@pytest.mark.parametrize("scans", [8, 15, 30])
+def test_a_fall_on_the_first_lane_is_seen_before_the_plate_is_known(scans):
+    assert felt(5e-4, scans, is_likely=False) == np.inf
+
+
+def test_a_plate_that_leans_by_two_degrees_is_no_fall_before_it_is_known():
+    assert felt(0.0, 90, is_likely=False, slope=0.035) < np.inf
 
 
 def test_a_level_plate_is_no_evidence_where_the_hole_is_likely():
