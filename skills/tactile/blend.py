@@ -31,8 +31,9 @@ class Smoothing(ConfigModel):
     blend: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
     """Weight of a new frame in the running estimate, fraction; 1 takes each frame as it is, as [gibbons] does."""
     jump: Annotated[float, Field(gt=0.0)] = 0.15
-    """Difference of a frame from the running estimate at which the peg has slipped and the frame is taken at once,
-    rad."""
+    """Difference of a frame from the running estimate, rad, beyond which it counts once the next one has left the estimate to the same side. No
+    held peg turns so far between two frames; more than pi/2 takes each frame at once, as [gibbons] does. Source: decision 0091.
+    """
 
     def take(self, held: PegPose, new: PegPose) -> PegPose:
         """Return the running estimate after a new healthy frame.
@@ -42,21 +43,37 @@ class Smoothing(ConfigModel):
         """
         if not held.healthy:
             return new
-        step = math.remainder(new.theta - held.theta, math.pi)
+        step = _step(held, new)
         if abs(held.theta + step) > FURTHEST:
             return new
         return replace(new, theta=held.theta + (step if abs(step) > self.jump else self.blend * step))
 
+    def jump_of(self, held: PegPose, new: PegPose) -> float:
+        """Return by how much a new healthy frame leaves the running estimate, rad; 0 where that is no jump."""
+        step = _step(held, new) if held.healthy else 0.0
+        return step if abs(step) > self.jump else 0.0
+
+
+def _step(held: PegPose, new: PegPose) -> float:
+    """Return the smallest turn from one angle to another, rad; a peg looks the same turned by 180 degrees."""
+    return math.remainder(new.theta - held.theta, math.pi)
+
 
 class Blend:
-    """Blends frames as `Smoothing` says, and holds theta between them."""
+    """Blends frames as `Smoothing` says, and holds theta between them; a frame alone makes no jump of theta."""
 
     def __init__(self, smoothing: Smoothing) -> None:
         """Start without any estimate."""
         self._smoothing, self._peg = smoothing, NO_PEG
+        self._jump = 0.0
+        """Jump of the newest frame, rad; 0 where it was none."""
 
     def follow(self, stamp: float, tcp: Pose, length: float, new: PegPose | None) -> PegPose:
         """Return the pose of the peg now; see `Tracker`."""
         if new is not None and new.stamp > self._peg.stamp:
-            self._peg = self._smoothing.take(self._peg, new)
+            before, self._jump = self._jump, self._smoothing.jump_of(self._peg, new)
+            if self._jump == 0.0 or before * self._jump > 0.0:
+                self._peg = self._smoothing.take(self._peg, new)
+            else:
+                self._peg = replace(self._peg, stamp=new.stamp)
         return self._peg

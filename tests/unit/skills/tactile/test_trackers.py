@@ -6,6 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from cell.config import load
 from drivers.quantities import Pose
 from skills.tactile.blend import Blend, Smoothing
 from skills.tactile.observer import Observer, ObserverParams
@@ -55,9 +56,28 @@ def test_frame_that_was_overtaken_changes_nothing(make: Make, stamp: float) -> N
     assert (late.theta, late.stamp) == (undisturbed.theta, undisturbed.stamp)
 
 
-@every_tracker
-def test_slip_in_the_hand_is_taken_at_the_frame_that_shows_it(make: Make) -> None:
-    assert follow(settled(make), 1.1, frame(0.8, 1.1)).theta == pytest.approx(0.8, abs=2.0 * SIGMA)
+def test_slip_in_the_hand_is_observed_at_the_frame_that_shows_it() -> None:
+    tracker = settled(lambda: Observer(ObserverParams()))
+    assert follow(tracker, 1.1, frame(0.8, 1.1)).theta == pytest.approx(0.8, abs=2.0 * SIGMA)
+
+
+@pytest.mark.parametrize("blend", [1.0, 0.3])
+def test_slip_in_the_hand_is_held_at_the_second_frame_that_shows_it(blend: float) -> None:
+    tracker = settled(lambda: Blend(Smoothing(blend=blend)))
+    first, second = (follow(tracker, now, frame(theta, now)) for now, theta in ((1.1, 0.8), (1.2, 1.1)))
+    assert (first.theta, first.stamp) == (pytest.approx(0.3, abs=1e-6), 1.1)
+    assert (second.theta, second.stamp) == (1.1, 1.2)
+
+
+def test_false_frames_that_come_alone_make_no_jump_of_theta() -> None:
+    tracker = settled(lambda: Blend(Smoothing()))
+    told = [(1.1, -0.5), (1.2, 0.3), (1.3, -0.5), (1.4, 1.0), (1.5, 0.31)]
+    assert [follow(tracker, now, frame(theta, now)).theta for now, theta in told] == pytest.approx([0.3] * 4 + [0.31])
+
+
+def test_published_method_takes_each_frame_as_it_is() -> None:
+    tracker = settled(lambda: Blend(load(preset="paper").cell.smoothing))
+    assert follow(tracker, 1.1, frame(1.2, 1.1)).theta == pytest.approx(1.2)
 
 
 @every_tracker
