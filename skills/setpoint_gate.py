@@ -26,6 +26,12 @@ STEP_SLACK = 1e-3
 """Addition to the longest step, m: an integral or a new frame of the skin may move a setpoint at rest."""
 OUTWARD_SLACK = 1e-3
 """A setpoint outside the workspace may be so much further out than the hand, m, on the way back in."""
+LONGEST_UNTAKEN = 0.2
+"""Longest time for which the arm may report that it follows an older setpoint than it was given, or none, s; its loop takes one in milliseconds.
+Source: chosen, not measured; reason in decision 0092.
+"""
+AGE_SLACK = 1e-3
+"""Largest age of the followed setpoint beyond that of the given one, s: two readings of a clock."""
 UNIT_TOLERANCE = 1e-3
 """Largest difference between the length of an axis and 1."""
 
@@ -184,6 +190,8 @@ class GatedArm:
         self._arm, self._most, self._limits = arm, most, limits
         self._state: ArmState | None = None
         self._before: Handed | None = None
+        self._untaken_since: float | None = None
+        """Time of the first setpoint that the arm has not taken, s; None where it follows the one that it was given."""
 
     def open(self) -> None:
         """Open the arm."""
@@ -215,6 +223,7 @@ class GatedArm:
         Raises:
             NotFiniteError: Something in it is no number; an arm that follows a setpoint is halted, once, for one that is halted
                 at every reading sinks by what its model of gravity lacks.
+            TrackingError: The arm does not take its setpoints; it is halted, once.
             CellError: The arm's own `read` raised it.
         """
         state = self._arm.read()
@@ -225,14 +234,34 @@ class GatedArm:
                 self.halt()
             raise
         self._state = state
+        self._require_taken(state)
         return state
+
+    def _require_taken(self, state: ArmState) -> None:
+        """Make sure that the arm follows the setpoint that it was given last, as long as that is valid.
+
+        How far the hand is behind it does not count: a soft, slow or pressed arm lags, and takes every setpoint.
+        """
+        before = self._before
+        if before is None or before.setpoint.valid_until < state.stamp:
+            self._untaken_since = None
+            return
+        if state.setpoint_age <= state.stamp - before.stamp + AGE_SLACK:
+            self._untaken_since = None
+            return
+        if self._untaken_since is None:
+            self._untaken_since = before.stamp
+        untaken = state.stamp - self._untaken_since
+        if untaken > LONGEST_UNTAKEN:
+            self.halt()
+            raise TrackingError(f"arm: takes no setpoint for {untaken:.2f} s; {LONGEST_UNTAKEN:g} s allowed")
 
     def halt(self) -> None:
         """Hold still where the arm is, compliant; the next setpoint is judged as a new one."""
-        self._before = None
+        self._before = self._untaken_since = None
         self._arm.halt()
 
     def reset(self) -> None:
         """Leave a reflex or a released stop."""
-        self._before = None
+        self._before = self._untaken_since = None
         self._arm.reset()

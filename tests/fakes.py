@@ -74,6 +74,7 @@ class FakeArm:
         self.fault: Exception | None = None
         self.is_blocked = False
         self.is_open = self.is_halted = False
+        self.handed, self.valid_until = -math.inf, -math.inf
         self.resets = 0
 
     def open(self) -> None:
@@ -84,6 +85,7 @@ class FakeArm:
 
     def follow(self, setpoint: ImpedanceSetpoint) -> None:
         self.is_halted = False
+        self.handed, self.valid_until = self.clock.now(), setpoint.valid_until
         if self.is_blocked:
             return
         theta, length = (0.0, 0.0) if setpoint.in_hand is None else (setpoint.in_hand.theta, setpoint.in_hand.length)
@@ -98,6 +100,7 @@ class FakeArm:
 
     def halt(self) -> None:
         self.is_halted = True
+        self.handed = self.valid_until = -math.inf
 
     def reset(self) -> None:
         self.resets += 1
@@ -106,9 +109,9 @@ class FakeArm:
     def read(self) -> ArmState:
         if self.fault is not None:
             raise self.fault
-        return ArmState(
-            self.clock.now(), self.q.copy(), self.dq, self.tcp, Wrench(self.force, np.zeros(3)), 2, math.inf
-        )
+        now = self.clock.now()
+        age = now - self.handed if self.valid_until >= now else math.inf
+        return ArmState(now, self.q.copy(), self.dq, self.tcp, Wrench(self.force, np.zeros(3)), 2, age)
 
 
 class FakeGripper:

@@ -67,6 +67,19 @@ def test_an_unplugged_skin_ends_the_run_at_rest_on_record_and_production_goes_on
     assert (case.record, case.wrong_success, case.is_back) == (True, False, True)
 
 
+def test_an_arm_that_takes_no_setpoint_when_the_peg_is_nearly_in_is_told_within_half_a_second():
+    """No distance tells it: the hand stands where the setpoint is, which goes on so slowly that it is not 61 mm away for 79 s."""
+    deaf = next(kind for kind in KINDS if kind.name == "arm: deaf")
+    (case,) = measure(
+        lambda number: load(sets=[*KEYS, "sim.pace=max", "sim.seed=97950"]),
+        [(deaf, "spiral_adjust", 0.3)],
+        lambda case: None,
+    )
+    assert (case.outcome, case.fault) == ("fault", FaultCode.TRACKING)
+    assert case.detection < 0.5
+    assert (case.record, case.wrong_success, case.part_untrue, case.is_back) == (True, False, False, True)
+
+
 def test_a_slice_of_the_campaign_has_zeros_where_there_must_be(tmp_path):
     """One fault of each device, at as many stages; `cell study faults` tries all kinds at all stages."""
     slice_of = {

@@ -230,3 +230,39 @@ def test_a_setpoint_is_judged_by_the_state_that_the_scan_has_read_and_by_a_fresh
     gated.read()
     gated.follow(setpoint(arm.tcp.position.copy()))
     assert len(reads) == 2
+
+
+def test_an_arm_that_takes_no_setpoint_is_told_and_halted_and_one_that_lags_is_not():
+    clock = FakeClock()
+    arm = FakeArm(clock)
+    gated, follow, tip = GatedArm(arm, SPEED, LIMITS), arm.follow, arm.tcp.position.copy()
+    arm.is_blocked = True  # it takes its setpoints and stays where it is
+    for _ in range(100):
+        gated.read()
+        gated.follow(setpoint(tip - 0.03 * UP, valid_until=clock.now() + 0.1))
+        clock.wait_until(clock.now() + PERIOD)
+    arm.follow = lambda asked: None
+    began = clock.now()
+
+    def go_on():
+        while clock.now() < began + 1.0:
+            gated.read()
+            gated.follow(setpoint(tip - 0.03 * UP, valid_until=clock.now() + 0.1))
+            clock.wait_until(clock.now() + PERIOD)
+
+    with pytest.raises(TrackingError, match=r"arm: takes no setpoint for 0\.2\d s; 0\.2 s allowed"):
+        go_on()
+    assert clock.now() - began < 0.25
+    assert arm.is_halted
+    arm.follow = follow
+    gated.read()  # halted, it is asked for nothing
+
+
+def test_a_setpoint_whose_time_is_over_need_not_be_followed():
+    clock = FakeClock()
+    gated = GatedArm(FakeArm(clock), SPEED, LIMITS)
+    gated.read()
+    gated.follow(setpoint(gated.read().tcp.position, valid_until=0.1))
+    for _ in range(100):
+        clock.wait_until(clock.now() + PERIOD)
+        gated.read()
