@@ -61,6 +61,9 @@ class SpiralAdjustParams(SkillParams):
     """Growth of the spiral's radius at the finger centre, m/s. Source: derived from [gibbons], Sec. VI, 25 mm in 20 s."""
     turn_rate: PositiveFloat
     """Turning rate of the spiral, rad/s."""
+    feeds_forward: bool = True
+    """Whether the arm damps only the motion that differs from the spiral's. [gibbons], Eq. (6), damps all motion, so that the hand lags behind
+    the spiral. Source: decision 0092."""
     radius: PositiveFloat
     """Largest radius of the spiral, m; `stall_timeout` may end the spiral before. Source: [gibbons], Sec. VI."""
     stall_timeout: Annotated[float, Field(gt=0.0, le=120.0)]
@@ -319,7 +322,7 @@ def run(
                 id=identity,
                 tip=target,
                 axis=aim.axis(offset),
-                twist=Twist(np.zeros(3), np.cross(aim.axis(offset), aim.axis(next_offset)) / ctx.scan_period),
+                twist=_spin(aim.axis(offset), aim.axis(next_offset), ctx.scan_period) if params.feeds_forward else None,
                 roll=(seen if turns_freely else first).arm.tcp.rotation[:, 2],
                 stiffness=stiffness,
                 damping_ratio=damping_ratio,
@@ -330,6 +333,11 @@ def run(
     if hole.evidence == "switch":
         require_short_of_bottom(tip, hole)
     return _result(Outcome.FAILURE, Reason.NOT_SEATED, running, offset, depth_of(tip, hole))
+
+
+def _spin(axis: Vector, after: Vector, period: float) -> Twist:
+    """Return the twist that takes an axis to where it is one `period` later, s."""
+    return Twist(np.zeros(3), np.cross(axis, after) / period)
 
 
 def given_up_after(depth: float, bottom: float, params: SpiralAdjustParams) -> float:

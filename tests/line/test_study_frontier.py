@@ -134,6 +134,17 @@ def test_the_chain_ends_in_the_shipped_cell():
     assert load(preset=START, sets=steps[-1].sets).cell == end.model_copy(update={"preset": START})
 
 
+def test_the_chain_from_the_laboratory_ends_in_the_shipped_cell_whose_board_is_moved():
+    end, [_, there] = load().cell, [each for each in variants(None, (), False) if each.family == PUBLISHED]
+    steps = [each for each in variants(None, (), False) if each.family == CHAIN]
+    first, last = (load(preset=START, sets=each.sets).cell for each in (steps[0], steps[-1]))
+    assert first == load(preset=START, sets=there.sets).cell
+    assert first.sim is not None
+    assert first.sim.fixture is not None
+    assert first.sim.fixture.mean == end.hole.centre[:2]
+    assert last == end.model_copy(update={"preset": START})
+
+
 def test_each_step_of_the_chain_adds_keys_and_keeps_those_before():
     steps = chain(load(preset=START).cell, load().cell)
     for before, after in pairwise(steps):

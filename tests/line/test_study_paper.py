@@ -138,6 +138,7 @@ def test_what_is_printed_stands_in_the_preset_and_is_not_searched() -> None:
     assert (insert.push_offset, insert.turn_rate, insert.estimator) == (0.01, 0.0, "image")
     assert insert.aligned == pytest.approx(math.radians(15), abs=1e-3)
     assert (adjust.radius, adjust.radius / adjust.growth) == (0.025, pytest.approx(20.0))
+    assert not adjust.feeds_forward
     assert (cell.peg.part.diameter, cell.hole.part.diameter, cell.retries) == (0.008, 0.0081, 0)
     printed = {"search.tilt", "search.push_offset", "insert.push_offset", "insert.aligned", "adjust.radius"}
     assert not printed & {unknown.key for unknown in UNKNOWNS}

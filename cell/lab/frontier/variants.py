@@ -8,7 +8,7 @@ from typing import Any
 from cell.cell_config import CellConfig
 from cell.config_files import presets
 from cell.lab.frontier.measure import Variant, load_variant
-from cell.lab.paper.unknowns import LABORATORY, ONE_ARM
+from cell.lab.paper.unknowns import LABORATORY, ONE_ARM, ONE_BOARD
 from cell.statistics import RateTest
 from skills.catalogue import INSERT, SEARCH
 from skills.tactile.estimators import ESTIMATORS
@@ -40,6 +40,7 @@ SWEEPS: dict[str, dict[str, tuple[str, ...]]] = {
 }
 """What is swept, from the config that every variant starts from, to where a method fails: a name for each value, and its keys. A search does
 not go faster than 0.15 m/s over a hole of 8.1 mm, whatever is asked."""
+ALL_DRAWN = "+ arms, boards, pads, plate and skin as drawn"
 STEPS: tuple[tuple[str, tuple[str, ...]], ...] = (
     (
         "+ height evidence, judged at rest",
@@ -50,7 +51,7 @@ STEPS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("+ insertion that yields", ("insert",)),
     ("+ adjustment that is guided", ("adjust",)),
     ("+ retries: {retries}", ("retries",)),
-    ("+ arms, pads, plate and skin as drawn", ("reality", *LABORATORY)),
+    (ALL_DRAWN, ("reality", *LABORATORY)),
     ("+ all else", ("",)),
 )
 """Steps of the chain, in order; each takes the keys that begin with its prefixes and that no earlier step took."""
@@ -96,6 +97,8 @@ def chain(start: CellConfig, end: CellConfig, sets: tuple[str, ...] = ()) -> lis
     for name, heads in STEPS:
         new = [key for key in left if key.startswith(heads)]
         left = [key for key in left if key not in new]
+        if name == ALL_DRAWN:
+            taken = [each for each in taken if each not in ONE_BOARD]
         if new:
             taken += [f"{key}={json.dumps(above[key])}" for key in new]
             text = name.format(

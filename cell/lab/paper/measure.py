@@ -46,9 +46,9 @@ OTHER_HALF = 500
 Rungs = Sequence[tuple[int, int]]
 """Number of candidates and of further trials of each, rung by rung."""
 RUNGS: Mapping[str, Rungs] = {
-    SEARCH: ((3, 6), (2, 6)),
-    INSERT: ((3, 5),),
-    ADJUST: ((2, 6),),
+    SEARCH: ((4, 8), (2, 8)),
+    INSERT: ((3, 6),),
+    ADJUST: ((3, 8),),
 }
 QUICK: Mapping[str, Rungs] = {SEARCH: ((2, 1),), INSERT: ((1, 1),), ADJUST: ((1, 1),)}
 ENDED: Mapping[str, tuple[str, ...]] = {

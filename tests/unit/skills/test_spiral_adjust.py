@@ -158,3 +158,15 @@ def test_fingers_that_slide_down_the_peg_are_noticed_below_the_bottom(tmp_path, 
     ended = run(PARAMS.model_copy(update={"push_offset": 1e-3, "most_deep": most_deep}), ctx)
     assert (ended.outcome, ended.reason) == (Outcome.FAILURE, Reason.NOT_SEATED)
     assert ended.depth == pytest.approx(hole.depth + most_deep, abs=2e-3)
+
+
+@pytest.mark.parametrize("feeds_forward", [True, False])
+def test_the_spiral_is_fed_forward_where_it_is_asked_for(tmp_path, feeds_forward):
+    """The hand of the fakes rests at the surface, so that the spiral goes on."""
+    rig = Rig(load(), tmp_path)
+    ctx = rig.cell.context(1)
+    rig.gripper.grip(30.0)
+    rig.arm.tcp = Pose(np.array([*ctx.job.hole.centre[:2], ctx.job.hole.centre[2] + ctx.length]), HAND_DOWN)
+    run(PARAMS.model_copy(update={"push_offset": 0.0, "timeout": 0.5, "feeds_forward": feeds_forward}), ctx)
+    assert ctx.held is not None
+    assert (ctx.held.twist is not None) == feeds_forward
