@@ -88,7 +88,11 @@ class SurfaceEstimate:
         if self._scans == 0:
             return 0.0
         row = self._row(edge, sense)
-        return float(row @ self._values - edge[2]) - math.sqrt(float(row @ self._covariance @ row))
+        return self.dip(edge, sense) - math.sqrt(float(row @ self._covariance @ row))
+
+    def dip(self, edge: Vector, sense: int) -> float:
+        """Return the depth of the point `edge` below the plane as it is best known, m; 0 before the first update."""
+        return float(self._row(edge, sense) @ self._values - edge[2]) if self._scans else 0.0
 
     @property
     def knows_slopes(self) -> bool:

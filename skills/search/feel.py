@@ -39,6 +39,11 @@ FALLING = 0.05
 """Time within which a peg falls by the dip threshold, s; it takes 0.02 to 0.04 s. Source: measured by `cell study limits`."""
 
 
+SHARED = 0.5
+"""Share of the dip threshold by which the hand has to drop with a peg that falls suddenly, and which its end has to lie below the plane. Source:
+decision 0090."""
+
+
 LIKELY = 0.5
 """Share of the dip threshold that is evidence of an edge where the hole is likely: a rest in vain there costs less than the whole area, which
 follows on a fall that was missed."""
@@ -96,7 +101,7 @@ class Evidence:
         self._params, self._surface, self._event = params, surface, event
         self._late = deque[tuple[Vector, int]](maxlen=max(round(LATE / scan_period), 1))
         self._heights = deque[float](maxlen=max(round(SUDDEN / scan_period), 1))
-        self._edges = deque[tuple[Vector, int]](maxlen=max(round(FALLING / scan_period), 1))
+        self._passed = deque[tuple[Vector, float, int]](maxlen=max(round(FALLING / scan_period), 1))
 
     def update(self, seen: Observation, edge: Vector, sense: int, is_likely: bool = False) -> tuple[float, bool]:
         """Return the depth of the peg's lowest point `edge` below the surface estimate, m, and whether there is
@@ -109,10 +114,11 @@ class Evidence:
             is_likely: Whether the peg comes by where the hole is likely.
         """
         threshold = self._params.dip_threshold * (LIKELY if is_likely else 1.0)
+        height = float(seen.arm.tcp.position[2])
         is_event = seen.is_new_frame and self._event.update(seen.frame)
+        has_fallen = self._fallen(edge, height, sense) > threshold
         below = self._surface.below(edge, sense)
-        has_fallen = self._fallen(edge, sense) > threshold
-        has_dropped = self._params.drop == 0.0 or self._drop(float(seen.arm.tcp.position[2])) >= self._params.drop
+        has_dropped = self._params.drop == 0.0 or self._drop(height) >= self._params.drop
         return below, is_event if self._params.evidence == "skin" else (below > threshold or has_fallen) and has_dropped
 
     def learn(self, edge: Vector, sense: int) -> None:
@@ -128,7 +134,7 @@ class Evidence:
         self._event.restart()
         self._late.clear()
         self._heights.clear()
-        self._edges.clear()
+        self._passed.clear()
 
     def forget(self, below: float) -> None:
         """Start the surface estimate anew where all of the plate seems to lie `below`, m: theta has jumped, and the
@@ -137,15 +143,18 @@ class Evidence:
         if below > max(self._params.dip_threshold, JUMPED):
             self._surface = SurfaceEstimate()
 
-    def _fallen(self, edge: Vector, sense: int) -> float:
-        """Take the peg's lowest point in a pass, and return by how much it has fallen within `FALLING`, m; 0 once the plate's slopes are known,
-        because its height is known then, too.
+    def _fallen(self, edge: Vector, height: float, sense: int) -> float:
+        """Take the peg's lowest point in a pass and the height of the hand, m, and return by how much the peg has fallen within `FALLING`, m;
+        0 once the plate's slopes are known, because its height is known then, too.
+
+        The hand drops with a peg that falls, and not with one of which a frame tells another angle; and it ends below the plane, which one that
+        hops on a rough plate does not.
         """
-        fallen = 0.0
-        if not self._surface.knows_slopes:
-            earlier = (before for before, way in self._edges if way == sense)
+        fallen, least = 0.0, SHARED * self._params.dip_threshold
+        if not self._surface.knows_slopes and self._surface.dip(edge, sense) > least:
+            earlier = (before for before, above, way in self._passed if way == sense and above - height >= least)
             fallen = max((self._surface.fallen(before, edge) for before in earlier), default=0.0)
-        self._edges.append((edge, sense))
+        self._passed.append((edge, height, sense))
         return fallen
 
     def _drop(self, height: float) -> float:

@@ -134,7 +134,7 @@ class _Watch:
             self._note(name, event.take(frame))
 
     def height(self, below: float) -> None:
-        """Note the dip of one scan; the last call of a scan."""
+        """Note the dip or the fall of one scan, whichever is larger; the last call of a scan."""
         assert self.seen is not None
         if self._start is None:
             return
@@ -180,13 +180,18 @@ class _StillSurface(SurfaceEstimate):
 
     def __init__(self, watch: _Watch) -> None:
         super().__init__()
-        self._watch, self._learnt = watch, SurfaceEstimate()
+        self._watch, self._learnt, self._fallen = watch, SurfaceEstimate(), -math.inf
 
     def learn(self, edge: Vector, sense: int) -> None:
         self._learnt.learn(edge, sense)
 
     def below(self, edge: Vector, sense: int) -> float:
-        self._watch.height(self._learnt.below(edge, sense))
+        self._watch.height(max(self._learnt.below(edge, sense), self._fallen))
+        self._fallen = -math.inf
+        return 0.0
+
+    def fallen(self, before: Vector, edge: Vector) -> float:
+        self._fallen = max(self._fallen, self._learnt.fallen(before, edge))
         return 0.0
 
     def plane(self, near: Vector) -> Plane:

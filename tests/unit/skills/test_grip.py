@@ -50,7 +50,7 @@ def test_a_turn_in_the_hand_may_explain_a_drop():
 
 
 def test_the_slip_of_a_dithered_peg_is_no_progress_and_a_weaker_push_takes_its_time():
-    grip, adjust = Grip(10.0, 0.3, 1.4), cell().params(ADJUST)
+    grip, adjust = Grip(10.0, 0.3, 1.4), cell("adjust.dither_period=0.8").params(ADJUST)
     softened = grip.adjusting(adjust, LENGTH)
     push = softened.push_stiffness * softened.push_offset
     turned = 2 / math.pi * adjust.dither_radius / 2 / LENGTH * adjust.dither_rate * adjust.dither_period

@@ -17,20 +17,27 @@ from skills.tactile.hole_event import HoleEvent
 CONFIG = load().cell
 JOB, PARAMS = CONFIG.job(), CONFIG.params(SEARCH)
 PERIOD, SPEED, RUN_UP = 0.01, 0.14, 0.15
-BLIND = SimpleNamespace(is_new_frame=False)
-"""An observation without a frame: the height alone is asked."""
+def blind(height: float = 0.0) -> SimpleNamespace:
+    """Return an observation without a frame, of a hand at this height, m: heights alone are asked."""
+    tcp = SimpleNamespace(position=np.array([0.0, 0.0, height]))
+    return SimpleNamespace(is_new_frame=False, arm=SimpleNamespace(tcp=tcp))
 
 
-def felt(dip: float, scans: int, *, is_likely: bool, slope: float = 0.0) -> float:
+BLIND = blind()
+
+
+def felt(dip: float, scans: int, *, is_likely: bool, slope: float = 0.0, with_hand: float = 1.0) -> float:
     """Return the largest depth below the estimate, m, or infinity where it was evidence, of an edge that runs up from rest over a
     plate, down its slope, and after so many scans falls by `dip`, m, within three scans and stays there for five.
+
+    The hand goes down by `with_hand` of what the edge does.
     """
     evidence = Evidence(PARAMS, SurfaceEstimate(), HoleEvent(PARAMS.event, PARAMS.timeout), PERIOD)
     place, deepest = 0.0, 0.0
     for k in range(scans + 8):
         place += PERIOD * SPEED * min(k * PERIOD / RUN_UP, 1.0)
         edge = np.array([0.0, place, -slope * place - dip * min(max(k - scans, 0) / 3.0, 1.0)])
-        below, is_edge = evidence.update(BLIND, edge, 1, is_likely)
+        below, is_edge = evidence.update(blind(with_hand * edge[2]), edge, 1, is_likely)
         if is_edge:
             return np.inf
         deepest = max(deepest, below)
@@ -45,6 +52,10 @@ def test_a_shallow_fall_right_after_the_run_up_is_seen_where_the_hole_is_likely(
 @pytest.mark.parametrize("scans", [8, 15, 30])
 def test_a_fall_on_the_first_lane_is_seen_before_the_plate_is_known(scans):
     assert felt(5e-4, scans, is_likely=False) == np.inf
+
+
+def test_an_edge_that_drops_without_the_hand_has_not_fallen():
+    assert felt(5e-4, 15, is_likely=False, with_hand=0.2) < np.inf
 
 
 def test_a_plate_that_leans_by_two_degrees_is_no_fall_before_it_is_known():
