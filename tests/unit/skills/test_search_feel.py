@@ -17,6 +17,8 @@ from skills.tactile.hole_event import HoleEvent
 CONFIG = load().cell
 JOB, PARAMS = CONFIG.job(), CONFIG.params(SEARCH)
 PERIOD, SPEED, RUN_UP = 0.01, 0.14, 0.15
+
+
 def blind(height: float = 0.0) -> SimpleNamespace:
     """Return an observation without a frame, of a hand at this height, m: heights alone are asked."""
     tcp = SimpleNamespace(position=np.array([0.0, 0.0, height]))
