@@ -63,7 +63,7 @@ class SpiralAdjustParams(SkillParams):
     """Turning rate of the spiral, rad/s."""
     feeds_forward: bool = True
     """Whether the arm damps only the motion that differs from the spiral's. [gibbons], Eq. (6), damps all motion, so that the hand lags behind
-    the spiral. Source: decision 0093."""
+    the spiral. Source: decision 0094."""
     radius: PositiveFloat
     """Largest radius of the spiral, m; `stall_timeout` may end the spiral before. Source: [gibbons], Sec. VI."""
     stall_timeout: Annotated[float, Field(gt=0.0, le=120.0)]
