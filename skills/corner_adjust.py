@@ -24,6 +24,13 @@ from skills.surface import Plane, nominal
 TURNED = 0.2
 """Turn of the peg in the hand beyond which its tip does not move as the hand does, rad; several times the noise of theta."""
 
+STRAYED_FOR = 0.15
+"""Time for which the tip has to have strayed, s: some frames of the skin. Source: decision 0095."""
+SINKS = 0.25
+"""Share of `caught` by which a peg that still goes in sinks within `STANDS_FOR`, fraction. Source: decision 0095."""
+STANDS_FOR = 0.8
+"""Time after which a peg that the walls have caught stands, s; the next skill frees it, for it reads theta anew. Source: decision 0095."""
+
 
 class CornerAdjustParams(SkillParams):
     """How to bring a peg with corners between the walls of its hole. The skill uses no tactile measurements.
@@ -142,6 +149,35 @@ class Entry:
         )
 
 
+@dataclass(frozen=True, slots=True)
+class Watch:
+    """Whether the corner is still in the hole, and whether the peg has been caught by the walls and stands; pure."""
+
+    deepest: float = 0.0
+    """Distance that the tip had sunk when it last counted as going in, m."""
+    since: float = 0.0
+    """Time of that, s."""
+    inside: float = 0.0
+    """Time at which the tip was last where it may be, s."""
+
+    def after(self, elapsed: float, sunk: float, strayed: float, params: CornerAdjustParams) -> "Watch":
+        """Return the watch after a scan in which the tip has sunk by `sunk`, m, and lies `strayed`, m, from where it began in the plate; a peg that
+        the walls have caught cannot stray.
+        """
+        inside = elapsed if strayed <= params.strayed or sunk > params.caught else self.inside
+        if sunk > self.deepest + SINKS * params.caught:
+            return Watch(sunk, elapsed, inside)
+        return Watch(self.deepest, self.since, inside)
+
+    def has_strayed(self, elapsed: float) -> bool:
+        """Return whether the tip has strayed for longer than the skin takes to tell a turn in the hand."""
+        return elapsed - self.inside > STRAYED_FOR
+
+    def is_caught(self, elapsed: float, params: CornerAdjustParams) -> bool:
+        """Return whether the walls have caught the peg, and it stands."""
+        return self.deepest > params.caught and elapsed - self.since > STANDS_FOR
+
+
 def run(params: CornerAdjustParams, ctx: SkillContext, plane: Plane | None = None) -> CornerAdjustResult:
     """Bring the peg upright and turn it until it sinks between the walls; `plane` is the surface that the search
     estimated, None the job's own.
@@ -150,13 +186,18 @@ def run(params: CornerAdjustParams, ctx: SkillContext, plane: Plane | None = Non
     first, identity = ctx.observe(), ctx.new_id()
     entry = Entry(params, ctx.in_hand(), plane.normal, first.axis, first.arm.tcp.rotation[:, 2])
     tip, running, left = first.tip, 0.0, angle_between(first.axis, plane.normal)
+    watch = Watch()
     for seen in ctx.scan(params.timeout, holding=True):
         running = seen.running
         tip, _ = entry.end_point(seen)
         sunk = plane.depth(tip) - plane.depth(first.tip)
-        if abs(seen.peg.theta - entry.in_hand.theta) > TURNED or math.dist(tip[:2], first.tip[:2]) > params.strayed:
+        # A peg that turns in the hand moves the one for good, and the other until the next frame of the skin.
+        strayed = min(math.dist(place[:2], first.tip[:2]) for place in (tip, seen.tip))
+        watch = watch.after(seen.elapsed, sunk, strayed, params)
+        if abs(seen.peg.theta - entry.in_hand.theta) > TURNED or watch.has_strayed(seen.elapsed):
             break
-        if is_seated(seen.switch, tip, hole) or sunk > params.entered:
+        is_between = sunk > params.entered or watch.is_caught(seen.elapsed, params)
+        if is_seated(seen.switch, tip, hole) or is_between:
             return CornerAdjustResult(Outcome.SUCCESS, Reason.NONE, running, depth_of(tip, hole))
         ctx.progress(seen.elapsed / params.timeout)
         before, left = left, entry.raised(left, sunk, seen.step)

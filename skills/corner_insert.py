@@ -56,6 +56,14 @@ class CornerInsertParams(SkillParams):
     """Time to settle after the setpoint is raised, s."""
     raise_rate: PositiveFloat
     """Rate at which the setpoint of the axis is raised, rad/s."""
+    raise_stop: NonNegativeFloat = 0.3
+    """Time in which the setpoint of the raised axis comes to a stand, s; where it stops at once the hand's inertia draws the corner back along the
+    closing axis by 2 mm. Source: decision 0095.
+    """
+    press: NonNegativeFloat = 0.003
+    """Distance of the tip's setpoint ahead of the tip along the closing axis once the peg is raised, m; it has to exceed what friction of joints and
+    plate holds. The pads stand square to it. Source: decision 0095.
+    """
     turn_rate: PositiveFloat
     """Rate of the yaw sweep's setpoint about the normal, rad/s; slow enough for the peg to sink while it is turned as
     the hole is.
@@ -120,8 +128,12 @@ class Raised:
     """Closing axis of the hand at the raised peg, unit, shape (3,), base frame."""
     lead: Vector
     """Lead of the tip's setpoint before any yaw, shape (3,), m, base frame."""
+    along: Vector
+    """Direction in the plate along the closing axis towards the hole's own corner before any yaw, unit, shape (3,), base frame."""
     swing: float
     """Angle by which the peg is raised, rad."""
+    risen: float
+    """Time of running at which the peg's setpoint is raised, s."""
     settled: float
     """Time of running at which the peg is raised and has settled, s; the yaw sweep then begins."""
 
@@ -196,9 +208,30 @@ def raise_from(seen: Observation, normal: Vector, params: CornerInsertParams) ->
     about /= max(float(np.linalg.norm(about)), 1e-9)
     turn = rotation_about(about, params.tilt - angle_between(normal, seen.axis))
     axis, roll = turn @ seen.axis, turn @ seen.arm.tcp.rotation[:, 2]
-    swing = angle_between(seen.axis, axis)
-    lead = lead_to(np.cross(about, normal), roll, normal, params.lead)
-    return Raised(normal, about, axis, roll, lead, swing, swing / params.raise_rate + params.settle)
+    swing, ahead = angle_between(seen.axis, axis), np.cross(about, normal)
+    lead, along = lead_to(ahead, roll, normal, params.lead), lead_to(ahead, roll, normal, (1.0, 0.0))
+    risen = swing / params.raise_rate + params.raise_stop / 2.0
+    return Raised(normal, about, axis, roll, lead, along, swing, risen, risen + params.settle)
+
+
+def left_to_raise(params: CornerInsertParams, raised: Raised, elapsed: float) -> float:
+    """Return the angle that the setpoint is still to be raised by after `elapsed` seconds, rad: at a constant rate, which fades to nothing
+    within the time of the stop.
+    """
+    left = max(raised.risen - elapsed, 0.0)
+    if left >= params.raise_stop:
+        return min(params.raise_rate * (left - params.raise_stop / 2.0), raised.swing)
+    return min(params.raise_rate * left * left / (2.0 * params.raise_stop), raised.swing)
+
+
+def lead_at(params: CornerInsertParams, raised: Raised, elapsed: float) -> Vector:
+    """Return the lead of the tip's setpoint before any yaw after `elapsed` seconds, shape (3,), m: while the peg is raised friction at
+    a wall that is pressed harder would hold it, and the raised peg would climb out.
+    """
+    share = min(max(elapsed - raised.risen, 0.0) / max(params.settle, 1e-9), 1.0)
+    more = max(params.press - float(raised.lead @ raised.along), 0.0)
+    lead: Vector = raised.lead + share * more * raised.along
+    return lead
 
 
 def sweep_of(params: CornerInsertParams, most: float, attempt: int) -> YawSweep:
@@ -213,7 +246,7 @@ def attitude(params: CornerInsertParams, raised: Raised, sweep: YawSweep, elapse
     it is time for, yawed, dithered once the peg has settled.
     """
     yawed = rotation_about(raised.normal, sweep.yaw(elapsed, raised.settled, params))
-    turned: Vector = yawed @ rotation_about(raised.about, max(raised.swing - params.raise_rate * elapsed, 0.0))
+    turned: Vector = yawed @ rotation_about(raised.about, left_to_raise(params, raised, elapsed))
     if elapsed < raised.settled:
         return turned
     offset = dither(elapsed - raised.settled, params.dither_radius, params.dither_rate, params.dither_period)
@@ -237,7 +270,7 @@ def _setpoint(
     left = rotation_about(seen.arm.tcp.rotation[:, 2], seen.peg.theta - theta)
     return ImpedanceSetpoint(
         id=identity,
-        tip=seen.tip + yawed @ raised.lead - params.push_offset * raised.normal,
+        tip=seen.tip + yawed @ lead_at(params, raised, seen.elapsed) - params.push_offset * raised.normal,
         axis=left @ now @ raised.axis,
         roll=now @ raised.roll,
         stiffness=stiffness,

@@ -146,10 +146,14 @@ class Grip:
         )
 
     def entering(self, adjust: CornerAdjustParams, tilt: float, peg: Peg) -> CornerAdjustParams:
-        """Return the parameters with which a peg that leans by `tilt`, rad, is brought between the walls, its pushes bounded likewise."""
+        """Return the parameters with which a peg that leans by `tilt`, rad, is brought between the walls, its pushes bounded likewise.
+
+        The push along the closing axis does not turn the peg in the pads, and stays.
+        """
         down, across = adjust.push_stiffness * adjust.push_offset, adjust.gains.translation * adjust.lead[1]
         share = _share(self.load_over_corner(down, across, tilt, peg), 1.0)
-        return _softer(adjust, share, push_stiffness=adjust.push_stiffness * share, lead=_times(share, adjust.lead))
+        lead = adjust.lead[0], share * adjust.lead[1]
+        return _softer(adjust, share, push_stiffness=adjust.push_stiffness * share, lead=lead)
 
 
 def slip_of_turn(share: float) -> float:

@@ -113,7 +113,9 @@ class Evidence:
             sense: Sense of the pass along its lane, -1 or 1.
             is_likely: Whether the peg comes by where the hole is likely.
         """
-        threshold = self._params.dip_threshold * (LIKELY if is_likely else 1.0)
+        # Where a corner leads, half of it is no more than a turn of the peg in the hand makes, which the skin tells late.
+        halved = is_likely and self._params.lag is None
+        threshold = self._params.dip_threshold * (LIKELY if halved else 1.0)
         height = float(seen.arm.tcp.position[2])
         is_event = seen.is_new_frame and self._event.update(seen.frame)
         has_fallen = self._fallen(edge, height, sense) > threshold

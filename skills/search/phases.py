@@ -15,6 +15,9 @@ from skills.paths import spiral_at_speed
 from skills.search.course import Course
 from skills.search.params import SpraySearchParams
 
+GONE = 0.2
+"""Share of the dip threshold below which a dip has gone, fraction. Source: decision 0095."""
+
 RETURN_TIME = 0.4
 """Time in which the tip comes back to its course after a rest or a probe, s."""
 
@@ -60,6 +63,8 @@ class Felt:
     """Whether the plate has borne the push for a while."""
     is_edge: bool
     """Whether there is contact evidence of an edge."""
+    is_held: bool = False
+    """Whether that evidence is a lag of the tip behind its setpoint."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,6 +107,15 @@ class Resting:
     stopped: float
     """Time at which the hand was stopped, as a stamp, s."""
     was_probed: bool = False
+    was_held: bool = False
+    """Whether the tip lagged behind its setpoint."""
+
+    def is_gone(self, felt: Felt, params: SpraySearchParams) -> bool:
+        """Return whether a dip has gone at rest: the peg had turned in the hand, of which the skin told later than the arm.
+
+        A probe would turn the peg further. Round pegs, whose dips are told otherwise, are always probed.
+        """
+        return params.lag is not None and not self.was_held and felt.below < GONE * params.dip_threshold
 
     def is_over(self, felt: Felt, params: SpraySearchParams) -> bool:
         """Return whether the tip's depth is known well enough to be judged."""
@@ -129,7 +143,7 @@ def next_phase(phase: Phase, felt: Felt, params: SpraySearchParams, course: Cour
     if isinstance(phase, ComingDown):
         return _touched(phase, felt, params, course)
     if isinstance(phase, Sliding):
-        return Resting(felt.tip[:2], felt.tcp, felt.stamp) if felt.is_edge else phase
+        return Resting(felt.tip[:2], felt.tcp, felt.stamp, was_held=felt.is_held) if felt.is_edge else phase
     if isinstance(phase, Probing):
         return _probed(phase, felt, params, course, point)
     return phase
@@ -137,7 +151,7 @@ def next_phase(phase: Phase, felt: Felt, params: SpraySearchParams, course: Cour
 
 def after_rest(phase: Resting, felt: Felt, params: SpraySearchParams, course: Course, point: Vector) -> Phase:
     """Return the phase where the resting tip was not deep enough: probe the place once, then slide on."""
-    is_probed = not phase.was_probed and params.probe_radius > 0.0
+    is_probed = not phase.was_probed and params.probe_radius > 0.0 and not phase.is_gone(felt, params)
     goal = phase.place if is_probed else course.middle + point
     detour = Detour(felt.elapsed, felt.tip[:2] - goal, felt.hand_axis, felt.tcp.rotation[:, 2])
     return Probing(detour, phase.place) if is_probed else Sliding(detour)

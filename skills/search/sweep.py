@@ -210,6 +210,7 @@ class Sweep:
 
     def _felt(self, seen: Observation, below: float, is_edge: bool) -> Felt:
         push = self._push.stiffness * self._params.push_offset
+        is_held = self._params.lag is not None and self._lag > self._params.lag
         return Felt(
             elapsed=seen.elapsed,
             stamp=seen.stamp,
@@ -220,7 +221,8 @@ class Sweep:
             hand_axis=self._turned(-1.0, seen, seen.axis),
             below=below,
             is_pressed=self._bearing.after(float(seen.arm.wrench.force[2]), push),
-            is_edge=is_edge or (self._params.lag is not None and self._lag > self._params.lag),
+            is_edge=is_edge or is_held,
+            is_held=is_held,
         )
 
     def _way(self, phase: ComingDown | Sliding | Probing, seen: Observation, back: float) -> tuple[Vector, Vector]:

@@ -1,6 +1,7 @@
 """A square peg's corner, and the turns that find how its hole is turned."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,8 +10,19 @@ from cell.config import load
 from drivers.frames import UP, rotation_about
 from drivers.part.rectangular import Rectangular
 from drivers.quantities import InHandTip
-from skills.corner_adjust import Entry
-from skills.corner_insert import YawSweep, lead_to, sweep_of, tipped, to_and_fro, turned_by
+from skills.corner_adjust import STANDS_FOR, STRAYED_FOR, Entry, Watch
+from skills.corner_insert import (
+    Raised,
+    YawSweep,
+    lead_at,
+    lead_to,
+    left_to_raise,
+    raise_from,
+    sweep_of,
+    tipped,
+    to_and_fro,
+    turned_by,
+)
 
 SIDE = 0.008
 SQUARE = Rectangular(SIDE, SIDE)
@@ -121,3 +133,60 @@ def test_an_entering_corner_stays_deeper_than_the_others_until_the_walls_have_th
 def test_an_entering_corner_is_led_towards_the_side_it_leans_to() -> None:
     along, across = load().cell.corner.adjust.lead
     np.testing.assert_allclose(entry().lead, [along, across, 0.0], atol=1e-2 * along)
+
+
+def raised(tilt: float = 0.5) -> Raised:
+    axis, closing = SQUARE.leaning(0.0, tilt)
+    hand = np.column_stack([-axis, np.cross(closing, -axis), closing])
+    seen = SimpleNamespace(axis=axis, arm=SimpleNamespace(tcp=SimpleNamespace(rotation=hand)))
+    return raise_from(seen, UP, load().cell.corner.insert)
+
+
+def test_a_peg_is_raised_at_its_rate_and_comes_to_a_stand_without_a_jump_of_it() -> None:
+    params, way, step = load().cell.corner.insert, raised(), 1e-3
+    left = [left_to_raise(params, way, time) for time in np.arange(0.0, way.risen + 0.1, step)]
+    rates = -np.diff(left) / step
+    assert (left[0], left[-1]) == (pytest.approx(way.swing), 0.0)
+    assert rates.max() == pytest.approx(params.raise_rate)
+    assert np.abs(np.diff(rates)).max() <= 1.01 * params.raise_rate / params.raise_stop * step
+    assert way.risen == pytest.approx(way.swing / params.raise_rate + params.raise_stop / 2.0)
+
+
+def test_a_stop_of_no_time_ends_the_raise_at_once() -> None:
+    params, way = load().cell.corner.insert.model_copy(update={"raise_stop": 0.0}), raised()
+    assert left_to_raise(params, way, way.risen) == 0.0
+
+
+def test_a_corner_is_pressed_along_the_closing_axis_only_once_the_peg_is_raised() -> None:
+    params, way = load().cell.corner.insert, raised()
+    np.testing.assert_allclose(lead_at(params, way, way.risen), way.lead, atol=1e-15)
+    pressed = lead_at(params, way, way.settled) - way.lead
+    np.testing.assert_allclose(pressed, (params.press - params.lead[0]) * way.along, atol=1e-12)
+    np.testing.assert_allclose(lead_at(params, way, way.settled + 1.0), way.lead + pressed, atol=1e-15)
+    assert abs(way.along @ UP) < 1e-12
+    assert way.along @ way.lead > 0.0
+
+
+def test_a_tip_that_seems_away_until_the_skin_has_told_a_turn_has_not_strayed() -> None:
+    params = load().cell.corner.adjust
+    away = 1.1 * params.strayed
+    watch = Watch().after(1.0, 0.0, 0.0, params).after(1.1, 0.0, away, params)
+    assert not watch.has_strayed(1.1)
+    assert watch.after(1.1 + STRAYED_FOR, 0.0, away, params).has_strayed(1.01 + STRAYED_FOR)
+    assert not watch.after(1.2, 0.0, 0.0, params).has_strayed(1.2 + 0.9 * STRAYED_FOR)
+
+
+def test_a_peg_that_the_walls_have_caught_cannot_stray() -> None:
+    params = load().cell.corner.adjust
+    watch = Watch().after(2.0, 1.01 * params.caught, 2.0 * params.strayed, params)
+    assert not watch.has_strayed(2.0)
+
+
+def test_a_peg_that_the_walls_have_caught_and_that_stands_is_between_them() -> None:
+    params = load().cell.corner.adjust
+    shallow, caught = (Watch().after(1.0, share * params.caught, 0.0, params) for share in (0.9, 1.3))
+    assert not caught.is_caught(1.0 + 0.9 * STANDS_FOR, params)
+    assert caught.is_caught(1.0 + 1.1 * STANDS_FOR, params)
+    assert not shallow.is_caught(1.0 + 1.1 * STANDS_FOR, params)
+    sinking = caught.after(1.5, 1.6 * params.caught, 0.0, params)
+    assert not sinking.is_caught(1.0 + 1.1 * STANDS_FOR, params)

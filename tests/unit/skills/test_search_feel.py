@@ -91,6 +91,17 @@ def test_elsewhere_the_whole_threshold_counts():
     assert [evidence.update(BLIND, edge, 1, is_likely)[1] for is_likely in (False, True)] == [False, True]
 
 
+def test_where_a_corner_leads_the_whole_threshold_counts_everywhere():
+    params = CONFIG.corner.searching(PARAMS)
+    known = SurfaceEstimate()
+    for k in range(400):
+        known.learn(np.array([1e-3 * (k % 60), 0.0, 0.0]), 1)
+    evidence = Evidence(params, known, HoleEvent(params.event, params.timeout), PERIOD)
+    for dip, is_told in ((0.75, False), (1.5, True)):
+        edge = np.array([0.03, 0.0, -dip * params.dip_threshold])
+        assert evidence.update(BLIND, edge, 1, is_likely=True)[1] is is_told
+
+
 def test_the_likely_place_is_passed_when_the_whole_threshold_counts_again():
     deviation = 7e-4
     at = (JOB.hole.centre[0] + 0.01, JOB.hole.centre[1] - 0.01)

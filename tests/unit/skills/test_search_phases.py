@@ -90,6 +90,18 @@ def test_a_place_is_looked_round_once_and_then_left():
     assert isinstance(after_rest(again, FELT, PARAMS, COURSE, np.zeros(2)), Sliding)
 
 
+def test_a_corner_whose_dip_has_gone_at_rest_is_not_led_round_the_place():
+    """A turn of the peg in the hand lets the tip seem to dip until the skin tells it; a probe would turn the peg further."""
+    corner = CONFIG.corner.searching(PARAMS)
+    gone = replace(FELT, below=0.1 * corner.dip_threshold)
+    dip = next_phase(Sliding(BACK), replace(FELT, is_edge=True), corner, COURSE, np.zeros(2))
+    lag = next_phase(Sliding(BACK), replace(FELT, is_edge=True, is_held=True), corner, COURSE, np.zeros(2))
+    assert isinstance(after_rest(dip, gone, corner, COURSE, np.zeros(2)), Sliding)
+    assert isinstance(after_rest(dip, replace(FELT, below=corner.dip_threshold), corner, COURSE, np.zeros(2)), Probing)
+    assert isinstance(after_rest(lag, gone, corner, COURSE, np.zeros(2)), Probing)
+    assert isinstance(after_rest(dip, gone, PARAMS, COURSE, np.zeros(2)), Probing)
+
+
 def test_without_a_probe_the_place_is_left_at_once():
     params = PARAMS.model_copy(update={"probe_radius": 0.0})
     phase = after_rest(Resting(HERE[:2], HAND, stopped=10.0), FELT, params, COURSE, np.array([0.01, 0.02]))
