@@ -64,7 +64,7 @@ def find_and_seat(
     tried = in_order(
         [
             (INSERT.name, lambda c: _insert(skills, c, plane, attempt)),
-            (ADJUST.name, lambda c: _adjust(skills, c, plane)),
+            (ADJUST.name, lambda c: _adjust(skills, c, plane, attempt)),
         ],
         ctx,
     )
@@ -100,8 +100,8 @@ def _insert(skills: SkillSet, ctx: SkillContext, plane: Plane | None = None, att
     return _handling(skills, ctx).insert(ctx, plane, attempt)
 
 
-def _adjust(skills: SkillSet, ctx: SkillContext, plane: Plane | None = None) -> SkillResult:
-    return _handling(skills, ctx).adjust(ctx, plane)
+def _adjust(skills: SkillSet, ctx: SkillContext, plane: Plane | None = None, attempt: int = 1) -> SkillResult:
+    return _handling(skills, ctx).adjust(ctx, plane, attempt)
 
 
 def _handling(skills: SkillSet, ctx: SkillContext) -> Handling:

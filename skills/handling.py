@@ -31,6 +31,12 @@ class Sections:
     """Share of that grip which is counted on, fraction."""
 
 
+FIRST_STALL = 0.4
+"""Share of `adjust.stall_timeout` that a jammed peg is given in the first of several attempts, fraction: a new search takes 2.5 s, and mostly mends
+what holds it. Source: decision 0093.
+"""
+
+
 @dataclass(frozen=True, slots=True)
 class Handling:
     """How one kind of part is handled."""
@@ -41,8 +47,8 @@ class Handling:
     """Function that aligns the peg on the surface that the search estimated, if any, in the attempt with this number,
     from 0.
     """
-    adjust: Callable[[SkillContext, Plane | None], SkillResult]
-    """Function that seats the aligned peg on that surface."""
+    adjust: Callable[[SkillContext, Plane | None, int], SkillResult]
+    """Function that seats the aligned peg on that surface, likewise."""
     retries: int
     """Number of further searches when the peg turns out not to be in the hole; 0 in [gibbons]."""
     steered: Mapping[str, Gains] = field(default_factory=dict)
@@ -65,12 +71,26 @@ def _over_the_edge(part: Part, sections: Sections) -> Handling:
     first = grip.inserting(sections.insert)
     # A depth that errs, because plate, peg and arm are elsewhere than stated, errs again: the adjustment finds out then.
     again = first.model_copy(update={"least_share": 0.0})
+
+    def adjust(ctx: SkillContext, plane: Plane | None, attempt: int) -> SkillResult:
+        params = grip.adjusting(sections.adjust, ctx.job.peg.length)
+        share = stall_share(attempt, sections.retries)
+        patient = params.model_copy(update={"stall_timeout": share * params.stall_timeout})
+        return spiral_adjust.run(patient, ctx, plane)
+
     return Handling(
         search=shallow(grip.searching(firm(sections.search, part.thickness)), part.thickness),
         insert=lambda ctx, plane, attempt: tactile_insert.run(again if attempt else first, ctx, plane),
-        adjust=lambda ctx, plane: spiral_adjust.run(grip.adjusting(sections.adjust, ctx.job.peg.length), ctx, plane),
+        adjust=adjust,
         retries=sections.retries,
     )
+
+
+def stall_share(attempt: int, retries: int) -> float:
+    """Return the share of the stall timeout that a jammed peg is given in an attempt, counted from 0: all of it in the last and in every
+    later one, because what the first could not mend is mended by patience.
+    """
+    return FIRST_STALL if attempt == 0 < retries else 1.0
 
 
 def _over_a_corner(part: Part, sections: Sections) -> Handling:
@@ -80,7 +100,7 @@ def _over_a_corner(part: Part, sections: Sections) -> Handling:
     def insert(ctx: SkillContext, plane: Plane | None, attempt: int) -> SkillResult:
         return corner_insert.run(grip.raising(corner.insert, corner.tilt, ctx.job.peg), ctx, plane, attempt)
 
-    def adjust(ctx: SkillContext, plane: Plane | None) -> SkillResult:
+    def adjust(ctx: SkillContext, plane: Plane | None, attempt: int) -> SkillResult:
         entered = corner_adjust.run(grip.entering(corner.adjust, corner.insert.tilt, ctx.job.peg), ctx, plane)
         if entered.outcome is not Outcome.SUCCESS:
             return entered
