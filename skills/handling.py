@@ -87,8 +87,8 @@ def _over_the_edge(part: Part, sections: Sections) -> Handling:
 
 
 def stall_share(attempt: int, retries: int) -> float:
-    """Return the share of the stall timeout that a jammed peg is given in an attempt, counted from 0: all of it in the last and in every
-    later one, because what the first could not mend is mended by patience.
+    """Return the share of the stall timeout that a jammed peg is given in an attempt, counted from 0: less than all of it where that is the
+    first of several.
     """
     return FIRST_STALL if attempt == 0 < retries else 1.0
 

@@ -190,6 +190,13 @@ class _StillSurface(SurfaceEstimate):
         self._fallen = -math.inf
         return 0.0
 
+    def dip(self, edge: Vector, sense: int) -> float:
+        return self._learnt.dip(edge, sense)
+
+    @property
+    def knows_slopes(self) -> bool:
+        return self._learnt.knows_slopes
+
     def fallen(self, before: Vector, edge: Vector) -> float:
         self._fallen = max(self._fallen, self._learnt.fallen(before, edge))
         return 0.0
