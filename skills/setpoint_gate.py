@@ -5,7 +5,6 @@ forces that a skill means to press with are bounded by the skill itself.
 """
 
 import math
-from collections import deque
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -31,12 +30,6 @@ LONGEST_UNTAKEN = 0.2
 """Longest time for which the arm may report that it follows an older setpoint than it was given, or none, s; its loop takes one in milliseconds.
 Source: chosen, not measured; reason in decision 0092.
 """
-FASTEST_UNSAID = 0.1
-"""Largest speed at which a setpoint may drive the hand down beyond the speed that it states itself, m/s: a stop of the arm's mass is a blow, which no
-bound of the setpoint's force holds. Source: chosen, not measured; reason in decision 0096.
-"""
-DOWN_TIME = 0.03
-"""Least time over which that speed is judged, s."""
 AGE_SLACK = 1e-3
 """Largest age of the followed setpoint beyond that of the given one, s: two readings of a clock."""
 UNIT_TOLERANCE = 1e-3
@@ -197,8 +190,6 @@ class GatedArm:
         self._arm, self._most, self._limits = arm, most, limits
         self._state: ArmState | None = None
         self._before: Handed | None = None
-        self._heights: deque[tuple[float, float, float]] = deque()
-        """Times, s, heights of the hand, m, and speeds downward that the setpoints state, m/s, in the newest scans."""
         self._untaken_since: float | None = None
         """Time of the first setpoint that the arm has not taken, s; None where it follows the one that it was given."""
 
@@ -220,33 +211,11 @@ class GatedArm:
         state = self._state if self._state is not None else self.read()
         try:
             require_sound(setpoint, state, self._before, self._limits, self._most)
-            self._require_gentle(setpoint, state)
         except (SetpointError, TrackingError):
             self.halt()
             raise
         self._before = Handed(setpoint, state.stamp)
         self._arm.follow(setpoint)
-
-    def _require_gentle(self, setpoint: ImpedanceSetpoint, state: ArmState) -> None:
-        """Make sure that a setpoint does not drive the hand down much faster than it states.
-
-        Raises:
-            SetpointError: It does.
-        """
-        heights, height = self._heights, float(state.tcp.position[2])
-        stated = 0.0 if setpoint.twist is None else max(-float(setpoint.twist.linear[2]), 0.0)
-        heights.append((state.stamp, height, stated))
-        while len(heights) > 1 and state.stamp - heights[1][0] >= DOWN_TIME:
-            heights.popleft()
-        since, before, _ = heights[0]
-        passed = state.stamp - since
-        theta, length = (0.0, 0.0) if setpoint.in_hand is None else (setpoint.in_hand.theta, setpoint.in_hand.length)
-        tip, _ = end_point(state.tcp, theta, length)
-        if passed < DOWN_TIME or setpoint.tip[2] >= tip[2]:
-            return
-        speed, most = (before - height) / passed, max(said for _, _, said in heights) + FASTEST_UNSAID
-        if speed > most:
-            raise SetpointError(f"setpoint: drives the hand down at {speed:.2f} m/s; at most {most:.2f} m/s allowed")
 
     def read(self) -> ArmState:
         """Return the newest state.
@@ -290,11 +259,9 @@ class GatedArm:
     def halt(self) -> None:
         """Hold still where the arm is, compliant; the next setpoint is judged as a new one."""
         self._before = self._untaken_since = None
-        self._heights.clear()
         self._arm.halt()
 
     def reset(self) -> None:
         """Leave a reflex or a released stop."""
         self._before = self._untaken_since = None
-        self._heights.clear()
         self._arm.reset()

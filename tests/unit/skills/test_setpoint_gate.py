@@ -266,39 +266,3 @@ def test_a_setpoint_whose_time_is_over_need_not_be_followed():
     for _ in range(100):
         clock.wait_until(clock.now() + PERIOD)
         gated.read()
-
-
-@pytest.mark.parametrize(("stated", "is_sound"), [(0.0, False), (0.15, True)])
-def test_a_setpoint_drives_the_hand_down_no_faster_than_it_says(stated, is_sound):
-    clock = FakeClock()
-    arm = FakeArm(clock)
-    gated, tip = GatedArm(arm, SPEED, LIMITS), arm.tcp.position.copy()
-    twist = Twist(np.array([0.0, 0.0, -stated]), np.zeros(3))
-
-    def sink():
-        for k in range(1, 20):
-            gated.read()
-            gated.follow(setpoint(tip - 0.2 * PERIOD * k * UP, twist=twist, valid_until=clock.now() + 0.1))
-            clock.wait_until(clock.now() + PERIOD)
-
-    if is_sound:
-        sink()
-        assert not arm.is_halted
-        return
-    with pytest.raises(SetpointError, match=r"drives the hand down at 0\.20 m/s; at most 0\.10 m/s allowed"):
-        sink()
-    assert arm.is_halted
-    assert tip[2] - arm.tcp.position[2] < 0.01
-
-
-def test_a_hand_that_is_pushed_down_is_not_its_setpoint_s_fault():
-    clock = FakeClock()
-    arm = FakeArm(clock)
-    gated, tip = GatedArm(arm, SPEED, LIMITS), arm.tcp.position.copy()
-    arm.is_blocked = True
-    for k in range(10):
-        arm.tcp = Pose(tip - 0.3 * PERIOD * k * UP, HAND_DOWN)
-        gated.read()
-        gated.follow(setpoint(tip, valid_until=clock.now() + 0.1))
-        clock.wait_until(clock.now() + PERIOD)
-    assert not arm.is_halted
