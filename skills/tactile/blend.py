@@ -29,7 +29,7 @@ class Smoothing(ConfigModel):
     theta for 0, see `skills.tactile.blind`. Source: decision 0017.
     """
     blend: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
-    """Weight of a new frame in the running estimate, fraction; 1 takes each frame as it is, as [gibbons] does."""
+    """Weight of a new frame in the running estimate, fraction; 1 takes each frame whole, as [gibbons] does."""
     jump: Annotated[float, Field(gt=0.0)] = 0.15
     """Difference of a frame from the running estimate, rad, beyond which it counts once the next one differs to the same side. No held
     peg turns so far between two frames; more than pi/2 takes each frame at once, as [gibbons] does. Source: decision 0091.

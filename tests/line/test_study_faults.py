@@ -80,6 +80,21 @@ def test_an_arm_that_takes_no_setpoint_when_the_peg_is_nearly_in_is_told_within_
     assert (case.record, case.wrong_success, case.part_untrue, case.is_back) == (True, False, False, True)
 
 
+def test_a_slice_of_the_campaign_has_zeros_where_there_must_be(tmp_path):
+    """One fault of each device, at as many stages; `cell study faults` tries all kinds at all stages."""
+    slice_of = {
+        "disk: read-only": ("grasp_from_rack", 3.0),
+        "arm: silent": ("spray_search", 1.8),
+        "skin: fingers swapped": ("tactile_insert", 0.4),
+        "skill: lies": ("grasp_from_rack", 1.5),
+    }
+    tried = [(kind, *slice_of[kind.name]) for kind in KINDS if kind.name in slice_of]
+    rows = measure(lambda number: load(sets=[*KEYS, "sim.pace=max", "sim.seed=97950"]), tried, lambda case: None)
+    assert len(rows) == len(slice_of)
+    line = tables.lines(rows, load().cell.limits.force)[-1]
+    assert {name: line[name] for name in COUNTED if "late" not in name} == dict.fromkeys(COUNTED[:1] + COUNTED[3:], 0)
+
+
 @pytest.mark.parametrize(
     ("change", "column"),
     [
