@@ -68,8 +68,8 @@ class SpiralAdjustParams(SkillParams):
     """Largest radius of the spiral, m; `stall_timeout` may end the spiral before. Source: [gibbons], Sec. VI."""
     stall_timeout: Annotated[float, Field(gt=0.0, le=120.0)]
     """Stall timeout: time in which a peg that goes no deeper by `jammed` is given up, s; such a peg is not in the hole, or
-    does not go in this way. Close to the bottom the time is twice as long; a switch that is still open then disagrees with the depth.
-    Source: chosen, not measured; reason in decision 0030.
+    does not go in this way. The first of several attempts of `insert_peg` has 0.4 of it (decision 0093). Close to the bottom the time is
+    twice as long; a switch that is still open then disagrees with the depth. Source: chosen, not measured; reason in decision 0030.
     """
     timeout: PositiveFloat
     """Longest adjustment, s; where the radius is largest sooner, the spiral starts again."""
