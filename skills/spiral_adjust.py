@@ -37,6 +37,11 @@ AT_BOTTOM = 2.0
 CREEP = 5.0
 """Multiple of `jammed` that a peg must gain in a period of the dither, or it is freed as one that stands still is: a peg that
 is pushed along its hole gains fifty times as much, and one that wedges creeps."""
+RAISED = 0.005
+"""Height of the tip above the surface, beyond half the peg's breadth, from which on nothing holds the peg and the attempt ends, m: the rim of a
+leaning peg stands on the plate with its middle at most half a breadth above it, and plate and theta err by millimetres. A hand whose joints
+rub more than they push is lifted by its own spiral.
+"""
 SMOOTHING = 0.3
 """Share of a new scan in the tip's speed: theta's noise moves the tip."""
 SWINGING = 0.15
@@ -301,7 +306,8 @@ def run(
             break
         depth = plane.depth(tip)
         stall = stall.after(depth, elapsed, params.jammed)
-        if elapsed - stall.since > given_up_after(depth_of(tip, hole), hole.depth, params):
+        is_raised = depth < -(ctx.job.peg.part.inscribed / 2.0 + RAISED)
+        if is_raised or elapsed - stall.since > given_up_after(depth_of(tip, hole), hole.depth, params):
             break
         guide = guide.after(depth, elapsed, params)
         if guide.is_jammed:

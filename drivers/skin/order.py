@@ -19,6 +19,9 @@ CHANGE = 0.05
 """Change of a pressed taxel from frame to frame that is usual, fraction of its reading."""
 AGREES = 3.0
 """Mean square of the differences, in units of the expected, up to which two frames agree."""
+EXPLAINS = 1.8
+"""The same, up to which an exchange explains a frame: a skin whose modules change places under a peg at rest shows the noise of its
+taxels and no more, while a peg that slips to about the mirrored angle is left with 2.8 and more. Source: decision 0097."""
 GAIN = 25.0
 """Log likelihood by which an exchange has to explain a frame better than the order before. Source: decision 0083."""
 TOLD = 1
@@ -59,7 +62,7 @@ class TaxelOrder:
         is_steady = mean <= AGREES
         found = self._suspected if is_steady else ""
         (exchanged, mean), name = min((misfit(order), name) for name, order in EXCHANGES.items())
-        is_jump = self._was_steady and mean <= AGREES and as_before - exchanged > GAIN
+        is_jump = self._was_steady and mean <= EXPLAINS and as_before - exchanged > GAIN
         self._was_steady, self._suspected = is_steady, name if is_jump else ""
         return found
 

@@ -17,6 +17,7 @@ from skills.seating import CLOSED_TOLERANCE, OPEN_TOLERANCE
 from skills.spiral_adjust import (
     CREEP,
     MOST_SWING_DAMPING,
+    RAISED,
     SLIDING,
     Aim,
     Descent,
@@ -158,6 +159,19 @@ def test_fingers_that_slide_down_the_peg_are_noticed_below_the_bottom(tmp_path, 
     ended = run(PARAMS.model_copy(update={"push_offset": 1e-3, "most_deep": most_deep}), ctx)
     assert (ended.outcome, ended.reason) == (Outcome.FAILURE, Reason.NOT_SEATED)
     assert ended.depth == pytest.approx(hole.depth + most_deep, abs=2e-3)
+
+
+@pytest.mark.parametrize(("above", "goes_on"), [(-1e-3, True), (1e-3, False)])
+def test_a_peg_that_hangs_above_the_plate_is_given_up_at_once(tmp_path, above, goes_on):
+    """The hand of the fakes rests where it is put, above the height at which the rim of a leaning peg could still touch the plate, or below it."""
+    rig = Rig(load(), tmp_path)
+    ctx = rig.cell.context(1)
+    rig.gripper.grip(30.0)
+    height = ctx.job.hole.centre[2] + ctx.length + ctx.job.peg.part.inscribed / 2.0 + RAISED + above
+    rig.arm.tcp = Pose(np.array([*ctx.job.hole.centre[:2], height]), HAND_DOWN)
+    ended = run(PARAMS.model_copy(update={"push_offset": 0.0, "timeout": 0.5}), ctx)
+    assert ended.reason is Reason.NOT_SEATED
+    assert (ended.elapsed > 0.4) == goes_on
 
 
 @pytest.mark.parametrize("feeds_forward", [True, False])

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -76,3 +78,12 @@ def test_a_taxel_that_is_not_trusted_says_nothing_of_the_order():
     for raw in (*raws[:2], *(as_told(raw, "the two fingers") for raw in raws[2:])):
         order.take(raw, raw - REST, ~TRUSTED)
     order.require()
+
+
+def test_a_peg_that_slips_to_about_the_mirrored_angle_changes_no_order():
+    """An exchange of the fingers explains the step far better than none does, but not to within the noise of the taxels."""
+    rng = np.random.default_rng(7)
+    leaning = replace(LOAD, theta=np.radians(6.0), offset=1e-3, across=2.0, tilting=0.09)
+    slipped = replace(LOAD, theta=np.radians(-10.0), offset=-1e-3, across=-2.0, tilting=-0.09)
+    raws = [REST + readings("parallelogram", load, rng) for load in (*[leaning] * 3, *[slipped] * 3)]
+    taken(TaxelOrder(NOISE), raws).require()
