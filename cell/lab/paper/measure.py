@@ -47,8 +47,8 @@ Rungs = Sequence[tuple[int, int]]
 """Number of candidates and of further trials of each, rung by rung."""
 RUNGS: Mapping[str, Rungs] = {
     SEARCH: ((4, 8), (2, 8)),
-    INSERT: ((3, 6),),
-    ADJUST: ((3, 8),),
+    INSERT: ((8, 8), (3, 16)),
+    ADJUST: ((6, 8), (3, 16)),
 }
 QUICK: Mapping[str, Rungs] = {SEARCH: ((2, 1),), INSERT: ((1, 1),), ADJUST: ((1, 1),)}
 ENDED: Mapping[str, tuple[str, ...]] = {

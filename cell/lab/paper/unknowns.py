@@ -25,15 +25,15 @@ class Unknown:
 
 
 UNKNOWNS: tuple[Unknown, ...] = (
-    Unknown("search.speed", SEARCH, 0.07, 0.1, 0.085, "published time over the area at passes of about a hole's width"),
-    Unknown("search.pitch", SEARCH, 0.8, 1.2, 1.0, "half a peg to the width over which a leaning peg falls in"),
-    Unknown("search.push_stiffness", SEARCH, 1100.0, 1700.0, 1390.0, "11 to 17 N at the printed offset of 10 mm"),
+    Unknown("search.speed", SEARCH, 0.07, 0.1, 0.084, "published time over the area at passes of about a hole's width"),
+    Unknown("search.pitch", SEARCH, 0.8, 1.2, 1.18, "half a peg to the width over which a leaning peg falls in"),
+    Unknown("search.push_stiffness", SEARCH, 1100.0, 1700.0, 1170.0, "11 to 17 N at the printed offset of 10 mm"),
     Unknown(
         "search.gains.translation",
         SEARCH,
         500.0,
         1200.0,
-        800.0,
+        1150.0,
         "an arm that follows its path, to one that does not fall into the hole",
     ),
     Unknown(
@@ -41,18 +41,18 @@ UNKNOWNS: tuple[Unknown, ...] = (
         SEARCH,
         0.095,
         0.13,
-        0.108,
+        0.105,
         "what a peg that turns does to the average, to what a wall does",
     ),
-    Unknown("image.threshold", SEARCH, 0.25, 0.4, 0.288, "background left in the image to a part of the print lost"),
-    Unknown("grip.friction", SEARCH, 0.6, 1.0, 0.756, "rubber on metal; it prevented sliding in life", is_world=True),
-    Unknown("contact.friction", SEARCH, 0.1, 0.2, 0.11, "metal on metal, greased", is_world=True),
+    Unknown("image.threshold", SEARCH, 0.25, 0.4, 0.305, "background left in the image to a part of the print lost"),
+    Unknown("grip.friction", SEARCH, 0.6, 1.0, 0.916, "rubber on metal; it prevented sliding in life", is_world=True),
+    Unknown("contact.friction", SEARCH, 0.1, 0.2, 0.133, "metal on metal, greased", is_world=True),
     Unknown(
         "skin.noise",
         SEARCH,
         0.0005,
         0.002,
-        0.000874,
+        0.00107,
         "[cyskin]: about 1 count on a quiet patch, 87 in the median of all; 20 000 are a touch",
         is_world=True,
     ),
