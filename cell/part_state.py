@@ -149,6 +149,8 @@ def after(before: PartState, seen: PegEvidence, places: Places, is_running: bool
                 evidence=f"the hand does not grip, {_mm(seen.width)} open at a peg of {_mm(places.thickness)}",
             )
         return _let_go(before, seen, places, is_running)
+    if before.place is PartPlace.ON_PLATE and seen.switch is SwitchState.CLOSED:
+        return replace(before, place=PartPlace.UNKNOWN, evidence=f"{before.evidence}, but the switch is closed")
     return _left_alone(before, seen, places) if not is_running else before
 
 

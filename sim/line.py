@@ -49,8 +49,7 @@ class SimLine:
         if self._world.peg is PegSituation.FREE and self._world.truth().is_in_hole:
             self._leave_slot()
             self._world.take_away()
-        for _ in range(EXCHANGE_STEPS):
-            self._clock.wait_until(self._clock.now() + EXCHANGE_TIME / EXCHANGE_STEPS)
+        self._let_pass()
 
     def refill(self) -> None:
         """Fill every slot of the rack."""
@@ -61,12 +60,18 @@ class SimLine:
         if not self._is_in_slot():
             self._leave_slot()
             self._world.take_away()
+        self._let_pass()
 
     def lies_about(self) -> bool:
         """Whether the peg is in the hand, in the hole or where it fell; neither in its slot nor in the bin nor gone."""
         if self._world.peg is PegSituation.GONE or self._is_in_slot():
             return False
         return self._world.peg is PegSituation.HELD or not self._is_in_bin()
+
+    def _let_pass(self) -> None:
+        """Let the time pass that this takes, in which the switch tells that the hole is empty."""
+        for _ in range(EXCHANGE_STEPS):
+            self._clock.wait_until(self._clock.now() + EXCHANGE_TIME / EXCHANGE_STEPS)
 
     def _leave_slot(self) -> None:
         self._emptied.add(self._slot)

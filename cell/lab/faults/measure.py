@@ -194,7 +194,9 @@ def _is_on_record(tested: FaultBench, report: ReportImage, outcome: str, kind: F
     except CellError:
         return False
     is_sampled = row.samples > 0 or kind.name.startswith("disk")
-    return bool(row.ended) and row.outcome == outcome and row.fault == report.fault and is_sampled
+    # A fault that came after the run is the cell's and not the run's; the report tells it beside the run's result.
+    fault = 0 if outcome == "success" else report.fault
+    return bool(row.ended) and row.outcome == outcome and row.fault == fault and is_sampled
 
 
 def bring_back(tested: FaultBench) -> tuple[str, int, str]:

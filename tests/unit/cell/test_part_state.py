@@ -288,3 +288,15 @@ def test_a_peg_that_is_lost_upright_at_the_hole_may_be_in_it_and_a_leaning_one_l
     held = after(EMPTY, seen(places, tip, tilt=tilt), places, is_running=True)
     lost = after(held, seen(places, tip, gripping=False), places, is_running=True)
     assert (held.place, lost.place) == (PartPlace.IN_HAND, place)
+
+
+@pytest.mark.parametrize("is_running", [True, False])
+def test_a_peg_that_fell_at_the_surface_is_not_on_the_plate_once_the_switch_closes(places, is_running):
+    """A leaning peg whose edge is in the hole may slide in after the hand has lost it."""
+    lost = after(held_at(places, 1e-4), seen(places, at_depth(places, 0.0), gripping=False), places, is_running=True)
+    assert lost.place is PartPlace.ON_PLATE
+    closed = seen(places, at_depth(places, 0.0), gripping=False, switch=CLOSED)
+    now = after(lost, closed, places, is_running)
+    assert now.place is PartPlace.UNKNOWN
+    assert "the switch is closed" in now.evidence
+    assert after(now, closed, places, is_running) == now
