@@ -115,10 +115,13 @@ def _case(tested: FaultBench, kind: FaultKind, stage: str, moment: float) -> Fau
         report = tested.run(_INSERT)
         if kind.ends_program and undo:
             tested.thread.join()
-        outcome, truth = _outcome(tested, report), _truth(tested)
-        is_gripping = tested.gripper.gripper.read().is_gripping
+        outcome = _outcome(tested, report)
+        # A peg that fell, and a switch that has just moved, are told a moment later: what is reported of the peg is compared with
+        # the truth when all has come to rest, and of a success at once, before the line takes the workpiece away.
         if outcome != "success":
             tested.let_pass(SEEN_ON)
+        part = PartPlace(report.part if outcome == "success" else tested.supervisor.report.part)
+        truth, is_gripping = _truth(tested), tested.gripper.gripper.read().is_gripping
         record = kind.is_record_apart and _is_on_record(tested, report, outcome, kind)
     finally:
         seen, tested.seen, tested.stage = tested.seen, Sighting(), 0
@@ -129,7 +132,6 @@ def _case(tested: FaultBench, kind: FaultKind, stage: str, moment: float) -> Fau
         tested.restart()
     went_on = seen.injected is None or outcome == "success" or seen.detected is None
     moved_on = went_on or outcome == "failure"  # and the arm freed itself by motions of its own
-    part = PartPlace(report.part)
     record = record or _is_on_record(tested, report, outcome, kind)
     reset, actions, following = bring_back(tested)
     return FaultCase(
