@@ -24,6 +24,9 @@ CONTACT = 0.036
 turn then makes more slip."""
 MOST_SHARE = 0.9
 """Largest share of what the pads bear that a load counts as, fraction; near 1 the computed slip of a turn has no bound."""
+MOST_PATIENT = 3.0
+"""Largest factor by which a weaker push lengthens an adjustment and the time without progress after which it is given up. A peg that slides
+takes a second or two at the whole push and 17 s at a twelfth of it; one that stands beside its hole takes for ever. Source: decision 0099."""
 
 P = TypeVar("P", bound=ConfigModel)
 
@@ -96,12 +99,13 @@ class Grip:
         if push <= self.bears:
             return adjust
         share = _share(push, self.bears_dithered(adjust, length))
+        longer = min(1.0 / share, MOST_PATIENT)
         return _softer(
             adjust,
             share,
             push_stiffness=adjust.push_stiffness * share,
-            timeout=adjust.timeout / share,
-            stall_timeout=adjust.stall_timeout / share,
+            timeout=longer * adjust.timeout,
+            stall_timeout=longer * adjust.stall_timeout,
         )
 
     def load(self, force: float, moment: float) -> float:
