@@ -49,13 +49,22 @@ def test_a_turn_in_the_hand_may_explain_a_drop():
     assert Grip(1e6, 0.3, 1.4).searching(search.model_copy(update={"slip_drop": 0.0})).slip_drop < 1e-6
 
 
-def test_the_slip_of_a_dithered_peg_is_no_progress_and_a_weaker_push_takes_its_time():
+def test_the_slip_of_a_dithered_peg_is_no_progress():
     grip, adjust = Grip(10.0, 0.3, 1.4), cell("adjust.dither_period=0.8").params(ADJUST)
     softened = grip.adjusting(adjust, LENGTH)
     push = softened.push_stiffness * softened.push_offset
     turned = 2 / math.pi * adjust.dither_radius / 2 / LENGTH * adjust.dither_rate * adjust.dither_period
     assert turned * slip_of_turn(push / grip.bears) == pytest.approx(adjust.jammed)
+
+
+def test_an_adjustment_that_pushes_less_takes_longer_by_as_much():
+    adjust = cell().params(ADJUST)
+    softened = Grip(15.0, 0.3, 1.4).adjusting(adjust, LENGTH)
+    assert softened.push_stiffness < adjust.push_stiffness
     assert softened.timeout * softened.push_stiffness == pytest.approx(adjust.timeout * adjust.push_stiffness)
+    assert softened.stall_timeout * softened.push_stiffness == pytest.approx(
+        adjust.stall_timeout * adjust.push_stiffness
+    )
 
 
 @pytest.mark.parametrize("force", [0.5, 2.0, 5.0])
