@@ -16,14 +16,10 @@ from plc_bridge.messages import PartPlace
 from skills.contract import Observation, Outcome, Reason
 from skills.entry import Claim
 from skills.flow import StageRecord
-from skills.seating import BORNE_WITHIN, CLOSED_TOLERANCE, DOUBTED, MOST_SHALLOW, Footing
+from skills.seating import BORNE_WITHIN, CLOSED_TOLERANCE, DOUBTED, MOST_DEEP, MOST_SHALLOW, Footing
 from skills.signature import LIFTED, Curve, Signature
 from skills.surface import Plane, nominal
 
-MOST_DEEP = 0.002
-"""Largest depth of a seated peg, from the surface that its search has felt, beyond the hole's, m: a peg looks deeper that the hole has
-pushed up in the hand since.
-"""
 PLANE_TOLERANCE = 0.005
 """Largest distance of a felt surface from where the job says that the plate is, m."""
 AWAY = 0.03
@@ -113,7 +109,8 @@ class Proof:
             surface, less, more = plane, MOST_SHALLOW, MOST_DEEP
         depth, low, high = surface.depth(self.seated_tip), job.hole.depth - less, job.hole.depth + more
         if plane is not None and self.borne_tip is not None:
-            low, gained = job.hole.depth - DOUBTED, surface.depth(self.borne_tip) - depth
+            low, high = job.hole.depth - DOUBTED, job.hole.depth + CLOSED_TOLERANCE
+            gained = surface.depth(self.borne_tip) - depth
             if gained > MOST_SHALLOW:
                 raise SwitchDisagreesError(
                     f"switch closed {1e3 * gained:.1f} mm above the bottom that bore the peg then; {1e3 * MOST_SHALLOW:.1f} mm allowed"

@@ -9,7 +9,7 @@ from cell.assembly import assemble
 from cell.config import load
 from cell.part_state import PartState
 from cell.record import Ending
-from cell.success import AWAY, MOST_DEEP, ForceProof, LastLook, Proof, evidence_for, judged
+from cell.success import AWAY, ForceProof, LastLook, Proof, evidence_for, judged
 from drivers.errors import ConfigError, SuccessUnprovenError
 from drivers.frames import UP
 from drivers.quantities import GripperState, SwitchState
@@ -17,7 +17,7 @@ from plc_bridge.messages import PartPlace
 from skills.contract import Outcome, Reason
 from skills.entry import Claim
 from skills.flow import StageRecord
-from skills.seating import BORNE_WITHIN, DOUBTED
+from skills.seating import BORNE_WITHIN, DOUBTED, MOST_DEEP
 from skills.signature import LIFTED, Curve, Signature
 from skills.spray_search import SpraySearchResult
 from skills.surface import Plane

@@ -7,7 +7,7 @@ import pytest
 
 from cell.part_state import PartState
 from cell.record import Ending
-from cell.success import AWAY, MOST_DEEP, PLANE_TOLERANCE, LastLook, Proof, judged
+from cell.success import AWAY, PLANE_TOLERANCE, LastLook, Proof, judged
 from drivers.errors import SuccessUnprovenError, SwitchDisagreesError
 from drivers.frames import UP
 from drivers.quantities import GripperState, SwitchState
@@ -15,7 +15,7 @@ from plc_bridge.messages import PartPlace
 from skills.contract import Outcome, Reason
 from skills.entry import Claim
 from skills.flow import StageRecord
-from skills.seating import DOUBTED, MOST_SHALLOW
+from skills.seating import CLOSED_TOLERANCE, DOUBTED, MOST_DEEP, MOST_SHALLOW
 from skills.spray_search import SpraySearchResult
 from skills.surface import Plane
 
@@ -87,7 +87,18 @@ def test_a_peg_that_the_bottom_bears_may_seem_two_millimetres_short(job, short, 
     if is_believed:
         assert judge(job, proof=proof) is SUCCESS
         return
-    with pytest.raises(SwitchDisagreesError, match=r"18\.0 to 22\.0 mm expected"):
+    with pytest.raises(SwitchDisagreesError, match=r"18\.0 to 24\.0 mm expected"):
+        judge(job, proof=proof)
+
+
+@pytest.mark.parametrize(("deep", "is_believed"), [(CLOSED_TOLERANCE - 1e-5, True), (CLOSED_TOLERANCE + 1e-5, False)])
+def test_a_peg_that_the_bottom_bears_may_have_been_pushed_up_in_the_hand(job, deep, is_believed):
+    proof = proven(job, job.hole.depth + deep)
+    proof = replace(proof, borne_tip=proof.seated_tip - 0.5e-3 * UP)
+    if is_believed:
+        assert judge(job, proof=proof) is SUCCESS
+        return
+    with pytest.raises(SwitchDisagreesError, match=r"18\.0 to 24\.0 mm expected"):
         judge(job, proof=proof)
 
 

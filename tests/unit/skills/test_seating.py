@@ -9,7 +9,7 @@ import pytest
 from cell.config import load
 from drivers.frames import UP
 from drivers.quantities import ImpedanceSetpoint
-from skills.seating import BORNE_FOR, BORNE_WITHIN, DOUBTED, LEAST_PUSH, MOST_SHALLOW, Arrival, Footing
+from skills.seating import BORNE_FOR, BORNE_WITHIN, DOUBTED, LEAST_PUSH, MOST_DEEP, MOST_SHALLOW, Arrival, Footing
 from tests.fakes import Rig
 
 STIFFNESS = 1000.0
@@ -55,7 +55,14 @@ def test_nothing_bears_a_peg_that_is_hardly_pushed(seen, push):
 
 @pytest.mark.parametrize(
     ("short", "goes_on"),
-    [(0.99 * MOST_SHALLOW, False), (1.01 * MOST_SHALLOW, True), (0.99 * DOUBTED, True), (1.01 * DOUBTED, False)],
+    [
+        (0.99 * MOST_SHALLOW, False),
+        (1.01 * MOST_SHALLOW, True),
+        (0.99 * DOUBTED, True),
+        (1.01 * DOUBTED, False),
+        (-0.99 * MOST_DEEP, False),
+        (-1.01 * MOST_DEEP, True),
+    ],
 )
 def test_a_peg_is_pushed_on_only_where_that_can_prove_it_seated(seen, short, goes_on):
     arrival = Arrival().after(seen, pushing(seen, 10.0), short)
