@@ -20,6 +20,10 @@ VALIDITY = 0.1
 LONGEST_MOVE = 10.0
 """Time on the cell's clock after which a move is over although late scans keep it from its end, multiple of its own time."""
 
+TWIST = 0.5
+"""Share of the rotational stiffness that a hand has about the vertical on the way, fraction: about its own axis it has the least inertia beside rotors
+that may not show, and swung where torques came 3.5 ms late. Source: decision 0101."""
+
 STRAY = 4e-3
 """Largest distance from where the hole was found at which a setpoint still follows the tip, m; a hole keeps its place."""
 
@@ -110,6 +114,7 @@ def move(
     duration = way.duration(transfer)
     identity = ctx.new_id()
     stiffness, damping_ratio = transfer.gains.stiffness(), transfer.gains.damping_ratios()
+    stiffness[5] *= TWIST
     for seen in ctx.scan(LONGEST_MOVE * (duration + settle), in_hand is not None, limited, unseen=True):
         if seen.elapsed >= duration + settle:
             break

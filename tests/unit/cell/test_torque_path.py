@@ -13,7 +13,8 @@ from cell.torque_path import is_hold_steady, is_steady, largest, largest_hold, o
 from drivers.arm.inertia import joint_inertia
 from drivers.errors import ConfigError
 from drivers.impedance import ROTOR_RANGE, most_learnt
-from skills.motion import Gains
+from skills.catalogue import GRASP
+from skills.motion import TWIST, Gains
 
 CELL = load().cell
 ARM = CELL.arm_model()
@@ -110,3 +111,22 @@ def test_gains_that_would_swing_are_refused_in_one_line(key):
     ) as told:
         load(sets=[f"{key}.damping_ratio=6"])
     assert "\n" not in str(told.value)
+
+
+class OnItsWay(Gains):
+    """Gains of a move through free space, which holds the hand less firmly about the vertical."""
+
+    def stiffness(self):
+        stiffness = super().stiffness()
+        stiffness[5] *= TWIST
+        return stiffness
+
+
+@pytest.mark.parametrize(("kind", "swings"), [(Gains, True), (OnItsWay, False)])
+def test_an_upright_hand_on_its_way_bears_torques_as_late_as_a_careless_arms_where_no_rotor_shows(kind, swings):
+    """Its damping is meant for rotors; the hand's own axis has the least inertia beside them."""
+    path = ARM.torque_path.model_copy(update={"rotor_share": 0.0, "transport": 2 * 0.002, "cutoff": 1e4})
+    bare = ARM.model_copy(update={"torque_path": path})
+    gains = kind(**CELL.params(GRASP).transfer.gains.model_dump())
+    _, upright = CELL.place().postures()
+    assert (radius(one_cycle(bare, upright, 0.0, gains, 1.0)) > 1.0) == swings
