@@ -25,7 +25,8 @@ TWIST = 0.5
 that may not show, and swung where torques came 3.5 ms late. Source: decision 0101."""
 
 STRAY = 4e-3
-"""Largest distance from where the hole was found at which a setpoint still follows the tip, m; a hole keeps its place."""
+"""Largest distance from where the hole was found at which a setpoint still follows the tip of a peg that is not broader than 8 mm, m; a hole keeps
+its place. The tip of a broader peg, whose edge has fallen in, goes as much further while the peg is turned upright. Source: decision 0102."""
 
 
 class Gains(ConfigModel):
@@ -196,13 +197,14 @@ def spin_between(before: Vector, after: Vector, period: float) -> Vector:
     return np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]) / (2.0 * period)
 
 
-def anchored(tip: Vector, found: Vector) -> Vector:
-    """Return the tip, shape (3,), m, drawn back along x and y to within `STRAY` of where the hole was found."""
+def anchored(tip: Vector, found: Vector, breadth: float = 0.0) -> Vector:
+    """Return the tip, shape (3,), m, drawn back along x and y to within `STRAY`, or half the peg's breadth, of where the hole was found."""
+    stray = max(STRAY, breadth / 2.0)
     way = (tip - found)[:2]
     size = math.hypot(way[0], way[1])
     held = tip.copy()
-    if size > STRAY:
-        held[:2] = found[:2] + STRAY / size * way
+    if size > stray:
+        held[:2] = found[:2] + stray / size * way
     return held
 
 

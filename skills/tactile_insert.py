@@ -102,7 +102,9 @@ def run(params: TactileInsertParams, ctx: SkillContext, plane: Plane | None = No
         if plane.depth(seen.tip) < -params.lost_height - peg.reach * math.sin(phi):
             return TactileInsertResult(Outcome.FAILURE, Reason.NOT_ALIGNED, elapsed, first_phi, phi)
         ctx.progress(1.0 - min(phi / max(first_phi, 1e-6), 1.0))
-        hole[:2] += min(params.compliance_rate * seen.step, 1.0) * (anchored(seen.tip, first.tip) - hole)[:2]
+        hole[:2] += (
+            min(params.compliance_rate * seen.step, 1.0) * (anchored(seen.tip, first.tip, peg.thickness) - hole)[:2]
+        )
         tip = hole + params.forward * _ahead(seen.axis)
         stiffness[2] = push_stiffness(phi, first_phi, *params.push_stiffness)
         theta += min(params.follow_rate * seen.step, 1.0) * (seen.peg.theta - theta)
