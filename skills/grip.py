@@ -25,8 +25,8 @@ turn then makes more slip."""
 MOST_SHARE = 0.9
 """Largest share of what the pads bear that a load counts as, fraction; near 1 the computed slip of a turn has no bound."""
 MOST_PATIENT = 3.0
-"""Largest factor by which a weaker push lengthens an adjustment and the time without progress after which it is given up. A peg that slides
-takes a second or two at the whole push and 17 s at a twelfth of it; one that stands beside its hole takes for ever. Source: decision 0099."""
+"""Largest factor by which a weaker push lengthens an adjustment and the time without progress after which it is given up: a peg that stands beside
+its hole would be pushed for minutes. Source: decision 0099."""
 
 P = TypeVar("P", bound=ConfigModel)
 

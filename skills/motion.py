@@ -65,6 +65,12 @@ class Transfer(ConfigModel):
     clearance: Annotated[float, Field(ge=0.0, le=0.05)] = 0.002
     """Least distance of hand and peg from plate and rack on the way, m; only a way that begins or ends nearer may come nearer. Source: decision 0059."""
 
+    def stiffness(self) -> Vector:
+        """Return the stiffness on the way, shape (6,): N/m along the axes of the base frame, then N·m/rad about them."""
+        stiffness = self.gains.stiffness()
+        stiffness[5] *= TWIST
+        return stiffness
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Goal:
@@ -114,8 +120,7 @@ def move(
         require_clear([Attitude(at.tip, at.axis, at.roll) for at in places], ctx.job, in_hand, transfer.clearance)
     duration = way.duration(transfer)
     identity = ctx.new_id()
-    stiffness, damping_ratio = transfer.gains.stiffness(), transfer.gains.damping_ratios()
-    stiffness[5] *= TWIST
+    stiffness, damping_ratio = transfer.stiffness(), transfer.gains.damping_ratios()
     for seen in ctx.scan(LONGEST_MOVE * (duration + settle), in_hand is not None, limited, unseen=True):
         if seen.elapsed >= duration + settle:
             break

@@ -54,7 +54,7 @@ def test_the_guard_acts_on_every_unstable_motion_of_the_quick_map_before_it_is_l
     unstable = [row for row in rows if row["is_stable"] == "False"]
     acted = [min(float(row[key]) for key in ("softened_at", "stopped_at") if row[key]) for row in unstable]
     assert all(at < float(row["lost_at"]) for at, row in zip(acted, unstable, strict=True))
-    assert 0.9 <= figures["guard"]["unstable_stopped"] / len(unstable) <= 1.0
+    assert figures["guard"]["unstable_stopped"] >= 0.9 * len(unstable) > 0.0
 
 
 def test_every_shipped_gain_has_the_margin_that_is_asked_for(figures):

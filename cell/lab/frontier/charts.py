@@ -269,7 +269,7 @@ def draw_chain(lines: Sequence[FrontierLine], title: str, path: Path) -> None:
     time.set_xlim(0.0, 1.22 * time.dataLim.x1)
     time.set_xlabel("mean time of the successes (s), 95 % interval")
     force.set_xlim(0.0, 1.08 * force.dataLim.x1 if any(line.trials for line in lines) else 1.0)
-    force.set_xlabel("largest contact force (N):\ndot median, bar 95th percentile")
+    force.set_xlabel("largest contact force (N),\nmedian and 95th percentile")
     handles = [time.barh([0], [0], color=colour, label=stage.label) for colour, stage in _stages()]
     figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=8, frameon=False)
     for axes in (rate, time, force):

@@ -14,7 +14,7 @@ from drivers.arm.inertia import joint_inertia
 from drivers.errors import ConfigError
 from drivers.impedance import ROTOR_RANGE, most_learnt
 from skills.catalogue import GRASP
-from skills.motion import TWIST, Gains
+from skills.motion import Gains
 
 CELL = load().cell
 ARM = CELL.arm_model()
@@ -114,12 +114,10 @@ def test_gains_that_would_swing_are_refused_in_one_line(key):
 
 
 class OnItsWay(Gains):
-    """Gains of a move through free space, which holds the hand less firmly about the vertical."""
+    """Gains of the arm's first move."""
 
     def stiffness(self):
-        stiffness = super().stiffness()
-        stiffness[5] *= TWIST
-        return stiffness
+        return CELL.params(GRASP).transfer.stiffness()
 
 
 @pytest.mark.parametrize(("kind", "swings"), [(Gains, True), (OnItsWay, False)])

@@ -3,7 +3,30 @@
 import numpy as np
 import pytest
 
-from skills.motion import STRAY, anchored
+from cell.config import load
+from skills.catalogue import GRASP
+from skills.motion import STRAY, Goal, anchored, move
+from tests.fakes import FakeArm, FakeClock, FakeGripper, context_of
+
+CONFIG = load().cell
+
+
+def test_a_hand_on_its_way_is_held_half_as_firmly_about_the_vertical():
+    clock, transfer = FakeClock(), CONFIG.params(GRASP).transfer
+    ctx = context_of(CONFIG, FakeArm(clock), FakeGripper(0.008))
+    tcp = ctx.arm.tcp
+    next(
+        iter(
+            move(
+                Goal(tcp.position + np.array([0.0, 0.06, 0.0]), -tcp.rotation[:, 0], tcp.rotation[:, 2]),
+                transfer,
+                ctx,
+                None,
+            )
+        )
+    )
+    gains = transfer.gains
+    assert ctx.held.stiffness.tolist() == [gains.translation] * 3 + [gains.rotation] * 2 + [gains.rotation / 2.0]
 
 
 @pytest.mark.parametrize(("breadth", "stray"), [(0.004, STRAY), (0.008, STRAY), (0.02, 0.01)])
