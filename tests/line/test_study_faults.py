@@ -187,7 +187,7 @@ def test_a_cell_that_stands_aborted_from_its_start_is_reset_and_counted(idle):
 def test_growth_is_counted_once_caches_are_filled():
     """Memory that comes in the first quarter and stays is none; a handle at every look after it is."""
     found = [
-        SoakSample(float(n), n, n, 0, memory=100.0 if n < 2 else 130.0, handles=20 + max(n - 5, 0), threads=5)
+        SoakSample(float(n), n, n, 0, 0, "", memory=100.0 if n < 2 else 130.0, handles=20 + max(n - 5, 0), threads=5)
         for n in range(20)
     ]
     assert growth(found) == pytest.approx((0.0, 1.0, 0.0), abs=1e-9)

@@ -9,6 +9,8 @@ from typing import Any
 
 from cell.lab.faults.contract import FaultKind
 
+WENT_ON = ("success", "failure")
+"""Endings of an insertion after which production goes on."""
 TABLE = "faults.csv"
 Planned = tuple[FaultKind, str, float]
 """A kind, the stage, and the time from the stage's first scan to the fault, s."""
@@ -58,7 +60,7 @@ class FaultCase:
     @property
     def is_back(self) -> bool:
         """Whether the cell is back in production after a reset and at most one action more."""
-        return self.actions <= 1 and self.following in ("success", "failure")
+        return self.actions <= 1 and self.following in WENT_ON
 
 
 SILENT = FaultCase(

@@ -14,6 +14,7 @@ import numpy as np
 from cell.config import LoadedConfig
 from cell.lab.faults import devices
 from cell.lab.faults.bench import CYCLE, LONGEST, WAITING, FaultBench, bench
+from cell.lab.faults.cases import WENT_ON
 from cell.lab.faults.measure import MOMENTS, bring_back
 from cell.states import State
 from drivers.errors import CellError
@@ -46,9 +47,13 @@ class SoakSample:
     commands: int
     """Number of the groups of commands until then."""
     seated: int
-    """Number of those that ended in a success of `insert_peg`."""
+    """Number of those whose last insertion was a success."""
+    failed: int
+    """Number of those that ended in a failure of it, after which production goes on."""
     lost: int
     """Number of those after which the cell did not insert again."""
+    lost_after: str
+    """Those since the look before, each with its number and how the insertion at its end ended."""
     memory: float
     """Memory that the program holds, MB."""
     handles: int
@@ -56,8 +61,8 @@ class SoakSample:
     threads: int
 
 
-Act = Callable[[FaultBench, np.random.Generator], bool]
-"""Some commands; returns whether a peg was seated at their end."""
+Act = Callable[[FaultBench, np.random.Generator], str]
+"""Some commands; returns how the insertion at their end ended: its result, or why it was refused."""
 
 
 def soak(
@@ -68,18 +73,21 @@ def soak(
     Raises:
         CellError: The cell cannot be made, or no longer answers.
     """
-    rng, found, acts = np.random.default_rng(seed), list[SoakSample](), Counter[str]()
-    seated = lost = 0
+    rng, found, acts, endings = np.random.default_rng(seed), list[SoakSample](), Counter[str](), Counter[str]()
+    lost_after: list[str] = []
     with bench(loaded) as tested:
         start = tested.cell.clock.now()
         while len(found) < SAMPLES:
             name = str(rng.choice(list(ACTS)))
             acts[name] += 1
-            is_seated = ACTS[name](tested, rng)
-            seated, lost = seated + is_seated, lost + (not is_seated)
+            ending = ACTS[name](tested, rng)
+            endings[ending] += 1
+            if ending not in WENT_ON:
+                lost_after.append(f"{name} ({acts.total()}): {ending}")
             passed = (tested.cell.clock.now() - start) / 3600.0
             if passed >= hours * (len(found) + 1) / SAMPLES:
-                found.append(_look(passed, acts.total(), seated, lost))
+                found.append(_look(passed, endings, lost_after))
+                lost_after = []
                 watch(found[-1])
     return found, acts
 
@@ -105,27 +113,31 @@ def growth(found: Sequence[SoakSample]) -> tuple[float, float, float]:
     return memory, handles, threads
 
 
-def _look(hours: float, commands: int, seated: int, lost: int) -> SoakSample:
+def _look(hours: float, endings: Counter[str], lost_after: Sequence[str]) -> SoakSample:
     pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
     memory = pages * os.sysconf("SC_PAGE_SIZE") / 1e6
     handles = len(list(Path("/proc/self/fd").iterdir()))
-    return SoakSample(hours, commands, seated, lost, memory, handles, threading.active_count())
+    seated, failed = (endings[ending] for ending in WENT_ON)
+    total, told = endings.total(), "; ".join(lost_after)
+    return SoakSample(
+        hours, total, seated, failed, total - seated - failed, told, memory, handles, threading.active_count()
+    )
 
 
-def _inserted(tested: FaultBench) -> bool:
-    """Insert a peg as an operator does after anything."""
+def _inserted(tested: FaultBench) -> str:
+    """Insert a peg as an operator does after anything; return how that ended."""
     _, _, following = bring_back(tested)
-    return following in ("success", "failure")
+    return following
 
 
-def _insert(tested: FaultBench, rng: np.random.Generator) -> bool:
+def _insert(tested: FaultBench, rng: np.random.Generator) -> str:
     return _inserted(tested)
 
 
 def _interrupted(*controls: Control) -> Act:
     """Return what sends these controls in the middle of an insertion, each once the cell waits after the one before."""
 
-    def act(tested: FaultBench, rng: np.random.Generator) -> bool:
+    def act(tested: FaultBench, rng: np.random.Generator) -> str:
         tested.peer.trigger(_INSERT)
         _cycles(tested, lambda report: False, int(rng.integers(1, LATEST)))
         for control in controls:
@@ -149,19 +161,19 @@ def _cycles(tested: FaultBench, is_over: Callable[[ReportImage], bool], most: in
         time.sleep(CYCLE)
 
 
-def _refused(tested: FaultBench, rng: np.random.Generator) -> bool:
+def _refused(tested: FaultBench, rng: np.random.Generator) -> str:
     for code, recipe in ((UNKNOWN_CODE, 0), (_INSERT, UNKNOWN_RECIPE)):
         tested.peer.run(code, recipe, timeout=LONGEST)
     return _inserted(tested)
 
 
-def _by_hand(tested: FaultBench, rng: np.random.Generator) -> bool:
+def _by_hand(tested: FaultBench, rng: np.random.Generator) -> str:
     for code in (_GRASP, CATALOGUE["recover"].code, Control.CLEARED, Control.REFILLED):
         tested.peer.run(code, timeout=LONGEST)
     return _inserted(tested)
 
 
-def _connected_anew(tested: FaultBench, rng: np.random.Generator) -> bool:
+def _connected_anew(tested: FaultBench, rng: np.random.Generator) -> str:
     tested.connect()
     onlooker = Peer(*tested.bridge.address)
     onlooker.look()
@@ -169,19 +181,19 @@ def _connected_anew(tested: FaultBench, rng: np.random.Generator) -> bool:
     return _inserted(tested)
 
 
-def _asked(tested: FaultBench, rng: np.random.Generator) -> bool:
+def _asked(tested: FaultBench, rng: np.random.Generator) -> str:
     tested.journal.runs(50)
     tested.peer.read_diagnostics()
     return _inserted(tested)
 
 
-def _reflex(tested: FaultBench, rng: np.random.Generator) -> bool:
+def _reflex(tested: FaultBench, rng: np.random.Generator) -> str:
     stage = str(rng.choice(list(MOMENTS)))
     tested.arm_fault(stage, float(rng.uniform(0.0, 1.0)), lambda: setattr(tested.arm, "change", devices.reflex))
     try:
         tested.run(_INSERT)
-    except CellError:
-        return False
+    except CellError as error:
+        return f"{type(error).__name__}: {error}"
     finally:
         tested.arm.change, tested.stage = (lambda state: state), 0
     return _inserted(tested)
