@@ -253,10 +253,11 @@ class RealityConfig(ConfigModel):
     Source: set for each trial; the errors and their sources in config/reality.toml.
     """
 
-    scale: Annotated[float, Field(ge=0.0, le=5.0)] = 1.0
+    scale: Annotated[float, Field(ge=0.0, le=10.0)] = 1.0
     """Size of the errors that are drawn, ratio; 0 is ideal, 1 honest and 2 careless."""
     alone: str = ""
-    """Name of the one error that is drawn, the others being ideal, as `arm.gravity`; empty draws all."""
+    """Name of the one error that is drawn, the others being ideal, as `arm.gravity`; empty draws all. Late scans are drawn with
+    their delay."""
     without: tuple[str, ...] = ()
     """Names of errors that are not drawn, as `arm.sigmoid_friction`: in these the cell is as believed."""
     file: FilePath | None = None

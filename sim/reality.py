@@ -45,6 +45,8 @@ class ErrorKind(NamedTuple):
     """What one value is drawn for, a key of `SHAPES`."""
     ideal: float
     """Value in a cell that agrees with the software's belief."""
+    part_of: str = ""
+    """Error without which this one does nothing, and with which it is drawn wherever that one is drawn alone."""
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -78,7 +80,7 @@ KINDS: dict[str, ErrorKind] = {
     "skin.dead_taxel": ErrorKind("taxel", 0.0),
     "skin.age": ErrorKind("trial", 0.0),
     "scan.late": ErrorKind("trial", 0.0),
-    "scan.delay": ErrorKind("trial", 0.0),
+    "scan.delay": ErrorKind("trial", 0.0, part_of="scan.late"),
 }
 """Kind of every error by its name in the file, which must hold each of them once."""
 
@@ -195,15 +197,19 @@ class Reality:
         """Return the draw of the trial with this seed; the values cannot be changed.
 
         Raises:
-            ConfigError: `reality.alone` or `reality.without` names no error.
+            ConfigError: `reality.alone` or `reality.without` names no error, or `alone` one that does nothing alone.
         """
         if reality.alone not in ("", *self.errors):
             raise ConfigError(f"reality.alone = {reality.alone!r}: no such error; {', '.join(self.errors)} allowed")
+        if reality.alone and (whole := KINDS[reality.alone].part_of):
+            raise ConfigError(
+                f"reality.alone = {reality.alone!r}: does nothing without {whole}; {whole} allowed, which draws both"
+            )
         for name in set(reality.without) - set(self.errors):
             raise ConfigError(f"reality.without = {name!r}: no such error; {', '.join(self.errors)} allowed")
         drawn = dict(AS_BELIEVED)
         for name, error in self.errors.items():
-            if reality.scale > 0.0 and reality.alone in ("", name) and name not in reality.without:
+            if reality.scale > 0.0 and reality.alone in ("", name, KINDS[name].part_of) and name not in reality.without:
                 stream = np.random.SeedSequence(seed, spawn_key=(REALITY_STREAM, zlib.crc32(name.encode())))
                 drawn[name] = _fixed(error.draw(np.random.default_rng(stream), reality.scale, KINDS[name].shape))
         return drawn

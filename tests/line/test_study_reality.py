@@ -13,7 +13,17 @@ from cell.cli import main
 from cell.config import load
 from cell.lab.frontier import measure as frontier
 from cell.lab.frontier.measure import Variant
-from cell.lab.reality.measure import ALL, errors_of, ranking, size_at, tolerances, variants
+from cell.lab.reality.measure import (
+    ALL,
+    SCALES,
+    alone,
+    drawn_alone,
+    errors_of,
+    ranking,
+    size_at,
+    still_borne,
+    tolerances,
+)
 from cell.lab.trials import TABLE, read_table
 from tests.trial_rows import SEATED
 
@@ -46,10 +56,21 @@ def test_the_chart_and_the_table_are_written(study):
     assert (folder / "frontier.csv").exists()
 
 
-def test_every_error_is_run_alone_at_every_size():
-    alone = [variant for variant in variants(ERRORS, is_quick=False) if variant.family != ALL]
-    assert {variant.family for variant in alone} == set(ERRORS)
-    assert all(f'reality.alone="{variant.family}"' in variant.sets for variant in alone)
+def test_every_error_that_does_something_alone_is_run_alone():
+    names = drawn_alone(ERRORS, is_quick=False)
+    assert {name for name in ERRORS if name not in names} == {"scan.delay"}
+    assert all(f'reality.alone="{variant.family}"' in variant.sets for variant in alone(names, 4.0))
+
+
+def test_an_error_is_tried_at_larger_sizes_until_it_loses():
+    lines = [
+        _line("arm.gravity", "1", 100),
+        _line("grip.force", "1", 100),
+        _line("arm.gravity", "2", 80),
+        _line(ALL, "3", 0),
+    ]
+    assert still_borne(lines) == ["grip.force"]
+    assert list(SCALES[False]) == sorted(SCALES[False])
 
 
 def test_sizes_are_told_in_the_errors_unit():
@@ -64,6 +85,13 @@ def test_an_error_may_be_as_large_as_the_last_size_before_the_first_that_loses()
     [sheet] = tolerances(ERRORS, lines)
     assert sheet.scale == 2.0
     assert sheet.lost == "99/100 at 2, 80/100 at 4"
+    assert sheet.beyond == size_at(ERRORS["arm.gravity"], 4.0)
+
+
+def test_a_delay_may_be_as_large_as_the_late_scans_that_have_it():
+    late, delay = tolerances(ERRORS, [_line("scan.late", "1", 100), _line("scan.late", "2", 80)])
+    assert (late.error, late.size, late.beyond) == ("scan.late", "0 to 0.02", "0 to 0.04")
+    assert (delay.error, delay.size, delay.beyond) == ("scan.delay", "0.003 to 0.01", "0.006 to 0.02")
 
 
 def test_the_error_that_the_time_depends_on_ranks_first():

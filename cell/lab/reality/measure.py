@@ -1,7 +1,7 @@
 """The cost of errors: variants that draw one error alone or all, a sheet of tolerances, and a ranking by variance."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from cell.lab.frontier.measure import FRONTIER as TABLE
 from cell.lab.frontier.measure import FrontierLine, Variant
 from cell.lab.trials import TABLE as ROWS
 from cell.lab.trials import TrialRow, read_table
-from cell.statistics import wilson
+from cell.statistics import RateTest, Verdict
 from drivers.quantities import Vector
 from sim.reality import KINDS, AnyError, read
 from skills.contract import Outcome
@@ -21,14 +21,15 @@ from skills.contract import Outcome
 __all__ = ["TABLE"]
 
 ALL = "all together"
-SCALES: dict[bool, tuple[float, ...]] = {False: (1.0, 2.0, 4.0), True: (2.0,)}
-"""Scales at which each error is drawn alone; a quick study has fewer."""
+SCALES: dict[bool, tuple[float, ...]] = {False: (1.0, 2.0, 4.0, 8.0), True: (2.0,)}
+"""Scales at which each error is drawn alone, until one loses; a quick study has fewer."""
 TOGETHER: dict[bool, tuple[float, ...]] = {False: (0.0, 1.0, 2.0, 3.0), True: (0.0, 1.0)}
 """Scales at which all errors are drawn together."""
 BINS = 4
 """Number of groups of equal size into which trials are sorted by the size of one error."""
-LOST = 0.02
-"""Share of lost trials that an error may cost, by the upper end of the interval."""
+TEST = RateTest(good=0.02, bad=0.15)
+"""Test that ends the trials of an error alone: one that costs at most the share `good` is tolerable. It answers after 21 trials
+without a loss."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +43,8 @@ class Tolerance:
     """Largest tried scale up to which no more was lost than without the error; 0 where the least was too much."""
     size: str
     """Size of the error at that scale, in its unit."""
+    beyond: str
+    """Size at the next larger scale, at which too many were lost; empty where every tried scale was borne."""
     lost: str
     """Successes of the trials at that scale, and at the next larger one."""
 
@@ -66,14 +69,28 @@ def errors_of(config: CellConfig) -> Mapping[str, AnyError]:
     return read(config.reality.file or SHIPPED / ERRORS_FILE).errors
 
 
-def variants(errors: Mapping[str, AnyError], is_quick: bool) -> list[Variant]:
-    """Return the variants: all errors together at several scales, then each alone."""
-    found = [Variant(ALL, f"{s:g}", None, (f"reality.scale={s:g}", 'reality.alone=""')) for s in TOGETHER[is_quick]]
-    names = list(errors)[:2] if is_quick else list(errors)
-    for name in names:
-        for scale in SCALES[is_quick]:
-            found.append(Variant(name, f"{scale:g}", None, (f"reality.scale={scale:g}", f'reality.alone="{name}"')))
-    return found
+def together(is_quick: bool) -> list[Variant]:
+    """Return the variants in which all errors are drawn, at several scales."""
+    return [Variant(ALL, f"{s:g}", None, (f"reality.scale={s:g}", 'reality.alone=""')) for s in TOGETHER[is_quick]]
+
+
+def alone(names: Iterable[str], scale: float) -> list[Variant]:
+    """Return the variants in which each of these errors is drawn alone, at one scale."""
+    return [
+        Variant(name, f"{scale:g}", None, (f"reality.scale={scale:g}", f'reality.alone="{name}"')) for name in names
+    ]
+
+
+def drawn_alone(errors: Mapping[str, AnyError], is_quick: bool) -> list[str]:
+    """Return the names of the errors that are tried alone: those that do something alone, in a quick study two of them."""
+    names = [name for name in errors if not KINDS[name].part_of]
+    return names[:2] if is_quick else names
+
+
+def still_borne(lines: Sequence[FrontierLine]) -> list[str]:
+    """Return the names of the errors of these lines, each drawn alone, that are borne at all of their scales."""
+    names = dict.fromkeys(line.family for line in lines if line.family != ALL)
+    return [name for name in names if all(is_borne(line) for line in lines if line.family == name)]
 
 
 def rows_together(lines: Sequence[FrontierLine], folder: Path) -> list[TrialRow]:
@@ -97,23 +114,26 @@ def size_at(error: AnyError, scale: float) -> str:
 
 
 def tolerances(errors: Mapping[str, AnyError], lines: Sequence[FrontierLine]) -> list[Tolerance]:
-    """Return the tolerance of each error alone: up to the first scale at which more than `LOST` is lost beyond doubt."""
+    """Return the tolerance of each error alone: up to the first scale at which the test says that too many are lost."""
     sheet = []
     for name, error in errors.items():
-        alone = [line for line in lines if line.family == name and line.trials]
+        tried = [line for line in lines if line.family == (KINDS[name].part_of or name) and line.trials]
         good = 0
-        while good < len(alone) and _is_borne(alone[good]):
+        while good < len(tried) and is_borne(tried[good]):
             good += 1
-        scale = float(alone[good - 1].variant) if good else 0.0
-        seen = [f"{line.successes}/{line.trials} at {line.variant}" for line in alone[max(good - 1, 0) : good + 1]]
-        if alone:
-            sheet.append(Tolerance(name, error.about, error.unit, scale, size_at(error, scale), ", ".join(seen)))
+        scale = float(tried[good - 1].variant) if good else 0.0
+        seen = [f"{line.successes}/{line.trials} at {line.variant}" for line in tried[max(good - 1, 0) : good + 1]]
+        beyond = size_at(error, float(tried[good].variant)) if good < len(tried) else ""
+        if tried:
+            sheet.append(
+                Tolerance(name, error.about, error.unit, scale, size_at(error, scale), beyond, ", ".join(seen))
+            )
     return sheet
 
 
-def _is_borne(line: FrontierLine) -> bool:
-    """Return whether the losses can still be chance at a rate of `LOST`."""
-    return wilson(line.successes, line.trials)[1] >= 1.0 - LOST
+def is_borne(line: FrontierLine) -> bool:
+    """Return whether the test does not call the losses too many; a variant that could not be run is not borne."""
+    return line.trials > 0 and TEST.verdict(line.trials - line.successes, line.trials) is not Verdict.BAD
 
 
 def ranking(errors: Mapping[str, AnyError], rows: Sequence[TrialRow]) -> list[Rank]:

@@ -2,6 +2,7 @@
 
 import argparse
 from dataclasses import asdict
+from functools import partial
 
 from cell.arguments import out_folder
 from cell.lab.arguments import add_seed, add_study, add_trials, add_workers, load_simulated
@@ -15,7 +16,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what is simulated, and the number of trials at each scale of each error."""
     add_study(parser)
     add_seed(parser)
-    add_trials(parser, "trials of each size of each error; default 40, of each row at most 12, with --quick 1")
+    add_trials(parser, "trials of each size at most; default 40, of each row 12, with --quick 1")
     parser.add_argument("--rows", action="store_true", help="instead, a table of named errors, each at one stated size")
     add_workers(parser)
 
@@ -32,12 +33,23 @@ def run(args: argparse.Namespace) -> StudyReport:
     folder = out_folder(args.out)
     seeds = range(args.seed, args.seed + (args.trials or (1 if args.quick else 40)))
     errors = measure.errors_of(config)
-    tried = measure.variants(errors, args.quick)
+    tried, going = measure.together(args.quick), measure.drawn_alone(errors, args.quick)
     with progress() as bars:
-        bar = bars.add_task("trials", total=len(tried) * len(seeds))
-        lines = run_variants(
-            args.config, args.set, tried, seeds, args.workers, folder, lambda count: bars.advance(bar, count)
-        )
+        for scale in measure.SCALES[args.quick]:
+            tried = [*tried, *measure.alone(going, scale)]
+            bar = bars.add_task(f"trials at up to {scale:g}", total=len(tried) * len(seeds))
+            # What earlier scales have finished is taken up from the folder.
+            lines = run_variants(
+                args.config,
+                args.set,
+                tried,
+                seeds,
+                args.workers,
+                folder,
+                partial(bars.advance, bar),
+                dict.fromkeys(going, measure.TEST),
+            )
+            going = measure.still_borne(lines)
     title = title_of(seeds)
     ranks = measure.ranking(errors, measure.rows_together(lines, folder))
     sheet = measure.tolerances(errors, lines)

@@ -32,10 +32,10 @@ def sizes(lines: Sequence[FrontierLine], title: str) -> Table:
 def tolerances(sheet: Sequence[Tolerance]) -> Table:
     """Return the tolerances for whoever installs a cell."""
     table = Table(title="Each error alone may be so large")
-    for name in ("error", "what it is", "size", "unit", "scale", "successes"):
+    for name in ("error", "what it is", "borne", "too much", "unit", "scale", "successes"):
         table.add_column(name)
     for line in sheet:
-        table.add_row(line.error, line.about, line.size, line.unit, f"{line.scale:g}", line.lost)
+        table.add_row(line.error, line.about, line.size, line.beyond, line.unit, f"{line.scale:g}", line.lost)
     return table
 
 

@@ -35,11 +35,22 @@ def test_the_same_seed_draws_the_same_cell():
     assert all(np.array_equal(one[name], other[name]) for name in KINDS)
 
 
-@pytest.mark.parametrize("name", KINDS)
+@pytest.mark.parametrize("name", [name for name, kind in KINDS.items() if not kind.part_of])
 def test_an_error_alone_is_drawn_as_among_the_others_and_leaves_them_ideal(name):
     drawn, together = SHIPPED.draw(5, RealityConfig(alone=name)), SHIPPED.draw(5, RealityConfig())
     assert np.array_equal(drawn[name], together[name])
-    assert all(np.all(drawn[other] == KINDS[other].ideal) for other in KINDS if other != name)
+    others = [other for other in KINDS if name not in (other, KINDS[other].part_of)]
+    assert all(np.all(drawn[other] == KINDS[other].ideal) for other in others)
+
+
+def test_late_scans_alone_are_drawn_with_their_delay():
+    drawn = SHIPPED.draw(5, RealityConfig(alone="scan.late"))
+    assert drawn["scan.late"] > 0.0
+    assert drawn["scan.delay"] > 0.0
+    with pytest.raises(
+        ConfigError, match=r"reality.alone = 'scan.delay': does nothing without scan.late; scan.late allowed"
+    ):
+        SHIPPED.draw(5, RealityConfig(alone="scan.delay"))
 
 
 def test_an_error_that_is_left_out_is_ideal_and_shifts_no_other():
