@@ -63,9 +63,9 @@ SAMPLE_BAND = 2e-5
 """Gap below which a sample becomes a contact at any approach speed, m; samples only spread the load of nearly conformal
 surfaces.
 """
-DEEPEST = 1e-3
-"""Depth in the plate beyond which a point makes no contact, m: it came in from the plate's side, which is not modelled,
-or through the plate. Such a penetration makes a trial void.
+DEEPEST = 1e-4
+"""Depth in the plate or in the wall of its bore beyond which a point makes no contact, m: it came in from the plate's side, which is not
+modelled, or through the plate. Such a penetration makes a trial void; pushed out at once, it would throw the arm (decision 0103).
 """
 ENDLESS = (0.0, 0.0, 0.1, 0.1)
 """Outline of a plate that ends out of reach: its middle and half its extents along x and y, m, plate frame."""
@@ -299,9 +299,7 @@ def put(meeting, gap, p, n, judged, band):  # type: ignore[no-untyped-def]
         return
     kind = PENETRATION if judged or gap < -DEEPEST else SURFACE
     deepest[kind] = max(deepest[kind], -gap)
-    if gap < -DEEPEST and not judged:
-        return
-    if gap > band + meeting.reach or plate.mode == PROBE or (plate.mode == UNPREDICTED and gap > 0.0):
+    if gap < -DEEPEST or gap > band + meeting.reach or plate.mode == PROBE or (plate.mode == UNPREDICTED and gap > 0.0):
         return
     origin, (x, y, z) = meeting.origin, meeting.rows
     X0 = origin[0] + x[0] * p[0] + x[1] * p[1] + x[2] * p[2]

@@ -118,7 +118,8 @@ class Rows:
 
 
 def first_look(likely: Likely, middle: Point, rows: Rows, width: float, outside: float, way: float) -> list[Stroke]:
-    """Return strokes over where the hole is likely, the most likely one first.
+    """Return strokes over where the hole is likely, the most likely one first; none leaves the area by more than `outside`, however
+    wide that place is.
 
     Args:
         likely: Likely place of the hole.
@@ -129,13 +130,15 @@ def first_look(likely: Likely, middle: Point, rows: Rows, width: float, outside:
         way: Direction of the first stroke along its axis, -1 or 1.
     """
     along, across = _clipped(likely, middle, rows)
-    reach = GATE * likely.deviation[rows.fast]
+    reach, edge = GATE * likely.deviation[rows.fast], rows.half[rows.fast]
     strokes: list[Stroke] = []
     for n in range(2 * beside(likely, rows) + 1):
         place = across + rows.pitch * ((n + 1) // 2) * (1.0 if n % 2 else -1.0)
         if abs(place) <= rows.half[1 - rows.fast]:
-            begin, end = reach + (width / 2 if strokes else outside), reach + width / 2
-            strokes.append((rows.place(along - way * begin, place), rows.place(along + way * end, place)))
+            before = width / 2 if strokes else outside
+            begin = way * max(way * along - reach - before, -edge - before)
+            end = way * min(way * along + reach + width / 2, edge)
+            strokes.append((rows.place(begin, place), rows.place(end, place)))
             way = -way
     return strokes
 

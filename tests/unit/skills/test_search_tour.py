@@ -57,6 +57,19 @@ def test_no_place_of_the_area_is_left_out(deviation, place):
     assert times(likely(np.array(place), deviation), GRID, seed=5).max() < 12.0
 
 
+@pytest.mark.parametrize("deviation", [5e-4, 1e-2, 0.2])
+@pytest.mark.parametrize("place", [(0.0, 0.0), (0.03, -0.03), (-0.06, 0.01)])
+def test_no_search_comes_down_beside_the_plate(place, deviation):
+    """A place that is told as wider than the area: the peg would come down beyond the border that is taken for granted round it."""
+    (least_x, least_y), (most_x, most_y) = JOB.hole.plate_bounds
+    for seed in range(8):
+        course = make_course(PARAMS, JOB, np.random.default_rng(seed), likely(np.array(place), deviation))
+        for time in np.arange(0.0, 20.0, 0.02):
+            x, y = course.middle + course.path.at(time)[0]
+            assert least_x + 0.02 < x < most_x - 0.02
+            assert least_y + 0.02 < y < most_y - 0.02
+
+
 def test_the_way_has_no_jumps_and_keeps_to_a_bounded_speed():
     path = make_course(PARAMS, JOB, np.random.default_rng(6), likely(np.array([0.01, 0.02]), 1e-3)).path
     assert isinstance(path, Tour)
