@@ -81,25 +81,24 @@ class Curve:
     """Rest of the peg on what bears it."""
 
     def after(self, seen: Observation, setpoint: ImpedanceSetpoint | None, latch: Latch) -> "Curve":
-        """Return the curve after one more scan with the setpoint that was followed in it; a peg that is not held or drawn out again ends it."""
+        """Return the curve after one more scan with the setpoint that was followed in it; a peg that is not held or drawn out again ends it.
+
+        While something bears the peg the curve stays as it is: what goes on are fingers that slide down the peg.
+        """
         height, force = float(seen.arm.tcp.position[2]), float(seen.arm.wrench.force[2])
         if not seen.gripper.is_gripping or not math.isfinite(height + force):
             return Curve()
         deepest = self.heights[-1] if self.heights else math.inf
-        if math.isfinite(deepest) and height > deepest + LIFTED:
+        is_rising = len(self.heights) == 1 and height > deepest
+        if math.isfinite(deepest) and (is_rising or height > deepest + LIFTED):
             return Curve((height,), (force,))
         footing = self.footing.after(seen, setpoint)
-        if height > deepest - STEP:
+        if height > deepest - STEP or footing.is_firm(seen.stamp):
             return replace(self, footing=footing)
         # The latch may be met at once and a half its height above where the peg now is, and what is before it counts as well.
         reach = height + 1.5 * latch.height + BEFORE
         first = next((at for at, above in enumerate(self.heights) if above <= reach), len(self.heights))
         return Curve((*self.heights[first:], height), (*self.forces[first:], force), footing)
-
-    def shows(self, latch: Latch, now: float) -> bool:
-        """Return whether the peg has gone through its latch, as the recipe states it, to a bottom that bears it at the time `now`, s."""
-        found = self.signature(latch, now)
-        return found is not None and found.is_of(latch)
 
     def signature(self, latch: Latch, now: float) -> Signature | None:
         """Return what the curve says of the latch, where the peg rests at the time `now`, s, after a way that shows it; else None."""

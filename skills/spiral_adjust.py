@@ -10,19 +10,17 @@ from pydantic import Field, NonNegativeFloat, PositiveFloat
 from drivers.frames import angle_between, end_point
 from drivers.quantities import ArmState, ImpedanceSetpoint, InHandTip, Pose, Twist, Vector
 from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillResult
+from skills.latch_looks import Looks
 from skills.motion import VALIDITY, Gains, anchored, tilted_by
 from skills.paths import dither, spiral
 from skills.seating import (
-    BORNE_FOR,
     CLOSED_TOLERANCE,
-    DOUBTED,
     OPEN_TOLERANCE,
     Arrival,
     depth_of,
     is_seated,
     require_short_of_bottom,
 )
-from skills.signature import Curve
 from skills.surface import Plane, nominal
 
 ARRIVING = 3.0
@@ -285,32 +283,36 @@ def run(
             would press its faces against them, by its ratio to half a side.
     """
     hole, is_felt, plane = ctx.job.hole, plane is not None, plane or nominal(ctx.job.hole)
-    first, arrival, curve = ctx.observe(), Arrival(), Curve()
+    first, arrival, looks = ctx.observe(), Arrival(), Looks()
     aim, stall, guide = Aim(ctx.in_hand(), plane.normal), Stall(), Guide()
     descent = Descent(plane.depth(first.tip))
     swing = at_rest = Swing(first.arm.tcp.rotation[:, 0], first.arm.stamp)
     identity, offset, tip, running = ctx.new_id(), np.zeros(2), first.tip, 0.0
     for seen in ctx.scan(params.timeout, holding=True):
         elapsed, running, tip = seen.elapsed, seen.running, aim.tip(seen.arm.tcp)
+        is_done = False
         if hole.latch is not None and hole.evidence == "force":
-            curve = curve.after(seen, ctx.held, hole.latch)
-            # The gate sees the same rest by itself, and may count it from a later scan.
-            if curve.shows(hole.latch, seen.stamp - BORNE_FOR) and abs(plane.depth(seen.tip) - hole.depth) <= DOUBTED:
-                return _result(Outcome.SUCCESS, Reason.NONE, running, offset, depth_of(tip, hole))
+            looks = looks.after(seen, ctx.held, hole.latch, plane.depth(seen.tip) - hole.depth)
+            is_done = looks.is_shown
         elif is_seated(seen.switch, tip, hole):
             arrival = arrival.after(seen, ctx.held, hole.depth - plane.depth(seen.tip) if is_felt else 0.0)
-            if arrival.is_over(seen.stamp):
-                return _result(Outcome.SUCCESS, Reason.NONE, running, offset, depth_of(tip, hole))
+            is_done = arrival.is_over(seen.stamp)
+        if is_done:
+            return _result(Outcome.SUCCESS, Reason.NONE, running, offset, depth_of(tip, hole))
         if depth_of(tip, hole) > hole.depth + params.most_deep:
             ctx.note_slip()  # no tip is below the bottom of an open switch: the fingers have slid down the peg
             break
         depth = plane.depth(tip)
-        stall = stall.after(depth, elapsed, params.jammed)
+        stall = Stall(depth, elapsed) if looks.is_lifting else stall.after(depth, elapsed, params.jammed)
         is_raised = depth < -(ctx.job.peg.part.inscribed / 2.0 + RAISED)
-        if is_raised or elapsed - stall.since > given_up_after(depth_of(tip, hole), hole.depth, params):
+        if (
+            looks.is_over
+            or is_raised
+            or elapsed - stall.since > given_up_after(depth_of(tip, hole), hole.depth, params)
+        ):
             break
         guide = guide.after(depth, elapsed, params)
-        if guide.is_jammed:
+        if guide.is_jammed and not looks.is_lifting:
             aim = aim.freed(ctx.in_hand(), seen.arm.tcp, plane.normal)
             tip = aim.tip(seen.arm.tcp)
             guide = replace(guide, reached=plane.depth(tip))
@@ -322,7 +324,8 @@ def run(
         swing = swing.after(seen.arm) if running < params.swing_time else at_rest
         stiffness, damping_ratio = _compliance(params, swing, depth_of(tip, hole) > hole.depth - params.arrival)
         target = anchored(tip, first.tip) if guide.is_on else first.tip.copy()
-        target[2] = tip[2] - swing.push * params.push_offset
+        looks = looks.pulling(swing.push * params.push_offset, ctx.scan_period)
+        target[2] = tip[2] + looks.pull
         ctx.follow(
             ImpedanceSetpoint(
                 id=identity,
