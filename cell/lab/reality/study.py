@@ -34,6 +34,7 @@ def run(args: argparse.Namespace) -> StudyReport:
     seeds = range(args.seed, args.seed + (args.trials or (1 if args.quick else 40)))
     errors = measure.errors_of(config)
     tried, going = measure.together(args.quick), measure.drawn_alone(errors, args.quick)
+    tests = dict.fromkeys(going, measure.TEST)
     with progress() as bars:
         for scale in measure.SCALES[args.quick]:
             tried = [*tried, *measure.alone(going, scale)]
@@ -47,7 +48,7 @@ def run(args: argparse.Namespace) -> StudyReport:
                 args.workers,
                 folder,
                 partial(bars.advance, bar),
-                dict.fromkeys(going, measure.TEST),
+                tests,
             )
             going = measure.still_borne(lines)
     title = title_of(seeds)
