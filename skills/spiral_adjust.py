@@ -284,13 +284,11 @@ def run(
     """
     hole, is_felt, plane = ctx.job.hole, plane is not None, plane or nominal(ctx.job.hole)
     first, arrival, looks = ctx.observe(), Arrival(), Looks()
-    aim, stall, guide = Aim(ctx.in_hand(), plane.normal), Stall(), Guide()
-    descent = Descent(plane.depth(first.tip))
+    aim, stall, guide, descent = Aim(ctx.in_hand(), plane.normal), Stall(), Guide(), Descent(plane.depth(first.tip))
     swing = at_rest = Swing(first.arm.tcp.rotation[:, 0], first.arm.stamp)
     identity, offset, tip, running = ctx.new_id(), np.zeros(2), first.tip, 0.0
     for seen in ctx.scan(params.timeout, holding=True):
-        elapsed, running, tip = seen.elapsed, seen.running, aim.tip(seen.arm.tcp)
-        is_done = False
+        elapsed, running, tip, is_done = seen.elapsed, seen.running, aim.tip(seen.arm.tcp), False
         if hole.latch is not None and hole.evidence == "force":
             looks = looks.after(seen, ctx.held, hole.latch, plane.depth(seen.tip) - hole.depth)
             is_done = looks.is_shown
@@ -315,9 +313,8 @@ def run(
         if guide.is_jammed and not looks.is_lifting:
             aim = aim.freed(ctx.in_hand(), seen.arm.tcp, plane.normal)
             tip = aim.tip(seen.arm.tcp)
-            guide = replace(guide, reached=plane.depth(tip))
+            guide, descent = replace(guide, reached=plane.depth(tip)), Descent(plane.depth(tip))
             stall = stall.measured_anew(guide.reached, depth)
-            descent = Descent(guide.reached)
         descent = descent.after(plane.depth(tip), ctx.scan_period)
         offset, next_offset = (guide.offset(elapsed + ahead, params, descent.rest) for ahead in (0.0, ctx.scan_period))
         ctx.progress(elapsed / params.timeout)

@@ -51,7 +51,7 @@ def run(args: argparse.Namespace) -> StudyReport:
                 tests,
             )
             going = measure.still_borne(lines)
-    title = title_of(seeds)
+    title = title_of(seeds, f"at most {len(seeds)}")
     ranks = measure.ranking(errors, measure.rows_together(lines, folder))
     sheet = measure.tolerances(errors, lines)
     files = [folder / measure.TABLE, charts.draw(lines, title, folder)]
