@@ -63,7 +63,7 @@ SAMPLE_BAND = 2e-5
 """Gap below which a sample becomes a contact at any approach speed, m; samples only spread the load of nearly conformal
 surfaces.
 """
-DEEPEST = 1e-4
+DEEPEST = 1e-3
 """Depth in the plate or in the wall of its bore beyond which a point makes no contact, m: it came in from the plate's side, which is not
 modelled, or through the plate. Such a penetration makes a trial void; pushed out at once, it would throw the arm (decision 0103).
 """
