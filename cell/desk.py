@@ -68,12 +68,10 @@ class Desk:
             self.enter(Event.RESET)
             self.enter(Event.FINISHED)
 
-    def open(self, command: Command, run: int = 0, fault: int = 0) -> None:
+    def open(self, command: Command, run: int = 0) -> None:
         """Begin the report on a command, whose run has this number, 0 as long as it has none."""
         before = self.report
-        self.report = Report(
-            command.sequence, fault=fault, run=run, transition=before.transition, warnings=before.warnings
-        )
+        self.report = Report(command.sequence, run=run, transition=before.transition, warnings=before.warnings)
 
     def tell_times(self, clock: StageClock) -> None:
         """Put the times of the stages into the report."""

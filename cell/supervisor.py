@@ -268,7 +268,7 @@ class Supervisor:
     def _rearm(self, command: Command, event: Event) -> None:
         """Make the arm move again after a stop or a fault: CLEAR acknowledges the fault, RESET makes the cell ready."""
         desk = self._desk
-        desk.open(command, desk.report.run, desk.report.fault)
+        desk.open(command, desk.report.run)
         self._cell.arm.reset()
         if event is Event.CLEAR:
             desk.report = replace(desk.report, fault=FaultCode.NONE)

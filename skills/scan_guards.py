@@ -58,7 +58,7 @@ class ScanTiming:
         """Begin before the first scan; the period is in s, and `late` tells of the scans before."""
         self._period, self._limits, self._late = scan_period, limits, late
         self._before: float | None = None
-        self.passed = 0.0
+        self.passed = scan_period
         """Time since the scan before, s, on the cell's clock; a period at the first scan."""
 
     @property
@@ -73,9 +73,10 @@ class ScanTiming:
 
     def take(self, stamp: float) -> None:
         """Take the start of a scan on the cell's clock, s."""
-        before, self._before = self._before, stamp
-        # Ticks of a simulated clock are no exact binary fractions; a path counts whole periods where scans keep their time.
-        self.passed = self._period if before is None else round(stamp - before, 9)
+        if self._before is not None:
+            # Ticks of a simulated clock are no exact binary fractions; a path counts whole periods where scans keep their time.
+            self.passed = round(stamp - self._before, 9)
+        self._before = stamp
         self._late.append(self.passed > 2.0 * self._period)
 
     def require_kept(self) -> None:

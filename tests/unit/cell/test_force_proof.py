@@ -22,7 +22,7 @@ from skills.signature import LIFTED, Curve, Signature
 from skills.spray_search import SpraySearchResult
 from skills.surface import Plane
 from tests.fakes import Rig
-from tests.unit.skills.test_signature import LATCH, lowered, pushing, scan
+from tests.unit.skills.test_signature import HELD, LATCH, lowered, pushing, scan
 
 SETS = ("hole.latch={kind='detent',force=5.0,height=0.003}", "hole.evidence=force")
 WIDE = GripperState(0.04, False, False)
@@ -125,3 +125,58 @@ def test_a_bottom_that_gives_way_was_none_and_the_next_one_counts(seen):
     deeper = proof.after(scan(seen, -1.1 * BORNE_WITHIN, 0.0, now + 1.0))
     assert deeper.seated_hand is None
     assert deeper.curve.heights[-1] < proof.curve.heights[-1]
+
+
+@pytest.fixture
+def seated(seen):
+    """Return the proof of a peg that went through its latch and rests, and when it did."""
+    curve, now = lowered(seen)
+    return ForceProof(LATCH, curve).after(scan(seen, 0.0, 11.0, now), pushing(seen)), now
+
+
+def test_the_proof_says_where_the_peg_rested_and_which_force_its_latch_took(seated, seen):
+    proof, _ = seated
+    np.testing.assert_allclose(proof.seated_tip, seen.tip)
+    assert proof.told.startswith("force: a detent of 5.")
+
+
+@pytest.mark.parametrize(
+    ("risen", "is_seated"),
+    [(LIFTED, True), (LIFTED + 1e-9, False), (-BORNE_WITHIN, True), (-BORNE_WITHIN - 1e-9, False)],
+)
+def test_a_peg_stays_seated_exactly_as_far_as_it_may_rise_or_sink(seated, seen, risen, is_seated):
+    proof, now = seated
+    proof = replace(proof, seated_hand=np.zeros(3))
+    arm = replace(seen.arm, tcp=replace(seen.arm.tcp, position=risen * UP))
+    later = proof.after(replace(seen, arm=arm, gripper=HELD, stamp=now + 1.0))
+    assert (later.seated_hand is not None) == is_seated
+    assert later.latch == LATCH
+
+
+def test_the_curve_goes_on_before_and_after_a_bottom_is_found(seated, seen):
+    proof, now = seated
+    sliding = replace(proof, seated_hand=proof.seated_hand - 0.001 * UP)
+    deeper = sliding.after(scan(seen, -0.001, 0.0, now + 1.0))
+    assert deeper.seated_hand is not None
+    assert deeper.curve.heights[-1] < proof.curve.heights[-1]
+    begun = ForceProof(LATCH).after(scan(seen, 0.01, 0.0, 0.0), pushing(seen))
+    assert len(begun.curve.heights) == 1
+
+
+@pytest.mark.parametrize(("side", "most"), [(-1.0, DOUBTED), (1.0, MOST_DEEP)])
+def test_a_peg_exactly_as_deep_as_it_may_be_is_seated(job, side, most):
+    tip = -(job.hole.depth + side * most) * UP
+    look = LastLook(WIDE, tip, SwitchState.OPEN)
+    ForceProof(LATCH, Curve(), tip, tip).require_seated(Plane(np.zeros(3), UP), look, job)
+
+
+def test_depths_are_told_to_a_tenth_of_a_millimetre(job):
+    deep = job.model_copy(update={"hole": job.hole.model_copy(update={"depth": 0.06044})})
+    with pytest.raises(SuccessUnprovenError, match=r"the peg rests 40\.0 mm deep; 58\.4 to 62\.4 mm expected$"):
+        judge(deep, proven(deep, 0.04004))
+
+
+def test_a_latch_that_did_not_show_is_told_in_whole_words(job):
+    words = "success is not proven: force against depth did not show the latch with the bottom behind it while the hand held the peg"
+    with pytest.raises(SuccessUnprovenError, match=f"^{words}$"):
+        judge(job, ForceProof(LATCH))

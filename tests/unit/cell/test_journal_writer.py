@@ -3,19 +3,35 @@
 import sqlite3
 import subprocess
 import sys
+import threading
 from contextlib import closing, contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from functools import partial
+from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
+from cell import journal_writer
 from cell.journal import INDEX, Journal
+from cell.journal_index import DamagedIndexError
 from cell.journal_schema import LOST, EventKind, EventRow, RunRow, StageRow
 from cell.journal_upkeep import Keep
-from cell.journal_writer import MOST_BLOCKS, MOST_ROWS, JournalWriter
+from cell.journal_writer import (
+    CLOSING_TIME,
+    DISK_PERIOD,
+    LOCK,
+    MOST_BLOCKS,
+    MOST_ROWS,
+    RETRY_AFTER,
+    UPKEEP_PERIOD,
+    JournalWriter,
+)
 from cell.sample_blocks import BATCH, SampleBlock, SampleStream
 from cell.samples import read_samples
+from drivers.errors import JournalError
 from tests.fakes import Rig
 from tests.trouble import full_disk, until
 
@@ -263,3 +279,196 @@ def test_a_writer_that_never_began_or_has_ended_has_nothing_to_wait_for(tmp_path
     writer.close()
     writer.close()
     assert writer.flush(timeout=0.0)
+
+
+# The thread itself, with a wall clock that goes on while it waits.
+
+
+class Turned:
+    """A writer that works in the test's own thread, and the condition that it waits at: what is due happens meanwhile."""
+
+    def __init__(self, monkeypatch, folder, **keep):
+        self.time, self.at = 1000.0, []
+        monkeypatch.setattr(journal_writer, "time", SimpleNamespace(monotonic=lambda: self.time))
+        self.writer = JournalWriter(folder, Keep(**keep))
+        self.writer._changed = self
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        pass
+
+    def notify_all(self):
+        pass
+
+    def wait(self, timeout):
+        self.time += timeout
+        for entry in [entry for entry in self.at if entry[0] <= self.time]:
+            self.at.remove(entry)
+            entry[1]()
+
+    def after(self, delay, act):
+        """Do something when so much time has passed since the beginning, s."""
+        self.at.append((1000.0 + delay, act))
+
+    def work(self, time):
+        """Let it work for so long, s, and close."""
+        self.after(time, lambda: setattr(self.writer, "_is_closing", True))
+        self.writer._work()
+        return self.time - 1000.0
+
+
+class Refused:
+    """A row that the index does not take so many times; the times at which it was tried."""
+
+    def __init__(self, turned, times, error=JournalError("index: busy")):
+        self.turned, self.left, self.error, self.tried = turned, times, error, []
+
+    def __call__(self, index):
+        self.tried.append(self.turned.time - 1000.0)
+        self.left -= 1
+        if self.left >= 0:
+            raise self.error
+
+
+def events_of(folder):
+    with Journal(folder, is_read_only=True) as journal:
+        return [(event.name, event.text) for event in journal.events()]
+
+
+def test_the_free_space_is_looked_at_at_the_start_and_every_few_seconds(tmp_path, monkeypatch):
+    free = [2000]
+    monkeypatch.setattr(journal_writer.shutil, "disk_usage", lambda folder: SimpleNamespace(free=free[0]))
+    turned, told = Turned(monkeypatch, tmp_path, least_free=1000), []
+    turned.after(500.0, lambda: (told.append(turned.writer.is_disk_low), free.__setitem__(0, 999)))
+    turned.after(500.0 + 3.0 * DISK_PERIOD, lambda: told.append(turned.writer.is_disk_low))
+    turned.work(600.0)
+    assert told == [False, True]
+
+
+@pytest.mark.parametrize(("free", "is_low"), [(1000, False), (999, True)])
+def test_a_disk_with_exactly_what_is_asked_for_is_not_low(tmp_path, monkeypatch, free, is_low):
+    monkeypatch.setattr(journal_writer.shutil, "disk_usage", lambda folder: SimpleNamespace(free=free))
+    turned = Turned(monkeypatch, tmp_path, least_free=1000)
+    turned.work(0.0)
+    assert turned.writer.is_disk_low is is_low
+
+
+def test_what_is_beyond_the_limits_is_deleted_at_the_start_and_once_an_hour(tmp_path, monkeypatch):
+    turned, there = Turned(monkeypatch, tmp_path, bytes=10), []
+    first, second, third = (tmp_path / f"run-00000{number}.arrows" for number in (7, 8, 9))
+    first.write_bytes(b"x" * 100)
+    turned.after(5.0, lambda: (there.append(first.exists()), second.write_bytes(b"x" * 100)))
+    turned.after(UPKEEP_PERIOD - 20.0, lambda: there.append(second.exists()))
+    turned.after(UPKEEP_PERIOD + 20.0, lambda: (there.append(second.exists()), third.write_bytes(b"x" * 100)))
+    turned.after(2.0 * UPKEEP_PERIOD - 20.0, lambda: there.append(third.exists()))
+    turned.after(2.0 * UPKEEP_PERIOD + 40.0, lambda: there.append(third.exists()))
+    turned.work(2.0 * UPKEEP_PERIOD + 100.0)
+    assert there == [False, True, False, True, False]
+
+
+def test_a_row_that_the_index_does_not_take_is_tried_again_every_second_until_it_does(tmp_path, monkeypatch):
+    turned = Turned(monkeypatch, tmp_path)
+    row, told = Refused(turned, 3), []
+    turned.after(5.0, lambda: turned.writer._add_row(row))
+    turned.after(12.0, lambda: told.append(turned.writer.trouble))
+    turned.work(30.0)
+    assert np.diff(row.tried) == pytest.approx([RETRY_AFTER] * 3)
+    assert told == ["index: busy"]
+    assert turned.writer.trouble == ""
+
+
+def test_a_writer_that_shall_end_tries_more_often_and_gives_up_after_the_time_for_it(tmp_path, monkeypatch):
+    turned = Turned(monkeypatch, tmp_path)
+    row = Refused(turned, 10**6)
+    turned.after(5.0, lambda: turned.writer._add_row(row))
+    assert turned.work(20.0) == pytest.approx(20.0 + CLOSING_TIME, abs=RETRY_AFTER + 0.2)
+    assert np.diff(row.tried)[-20:] == pytest.approx([RETRY_AFTER / 10.0] * 20, abs=0.051)
+
+
+def test_a_torn_index_is_put_aside_with_why_and_nothing_that_waits_is_lost(tmp_path, monkeypatch):
+    turned = Turned(monkeypatch, tmp_path)
+    row = Refused(turned, 1, DamagedIndexError("torn in the middle"))
+    turned.writer._add_row(row)
+    turned.writer.note(EventRow(0, "2025", 0.0, EventKind.FAULT, "SKIN_SILENT"))
+    turned.work(5.0)
+    told = dict(events_of(tmp_path))
+    assert told["index_damaged"].startswith(f"torn in the middle; kept as {INDEX}.damaged-")
+    assert ("SKIN_SILENT" in told, len(row.tried)) == (True, 2)
+
+
+def test_a_torn_index_that_cannot_be_put_aside_is_told(tmp_path, monkeypatch):
+    turned, told = Turned(monkeypatch, tmp_path), []
+
+    def torn(index):
+        if not told:
+            (tmp_path / INDEX).unlink()
+            raise DamagedIndexError("torn")
+
+    turned.writer._add_row(torn)
+    turned.after(0.5, lambda: told.append(turned.writer.trouble))
+    turned.work(5.0)
+    assert f"{tmp_path / INDEX}: damaged, and cannot be put aside: " in told[0]
+    assert turned.writer.trouble == ""
+
+
+def test_an_error_inside_the_writer_is_told_and_its_files_are_closed(tmp_path, monkeypatch):
+    turned = Turned(monkeypatch, tmp_path)
+    turned.after(5.0, lambda: turned.writer._add_block(lambda: 1 // 0, 0))
+    assert turned.work(50.0) < 50.0
+    assert turned.writer.trouble == "the journal's writer ended: ZeroDivisionError: integer division or modulo by zero"
+    assert not list(tmp_path.glob("*.arrows"))
+
+
+def test_a_folder_in_which_no_file_can_be_made_is_told(tmp_path):
+    writer = JournalWriter(tmp_path / "gone", Keep())
+    writer._claim()
+    assert writer.trouble == f"{tmp_path / 'gone'}: no file can be made: No such file or directory"
+
+
+def test_a_folder_that_cannot_be_used_is_told_and_leaves_nothing_to_wait_for(tmp_path):
+    (tmp_path / LOCK).mkdir()
+    writer = JournalWriter(tmp_path, Keep())
+    with pytest.raises(JournalError, match=rf"^{tmp_path}: cannot be used: .*{LOCK}"):
+        writer.open()
+    writer.note(EventRow(0, "2025", 0.0, EventKind.FAULT, "SKIN_SILENT"))
+    assert writer.flush(timeout=0.0)
+    writer.close()
+
+
+def test_what_a_program_left_open_at_its_end_is_closed_by_the_next_one(tmp_path):
+    with Journal(tmp_path) as journal:
+        run = journal.begin(ROW).run
+    with Journal(tmp_path) as journal:
+        assert journal.find(run).outcome == LOST
+
+
+def test_nothing_of_the_journal_stays_open_behind_its_end(tmp_path):
+    with Journal(tmp_path) as journal:
+        journal.begin(ROW)
+    links = [link.readlink() for link in Path("/proc/self/fd").iterdir() if link.is_symlink()]
+    assert not [link for link in links if link.is_relative_to(tmp_path)]
+
+
+def test_the_beginning_and_the_end_of_a_run_are_written_however_many_samples_wait(tmp_path, seen):
+    block = SampleBlock()
+    block.add(seen, None, 1, None)
+    writer = JournalWriter(tmp_path, Keep())
+    first = writer.begin(ROW, None)
+    for _ in range(MOST_BLOCKS):
+        writer.write(first.run, block)
+    second = writer.begin(ROW, None)
+    writer.finish(replace(second, outcome="success"), (), block)
+    writer.open()
+    writer.close()
+    assert writer.trouble == ""
+    with Journal(tmp_path, is_read_only=True) as journal:
+        assert (journal.find(second.run).outcome, journal.find(second.run).samples) == ("success", 1)
+
+
+def test_the_writer_has_a_thread_with_its_name_that_keeps_no_program_from_ending(tmp_path):
+    with Journal(tmp_path):
+        (thread,) = (each for each in threading.enumerate() if each.name == "journal")
+        assert thread.daemon
+    assert not thread.is_alive()

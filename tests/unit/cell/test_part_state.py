@@ -7,10 +7,13 @@ import numpy as np
 import pytest
 
 from cell.part_state import (
+    BIN_REACH,
     HOLE_MARGIN,
     IN_HOLE_DEPTH,
     REMEDIES,
+    SLOT_REACH,
     UNRESOLVED,
+    UPRIGHT,
     WIDTH_TOLERANCE,
     PartState,
     PegEvidence,
@@ -26,6 +29,7 @@ from cell.part_state import (
 from drivers.parts import Latch
 from drivers.quantities import SwitchState
 from plc_bridge.messages import PartPlace, Refusal
+from skills.seating import CLOSED_TOLERANCE
 
 OPEN, CLOSED, UNKNOWN = SwitchState.OPEN, SwitchState.CLOSED, SwitchState.UNKNOWN
 EMPTY = PartState(PartPlace.RACK, "in the rack")
@@ -300,3 +304,88 @@ def test_a_peg_that_fell_at_the_surface_is_not_on_the_plate_once_the_switch_clos
     assert now.place is PartPlace.UNKNOWN
     assert "the switch is closed" in now.evidence
     assert after(now, closed, places, is_running) == now
+
+
+# Exactly at a limit: a cell at the base's origin, where no length is rounded.
+
+
+@pytest.fixture
+def at_origin(places):
+    hole = places.hole.model_copy(update={"centre": (0.0, 0.0, 0.0), "depth": 0.0})
+    return replace(places, hole=hole, thickness=0.0, slots=((0.0, 2.0, 0.0),), bin=(0.0, 4.0, 0.0))
+
+
+def let_go_at(places, tip, **how):
+    """Return where a peg is that was held with its end there and is let go."""
+    held = after(EMPTY, seen(places, tip, **how), places, is_running=True)
+    return after(held, seen(places, tip, gripping=False), places, is_running=True).place
+
+
+def test_a_hand_that_is_slack_by_exactly_what_its_width_errs_neither_grips_nor_opens(at_origin):
+    held = after(EMPTY, seen(at_origin, (0.5, 0.0, 0.2), width=WIDTH_TOLERANCE), at_origin, is_running=True)
+    slack = seen(at_origin, held.tip, gripping=False, width=WIDTH_TOLERANCE)
+    assert (held.place, after(held, slack, at_origin, True).evidence) == (
+        PartPlace.IN_HAND,
+        "the hand does not grip, 1.5 mm open at a peg of 0.0 mm",
+    )
+
+
+@pytest.mark.parametrize(
+    ("tip", "place"),
+    [
+        ((0.0, 4.0 - BIN_REACH, 0.2), PartPlace.BIN),
+        ((SLOT_REACH, 2.0, -0.01), PartPlace.RACK),
+        ((0.0, 2.0, 0.0), PartPlace.ON_PLATE),
+        ((0.0, 0.0, IN_HOLE_DEPTH), PartPlace.ON_PLATE),
+    ],
+)
+def test_bin_and_slot_reach_exactly_as_far_as_their_limits_say_and_a_hole_begins_below_its(at_origin, tip, place):
+    assert let_go_at(at_origin, tip, tilt=0.0) is place
+
+
+@pytest.mark.parametrize(("tilt", "place"), [(UPRIGHT, PartPlace.ON_PLATE), (UPRIGHT - 1e-9, PartPlace.UNKNOWN)])
+def test_a_peg_that_leans_by_the_limit_is_not_upright(at_origin, tilt, place):
+    assert let_go_at(at_origin, (0.0, 0.0, 0.0), tilt=tilt) is place
+
+
+@pytest.mark.parametrize("aside", [0.0, 1.0])
+def test_a_held_peg_is_in_the_hole_exactly_from_its_depth_on_and_up_to_its_margin(at_origin, aside):
+    tip = (aside * (at_origin.hole.area[0] / 2 + HOLE_MARGIN), 0.0, -IN_HOLE_DEPTH)
+    assert after(EMPTY, seen(at_origin, tip), at_origin, is_running=True).place is PartPlace.IN_HOLE
+
+
+def test_a_held_peg_is_seated_exactly_as_far_off_the_hole_s_depth_as_the_switch_may_err(at_origin):
+    closed = seen(at_origin, (0.0, 0.0, -CLOSED_TOLERANCE), switch=CLOSED)
+    assert after(EMPTY, closed, at_origin, is_running=True).place is PartPlace.SEATED
+
+
+# What becomes of a peg as the hand lets go, and what is said of it.
+
+
+@pytest.mark.parametrize(
+    ("before", "switch", "place"), [(OPEN, CLOSED, PartPlace.SEATED), (CLOSED, OPEN, PartPlace.IN_HOLE)]
+)
+def test_a_peg_that_is_let_go_in_the_hole_is_where_the_switch_says_then(places, before, switch, place):
+    held = held_at(places, 0.02, before)
+    gone = after(held, seen(places, held.tip, gripping=False, switch=switch), places, is_running=True)
+    assert gone == PartState(
+        place, f"let go 20.0 mm deep, hand 40.0 mm open, switch {switch}", False, pytest.approx(0.02), held.tip, True
+    )
+
+
+def test_a_peg_that_was_lost_is_told_with_how(places):
+    x, y, _ = places.hole.centre
+    drawn = after(held_at(places, 0.012), seen(places, at_depth(places, -0.02)), places, is_running=True)
+    dropped = seen(places, drawn.tip, gripping=False)
+    assert after(drawn, dropped, places, True).evidence == (
+        "lost over the hole after it stood in it or at it, hand 40.0 mm open"
+    )
+    never = held_at(places, -0.02)
+    assert after(never, dropped, places, False).evidence == "the hand was opened outside a run, hand 40.0 mm open"
+    assert after(never, dropped, places, True).evidence == (
+        f"fell from 20.0 mm above the plate's height at x {x:.3f}, y {y:.3f} m, hand 40.0 mm open"
+    )
+
+
+def test_a_peg_that_is_proven_seated_is_no_longer_held(places):
+    assert proven(held_at(places, 0.02), "force").is_held is False

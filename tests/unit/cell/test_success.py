@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.part_state import PartState
+from cell.part_state import WIDTH_TOLERANCE, PartState
 from cell.record import Ending
 from cell.success import AWAY, PLANE_TOLERANCE, LastLook, Proof, judged
 from drivers.errors import SuccessUnprovenError, SwitchDisagreesError
@@ -223,3 +223,78 @@ def test_a_switch_that_was_open_before_the_hand_took_hold_was_open(rig):
 def test_a_switch_that_disagrees_is_told_with_the_depth_that_was_found_and_those_expected(job):
     with pytest.raises(SwitchDisagreesError, match=r"tip 15\.0 mm deep; 19\.0 to 22\.0 mm expected"):
         judge(job, proof=proven(job, 0.015))
+
+
+# Exactly at a limit: a surface and a hole at the base's origin, where no length is rounded.
+
+
+@pytest.fixture
+def at_origin(job):
+    return job.model_copy(update={"hole": job.hole.model_copy(update={"centre": (0.0, 0.0, 0.0)})})
+
+
+def seated_at(job, depth, borne=None):
+    """Return the proof of a switch that closed so deep, m, and of a bottom that bore the peg so deep."""
+    return replace(proven(job, depth), borne_tip=None if borne is None else -borne * UP)
+
+
+@pytest.mark.parametrize(("side", "most"), [(-1.0, MOST_SHALLOW), (1.0, MOST_DEEP)])
+def test_a_peg_exactly_as_deep_as_it_may_be_is_seated(at_origin, side, most):
+    assert judge(at_origin, proof=seated_at(at_origin, at_origin.hole.depth + side * most), claim=Claim.SEATED)
+
+
+def test_a_switch_may_be_early_by_exactly_as_much_as_the_limit_says(at_origin):
+    shallow = at_origin.model_copy(update={"hole": at_origin.hole.model_copy(update={"depth": DOUBTED})})
+    assert judge(shallow, proof=seated_at(shallow, 0.0, borne=MOST_SHALLOW), claim=Claim.SEATED) is SUCCESS
+
+
+def test_a_felt_surface_exactly_as_far_off_as_it_may_be_is_the_plate_s(at_origin):
+    plane = Plane(PLANE_TOLERANCE * UP, UP)
+    proof = seated_at(at_origin, at_origin.hole.depth - PLANE_TOLERANCE)
+    assert judge(at_origin, records=found(plane), proof=proof, claim=Claim.SEATED) is SUCCESS
+
+
+def test_a_hand_exactly_as_far_away_as_it_has_to_be_is_gone(job):
+    proof = replace(proven(job), seated_hand=np.zeros(3))
+    assert judge(job, proof=proof, look=LastLook(WIDE, AWAY * UP, CLOSED)) is SUCCESS
+
+
+def test_a_hand_that_is_open_by_no_more_than_its_width_errs_may_hold_the_peg(job):
+    hand = GripperState(job.peg.part.thickness + WIDTH_TOLERANCE, False, False)
+    with pytest.raises(SuccessUnprovenError, match=r"the hand is 9\.5 mm open at the end"):
+        judge(job, look=away(proven(job), hand=hand))
+
+
+# What is said.
+
+
+def test_depths_are_told_to_a_tenth_of_a_millimetre(at_origin):
+    deep = at_origin.model_copy(update={"hole": at_origin.hole.model_copy(update={"depth": 0.06044})})
+    with pytest.raises(SwitchDisagreesError, match=r"tip 40\.0 mm deep; 59\.4 to 62\.4 mm expected$"):
+        judge(deep, proof=seated_at(deep, 0.04004))
+    with pytest.raises(SwitchDisagreesError, match=r"closed 11\.0 mm above the bottom that bore the peg then; 1\.0 mm"):
+        judge(deep, proof=seated_at(deep, 0.05, borne=0.06104))
+
+
+def test_what_is_not_proven_is_told_in_whole_words(job):
+    for proof, words in (
+        (Proof(), "the switch was never open in this run"),
+        (Proof(True), "the switch did not close while the hand held the peg"),
+    ):
+        with pytest.raises(SuccessUnprovenError, match=f"^success is not proven: {words}$"):
+            judge(job, proof=proof)
+
+
+def test_a_hand_that_is_too_near_or_a_surface_that_is_too_far_off_is_told_with_its_distance(job):
+    with pytest.raises(SuccessUnprovenError, match="the hand is 29 mm from where it held the peg; at least 30 mm"):
+        judge(job, look=away(proven(job), 0.02949))
+    plane = Plane(np.array(job.hole.centre) + 0.06004 * UP, UP)
+    with pytest.raises(SuccessUnprovenError, match=r"that was felt is 60\.0 mm off; 5 mm allowed"):
+        judge(job, records=found(plane))
+
+
+@pytest.mark.parametrize("hand", [WIDE, CLOSED_HAND])
+def test_a_cell_that_is_not_freed_is_a_failure_of_the_stage_that_ended_it(job, hand):
+    left = PartState(PartPlace.ON_PLATE, "")
+    ending = judge(job, claim=Claim.FREED, part=left, look=away(proven(job), hand=hand))
+    assert ending.stage == SUCCESS.stage

@@ -2,19 +2,23 @@
 
 import json
 from dataclasses import replace
+from datetime import UTC, datetime
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from cell import supervisor
 from cell.config import load
 from cell.journal import Journal
 from cell.journal_schema import EventKind
+from cell.learning import LearnedFile, LearnedPlace, read_learned, write_learned
 from cell.live import Live, Pull
 from cell.states import State
 from cell.supervisor import Supervisor
 from drivers.errors import ArmReflexError, CellError, FaultCode, SkinSilentError, SwitchUnknownError
 from drivers.quantities import SwitchState
-from plc_bridge.messages import Control, PartPlace, Refusal, Result
+from plc_bridge.messages import Command, Control, PartPlace, Refusal, Result
 from skills.catalogue import CATALOGUE
 from skills.contract import Outcome, Reason
 from skills.entry import Claim, Program
@@ -308,7 +312,8 @@ class GoneError(BaseException):
 
 
 def test_a_program_whose_skill_never_comes_back_ends_with_its_record_closed(rig, program, monkeypatch):
-    ends, closed = [], []
+    ends, closed, live = [], [], Live()
+    rig.supervisor = Supervisor(rig.cell, rig.loaded, rig.bridge, rig.journal, live=live)
 
     def leave(status):
         ends.append(status)
@@ -320,7 +325,7 @@ def test_a_program_whose_skill_never_comes_back_ends_with_its_record_closed(rig,
     rig.at(0.5, lambda: rig.supervisor._end_blocked("no scan for 2.1 s"))
     with pytest.raises(GoneError):
         rig.command(CODE)
-    assert (ends, closed) == ([3], [True])
+    assert (ends, closed, live.fault) == ([3], [True], f"{STAGE}: no scan for 2.1 s")
     with Journal(rig.folder, is_read_only=True) as journal:
         row = journal.find(1)
     assert (row.outcome, row.fault, row.stage) == ("fault", FaultCode.SCAN_OVERRUN, STAGE)
@@ -380,3 +385,122 @@ def test_onlookers_read_which_skill_blocks_and_for_how_long(rig, program):
     rig.at(0.5, lambda: (rig.supervisor._say_blocked("no scan for 0.31 s"), told.append(live.fault)))
     rig.command(CODE)
     assert told == [f"{STAGE}: no scan for 0.31 s"]
+
+
+# A line whose every word is read, and a wall clock that the test turns.
+
+
+class Terminal:
+    """A line that gives one command at a time and keeps every answer and report."""
+
+    def __init__(self):
+        self.waiting, self.accepted, self.refused, self.reports = [], [], [], []
+
+    def poll(self):
+        return self.waiting.pop(0) if self.waiting else None
+
+    def publish(self, report):
+        self.reports.append(report)
+
+    def accept(self, command):
+        self.accepted.append(command)
+
+    def refuse(self, command, refusal):
+        self.refused.append((command, refusal))
+
+
+@pytest.fixture
+def terminal(rig, program):
+    """Return the line of a cell that waits."""
+    line = Terminal()
+    rig.supervisor = Supervisor(rig.cell, rig.loaded, line, rig.journal)
+    rig.scan()
+    return line
+
+
+@pytest.mark.parametrize("code", [Control.FORGET, Control.CLEARED, Control.REFILLED, Control.STOP, Control.ABORT, CODE])
+def test_whoever_gives_a_command_is_told_that_this_one_is_obeyed(rig, terminal, code):
+    command = Command(7, code)
+    terminal.waiting.append(command)
+    rig.scan()
+    assert (terminal.accepted, terminal.refused) == ([command], [])
+    assert terminal.reports[-1].fault == FaultCode.NONE
+
+
+def test_a_cleared_fault_is_told_as_a_success_beside_the_number_of_the_run_that_it_ended(rig, program, terminal):
+    program.fault = ArmReflexError("arm: reflex")
+    for sequence, code in ((7, CODE), (8, Control.CLEAR), (9, Control.RESET)):
+        terminal.waiting.append(Command(sequence, code))
+        rig.scan()
+        report = terminal.reports[-1]
+        assert (report.sequence, report.run) == (sequence, 1)
+        assert report.result is (Result.FAULT if code == CODE else Result.SUCCESS)
+
+
+def test_what_was_learnt_of_a_recipe_is_forgotten_and_that_of_others_is_not(rig, program):
+    place = LearnedPlace(
+        job="peg",
+        mean=(0.5, 0.1),
+        variance=(1e-6, 1e-6),
+        scatter=(1e-6, 1e-6),
+        parts=3,
+        stray=None,
+        updated=datetime(2025, 1, 1, tzinfo=UTC),
+    )
+    write_learned(rig.folder, LearnedFile(places={str(recipe): place for recipe in (0, 99)}))
+    assert rig.command(Control.FORGET, 0).refusal is Refusal.NONE
+    assert set(read_learned(rig.folder).places) == {"99"}
+
+
+class Wall:
+    """A wall clock that passes while the supervisor waits, and ends it at a time, s."""
+
+    def __init__(self, end):
+        self.time, self.end = 100.0, 100.0 + end
+
+    def monotonic(self):
+        return self.time
+
+    def is_set(self):
+        return self.time > self.end
+
+    def set(self):
+        self.end = self.time
+
+    def wait(self, timeout):
+        self.time += timeout
+
+
+@pytest.mark.parametrize(("takes", "apart"), [(0.3, 1.0), (1.0, 1.0), (2.5, 2.5)])
+def test_an_idle_cell_scans_once_a_period_of_the_wall_or_as_soon_as_the_last_scan_has_ended(
+    rig, monkeypatch, takes, apart
+):
+    wall, period, ends = Wall(0.5), 1.0 / rig.loaded.cell.scan_rate, []
+    monkeypatch.setattr(supervisor, "time", SimpleNamespace(monotonic=wall.monotonic))
+    rig.clock.every.append(lambda: wall.wait(takes * period))
+    rig.clock.every.append(lambda: ends.append(wall.time))
+    Supervisor(rig.cell, rig.loaded, rig.bridge, rig.journal, wall).serve()
+    np.testing.assert_allclose(np.diff(ends[:18]), apart * period)
+
+
+def test_an_error_of_the_scan_itself_is_told_by_its_name(rig, program, monkeypatch):
+    live = Live()
+    rig.supervisor = Supervisor(rig.cell, rig.loaded, rig.bridge, rig.journal, live=live)
+    monkeypatch.setattr(rig.clock, "wait_until", lambda stamp: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        rig.supervisor.serve()
+    assert live.fault == "ZeroDivisionError: division by zero"
+
+
+def test_a_scan_that_does_not_come_outside_a_skill_is_told_without_a_name(rig):
+    live = Live()
+    Supervisor(rig.cell, rig.loaded, rig.bridge, rig.journal, live=live)._say_blocked("no scan for 0.31 s")
+    assert live.fault == "skill: no scan for 0.31 s"
+
+
+def test_a_real_arm_keeps_time_with_the_wall_whatever_the_pace_of_its_simulation(loaded):
+    cell = loaded.cell
+    fast = cell.sim.model_copy(update={"pace": "max"})
+    real = cell.model_copy(update={"sim": fast, "arm": SimpleNamespace(kind="franka")})
+    assert supervisor.is_timed(real)
+    assert supervisor.is_timed(cell.model_copy(update={"sim": None}))

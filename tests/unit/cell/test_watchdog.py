@@ -25,6 +25,13 @@ def test_a_scan_is_late_after_two_periods():
     assert scanned(LateScans(PERIOD, LIMITS), [0.01, 0.0199, 0.0201, 0.5]).count == 2
 
 
+def test_a_scan_after_exactly_two_periods_is_not_late():
+    late = LateScans(PERIOD, LIMITS)
+    late.take(0.0)
+    late.take(2.0 * PERIOD)
+    assert late.count == 0
+
+
 def test_what_is_done_between_scans_is_not_late():
     late = scanned(LateScans(PERIOD, LIMITS), [0.01])
     late.rest()
@@ -149,3 +156,39 @@ def test_a_skill_without_a_name_is_called_one(monkeypatch):
     looked.looks(20)
     with pytest.raises(ScanOverrunError, match=r"^skill: no scan"):
         looked.dog.beat("")
+
+
+def test_a_scan_that_comes_exactly_when_it_has_to_halts_nothing(monkeypatch):
+    looked = Looked(monkeypatch)
+    looked.time = 0.0
+    looked.dog.watch(True)
+    looked.looks(2, 0.2)
+    assert looked.halts == []
+
+
+def test_a_program_that_shall_end_waits_for_a_scan_as_long_as_it_may(monkeypatch):
+    looked = Looked(monkeypatch)
+    looked.dog.watch(True)
+    looked.stop.set()
+    looked.looks(1 + round(GIVEN_UP / 0.25), 0.25)
+    assert looked.given_up == []
+    looked.looks(2 + round(GIVEN_UP / 0.25), 0.25)
+    assert len(looked.given_up) == 1
+
+
+def test_a_started_watchdog_halts_from_a_thread_that_keeps_no_program_from_ending_until_it_is_stopped():
+    found, halted = [], threading.Event()
+
+    def halt(why):
+        found.append(threading.current_thread())
+        halted.set()
+
+    dog = ScanWatchdog(1e-3, is_simulated=False, halt=halt, stop=threading.Event(), give_up=found.append)
+    dog.stop()
+    dog.start()
+    dog.watch(True)
+    assert halted.wait(60.0)
+    assert (found[0].name, found[0].daemon) == ("watchdog", True)
+    dog.stop()
+    dog.stop()
+    assert not found[0].is_alive()

@@ -82,6 +82,15 @@ def test_the_peg_ends_its_length_before_the_hand_and_as_much_further_as_its_touc
     assert (ctx.is_length_known, ctx.length) == (False, length)
 
 
+def test_each_slip_halves_the_grip_that_is_counted_on_until_the_hand_grasps_anew(ctx):
+    ctx.note_slip()
+    ctx.note_slip()
+    ctx.set_excess(0.004)
+    assert ctx.grip_share == 0.25
+    ctx.set_excess(None)
+    assert ctx.grip_share == 1.0
+
+
 def test_the_angle_of_the_skin_is_that_of_the_peg_in_the_hand(ctx):
     ctx.estimator.theta = 0.2
     seen = ctx.observe()
@@ -169,6 +178,16 @@ def test_a_scan_counts_its_time_from_nothing_in_steps_of_its_period(ctx):
     np.testing.assert_allclose([each.running for each in seen], [0.0, 0.01, 0.02, 0.03])
     assert [each.step for each in seen] == [PERIOD] * 4
     assert ctx.clock.now() == pytest.approx(4 * PERIOD)
+
+
+def test_a_scan_begins_a_period_after_the_one_before_and_none_once_its_time_has_passed(ctx):
+    ctx.clock.time = 5.0
+    np.testing.assert_allclose([seen.stamp for seen in ctx.scan(2 * PERIOD)], [5.0, 5.01])
+
+
+def test_exactly_the_force_of_the_limit_is_borne(ctx):
+    ctx.arm.force[:] = [0.0, FORCE, 0.0]
+    assert len(scanned(ctx)) == 3
 
 
 @pytest.mark.parametrize("force", [(FORCE, 0.0, 0.0), (0.0, 0.6 * FORCE, -0.8 * FORCE)])
@@ -281,6 +300,24 @@ def test_a_skill_that_needs_no_peg_is_not_blind_and_the_next_one_counts_anew(ctx
     assert went_on(ctx, lambda now: False) == pytest.approx(LONGEST_BLIND, abs=1.1 * PERIOD)
 
 
+@pytest.mark.parametrize("is_seen_first", [True, False])
+def test_a_skin_may_be_blind_for_exactly_as_long_as_the_limit_says(ctx, is_seen_first):
+    ctx.estimator.is_healthy = is_seen_first
+    next(ctx.scan(1.0, holding=True))
+    ctx.estimator.is_healthy, ctx.clock.time = False, LONGEST_BLIND
+    next(ctx.scan(1.0, holding=True))
+    ctx.clock.time = LONGEST_BLIND + 0.01
+    with pytest.raises(SkinUntrustedError, match=r"no angle of the peg for 0\.71 s > 0\.7 s limit"):
+        next(ctx.scan(1.0, holding=True))
+
+
+def test_time_on_a_way_where_the_peg_may_be_unseen_does_not_count_as_blind(ctx):
+    ctx.estimator.is_healthy = False
+    scanned(ctx, 60, holding=True)
+    scanned(ctx, 60, holding=True, unseen=True)
+    assert went_on(ctx, lambda now: False) == pytest.approx(LONGEST_BLIND, abs=1.1 * PERIOD)
+
+
 def test_an_offset_of_a_finger_ends_a_skill_at_once_unless_it_leads_out_of_a_violation(ctx, monkeypatch):
     read = ctx.skin.read
     monkeypatch.setattr(ctx.skin, "read", lambda: replace(read(), values=read().values + np.array([[4000.0], [0.0]])))
@@ -323,16 +360,16 @@ def test_after_a_hold_the_arm_is_led_back_to_its_setpoint_in_a_second(ctx):
 # Energy.
 
 
-def swung(ctx, share):
+def swung(ctx, share, stiffness=SOFT, number=1):
     """Let the arm swing with this share of the energy at the force limit about a setpoint that stands; return what is held."""
     ctx.arm.is_blocked = True
-    speed = FORCE * np.sqrt(share / (MASS * SOFT[0]))
+    speed = FORCE * np.sqrt(share / (MASS * stiffness[0]))
     middle = ctx.arm.tcp.position.copy()
-    ctx.follow(here(ctx))
-    for number, _ in enumerate(ctx.scan(6.5 * PERIOD)):
-        side = 0.5 * speed * PERIOD * (-1) ** number
+    ctx.follow(here(ctx, number, stiffness))
+    for scan, _ in enumerate(ctx.scan(6.5 * PERIOD)):
+        side = 0.5 * speed * PERIOD * (-1) ** scan
         ctx.arm.tcp = replace(ctx.arm.tcp, position=middle + np.array([side, 0.0, 0.0]))
-        ctx.follow(replace(ctx.held, stiffness=SOFT))
+        ctx.follow(replace(ctx.held, stiffness=stiffness))
     return ctx.held.stiffness
 
 
@@ -344,12 +381,33 @@ def test_a_swing_of_much_energy_softens_its_motion_and_no_other(ctx):
     np.testing.assert_allclose(ctx.held.stiffness, 0.1 * SOFT)
 
 
+def test_each_motion_that_swings_is_softened_by_half_of_its_own_stiffness(ctx):
+    swung(ctx, 0.5 * (SOFTEN + STOP))
+    np.testing.assert_allclose(swung(ctx, 0.5 * (SOFTEN + STOP), 0.6 * SOFT, number=2), 0.3 * SOFT)
+
+
+def test_an_arm_that_somebody_shakes_on_hold_pumps_nothing(ctx):
+    ctx.poll = iter([Request.RUN] + [Request.HOLD] * 9 + [Request.RESUME] * 120 + [Request.RUN] * 9).__next__
+    middle, sides = ctx.arm.tcp.position.copy(), iter([0.01, -0.01] * 4)
+    ctx.follow(here(ctx))
+
+    def shake(seen, held):
+        ctx.arm.tcp = replace(ctx.arm.tcp, position=middle + np.array([next(sides, 0.0), 0.0, 0.0]))
+
+    ctx.record = shake
+    assert len(scanned(ctx)) == 3
+
+
 def test_a_swing_of_less_energy_is_left_alone(ctx):
     np.testing.assert_allclose(swung(ctx, 0.95 * SOFTEN), SOFT)
 
 
 def test_a_swing_beyond_the_force_limit_is_a_fault_with_the_arm_halted(ctx):
     assert INERTIA > 0.0
-    with pytest.raises(NotPassiveError, match=r"skill: 1\.2 times the energy that presses with 60 N, at 800 N/m"):
-        swung(ctx, 1.2)
+    stiff = np.array([800.0, 700.0, 600.0, 900.0, 50.0, 40.0])
+    with pytest.raises(
+        NotPassiveError,
+        match=r"^skill: 1\.2 times the energy that presses with 60 N, at 800 N/m and 900 N·m/rad; less than 1 allowed$",
+    ):
+        swung(ctx, 1.2, stiff)
     assert ctx.arm.is_halted

@@ -62,6 +62,15 @@ def test_as_many_scans_may_be_late_as_the_limit_says_and_no_more():
         timed(*[2.1 * PERIOD] * 31).require_kept()
 
 
+def test_a_scan_that_comes_long_after_the_one_before_is_told_with_how_long_and_what_to_do():
+    with pytest.raises(ScanOverrunError, match=r"scan: 900 ms after .* s allowed: stop other programs$"):
+        timed(0.9).require_kept()
+
+
+def test_a_scan_after_exactly_two_periods_is_not_late():
+    timed(*[2.0 * PERIOD] * OVERRUN_WINDOW).require_kept()
+
+
 def test_what_is_older_than_the_window_is_forgiven():
     late = [2.1 * PERIOD] * 30
     timed(*late, *[PERIOD] * OVERRUN_WINDOW, *late).require_kept()
@@ -120,6 +129,15 @@ def test_an_arm_may_lag_behind_its_setpoint_as_far_as_the_limit_says(length, the
         require_tracking(state_at(HAND.position), held_at(tip + (TRACKING_LIMIT + 1e-3) * lag, in_hand=in_hand))
 
 
+def test_an_arm_exactly_as_far_off_as_the_limit_says_is_still_with_its_setpoint():
+    require_tracking(state_at(np.zeros(3)), held_at([TRACKING_LIMIT, 0.0, 0.0]))
+
+
+def test_an_arm_that_is_far_off_is_told_with_its_distance():
+    with pytest.raises(TrackingError, match=r"900 mm from its setpoint > 100 mm limit"):
+        require_tracking(state_at(np.zeros(3)), held_at([0.0, 0.9, 0.0]))
+
+
 # A finger that reads an offset.
 
 
@@ -158,3 +176,40 @@ def test_an_offset_is_borne_up_to_its_limit_and_taxels_that_are_not_trusted_say_
             require_level_skin(framed(values))
     trusted[1] = False
     require_level_skin(framed(values, trusted))
+
+
+@pytest.mark.parametrize("taxels", [20, 16])
+def test_a_finger_on_which_less_than_a_fifth_is_free_reads_an_offset(taxels):
+    values, trusted = np.zeros((2, 20)), np.ones((2, 20), dtype=bool)
+    trusted[1, taxels:] = False
+    values[1, 4:] = 2000.0
+    require_level_skin(framed(values, trusted))
+    values[1, 3:] = 2000.0
+    with pytest.raises(SkinUntrustedError, match=r"right finger: offset of 2000 counts"):
+        require_level_skin(framed(values, trusted))
+
+
+def test_a_finger_that_reads_below_its_baseline_on_more_than_half_of_it_reads_an_offset():
+    values = np.zeros((2, 20))
+    values[0, :10] = -2000.0
+    require_level_skin(framed(values))
+    values[0, :11] = -2000.0
+    with pytest.raises(SkinUntrustedError, match=r"left finger: offset of -2000 counts"):
+        require_level_skin(framed(values))
+
+
+def test_an_offset_is_told_by_the_taxels_beside_the_peg_and_one_below_the_baseline_by_the_middle():
+    values = np.zeros((2, 20))
+    values[0] = np.linspace(2000.0, 3900.0, 20)
+    with pytest.raises(SkinUntrustedError, match=r"offset of 2300 counts"):
+        require_level_skin(framed(values))
+    values[0] = np.linspace(-2000.0, -3900.0, 20)
+    with pytest.raises(SkinUntrustedError, match=r"offset of -2900 counts"):
+        require_level_skin(framed(values))
+
+
+def test_a_finger_that_nobody_trusts_hides_no_offset_of_the_other():
+    values, trusted = np.zeros((2, 20)), np.ones((2, 20), dtype=bool)
+    trusted[0], values[1] = False, 4000.0
+    with pytest.raises(SkinUntrustedError, match="right finger"):
+        require_level_skin(framed(values, trusted))
