@@ -322,8 +322,9 @@ class Turned:
 class Refused:
     """A row that the index does not take so many times; the times at which it was tried."""
 
-    def __init__(self, turned, times, error=JournalError("index: busy")):
-        self.turned, self.left, self.error, self.tried = turned, times, error, []
+    def __init__(self, turned, times, error=None):
+        self.turned, self.left, self.tried = turned, times, []
+        self.error = error or JournalError("index: busy")
 
     def __call__(self, index):
         self.tried.append(self.turned.time - 1000.0)
@@ -468,7 +469,8 @@ def test_the_beginning_and_the_end_of_a_run_are_written_however_many_samples_wai
 
 
 def test_the_writer_has_a_thread_with_its_name_that_keeps_no_program_from_ending(tmp_path):
+    before = set(threading.enumerate())
     with Journal(tmp_path):
-        (thread,) = (each for each in threading.enumerate() if each.name == "journal")
-        assert thread.daemon
+        (thread,) = set(threading.enumerate()) - before
+        assert (thread.name, thread.daemon) == ("journal", True)
     assert not thread.is_alive()

@@ -24,6 +24,7 @@ from skills.contract import Outcome, Reason
 from skills.entry import Claim, Program
 from skills.scan_guards import RESUME_TIME
 from tests.quick_cell import STAGE, QuickProgram
+from tests.unit.cell.test_watchdog import Looked
 
 CODE = 101
 STAGE_NUMBER = CATALOGUE.stage_number(STAGE)
@@ -504,3 +505,12 @@ def test_a_real_arm_keeps_time_with_the_wall_whatever_the_pace_of_its_simulation
     real = cell.model_copy(update={"sim": fast, "arm": SimpleNamespace(kind="franka")})
     assert supervisor.is_timed(real)
     assert supervisor.is_timed(cell.model_copy(update={"sim": None}))
+
+
+def test_a_simulated_arm_is_not_blamed_for_a_computer_that_starved(rig, monkeypatch):
+    live, looked = Live(), Looked(monkeypatch)
+    looked.dog = Supervisor(rig.cell, rig.loaded, rig.bridge, rig.journal, live=live)._watchdog
+    looked.dog._end = looked
+    looked.dog.watch(True)
+    looked.looks(5, 1.0)
+    assert live.fault == ""

@@ -318,6 +318,36 @@ def test_local_user_is_never_silent():
     assert line.handshake.holder == "terminal"
 
 
+def test_a_link_that_takes_the_lease_and_never_asks_for_anything_loses_it():
+    line = Line()
+    line.now = 3.0
+    line.connect("panel")
+    assert line.handshake.take("panel")
+    assert not line.handshake.take("plc")
+    for now, holder in ((8.0, "panel"), (8.1, "")):
+        line.now = now
+        line.poll()
+        assert line.handshake.holder == holder
+
+
+def test_a_local_user_reads_the_answer_to_an_order_and_no_more_to_that_of_others():
+    line = Line()
+    line.run(7)
+    line.handshake.opened("terminal", "terminal", 0.0, is_local=True)
+    assert line.handshake.answer("terminal").sequence == 7
+    assert line.handshake.submit("terminal", CommandImage(code=GRASP), 0.5) is Refusal.NOT_HOLDER
+    answer = line.handshake.answer("terminal")
+    assert (answer.sequence, answer.refusal) == (1, Refusal.NOT_HOLDER)
+
+
+def test_a_run_that_is_lost_is_so_for_the_order_of_a_local_user():
+    line = Line()
+    line.run()
+    line.handshake.opened("terminal", "terminal", 0.0, is_local=True)
+    line.handshake.submit("terminal", CommandImage(code=INSERT), 2.0)
+    assert line.handshake.counts.lost == 1
+
+
 @pytest.mark.parametrize("code", [Control.STOP, Control.ABORT])
 def test_anybody_may_stop_even_with_a_first_number(code):
     line = Line("a", "b")

@@ -269,3 +269,54 @@ def test_a_frame_that_is_older_than_the_one_before_teaches_nothing():
     before = health.baseline.copy()
     health.update(second, 99.0)
     assert (health.baseline == before).all()
+
+
+# Exactly at a limit: four taxels that read a count more and a count less in turn, so that a touch of each is 50 counts.
+
+
+def even(level):
+    """Return the health of taxels whose baseline is exactly this, counts."""
+    still = np.full((50, 4), level - 1, dtype=np.uint16)
+    still[::2] += 2
+    return SkinHealth(SkinHealthConfig(), still)
+
+
+def follows(health, above):
+    """Tell whether the baseline follows a skin that reads so many counts above it."""
+    before = health.baseline.copy()
+    for stamp in (10.0, 11.0):
+        health.update(np.rint(before + np.array(above)).astype(np.uint16), stamp)
+    return bool((health.baseline != before).any())
+
+
+def test_zero_exactly_a_touch_below_the_baseline_is_a_measurement():
+    assert even(50).update(np.array([0, 49, 51, 50], dtype=np.uint16), 1.0)[1].all()
+
+
+@pytest.mark.parametrize(
+    ("above", "is_followed"),
+    [
+        ((50, -50, 0, 0), True),
+        ((51, -50, 0, 0), False),
+        ((50, -51, 0, 0), False),
+        ((0, 38, 0, 38), True),
+        ((0, 39, 0, 38), False),
+        ((10, 38, 10, 38), True),
+        ((10, 39, 10, 38), False),
+    ],
+)
+def test_the_baseline_follows_up_to_exactly_a_touch_of_one_taxel_and_a_faint_and_even_one_of_all(above, is_followed):
+    assert follows(even(5000), above) is is_followed
+
+
+def test_taxels_that_are_not_trusted_do_not_hide_a_print_of_the_others():
+    still = _skin()
+    still[:, 10:] = 0
+    health = SkinHealth(CONFIG, still)
+    assert not follows(health, 4.0 * health.noise * (np.arange(40) % 2))
+
+
+def test_the_one_reading_of_a_taxel_that_is_otherwise_at_the_rail_is_its_baseline():
+    still = _still()
+    still[1:, 2] = CONFIG.saturation
+    assert _health(still).baseline[2] == still[0, 2]
