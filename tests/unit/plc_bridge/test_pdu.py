@@ -53,9 +53,12 @@ def station():
         ("05 0001 0000", "05 0001 0000"),
         ("06 0003 1234", "06 0003 1234"),
         ("0F 0000 0003 01 02", "0F 0000 0003"),
+        ("0F 0002 0003 01 02", "0F 0002 0003"),
         ("10 0000 0002 04 AAAA BBBB", "10 0000 0002"),
+        ("10 0003 0001 02 AAAA", "10 0003 0001"),
         ("17 0000 0002 0001 0001 02 7777", "17 04 0000 7777"),
         ("16 0005 00F2 0025", "16 0005 00F2 0025"),
+        ("16 0005 00F2 8025", "16 0005 00F2 8025"),
         ("08 0000 A537", "08 0000 A537"),
         ("08 0000 A537 0001", "08 0000 A537 0001"),
     ],
@@ -83,6 +86,7 @@ def test_requests_are_answered_as_the_specification_says(station, request_, resp
         ("10 0000 0001 02 AAAA BBBB", "90 03"),
         ("17 0000 0000 0000 0001 02 0000", "97 03"),
         ("17 0000 0001 0000 0000 00", "97 03"),
+        ("17 0000 0001 0000 0002 02 7777", "97 03"),
         ("03 0000", "83 03"),
         ("03 0000 0001 00", "83 03"),
         ("03", "83 03"),
@@ -155,7 +159,24 @@ def test_largest_read_is_served():
     assert len(respond(bytes.fromhex("03 0000 007D"), station)) == 252
 
 
+@pytest.mark.parametrize(
+    ("request_", "response"), [("0F 0000 07B0 F6", "0F 0000 07B0"), ("10 0000 007B F6", "10 0000 007B")]
+)
+def test_largest_write_is_served(station, request_, response):
+    station.words, station.bits = [0] * 123, [False] * 1968
+    assert respond(bytes.fromhex(request_) + bytes(246), station) == bytes.fromhex(response)
+
+
+def test_what_a_client_has_no_right_to_is_no_function_for_it(station):
+    def refuse(address, words):
+        raise PermissionError
+
+    station.write_words = refuse
+    assert respond(bytes.fromhex("06 0003 1234"), station) == bytes.fromhex("86 01")
+
+
 def test_exceptions_are_told_from_answers():
+    assert is_exception(b"\x80\x01")
     assert is_exception(b"\x83\x02")
     assert not is_exception(b"\x03\x00")
 

@@ -266,3 +266,86 @@ def test_a_setpoint_whose_time_is_over_need_not_be_followed():
     for _ in range(100):
         clock.wait_until(clock.now() + PERIOD)
         gated.read()
+
+
+# Exactly at a limit, with lengths that no number rounds.
+
+SOFT = np.array([100.0] * 3 + [40.0] * 3)
+
+
+def test_a_setpoint_may_press_with_exactly_the_force_limit():
+    judge(setpoint(off(0.25), stiffness=np.full(6, LIMITS.force / 0.25)))
+
+
+def test_a_setpoint_may_step_by_exactly_what_the_time_since_the_last_one_allows():
+    aside = HERE + np.array([0.0, STEP_SLACK, 0.0])
+    judge(setpoint(aside), before=Handed(setpoint(), 0.0))
+
+
+def test_a_setpoint_may_be_without_stiffness_along_an_axis():
+    judge(setpoint(stiffness=np.array([STIFF, STIFF, 0.0, 40.0, 40.0, 40.0])))
+
+
+# A motion and the one before it.
+
+
+def test_a_step_is_judged_by_the_time_since_the_last_setpoint_however_long_the_cell_runs():
+    before = Handed(setpoint(stiffness=SOFT), 3600.0)
+    with pytest.raises(SetpointError, match="step of 100 mm; at most 31 mm allowed"):
+        judge(setpoint(off(0.1), stiffness=SOFT), arm_at(stamp=3600.0 + PERIOD), before)
+
+
+def test_a_new_motion_begins_where_the_arm_is_and_not_where_the_last_one_was():
+    judge(setpoint(id=2), arm_at(stamp=PERIOD), Handed(setpoint(off(0.2)), 0.0))
+
+
+def test_a_motion_that_takes_the_peg_for_its_point_makes_no_step():
+    in_hand = InHandTip(0.0, 0.05, 0.0)
+    judge(setpoint(HERE - 0.05 * UP, in_hand=in_hand), arm_at(stamp=PERIOD), Handed(setpoint(), 0.0))
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+@pytest.mark.parametrize("axis", range(3))
+def test_a_hand_outside_the_workspace_is_led_back_on_every_side(axis, side):
+    outside = HERE.copy()
+    outside[axis] = (LIMITS.high if side > 0.0 else LIMITS.low)[axis] + side * 0.02
+    inward = outside.copy()
+    inward[axis] -= side * 0.005
+    judge(setpoint(inward), arm_at(outside))
+
+
+def test_the_gate_of_an_arm_remembers_the_last_setpoint_until_it_is_reset():
+    arm = FakeArm(FakeClock())
+    gated, tip = GatedArm(arm, SPEED, LIMITS), arm.tcp.position.copy()
+    aside = setpoint(tip + np.array([0.0, 0.1, 0.0]), stiffness=SOFT)
+    gated.follow(setpoint(tip, stiffness=SOFT))
+    with pytest.raises(SetpointError, match="step of 100 mm"):
+        gated.follow(aside)
+    gated.reset()
+    gated.follow(aside)
+    assert not arm.is_halted
+
+
+# What is said.
+
+
+def test_lengths_are_told_to_a_millimetre():
+    far, near = np.array([0.5, 0.4, 0.3]), np.array([0.5, -0.45, 0.3])
+    with pytest.raises(SetpointError, match="850 mm away presses with 85 N"):
+        judge(setpoint(far, stiffness=SOFT), arm_at(near))
+    with pytest.raises(SetpointError, match="step of 850 mm; at most 601 mm allowed"):
+        require_sound(
+            setpoint(far, stiffness=SOFT), arm_at(stamp=1.0), Handed(setpoint(near, stiffness=SOFT), 0.0), LIMITS, 6.0
+        )
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"valid_until": math.nan}, "valid_until nan; a number allowed"),
+        ({"stiffness": np.full(6, -1.0)}, "negative stiffness or damping ratio; at least 0 allowed"),
+    ],
+)
+def test_what_is_wrong_is_told_with_what_is_allowed(changes, words):
+    with pytest.raises(SetpointError, match=f"^setpoint: {words}$"):
+        judge(setpoint(**changes))
