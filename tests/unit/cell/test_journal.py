@@ -75,6 +75,13 @@ def test_the_newest_run_comes_first(journal):
     assert [row.run for row in journal.runs(2)] == [3, 2]
 
 
+def test_runs_are_counted_by_how_they_ended(journal):
+    for outcome in ("success", "failure", "success"):
+        journal.finish(replace(journal.begin(ROW), outcome=outcome))
+    journal.finish(replace(journal.begin(replace(ROW, serial="B-2")), outcome="success"))
+    assert journal.outcomes(RunQuery(serial="A-17")) == {"success": 2, "failure": 1}
+
+
 def test_an_unknown_run_is_told_with_what_is_there(journal):
     journal.begin(ROW)
     with pytest.raises(JournalError, match=r"run 9: .*1 to 1 are on record"):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drivers.errors import ArmRestlessError, ArmSilentError
-from skills.rest import BRAKE_SPEED, BRAKE_TIME, LONGEST, REST_SCANS, REST_SPEED, REST_TIME, Rest
+from skills.rest import BRAKE_SPEED, BRAKE_TIME, LONGEST, PLACE_TIME, REST_SCANS, REST_SPEED, REST_TIME, Rest
 from tests.fakes import FakeArm, FakeClock
 
 PERIOD = 0.01  # s
@@ -155,3 +155,60 @@ def test_an_arm_whose_encoders_jitter_is_in_place_whenever_it_was_halted(arm):
     jitter = [replace(state, q=np.full(7, 3e-4 * (n % 2)), dq=np.full(7, 2.0 * REST_SPEED)) for n in scans]
     told = [rest.take(each, 100.0 + PERIOD * n) for n, each in zip(scans, jitter, strict=True)]
     assert told.index(True) == pytest.approx(REST_TIME / PERIOD, abs=2)
+
+
+# Exactly at a limit.
+
+
+def take_at(rest, arm, now, speed, place=0.0):
+    """Take a scan at this time, s, of an arm whose joints have this speed, rad/s, and place, rad."""
+    return rest.take(replace(arm.read(), q=np.full(7, place), dq=np.full(7, speed)), now)
+
+
+def test_an_arm_at_exactly_the_speed_of_rest_is_not_at_rest_and_one_at_that_of_the_brake_is_held(arm):
+    rest = Rest(arm)
+    rest.seek(0.0)
+    assert not any(taken(rest, arm, [REST_SPEED] * 50))
+    taken(rest, arm, [BRAKE_SPEED] * 3)
+    assert arm.halts == 1
+
+
+def test_an_arm_is_halted_anew_until_exactly_the_end_of_the_braking(arm):
+    rest = Rest(arm)
+    rest.seek(0.0)
+    take_at(rest, arm, BRAKE_TIME, 0.5)
+    take_at(rest, arm, BRAKE_TIME + 1e-9, 0.5)
+    assert arm.halts == 2
+
+
+def test_an_arm_that_moved_exactly_as_far_as_it_may_stays_in_place(arm):
+    rest = Rest(arm)
+    rest.seek(-2.0 * REST_TIME)
+    assert not take_at(rest, arm, 0.0, 0.5)
+    assert take_at(rest, arm, PLACE_TIME, 0.5, REST_SPEED * PLACE_TIME)
+
+
+def test_an_arm_in_place_is_at_rest_after_exactly_its_time(arm):
+    rest = Rest(arm)
+    rest.seek(0.0)
+    told = [take_at(rest, arm, now, 0.02) for now in (0.0, 0.5, REST_TIME, REST_TIME + 1e-9)]
+    assert told == [False, False, False, True]
+
+
+def test_an_arm_may_move_until_exactly_the_longest_time(arm):
+    rest = Rest(arm)
+    rest.seek(0.0)
+    assert not take_at(rest, arm, LONGEST, 0.5)
+    with pytest.raises(ArmRestlessError, match=r"^arm: joint 1 moves at 0\.500 rad/s 3\.0 s .*; 0\.01 rad/s allowed$"):
+        take_at(rest, arm, LONGEST + 1e-9, 0.5)
+
+
+def test_an_arm_is_taken_for_silent_exactly_at_the_end_of_its_braking(arm):
+    def silent():
+        raise ArmSilentError("arm: no state")
+
+    rest, arm.read = Rest(arm), silent
+    rest.seek(0.0)
+    assert not rest._take_newest(BRAKE_TIME)
+    with pytest.raises(ArmSilentError):
+        rest._take_newest(BRAKE_TIME + 1e-9)
