@@ -163,6 +163,7 @@ def test_an_index_that_is_deleted_meanwhile_is_made_again(tmp_path, seen):
         journal.finish(replace(row, outcome="failure"))
     with Journal(tmp_path, is_read_only=True) as journal:
         assert [row.outcome for row in journal.runs(5)] == ["failure", "success"]
+        assert [event.name for event in journal.events()] == ["SKIN_SILENT"]
 
 
 def test_a_locked_index_holds_up_nobody_and_nothing_is_lost(tmp_path, seen):
@@ -206,7 +207,7 @@ def test_samples_that_come_faster_than_the_disk_takes_them_are_told_and_counted(
     row = writer.begin(ROW, None)
     for _ in range(MOST_BLOCKS + 10):
         writer.write(row.run, full)
-    assert "too slowly" in writer.trouble
+    assert writer.trouble == f"run {row.run}: the disk takes samples too slowly; some are lost"
     writer.finish(replace(row, outcome="success"), (), None)
     writer.open()
     writer.close()
@@ -369,7 +370,7 @@ def test_what_is_beyond_the_limits_is_deleted_at_the_start_and_once_an_hour(tmp_
     assert there == [False, True, False, True, False]
 
 
-def test_a_row_that_the_index_does_not_take_is_tried_again_every_second_until_it_does(tmp_path, monkeypatch):
+def test_a_row_that_the_index_does_not_take_is_tried_again_every_second_until_it_does(tmp_path, monkeypatch, caplog):
     turned = Turned(monkeypatch, tmp_path)
     row, told = Refused(turned, 3), []
     turned.after(5.0, lambda: turned.writer._add_row(row))
@@ -377,6 +378,7 @@ def test_a_row_that_the_index_does_not_take_is_tried_again_every_second_until_it
     turned.work(30.0)
     assert np.diff(row.tried) == pytest.approx([RETRY_AFTER] * 3)
     assert told == ["index: busy"]
+    assert caplog.messages == ["not on record, tried again: index: busy"]
     assert turned.writer.trouble == ""
 
 

@@ -369,7 +369,12 @@ def test_a_peg_that_is_let_go_in_the_hole_is_where_the_switch_says_then(places, 
     held = held_at(places, 0.02, before)
     gone = after(held, seen(places, held.tip, gripping=False, switch=switch), places, is_running=True)
     assert gone == PartState(
-        place, f"let go 20.0 mm deep, hand 40.0 mm open, switch {switch}", False, pytest.approx(0.02), held.tip, True
+        place,
+        f"let go 20.0 mm deep, hand 40.0 mm open, switch {switch}",
+        False,
+        pytest.approx(0.02),
+        at_depth(places, 0.02),
+        True,
     )
 
 
