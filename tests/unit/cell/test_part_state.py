@@ -333,7 +333,7 @@ def test_a_hand_that_is_slack_by_exactly_what_its_width_errs_neither_grips_nor_o
 @pytest.mark.parametrize(
     ("tip", "place"),
     [
-        ((0.0, 4.0 - BIN_REACH, 0.2), PartPlace.BIN),
+        ((BIN_REACH, 4.0, 0.2), PartPlace.BIN),
         ((SLOT_REACH, 2.0, -0.01), PartPlace.RACK),
         ((0.0, 2.0, 0.0), PartPlace.ON_PLATE),
         ((0.0, 0.0, IN_HOLE_DEPTH), PartPlace.ON_PLATE),

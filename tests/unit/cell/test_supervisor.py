@@ -212,6 +212,17 @@ def test_hold_is_told_of_an_arm_that_stands_and_the_run_goes_on_after_it(rig, pr
     assert (report.state, report.result) == (State.COMPLETE, Result.SUCCESS)
 
 
+def test_a_hold_that_comes_while_the_arm_of_a_failed_run_comes_to_rest_does_not_keep_the_cell_on_hold(rig, program):
+    program.outcome, program.reason = Outcome.FAILURE, Reason.MISSED_GRASP
+    rig.arm.dq = rig.arm.dq + 0.5
+    rig.at(0.05, lambda: rig.plc.trigger(Control.HOLD))
+    told = read(rig, 0.08)
+    rig.at(0.1, lambda: setattr(rig.arm, "dq", 0.0 * rig.arm.dq))
+    report = rig.command(CODE)
+    assert told[0].state == State.HOLDING
+    assert (report.state, report.result, report.progress) == (State.COMPLETE, Result.FAILURE, 100)
+
+
 @pytest.mark.parametrize(
     "error", [ArmReflexError("arm: reflex"), SkinSilentError("skin: silent"), ValueError("a\nslip")]
 )
