@@ -285,7 +285,9 @@ def test_what_is_not_proven_is_told_in_whole_words(job):
             judge(job, proof=proof)
 
 
-def test_a_hand_that_is_too_near_or_a_surface_that_is_too_far_off_is_told_with_its_distance(job):
+def test_a_hand_that_is_too_near_or_not_open_and_a_surface_too_far_off_are_told_with_their_lengths(job):
+    with pytest.raises(SuccessUnprovenError, match=r"the hand is 60\.0 mm open at the end of the run"):
+        judge(job, look=away(proven(job), hand=GripperState(0.06004, False, True)))
     with pytest.raises(SuccessUnprovenError, match="the hand is 29 mm from where it held the peg; at least 30 mm"):
         judge(job, look=away(proven(job), 0.02949))
     plane = Plane(np.array(job.hole.centre) + 0.06004 * UP, UP)

@@ -340,6 +340,13 @@ def test_a_local_user_reads_the_answer_to_an_order_and_no_more_to_that_of_others
     assert (answer.sequence, answer.refusal) == (1, Refusal.NOT_HOLDER)
 
 
+def test_a_local_user_was_heard_last_with_the_newest_order():
+    line = Line()
+    line.handshake.opened("terminal", "terminal", 0.0, is_local=True)
+    line.handshake.submit("terminal", CommandImage(code=INSERT), 0.5)
+    assert line.handshake.sight("terminal", 0.75).silence == 0.25
+
+
 def test_a_run_that_is_lost_is_so_for_the_order_of_a_local_user():
     line = Line()
     line.run()

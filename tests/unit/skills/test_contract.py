@@ -336,11 +336,13 @@ def test_on_hold_the_arm_is_halted_nothing_is_yielded_and_no_time_counts(ctx):
     ctx.poll = iter(asked).__next__
     halts, halt = [], ctx.arm.halt
     ctx.arm.halt = lambda: (halts.append(ctx.clock.now()), halt())
+    held = []
+    at(ctx, 40, lambda: held.append(ctx.arm.is_halted))
     seen = scanned(ctx, 5)
     np.testing.assert_allclose([each.running for each in seen], [0.0, 0.01, 0.02, 0.03, 0.04])
     assert seen[3].stamp - seen[2].stamp == pytest.approx(161 * PERIOD)
     assert halts == [pytest.approx(3 * PERIOD)]  # one that stands is halted once
-    assert not ctx.arm.is_halted
+    assert (held, ctx.arm.is_halted) == ([True], False)
 
 
 def test_after_a_hold_the_arm_is_led_back_to_its_setpoint_in_a_second(ctx):
