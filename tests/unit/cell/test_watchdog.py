@@ -187,7 +187,7 @@ def test_a_started_watchdog_halts_from_a_thread_that_keeps_no_program_from_endin
     dog.stop()
     dog.start()
     dog.watch(True)
-    assert halted.wait(60.0)
+    assert halted.wait(10.0)
     assert (found[0].name, found[0].daemon) == ("watchdog", True)
     dog.stop()
     dog.stop()
