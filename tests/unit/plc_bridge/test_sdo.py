@@ -204,3 +204,29 @@ def test_what_is_written_in_segments_is_read_in_segments(data):
             if part[0] & 1:
                 break
     assert got == data
+
+
+class Cabinet:
+    """An object of two bytes, which keeps what was written to it."""
+
+    written = b""
+
+    def room(self, index, subindex):
+        return 2
+
+    def write(self, index, subindex, data):
+        self.written = data
+
+
+@pytest.mark.parametrize(
+    "requests",
+    [
+        (b"\x22\x00\x20\x01\x34\x12\xff\xff",),
+        (b"\x20\x00\x20\x01\xff\xff\xff\xff", b"\x0b\x34\x12\x00\x00\x00\x00\x00"),
+    ],
+)
+def test_a_client_that_does_not_say_how_long_a_value_is_writes_as_much_as_the_object_holds(requests):
+    cabinet = Cabinet()
+    server = SdoServer(cabinet)
+    answers = [server.answer(request, 0.0) for request in requests]
+    assert (cabinet.written, answers[0]) == (b"\x34\x12", b"\x60\x00\x20\x01\x00\x00\x00\x00")
