@@ -679,6 +679,17 @@ def test_a_plc_that_asks_once_more_is_told_its_result_once_more():
     assert line.write("plc again", acknowledge=2).result is Result.NONE
 
 
+def test_a_plc_that_comes_back_with_the_number_alone_of_a_result_that_it_has_read_is_not_told_again():
+    line = Line()
+    line.run()
+    line.end()
+    line.write(acknowledge=2)
+    line.handshake.closed("plc")
+    line.connect("plc again", host="plc")
+    answer = line.write("plc again", sequence=2, code=Control.NONE)
+    assert (answer.sequence, answer.refusal, answer.result) == (2, Refusal.NONE, Result.NONE)
+
+
 @pytest.mark.parametrize("is_first", [True, False])
 def test_a_command_under_a_number_that_came_empty_is_refused_and_not_left_without_an_answer(is_first):
     line = Line()
