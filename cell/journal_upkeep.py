@@ -87,7 +87,8 @@ def made_again(folder: Path, why: str) -> Index:
     except OSError as error:
         raise JournalError(f"{folder / INDEX}: damaged, and cannot be put aside: {error}") from None
     index = Index(folder, is_read_only=False)
-    runs = sampled_runs(folder)
+    # The file of a number that is kept ready for the next run is empty until that run begins.
+    runs = {run: path for run, path in sampled_runs(folder).items() if path.stat().st_size}
     with index.at_once():
         for run, path in sorted(runs.items()):
             _restore(index, run, path)

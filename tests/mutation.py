@@ -75,6 +75,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("names", nargs="*")
     asked = parser.parse_args(arguments)
+    if asked.number < 1:
+        parser.error(f"--number {asked.number}: tries nothing; at least 1 allowed")
     run = [MUTMUT, "run", "--max-children", str(asked.workers)]
     names = asked.names
     if not names:

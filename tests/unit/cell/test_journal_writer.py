@@ -252,6 +252,23 @@ def test_runs_after_an_index_was_damaged_meanwhile_are_on_record(tmp_path, seen,
         assert [row.outcome for row in journal.runs(5)] == ["success"] * 3
 
 
+def test_a_run_under_the_number_that_was_kept_ready_while_the_index_was_made_again_is_on_record(tmp_path, seen):
+    with Journal(tmp_path) as journal:
+        recorded(journal, seen)
+        journal._writer.flush()
+        assert (tmp_path / "run-000002.arrows").stat().st_size == 0
+        damage = iter([DamagedIndexError("torn")])
+
+        def finds_damage(index):
+            for error in damage:
+                raise error
+
+        journal._writer._add_row(finds_damage)
+        journal._writer.flush()
+        recorded(journal, seen)
+        assert [(row.run, row.outcome) for row in journal.runs(5)] == [(2, "success"), (1, "success")]
+
+
 def test_rows_beyond_those_that_may_wait_are_lost_and_told(tmp_path):
     writer, event = JournalWriter(tmp_path, Keep()), EventRow(0, "2025", 0.0, EventKind.FAULT, "SKIN_SILENT")
     for _ in range(MOST_ROWS):
