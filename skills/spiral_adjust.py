@@ -277,7 +277,9 @@ class TiltSweep:
         """
         across = tcp.rotation[:2, 1]
         amplitude = length * min(tilt + SWEPT_BEYOND, MOST_SWEPT)
-        return TiltSweep(elapsed, -math.copysign(amplitude, self.amplitude), across / max(float(np.linalg.norm(across)), 1e-9))
+        return TiltSweep(
+            elapsed, -math.copysign(amplitude, self.amplitude), across / max(float(np.linalg.norm(across)), 1e-9)
+        )
 
     def offset(self, elapsed: float, params: SpiralAdjustParams) -> Vector:
         """Return the offset of the finger centre from the line that the peg is aimed along, shape (2,), m."""

@@ -9,7 +9,6 @@ from cell.config import load
 from drivers.errors import SwitchDisagreesError, SwitchUnknownError
 from drivers.part.round import Round
 from drivers.quantities import SwitchState
-from sim.section import section_depth
 from skills.motion import minimum_jerk, tilted_by
 from skills.seating import is_seated, require_short_of_bottom
 from skills.tactile.blend import Smoothing
