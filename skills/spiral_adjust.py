@@ -1,7 +1,7 @@
 """Keep the tip still and tilt the peg along a growing spiral, pushing, until it is seated: [gibbons], Sec. V.B."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 import numpy as np
@@ -13,6 +13,7 @@ from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillRes
 from skills.latch_looks import Looks
 from skills.motion import VALIDITY, Gains, anchored, tilted_by
 from skills.paths import dither, spiral
+from skills.play import allowed_tilt
 from skills.seating import (
     CLOSED_TOLERANCE,
     OPEN_TOLERANCE,
@@ -40,6 +41,14 @@ RAISED = 0.005
 leaning peg stands on the plate with its middle at most half a breadth above it, and plate and theta err by millimetres. A hand whose joints
 rub more than they push is lifted by its own spiral.
 """
+SWEPT_BEYOND = 0.015
+"""Angle of a tilt sweep beyond the lean that the hole allows, rad: friction of the joints holds the hand off its aim by about as much. Source: decision
+0105.
+"""
+MOST_SWEPT = 0.06
+"""Largest angle of a tilt sweep, rad; a wider one turns pegs out of their holes. Source: decision 0105."""
+LET_GO = 0.5
+"""Share of rest below which a swept peg slides, so that the hand stays as it is turned then, fraction."""
 SMOOTHING = 0.3
 """Share of a new scan in the tip's speed: theta's noise moves the tip."""
 SWINGING = 0.15
@@ -108,6 +117,10 @@ class SpiralAdjustParams(SkillParams):
     swing_time: NonNegativeFloat = 0.6
     """Time for which a peg is let down gently where the hand still turns from the insertion, s; later the hand turns as this skill
     asks for. 0 as in [gibbons]. Source: decision 0088.
+    """
+    sweep_time: Annotated[float, Field(ge=0.0, le=5.0)] = 0.5
+    """Time for one tilt sweep of the hand about its closing axis, to one side and to the other, after which a peg that stands still or creeps is
+    dithered again, s; 0 sweeps nothing, as in [gibbons]. Source: decision 0105.
     """
     most_deep: Annotated[float, Field(gt=0.0, le=0.05)] = CLOSED_TOLERANCE
     """Depth below the bottom of an open switch at which a peg is believed to have slipped, m; the attempt then ends. Source: decision 0070."""
@@ -220,6 +233,10 @@ class Aim:
         """Return the axis of the peg, unit, shape (3,), whose finger centre stands off that line by `offset`, shape (2,), m."""
         return tilted_by(offset + self.in_hand.length * self.direction[:2], self.in_hand.length)
 
+    def kept(self, tcp: Pose) -> "Aim":
+        """Return the aim along which the peg lies now by its angle in the hand, so that the hand stays as it is turned."""
+        return replace(self, direction=end_point(tcp, self.in_hand.theta, self.in_hand.length)[1])
+
     def freed(self, in_hand: InHandTip, tcp: Pose, normal: Vector) -> "Aim":
         """Return the aim after a jam: theta as the skin now reads it, and every other time the direction along which
         the peg rests.
@@ -228,6 +245,46 @@ class Aim:
         """
         _, resting = end_point(tcp, in_hand.theta, in_hand.length)
         return Aim(in_hand, resting, False) if self.is_by_plate else Aim(in_hand, normal, True)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TiltSweep:
+    """A swing of the hand about its closing axis, from one side to the other, which takes a peg that both walls hold through the hole's axis; pure.
+
+    A wrong theta aims the hand aside in the one plane in which the peg pivots between the pads. The walls let the peg lean by so much at its depth, and
+    that is what the hand has to be turned by; which way is not known. Turned the wrong way the peg pivots in the hand, so that little force builds up.
+    """
+
+    began: float = -math.inf
+    """Time at which it began, as time of running, s."""
+    amplitude: float = 0.0
+    """Largest offset of the finger centre, m; its sign is the side that is swept first."""
+    direction: Vector = field(default_factory=lambda: np.zeros(2))
+    """Direction of the offset, unit, shape (2,), base frame."""
+
+    def is_on(self, elapsed: float, params: SpiralAdjustParams) -> bool:
+        """Return whether the hand still sweeps, `elapsed` seconds after the adjustment began."""
+        return elapsed - self.began < params.sweep_time
+
+    def next(self, elapsed: float, tcp: Pose, tilt: float, length: float) -> "TiltSweep":
+        """Return the sweep that begins now, first to the other side than the last one.
+
+        Args:
+            elapsed: Time of running, s.
+            tcp: Pose of the hand, T_base_tcp.
+            tilt: Largest lean that the hole allows the peg at its depth, rad.
+            length: Length of the peg from its end to the finger centre, m.
+        """
+        across = tcp.rotation[:2, 1]
+        amplitude = length * min(tilt + SWEPT_BEYOND, MOST_SWEPT)
+        return TiltSweep(
+            elapsed, -math.copysign(amplitude, self.amplitude), across / max(float(np.linalg.norm(across)), 1e-9)
+        )
+
+    def offset(self, elapsed: float, params: SpiralAdjustParams) -> Vector:
+        """Return the offset of the finger centre from the line that the peg is aimed along, shape (2,), m."""
+        turned = 2.0 * math.pi * (elapsed - self.began) / params.sweep_time
+        return self.amplitude * math.sin(turned) * self.direction
 
 
 @dataclass(frozen=True, slots=True)
@@ -286,6 +343,7 @@ def run(
     first, arrival, looks = ctx.observe(), Arrival(), Looks()
     aim, stall, guide, descent = Aim(ctx.in_hand(), plane.normal), Stall(), Guide(), Descent(plane.depth(first.tip))
     swing = at_rest = Swing(first.arm.tcp.rotation[:, 0], first.arm.stamp)
+    sweep, across = TiltSweep(), (2.0 * ctx.job.peg.part.half[1], 2.0 * hole.part.half[1])
     identity, offset, tip, running = ctx.new_id(), np.zeros(2), first.tip, 0.0
     for seen in ctx.scan(params.timeout, holding=True):
         elapsed, running, tip, is_done = seen.elapsed, seen.running, aim.tip(seen.arm.tcp), False
@@ -309,14 +367,24 @@ def run(
             or elapsed - stall.since > given_up_after(depth_of(tip, hole), hole.depth, params)
         ):
             break
-        guide = guide.after(depth, elapsed, params)
+        is_swept = sweep.is_on(elapsed, params)
+        if is_swept and descent.rest < LET_GO:
+            aim, sweep, is_swept = aim.kept(seen.arm.tcp), replace(sweep, began=-math.inf), False
+        # The periods of the dither begin again after a sweep.
+        guide = Guide(elapsed, reached=depth) if is_swept else guide.after(depth, elapsed, params)
         if guide.is_jammed and not looks.is_lifting:
             aim = aim.freed(ctx.in_hand(), seen.arm.tcp, plane.normal)
             tip = aim.tip(seen.arm.tcp)
             guide, descent = replace(guide, reached=plane.depth(tip)), Descent(plane.depth(tip))
             stall = stall.measured_anew(guide.reached, depth)
+            sweep = sweep.next(elapsed, seen.arm.tcp, allowed_tilt(guide.reached, *across), aim.in_hand.length)
         descent = descent.after(plane.depth(tip), ctx.scan_period)
-        offset, next_offset = (guide.offset(elapsed + ahead, params, descent.rest) for ahead in (0.0, ctx.scan_period))
+        offset, next_offset = (
+            sweep.offset(elapsed + ahead, params)
+            if sweep.is_on(elapsed, params)
+            else guide.offset(elapsed + ahead, params, descent.rest)
+            for ahead in (0.0, ctx.scan_period)
+        )
         ctx.progress(elapsed / params.timeout)
         swing = swing.after(seen.arm) if running < params.swing_time else at_rest
         stiffness, damping_ratio = _compliance(params, swing, depth_of(tip, hole) > hole.depth - params.arrival)

@@ -11,6 +11,7 @@ from drivers.frames import angle_between, rotation_about
 from drivers.quantities import ImpedanceSetpoint, Twist, Vector
 from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillResult
 from skills.motion import VALIDITY, Gains, anchored
+from skills.play import allowed_depth
 from skills.seating import is_seated
 from skills.surface import Plane, nominal
 from skills.tactile.estimators import EstimatorName
@@ -128,16 +129,6 @@ def run(params: TactileInsertParams, ctx: SkillContext, plane: Plane | None = No
             )
         )
     return TactileInsertResult(Outcome.FAILURE, Reason.NOT_ALIGNED, params.timeout, first_phi, phi)
-
-
-def allowed_depth(phi: float, peg: float, hole: float) -> float:
-    """Return the largest depth of the lowest point of a peg that is tilted by `phi` > 0, rad, in a hole; diameters and
-    depth in m.
-
-    In the plane of the tilt, which is exact to 1 um below 8 degrees: the side of the peg lies in the hole by s, where
-    s sin(phi) + peg cos(phi) = hole.
-    """
-    return (hole - peg * math.cos(phi)) / math.tan(phi)
 
 
 def turned(elapsed: float, rate: float, run_up: float) -> tuple[float, float]:

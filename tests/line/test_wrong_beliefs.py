@@ -2,6 +2,9 @@
 
 from dataclasses import replace
 
+import pytest
+
+import cell.assembly
 import sim.disturb
 from cell.config import load
 from cell.lab.trials import run_trial
@@ -25,3 +28,28 @@ def test_an_offset_and_noise_of_the_wrench_press_no_harder(monkeypatch):
     config = load().cell
     row = run_trial(config, 62001)
     assert (row.outcome, row.peak_contact_force < config.limits.force) == ("success", True)
+
+
+class Biased:
+    """An estimator that reads theta wrong by the same angle in every frame."""
+
+    def __init__(self, estimator, bias):
+        self.estimator, self.bias = estimator, bias
+
+    def estimate(self, frame):
+        pose = self.estimator.estimate(frame)
+        return replace(pose, theta=pose.theta + self.bias)
+
+
+def adjusted_with(monkeypatch, bias, seed, *keys):
+    """Return the row of a trial whose theta is wrong by `bias`, rad."""
+    make = cell.assembly.make_estimator
+    monkeypatch.setattr(cell.assembly, "make_estimator", lambda config: Biased(make(config), bias))
+    return run_trial(load(sets=["hole.area=[0.02,0.02]", *keys]).cell, seed)
+
+
+@pytest.mark.parametrize("bias", [-0.06, 0.06])
+def test_a_peg_whose_angle_is_believed_3_degrees_wrong_is_swept_through_the_holes_axis(monkeypatch, bias):
+    rows = [adjusted_with(monkeypatch, bias, seed) for seed in (159901, 159902)]
+    assert [(row.outcome, row.retries, row.peak_contact_force < 25.0) for row in rows] == [("success", 0, True)] * 2
+    assert max(row.adjust_time for row in rows) < 4.0

@@ -12,7 +12,7 @@ import numpy as np
 
 from drivers.quantities import Vector
 from skills.paths import TURN_TIME
-from skills.tactile_insert import allowed_depth
+from skills.play import LEAST, allowed_depth
 
 SPEEDS: Vector = np.arange(0.02, 0.6, 0.001)
 """Speeds among which the best one is looked for, m/s."""
@@ -20,10 +20,6 @@ STEP = 1e-4
 """Step with which a descent is integrated, s."""
 LONGEST = 5.0
 """Time after which a descent is given up, s."""
-STEEPEST = math.radians(8.0)
-"""Largest lean between the walls that is looked at, rad."""
-LEAST = 1e-5
-"""Lean below which a peg counts as upright, rad."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,15 +214,3 @@ class Upright:
 def critical_damping(stiffness: float, mass: float) -> float:
     """Return the damping, N·s/m, that is critical for a stiffness, N/m, and a mass, kg: 2 sqrt(k m)."""
     return 2.0 * math.sqrt(stiffness * mass)
-
-
-def most_lean(depth: float, peg: float, hole: float) -> float:
-    """Return the largest lean of a round peg that is `depth` m deep in a round hole, rad, by bisection of `allowed_depth`; diameters in m.
-
-    Beyond `STEEPEST`, where a peg leans over the rim, that formula does not hold; it is what a peg gets that is less deep.
-    """
-    low, high = LEAST, STEEPEST
-    for _ in range(60):
-        middle = (low + high) / 2.0
-        low, high = (middle, high) if allowed_depth(middle, peg, hole) > depth else (low, middle)
-    return low

@@ -12,11 +12,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from cell.lab.limits.bounds import Dip, fall_depth, most_lean, turn_force
+from cell.lab.limits.bounds import Dip, fall_depth, turn_force
 from cell.lab.limits.cases import FAST, STATED
 from cell.lab.limits.lines import STILL, Study
 from drivers.quantities import Vector
 from sim.metering import OVER_FORCE
+from skills.play import allowed_tilt
 
 CHART = "limits.png"
 INK, BEYOND, BLUE, RED, GREEN, GREY = "#222222", "#e6e6e6", "#4477aa", "#ee6677", "#228833", "#888888"
@@ -263,7 +264,7 @@ def _lean(axes: Axes, stated: Sequence[Study]) -> None:
         return
     peg, bore = stated[0].config.job().peg.part.thickness, stated[0].config.job().hole.part.thickness
     depths = np.linspace(0.2e-3, 0.0205, 400)
-    most = np.degrees([most_lean(float(depth), peg, bore) for depth in depths])
+    most = np.degrees([allowed_tilt(float(depth), peg, bore) for depth in depths])
     axes.fill_between(1e3 * depths, most, 20.0, color=BEYOND, zorder=1)
     axes.plot(1e3 * depths, most, "-", color=INK, lw=2, zorder=3)
     counts = [0, 0]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cell.cell_config import CellConfig
-from cell.lab.limits.bounds import Cover, Dip, Down, Upright, critical_damping, fall_time, most_lean, turn_time
+from cell.lab.limits.bounds import Cover, Dip, Down, Upright, critical_damping, fall_time, turn_time
 from cell.lab.limits.cases import AREA, Case
 from cell.lab.limits.measure import LimitsRow, Pass, Turn, searching
 from cell.statistics import Z95
@@ -15,6 +15,7 @@ from drivers.quantities import Vector
 from sim.metering import OVER_FORCE
 from skills.catalogue import ADJUST
 from skills.contract import Outcome
+from skills.play import allowed_tilt
 from skills.search.course import leading
 from skills.spiral_adjust import ARRIVING
 
@@ -234,7 +235,7 @@ class Study:
     def _jam(self) -> LimitsLine:
         peg, bore = self.config.job().peg.part.thickness, self.config.job().hole.part.thickness
         moving, still = self.scans()
-        shares = [lean / most_lean(depth, peg, bore) for depth, lean in still if depth > BETWEEN]
+        shares = [lean / allowed_tilt(depth, peg, bore) for depth, lean in still if depth > BETWEEN]
         told = f"lean that both walls allow; slower than {1e3 * STILL:g} mm/s in {len(still)} of {len(still) + len(moving)} scans"
         return self._line("lean of a peg that stands still", "of it", [1.0], shares, told)
 

@@ -9,12 +9,11 @@ from cell.config import load
 from drivers.errors import SwitchDisagreesError, SwitchUnknownError
 from drivers.part.round import Round
 from drivers.quantities import SwitchState
-from sim.section import section_depth
 from skills.motion import minimum_jerk, tilted_by
 from skills.seating import is_seated, require_short_of_bottom
 from skills.tactile.blend import Smoothing
 from skills.tactile.pose import NO_PEG, PegPose
-from skills.tactile_insert import MOST_LEAD, allowed_depth, push_stiffness, turned, within_reach
+from skills.tactile_insert import MOST_LEAD, push_stiffness, turned, within_reach
 
 JOB = load().cell.job()
 HOLE = JOB.hole
@@ -41,13 +40,6 @@ def test_a_setpoint_that_is_upright_at_once_leads_the_peg_by_no_more_than_the_ga
     lead = min(tilt, MOST_LEAD)
     np.testing.assert_allclose(within_reach(axis, up), [math.sin(tilt - lead), 0.0, math.cos(tilt - lead)], atol=1e-15)
     assert turned(0.01, 0.0, 0.0) == (math.inf, 0.0)
-
-
-@pytest.mark.parametrize(("peg", "hole"), [(0.008, 0.00802), (0.008, 0.0081), (0.004, 0.0041), (0.016, 0.0162)])
-@pytest.mark.parametrize("degrees", [4.0, 5.7, 7.5])
-def test_what_a_tilt_allows_is_as_deep_as_the_exact_section_says(peg: float, hole: float, degrees: float) -> None:
-    phi = math.radians(degrees)
-    assert allowed_depth(phi, peg, hole) == pytest.approx(section_depth(peg, hole, phi, 4001), abs=1e-6)
 
 
 def test_the_closing_axis_lies_in_the_plane_of_the_tilt_and_across_the_peg() -> None:

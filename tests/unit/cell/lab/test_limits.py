@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from cell.lab.limits.bounds import (
-    STEEPEST,
     Dip,
     Down,
     Upright,
@@ -15,7 +14,6 @@ from cell.lab.limits.bounds import (
     fall_time,
     half_width,
     mobility,
-    most_lean,
     turn_force,
     turn_time,
     turning_force,
@@ -128,20 +126,6 @@ def test_a_hand_comes_upright_as_its_stiffness_and_inertia_say():
         lean += step * rate
     assert hand.at(0.3) == pytest.approx(lean, rel=1e-3)
     assert hand.at(0.0) == 0.1
-
-
-@pytest.mark.parametrize("depth", [2e-3, 5e-3, 0.01, 0.02])
-def test_the_most_lean_of_a_peg_makes_it_touch_both_walls(depth):
-    lean = most_lean(depth, 8e-3, 8.1e-3)
-    turn = np.array([[math.cos(lean), math.sin(lean)], [-math.sin(lean), math.cos(lean)]])
-    # The section of the peg in the plane of its lean: the side above the lowest corner touches the mouth, the other corner the other wall.
-    lowest, other, along = turn @ [4e-3, 0.0], turn @ [-4e-3, 0.0], turn @ [0.0, 1.0]
-    mouth = lowest + along * depth / along[1]
-    assert mouth[0] - other[0] == pytest.approx(8.1e-3, rel=1e-6)
-
-
-def test_the_most_lean_of_a_peg_that_is_hardly_in_is_the_steepest_that_is_looked_at():
-    assert most_lean(1e-3, 8e-3, 8.1e-3) == pytest.approx(STEEPEST)
 
 
 def test_a_fall_is_told_between_two_scans_by_the_root_of_its_depth():
