@@ -33,9 +33,9 @@ strikes the wall.
 """
 AT_BOTTOM = 2.0
 """Multiple of the stall timeout that a peg at the bottom is given."""
-CREEP = 5.0
+CREEP = 10.0
 """Multiple of `jammed` that a peg must gain in a period of the dither, or it is freed as one that stands still is: a peg that
-is pushed along its hole gains fifty times as much, and one that wedges creeps."""
+is pushed along its hole gains fifty times as much, and one that wedges creeps. Source: decision 0105."""
 RAISED = 0.005
 """Height of the tip above the surface, beyond half the peg's breadth, from which on nothing holds the peg and the attempt ends, m: the rim of a
 leaning peg stands on the plate with its middle at most half a breadth above it, and plate and theta err by millimetres. A hand whose joints
@@ -106,7 +106,7 @@ class SpiralAdjustParams(SkillParams):
     dither_period: PositiveFloat
     """Period of the dither, s; within it the radius fades to nothing."""
     jammed: NonNegativeFloat
-    """Least progress of the tip in one period of the dither, m; with less the peg stands still. Below five times as much theta is
+    """Least progress of the tip in one period of the dither, m; with less the peg stands still. Below ten times as much theta is
     read anew from the skin, and every other time the peg is aimed along where it rests, so that only the dither's torque
     is left. Source: decision 0028; a creeping peg decision 0084.
     """
