@@ -9,24 +9,13 @@ import pytest
 from cell.config import load
 from cell.margins import inertias
 from drivers.arm.dynamics import critical_damping
-from drivers.frames import rotation_about
+from drivers.frames import end_point, rotation_about
 from drivers.quantities import ArmState, InHandTip, Pose, Wrench
 from skills.catalogue import ADJUST
 from skills.contract import Outcome, Reason
+from skills.guided_peg import CREEP, MOST_SWEPT, SLIDING, SWEPT_BEYOND, Aim, Descent, Guide, Stall, TiltSweep
 from skills.seating import CLOSED_TOLERANCE, OPEN_TOLERANCE
-from skills.spiral_adjust import (
-    CREEP,
-    MOST_SWING_DAMPING,
-    RAISED,
-    SLIDING,
-    Aim,
-    Descent,
-    Guide,
-    Stall,
-    Swing,
-    given_up_after,
-    run,
-)
+from skills.spiral_adjust import MOST_SWING_DAMPING, RAISED, Swing, given_up_after, run
 from tests.fakes import HAND_DOWN, Rig
 
 PARAMS = load().cell.params(ADJUST)
@@ -184,3 +173,41 @@ def test_the_spiral_is_fed_forward_where_it_is_asked_for(tmp_path, feeds_forward
     run(PARAMS.model_copy(update={"push_offset": 0.0, "timeout": 0.5, "feeds_forward": feeds_forward}), ctx)
     assert ctx.held is not None
     assert (ctx.held.twist is not None) == feeds_forward
+
+
+def swept(tilt, last=None, elapsed=1.0):
+    """Return the tilt sweep of a hand that points down and closes along x, by a peg that may lean by `tilt`, rad."""
+    tcp = Pose(np.zeros(3), np.column_stack([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]))
+    return (last or TiltSweep()).next(elapsed, tcp, tilt, 0.05)
+
+
+def test_a_tilt_sweep_turns_the_hand_about_its_closing_axis_to_both_sides_by_what_the_walls_allow_and_a_little_more():
+    sweep, times = swept(0.02), 1.0 + np.linspace(0.0, PARAMS.sweep_time, 41)
+    places = np.array([sweep.offset(time, PARAMS) for time in times])
+    widest = 0.05 * (0.02 + SWEPT_BEYOND)
+    np.testing.assert_allclose(places[:, 0], 0.0, atol=1e-15)
+    assert (places[:, 1].min(), places[:, 1].max()) == pytest.approx((-widest, widest))
+    assert (places[0, 1], places[20, 1], places[-1, 1]) == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)
+
+
+def test_the_next_tilt_sweep_begins_to_the_other_side_and_none_is_wider_than_the_widest():
+    first = swept(1.0)
+    second = swept(1.0, first, elapsed=3.0)
+    assert abs(first.amplitude) == pytest.approx(0.05 * MOST_SWEPT)
+    assert second.amplitude == -first.amplitude
+
+
+def test_a_tilt_sweep_lasts_as_long_as_the_recipe_says_and_the_published_adjustment_has_none():
+    sweep = swept(0.02)
+    assert (sweep.is_on(1.0 + 0.99 * PARAMS.sweep_time, PARAMS), sweep.is_on(1.01 + PARAMS.sweep_time, PARAMS)) == (
+        True,
+        False,
+    )
+    published = load(sets=["preset=paper"]).cell.params(ADJUST)
+    assert not sweep.is_on(1.0, published)
+
+
+def test_an_aim_that_is_kept_leaves_the_hand_as_it_is_turned():
+    aim, tcp = Aim(InHandTip(0.1, 0.05, 0.0), np.array([0.0, 0.0, 1.0])), Pose(np.zeros(3), HAND_DOWN)
+    _, axis = end_point(tcp, 0.1, 0.05)
+    np.testing.assert_allclose(aim.kept(tcp).axis(np.zeros(2)), axis, atol=1e-12)
