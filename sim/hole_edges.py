@@ -29,7 +29,8 @@ def collide_edge(meet, end, chamfer, radius, height):  # type: ignore[no-untyped
     beside = math.sqrt(max(away * away - along * along, 0.0))
     if along + radius * end.tilt <= -chamfer - 1e-9 or beside > radius + end.r + max(NEAR, FEATURE_BAND + meet.reach):
         return
-    side, cone = np.empty(SCAN), np.empty(SCAN)
+    clearance = np.empty((2, SCAN))
+    side, cone = clearance[0], clearance[1]
     for i in range(SCAN):
         side[i], cone[i] = _clearance(end, (radius * COS[i], radius * SIN[i], height))
     for i in range(SCAN):

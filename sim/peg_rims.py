@@ -73,11 +73,15 @@ def _inward(p, rho):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _cone(meet, p, rho):  # type: ignore[no-untyped-def]
-    """Return the distance of a point from the hole's chamfer, m; minus infinity where there is none."""
-    if meet.chamfer <= 0.0:
-        return -math.inf
-    return SLANT * (meet.hole + meet.chamfer - rho + p[2])
+def _mouth(meet):  # type: ignore[no-untyped-def]
+    """Return the radius of the hole's chamfer at the surface, m; minus infinity, which is near nothing, where there is none."""
+    return meet.hole + meet.chamfer if meet.chamfer > 0.0 else -math.inf
+
+
+@njit(cache=True)
+def _cone(mouth, height, rho):  # type: ignore[no-untyped-def]
+    """Return the distance of a point from the hole's chamfer, m."""
+    return SLANT * (mouth - rho + height)
 
 
 @njit(cache=True)
@@ -112,44 +116,53 @@ def _lowest(end):  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def collide_rim(meet, end):  # type: ignore[no-untyped-def]
     """Add the peg's rim against plane, wall, chamfer, edges and floor."""
-    hole = meet.hole
-    Z, W, S = np.empty(SCAN), np.empty(SCAN), np.empty(SCAN)
+    hole, mouth = meet.hole, _mouth(meet)
+    Z, W = np.empty(SCAN), np.empty(SCAN)
     for i in range(SCAN):
         p, _ = _rim(end, COS[i], SIN[i])
         rho = math.sqrt(p[0] * p[0] + p[1] * p[1])
-        Z[i], W[i], S[i] = p[2], hole - rho, _cone(meet, p, rho)
+        Z[i], W[i] = p[2], hole - rho
         if i % SAMPLE_EVERY == 0:
-            _put_sample(meet, p, rho)
+            cone = _cone(mouth, Z[i], rho)
+            if Z[i] >= max(W[i], cone):
+                put(meet, Z[i], p, UP, False, SAMPLE_BAND)
+            else:
+                if cone > W[i]:
+                    _put_cone(meet, cone, p, rho, SAMPLE_BAND)
+                else:
+                    put(meet, W[i], p, _inward(p, rho), True, SAMPLE_BAND)
+                put(meet, Z[i] + meet.depth, p, UP, False, SAMPLE_BAND)
     if end.tilt > 1e-9:
         p = _lowest(end)
         rho = math.sqrt(p[0] * p[0] + p[1] * p[1])
-        is_outside = p[2] >= max(hole - rho, _cone(meet, p, rho))
+        is_outside = p[2] >= max(hole - rho, _cone(mouth, p[2], rho))
         put(meet, p[2] if is_outside else p[2] + meet.depth, p, UP, False, FEATURE_BAND)
+    near = NEAR + end.r * ANGLE
     for i in range(SCAN):
         j = (i + 1) % SCAN
         h = (i - 1) % SCAN
         if W[i] <= W[h] and W[i] < W[j] and abs(W[i]) < NEAR:
             _rim_on_wall(meet, end, i * ANGLE)
-        _cross(meet, end, i, (PLANE, WALL, CONE), (Z[i], Z[j]), (W[i], W[j]))
-        if meet.chamfer > 0.0:
-            if S[i] <= S[h] and S[i] < S[j] and abs(S[i]) < NEAR:
-                _rim_on_cone(meet, end, i * ANGLE)
-            _cross(meet, end, i, (PLANE, CONE, WALL), (Z[i], Z[j]), (S[i], S[j]))
-            _cross(meet, end, i, (CONE, WALL, PLANE), (S[i], S[j]), (W[i], W[j]))
+        if _is_crossed((Z[i], Z[j]), (W[i], W[j]), near):
+            _edge_on_edge(meet, end, i, (PLANE, WALL, CONE), (Z[i] - W[i], Z[j] - W[j]))
+    if meet.chamfer > 0.0:
+        _collide_cone(meet, end, Z, W)
 
 
 @njit(cache=True)
-def _put_sample(meet, p, rho):  # type: ignore[no-untyped-def]
-    """Add a point of the rim against the plane, or against wall or chamfer and the floor."""
-    wall, cone = meet.hole - rho, _cone(meet, p, rho)
-    if p[2] >= max(wall, cone):
-        put(meet, p[2], p, UP, False, SAMPLE_BAND)
-        return
-    if cone > wall:
-        _put_cone(meet, cone, p, rho, SAMPLE_BAND)
-    else:
-        put(meet, wall, p, _inward(p, rho), True, SAMPLE_BAND)
-    put(meet, p[2] + meet.depth, p, UP, False, SAMPLE_BAND)
+def _collide_cone(meet, end, Z, W):  # type: ignore[no-untyped-def]
+    """Add the peg's rim against the hole's chamfer and both edges of it, given its distances to plane and wall, m."""
+    near = NEAR + end.r * ANGLE
+    S = SLANT * (meet.chamfer + W + Z)
+    for i in range(SCAN):
+        j = (i + 1) % SCAN
+        h = (i - 1) % SCAN
+        if S[i] <= S[h] and S[i] < S[j] and abs(S[i]) < NEAR:
+            _rim_on_cone(meet, end, i * ANGLE)
+        if _is_crossed((Z[i], Z[j]), (S[i], S[j]), near):
+            _edge_on_edge(meet, end, i, (PLANE, CONE, WALL), (Z[i] - S[i], Z[j] - S[j]))
+        if _is_crossed((S[i], S[j]), (W[i], W[j]), near):
+            _edge_on_edge(meet, end, i, (CONE, WALL, PLANE), (S[i] - W[i], S[j] - W[j]))
 
 
 @njit(cache=True)
@@ -166,7 +179,7 @@ def _rim_on_wall(meet, end, angle):  # type: ignore[no-untyped-def]
         angle -= min(max(slope / bend, -ANGLE), ANGLE)
     p, _ = _rim(end, math.cos(angle), math.sin(angle))
     rho = math.sqrt(p[0] * p[0] + p[1] * p[1])
-    if hole - rho > max(p[2], _cone(meet, p, rho)):
+    if hole - rho > max(p[2], _cone(_mouth(meet), p[2], rho)):
         put(meet, hole - rho, p, _inward(p, rho), True, FEATURE_BAND)
 
 
@@ -186,25 +199,21 @@ def _rim_on_cone(meet, end, angle):  # type: ignore[no-untyped-def]
         angle -= min(max((dp[2] - drho) / bend, -ANGLE), ANGLE)
     p, _ = _rim(end, math.cos(angle), math.sin(angle))
     rho = math.sqrt(p[0] * p[0] + p[1] * p[1])
-    distance = _cone(meet, p, rho)
+    distance = _cone(_mouth(meet), p[2], rho)
     if distance > max(p[2], meet.hole - rho):
         _put_cone(meet, distance, p, rho, FEATURE_BAND)
 
 
 @njit(cache=True)
-def _cross(meet, end, i, faces, first, second):  # type: ignore[no-untyped-def]
-    """Add the rim against an edge of the hole where two faces change places between a scanned point and the next one.
+def _is_crossed(first, second, near):  # type: ignore[no-untyped-def]
+    """Return whether two faces change places between a scanned point and the next one, and are near there.
 
     Args:
-        meet: Pair of plate and peg.
-        end: Rim of the peg.
-        i: Number of the scanned point.
-        faces: The two faces, and the third one, which must not be nearer.
         first: Distances to the first face at both points, m.
         second: Distances to the second face at both points, m.
+        near: Distance up to which they are near, m.
     """
-    if (first[0] >= second[0]) != (first[1] >= second[1]) and max(first[0], second[0]) < NEAR + end.r * ANGLE:
-        _edge_on_edge(meet, end, faces, (i * ANGLE, (i + 1) * ANGLE), (first[0] - second[0], first[1] - second[1]))
+    return (first[0] >= second[0]) != (first[1] >= second[1]) and max(first[0], second[0]) < near
 
 
 @njit(cache=True)
@@ -220,19 +229,19 @@ def _radius(meet, face):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _edge_on_edge(meet, end, faces, angles, values):  # type: ignore[no-untyped-def]
-    """Add the point of the rim between two angles where two faces are equally far, by regula falsi (Illinois).
+def _edge_on_edge(meet, end, i, faces, values):  # type: ignore[no-untyped-def]
+    """Add the point of the rim after a scanned one where two faces are equally far, by regula falsi (Illinois).
 
     Args:
         meet: Pair of plate and peg.
         end: Rim of the peg.
+        i: Number of the scanned point.
         faces: The two faces, and the third one, which must not be nearer.
-        angles: Angles of the rim on either side of the point, rad.
-        values: Distance to the first face less distance to the second one at those angles, m; of unequal signs.
+        values: Distance to the first face less distance to the second one at that point and the next one, m; of unequal signs.
     """
     one, two, other = faces
     radius = two[0] * _radius(meet, two) - one[0] * _radius(meet, one)
-    (lo, hi), (flo, fhi) = angles, values
+    lo, hi, (flo, fhi) = i * ANGLE, (i + 1) * ANGLE, values
     angle = lo
     for _ in range(8):
         angle = (lo * fhi - hi * flo) / (fhi - flo)
