@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -126,9 +127,8 @@ def _lofted(rings: list[Vector], closed: bool) -> Mesh:
     if not closed:
         for i, is_first in ((0, True), (count - 1, False)):
             profile = [k * count + i for k in range(len(rings) - 1)]
-            # The rings are bottom outside, top outside, mouth, floor, and the axis below the floor: two convex pieces.
-            low, high, mouth, floor, middle, below = profile
-            ends = [(low, high, mouth), (low, mouth, floor), (low, floor, middle), (low, middle, below)]
+            # The rings are bottom outside, top outside, mouth with its chamfer, floor, and the axis below it: the first one sees all.
+            ends = [(profile[0], one, two) for one, two in pairwise(profile[1:])]
             faces += [end if is_first else end[::-1] for end in ends]
     used = np.array(faces, dtype=np.intp)
     corners = vertices[used]
