@@ -30,6 +30,7 @@ from drivers.switch.absent import NoSwitchConfig
 from drivers.switch.board_config import SerialSwitchConfig
 from plc_bridge.config import PlcConfig
 from sim.config import (
+    HOLES,
     BoardsConfig,
     ContactConfig,
     GripConfig,
@@ -253,11 +254,17 @@ class CellConfig(Catalogued):
             raise ValueError(
                 f"sim.timestep = {self.sim.timestep}: does not divide the arm's control period of {period} s; a part of it allowed"
             )
-        if not self.sim.model.has_hole_for(self.peg.part):
+        if self.sim.model.hole not in HOLES[self.peg.part.kind]:
             raise ValueError(
                 f'sim.model.hole = "{self.sim.model.hole}": facets round a hole, and peg.shape = "{self.peg.shape}";'
                 ' "exact" allowed'
             )
+        for name, section in (("peg", self.peg), ("hole", self.hole)):
+            if not self.sim.model.has_hole_for(section.part):
+                raise ValueError(
+                    f'sim.model.hole = "{self.sim.model.hole}": facets have no chamfer, and {name}.chamfer = {section.chamfer};'
+                    ' "exact" allowed'
+                )
         if not self.hole.present and self.sim.model.hole not in ("exact", "unpredicted"):
             raise ValueError(
                 f'sim.model.hole = "{self.sim.model.hole}": facets round a hole, and hole.present = false; "exact" allowed'

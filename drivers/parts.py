@@ -16,6 +16,9 @@ Point = tuple[Coordinate, Coordinate, Coordinate]
 PegSide = Annotated[float, Field(ge=0.002, le=0.03)]
 Deviation = Annotated[float, Field(ge=5e-5, le=0.1)]
 HoleSide = Annotated[float, Field(ge=0.002, le=0.031)]
+Chamfer = Annotated[float, Field(ge=0.0, le=0.002)]
+LEAST_END = 1e-3
+"""Least radius that a chamfer leaves of a peg's end, m; chosen, not measured."""
 
 
 class Peg(ConfigModel):
@@ -27,6 +30,10 @@ class Peg(ConfigModel):
     """Diameter of a round peg, m; for other shapes see `sides`. Source: [gibbons], Sec. VI."""
     sides: tuple[PegSide, PegSide] | None = None
     """Sides of a square or rectangular peg, between the pads of the hand and across them, m. Source: set for each part."""
+    chamfer: Chamfer = 0.0
+    """Width and height of a chamfer of 45 degrees round the end of a round peg, m, less than the radius by 1 mm at the least; the
+    simulation and the lowest point of a leaning peg read it. Source: set for each part.
+    """
     length: Annotated[float, Field(ge=0.02, le=0.15)]
     """Length from the finger centre to the end point, m; L of [gibbons], Eq. (2). Source: [gibbons], Sec. VI."""
     overhang: Annotated[float, Field(ge=0.005, le=0.05)]
@@ -37,11 +44,15 @@ class Peg(ConfigModel):
     @property
     def part(self) -> Part:
         """Cross-section of the peg."""
-        return part_of(self.shape, self.diameter, self.sides)
+        return part_of(self.shape, self.diameter, self.sides, self.chamfer)
 
     @model_validator(mode="after")
     def _has_size(self) -> Self:
-        part_of(self.shape, self.diameter, self.sides)
+        most = part_of(self.shape, self.diameter, self.sides, self.chamfer).reach - LEAST_END
+        if self.chamfer > 0.0 and self.chamfer >= most:
+            raise ValueError(
+                f"peg.chamfer = {self.chamfer}: leaves too little of the end; less than {most:g}, the radius less 1 mm, allowed"
+            )
         return self
 
 
@@ -92,6 +103,10 @@ class Hole(ConfigModel):
     """Diameter of a round hole, m; for other shapes see `sides`. Source: [gibbons], Sec. VI."""
     sides: tuple[HoleSide, HoleSide] | None = None
     """Sides of the hole of a square or rectangular peg, in the order of `peg.sides`, m. Source: set for each part."""
+    chamfer: Chamfer = 0.0
+    """Width and depth of a chamfer of 45 degrees round the mouth of a round hole, a countersink, m, less than `depth`; the simulation
+    reads it, and the search, which begins beside it. Source: set for each part.
+    """
     centre: Point
     """Middle of the area that contains the hole, on the plate's surface, m, base frame. Source: set for each cell."""
     area: tuple[Annotated[float, Field(ge=0.0, le=0.2)], Annotated[float, Field(ge=0.0, le=0.2)]]
@@ -126,7 +141,7 @@ class Hole(ConfigModel):
     @property
     def part(self) -> Part:
         """Cross-section of the hole."""
-        return section_of(self.diameter, self.sides)
+        return section_of(self.diameter, self.sides, self.chamfer)
 
     @property
     def plate_bounds(self) -> Bounds:
@@ -137,7 +152,11 @@ class Hole(ConfigModel):
 
     @model_validator(mode="after")
     def _has_size(self) -> Self:
-        section_of(self.diameter, self.sides)
+        section_of(self.diameter, self.sides, self.chamfer)
+        if self.chamfer >= self.depth:
+            raise ValueError(
+                f"hole.chamfer = {self.chamfer}: no bore is left; less than hole.depth = {self.depth} allowed"
+            )
         if self.evidence == "force" and (self.latch is None or self.latch.kind != "detent"):
             found = (
                 "no latch"

@@ -10,7 +10,7 @@ import numpy as np
 from drivers.compiled import njit
 from drivers.parts import Job
 from drivers.quantities import Vector
-from sim import contact, cylinder, engine, metering, native, rig
+from sim import contact, engine, metering, native, rig, shapes
 from sim.plate import Plate, geoms, words
 
 STIFFNESS, SIDEWAYS, TURNING = 1000.0, 1500.0, 40.0
@@ -83,9 +83,9 @@ class CartesianRig:
 
 
 def _model(job: Job, axis: Vector, inertia: Vector, breakaway: float, timestep: float) -> mujoco.MjModel:
-    cylinder.install()
+    shapes.install()
     half = (job.peg.length + job.peg.overhang) / 2
-    plate = Plate(np.zeros(3), np.eye(3), job.hole.part.half, job.hole.depth)
+    plate = Plate(np.zeros(3), np.eye(3), job.hole.part.half, job.hole.depth, chamfer=job.hole.chamfer)
     slides = "".join(
         f'<joint type="{kind}" axis="{int(i == 0)} {int(i == 1)} {int(i == 2)}" armature="{inertia[3 * j + i]}"/>'
         for j, kind in enumerate(("slide", "hinge"))
@@ -101,7 +101,7 @@ def _model(job: Job, axis: Vector, inertia: Vector, breakaway: float, timestep: 
         <inertial mass="1e-6" pos="0 0 0" diaginertia="1e-9 1e-9 1e-9"/>
         <body name="peg"><joint name="pivot" type="hinge" axis="0 1 0" frictionloss="{breakaway}"
         solreffriction="{2 * timestep} 1" solimpfriction="0.9999 0.9999 0.001 0.5 2"/>
-        <geom name="peg" type="cylinder" size="{job.peg.part.thickness / 2} {half}" pos="{words((half - job.peg.length) * axis)}"
+        <geom name="peg" {shapes.peg_geom(job.peg.part, half)} pos="{words((half - job.peg.length) * axis)}"
         zaxis="{words(axis)}" mass="{job.peg.mass}" contype="0" conaffinity="1"/>
         <site name="tip" pos="{words(-job.peg.length * axis)}" zaxis="{words(axis)}"/></body></body></worldbody></mujoco>"""
     )

@@ -155,7 +155,9 @@ class GripConfig(ConfigModel):
     """Distance by which the peg slides unnoticed into the hand when it is first pushed, m. Source: assumed."""
 
 
-HOLES = {"round": {"exact", "unpredicted", "flats", "boxes"}, "rectangular": {"exact", "unpredicted"}}
+CLOSED = {"exact", "unpredicted"}
+"""Models of the hole in closed form."""
+HOLES = {"round": CLOSED | {"flats", "boxes"}, "rectangular": CLOSED}
 """Models of the hole by kind of part; flats and a ring of boxes need a round hole."""
 
 
@@ -190,8 +192,8 @@ class ModelConfig(ConfigModel):
     """Model of the grip; a hinge with the pads' friction, or rigid pads in contact. Source: measured by `cell study contact`."""
 
     def has_hole_for(self, part: Part) -> bool:
-        """Return whether this model of the hole serves such parts."""
-        return self.hole in HOLES[part.kind]
+        """Return whether this model of the hole serves such parts; facets have no chamfers."""
+        return self.hole in (CLOSED if part.chamfer > 0.0 else HOLES[part.kind])
 
 
 class FixtureConfig(ConfigModel):

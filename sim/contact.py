@@ -38,6 +38,7 @@ PLATE = np.dtype(
         ("middle_y", "f8"),
         ("half_x", "f8"),
         ("half_y", "f8"),
+        ("chamfer", "f8"),
     ]
 )
 """Record that lies in a plate's `geom_user`; `plate_user` fills it in."""
@@ -105,6 +106,8 @@ class Meeting(NamedTuple):
     """Half the extent along y, m."""
     depth: float
     """Depth of the hole's floor, m."""
+    chamfer: float
+    """Width and depth of the chamfer at the hole's mouth, m."""
     origin: tuple[float, float, float]
     """Middle of the hole's mouth, m, base frame."""
     rows: tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
@@ -128,6 +131,7 @@ def plate_user(
     mode: int = EXACT,
     has_flats: bool = False,
     outline: tuple[float, float, float, float] = ENDLESS,
+    chamfer: float = 0.0,
 ) -> Vector:
     """Return a plate's `geom_user`, shape (USER,); the plate's frame has its origin at the middle of the hole's mouth, z outward.
 
@@ -140,6 +144,7 @@ def plate_user(
         mode: EXACT, UNPREDICTED, PROBE or NONE.
         has_flats: Whether the boxes of `sim.flats` follow the plate's geom.
         outline: Rectangle of the plate: middle and half the extents along x and y, m, plate frame; beyond it nothing is touched.
+        chamfer: Width and depth of the chamfer of 45 degrees at the mouth of a round hole, m.
     """
     first, second = solref or (2.0 * timestep, 1.0)
     # MuJoCo's k and b: of (tau, zeta) they are 1/(d tau zeta)^2 and 2/(d tau), of (-k, -b) k/d^2 and b/d.
@@ -147,7 +152,7 @@ def plate_user(
         rub, lift = (FRICTION_LAG * first, second), 2.0 * IMPEDANCE * first * second * second
     else:
         rub, lift = (first, second / FRICTION_LAG), IMPEDANCE * second / first
-    ends = (*rub, lift / FRICTION_LAG, *outline)
+    ends = (*rub, lift / FRICTION_LAG, *outline, chamfer)
     values = (*half, hole_depth, max(friction, FRICTION_FLOOR), timestep, first, second, mode, has_flats, *ends)
     return np.array(values, dtype=float)
 
@@ -162,6 +167,12 @@ def plate_of(model, geom):  # type: ignore[no-untyped-def]
 def plate_at(address):  # type: ignore[no-untyped-def]
     """Return the plate's `geom_user` at an address, a record of `PLATE`."""
     return carray(native.pointer(address), (1,), PLATE)[0]
+
+
+@njit(cache=True)
+def peg_chamfer(model, geom):  # type: ignore[no-untyped-def]
+    """Return the chamfer of a peg, m, the first word of its own `geom_user`; see `sim.shapes.peg_geom`."""
+    return carray(native.pointer(plate_of(model, geom)), (1,), np.float64)[0]
 
 
 @njit(cache=True)
@@ -225,6 +236,7 @@ def meeting(model, data, geom_plate, geom_peg, g, lever):  # type: ignore[no-unt
         plate.hole,
         plate.across,
         plate.depth,
+        plate.chamfer,
         (origin[0], origin[1], origin[2]),
         ((R[0, 0], R[0, 1], R[0, 2]), (R[1, 0], R[1, 1], R[1, 2]), (R[2, 0], R[2, 1], R[2, 2])),
         (com[0], com[1], com[2]),

@@ -22,7 +22,7 @@ from sim import engine, metering, native, rig
 from sim.arm import SimArm
 from sim.cartesian_rig import RATE, SIDEWAYS, STIFFNESS, TURNING, CartesianRig
 from sim.config import ContactConfig, GripConfig, ModelConfig, SimConfig
-from sim.section import section_depth
+from sim.section import chamfered_depth, section_depth
 from sim.shapes import exact_depth
 from sim.world import World
 
@@ -183,18 +183,21 @@ def _circle(elapsed: float) -> Vector:
 
 
 @cache
-def _depths(peg: float, hole: float) -> tuple[Vector, Vector]:
+def _depths(job: Job) -> tuple[Vector, Vector]:
     """Return tilts, rad, and the exact depths there, m, as logarithms: between tilts the depth follows a power law."""
     tilts = np.radians(np.geomspace(0.5, 40.0, 48))
-    return np.log(tilts), np.log([section_depth(peg, hole, float(t), 1001) for t in tilts])
+    peg, hole = job.peg.part, job.hole.part
+    if peg.chamfer > 0.0 or hole.chamfer > 0.0:
+        return np.log(tilts), np.log([chamfered_depth(peg, hole, float(t), 501) for t in tilts])
+    return np.log(tilts), np.log([section_depth(peg.thickness, hole.thickness, float(t), 1001) for t in tilts])
 
 
 def _excess(job: Job, end: Vector, lean: float) -> float:
     """Return by how much the peg is deeper than its tilt allows, relative; -1 where it is not at the hole."""
     if math.hypot(end[0], end[1]) > job.hole.part.thickness:
         return -1.0
-    depth = job.peg.part.thickness / 2 * math.sin(lean) - float(end[2])
-    return depth / math.exp(np.interp(math.log(lean), *_depths(job.peg.part.thickness, job.hole.part.thickness))) - 1.0
+    depth = (job.peg.part.thickness / 2 - job.peg.chamfer) * math.sin(lean) - float(end[2])
+    return depth / math.exp(np.interp(math.log(lean), *_depths(job))) - 1.0
 
 
 def _cartesian(arm_model: ArmModel, job: Job) -> HandRow:

@@ -39,6 +39,8 @@ class Plate:
 
     outline: tuple[float, float, float, float] = contact.ENDLESS
     """Middle and half the extents of the plate along x and y of its own frame, m; beyond them nothing is touched."""
+    chamfer: float = 0.0
+    """Width and depth of the chamfer of 45 degrees at the mouth of a round hole, m."""
 
     def is_below(self, place: Vector) -> bool:
         """Whether the plate is what lies below a place, shape (3,), m, base frame."""
@@ -83,7 +85,8 @@ def geoms(
     mode = contact.UNPREDICTED if model.hole == "unpredicted" else contact.EXACT
     if has_facets:
         mode = contact.PROBE if is_judged else contact.NONE
-    user = contact.plate_user(plate.half, plate.depth, friction, timestep, solref, mode, has_flats, plate.outline)
+    how = (timestep, solref, mode, has_flats)
+    user = contact.plate_user(plate.half, plate.depth, friction, *how, plate.outline, plate.chamfer)
     x, y, half_x, half_y = plate.outline
     # The ellipsoid bounds the volume in which the closed form is asked at all.
     around = math.hypot(abs(x) + half_x, abs(y) + half_y)

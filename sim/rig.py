@@ -50,7 +50,7 @@ def tilted_peg(
     """
     shapes.install()
     length, axes = 0.05, attitude(tilt, azimuth)
-    plate = Plate(np.zeros(3), np.eye(3), hole.half, HOLE_DEPTH)
+    plate = Plate(np.zeros(3), np.eye(3), hole.half, HOLE_DEPTH, chamfer=hole.chamfer)
     turn = np.empty(4)
     mujoco.mju_mat2Quat(turn, axes.flatten())
     return mujoco.MjModel.from_xml_string(

@@ -2,6 +2,7 @@
 
 import math
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 
@@ -48,6 +49,57 @@ def section_depth(diameter: float, hole: float, tilt: float, points: int = 40001
         depth = (low + high) / 2.0
         low, high = (depth, high) if fits(depth) else (low, depth)
     return low
+
+
+def chamfered_depth(peg: Part, hole: Part, tilt: float, points: int) -> float:
+    """Return the exact depth of the lowest point of a round peg in a round hole, m, where peg or hole are chamfered.
+
+    Every line of the peg's surface, from the rim of its end over its chamfer and up its side, is followed through the hole.
+    The hole's radius is linear in the height between surface, lower end of the chamfer and what is below, and a distance from an
+    axis is convex along a line, so that a line fits where its ends, its bend and its points at those heights do.
+
+    Args:
+        peg: Cross-section of the peg.
+        hole: Cross-section of the hole.
+        tilt: Angle between the axes, rad, > 0.
+        points: Number of lines on half the peg, which is symmetric.
+    """
+    angle = np.linspace(0.0, math.pi, points)
+    tilted = np.array([[math.cos(tilt), 0.0, math.sin(tilt)], [0.0, 1.0, 0.0], [-math.sin(tilt), 0.0, math.cos(tilt)]])
+    ways = ((peg.reach - peg.chamfer, 0.0), (peg.reach, peg.chamfer), (peg.reach, peg.chamfer + 10.0 * DEEPEST))
+    knots = [
+        tilted @ np.array([radius * np.cos(angle), radius * np.sin(angle), np.full(points, height)])
+        for radius, height in ways
+    ]
+    lowest = min(float(knot[2].min()) for knot in knots)
+
+    def fits(depth: float) -> bool:
+        lift = np.array([[0.0], [0.0], [-lowest - depth]])
+        told = [knot + lift for knot in knots]
+        told += [_at(a, b, level) for a, b in pairwise(told) for level in (0.0, -hole.chamfer)]
+        x, y, z = np.concatenate(told, axis=1)
+        room = hole.reach + np.maximum(hole.chamfer + z, 0.0)
+        x, y, room = (each[z <= 1e-12] for each in (x, y, room))
+        low, high = -2.0 * hole.reach, 2.0 * hole.reach
+        for _ in range(40):
+            third = (high - low) / 3.0
+            ahead, behind = (float(np.max(np.hypot(x - at, y) - room)) for at in (low + third, high - third))
+            low, high = (low, high - third) if ahead < behind else (low + third, high)
+        return bool(np.max(np.hypot(x - low, y) - room) <= 0.0)
+
+    low, high = 0.0, DEEPEST
+    for _ in range(25):
+        depth = (low + high) / 2.0
+        low, high = (depth, high) if fits(depth) else (low, depth)
+    return low
+
+
+def _at(start: Vector, end: Vector, level: float) -> Vector:
+    """Return the points of lines, from `start` to `end`, each of shape (3, n), at a height, m; a line that does not reach it gives its start."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = (level - start[2]) / (end[2] - start[2])
+    share = np.where((share >= 0.0) & (share <= 1.0), share, 0.0)
+    return start + share * (end - start)
 
 
 def polygonal_depth(peg: Part, hole: Part, axes: Vector) -> float:

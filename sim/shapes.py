@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from drivers.part.contract import Part
 from drivers.quantities import Vector
 from sim import cylinder, rectangular
-from sim.section import polygonal_depth, section_depth
+from sim.section import chamfered_depth, polygonal_depth, section_depth
 
 POINTS = 4001
 """Number of points on a round rim from which the exact depth is computed."""
@@ -29,6 +29,8 @@ class Solid:
 
 def _round_depth(peg: Part, hole: Part, axes: Vector) -> float:
     tilt = math.atan2(math.hypot(axes[0, 2], axes[1, 2]), axes[2, 2])
+    if peg.chamfer > 0.0 or hole.chamfer > 0.0:
+        return chamfered_depth(peg, hole, tilt, POINTS // 2 + 1)
     return section_depth(peg.thickness, hole.thickness, tilt, POINTS)
 
 
@@ -46,9 +48,9 @@ def install() -> None:
 
 
 def peg_geom(part: Part, half_length: float) -> str:
-    """Return type and size of a peg's geom, as attributes of MuJoCo's XML."""
+    """Return type, size and chamfer of a peg's geom, as attributes of MuJoCo's XML; the chamfer is the first word of `geom_user`."""
     solid = SOLIDS[part.kind]
-    return f'type="{solid.geom}" size="{solid.size(part)} {half_length}"'
+    return f'type="{solid.geom}" size="{solid.size(part)} {half_length}" user="{part.chamfer!r}"'
 
 
 def exact_depth(peg: Part, hole: Part, axes: Vector) -> float:

@@ -371,8 +371,12 @@ class Stepper:
 
     def lowest(self) -> float:
         """Return the height of the peg's lowest point, m, base frame."""
-        axis = self.peg_view.axes[:, 2]
-        return float(self.end()[2] - self.scene.size.reach * math.hypot(axis[0], axis[1]))
+        axis, size = self.peg_view.axes[:, 2], self.scene.size
+        lean = math.hypot(axis[0], axis[1])
+        # The lower of the two rims that a chamfer has.
+        return float(
+            self.end()[2] - max((size.reach - size.chamfer) * lean, size.reach * lean - size.chamfer * axis[2])
+        )
 
     def depth(self) -> tuple[float, bool]:
         """Return the depth of the tip below the hole's mouth along its axis, m, and whether it is in the hole."""

@@ -47,6 +47,8 @@ class PegSize:
 
     reach: float
     """Largest distance of a point of the end from the axis, m."""
+    chamfer: float
+    """Width and height of the chamfer at the end, m."""
     half: float
     """Half the length, overhang included, m."""
     weight: float
@@ -92,12 +94,13 @@ class TrialScene:
         """Geoms of the pads in the free model."""
         self.size = PegSize(
             reach=job.peg.part.reach,
+            chamfer=job.peg.chamfer,
             half=(job.peg.length + job.peg.overhang) / 2,
             weight=float(held.body("peg").mass[0] * GRAVITY),
         )
-        reach = job.hole.part.reach if job.hole.present else contact.SOLID
+        reach = job.hole.part.reach + job.hole.chamfer if job.hole.present else contact.SOLID
         self.hole: Vector = np.array([*self.plate.position, *self.plate.rotation[:, 2], reach])
-        """Middle of the mouth, outward axis and reach of the hole, see `peg_distances.is_far`."""
+        """Middle of the mouth, outward axis and reach of the hole with its chamfer, see `peg_distances.is_far`."""
 
     def racked(self) -> Pose:
         """Return the pose of the peg's middle in its slot."""
@@ -131,7 +134,8 @@ def _plate(job: Job, drawn: Draw) -> Plate:
     half = hole.part.half if hole.present else (contact.SOLID, contact.SOLID)
     # A switch needs some way to close; without one the bottom is where the part is seated.
     floor = hole.depth - hole.shallow + (FLOOR_MARGIN if hole.evidence == "switch" else 0.0)
-    return Plate(drawn.hole, lean, half, floor, outline_of(drawn.hole, lean, *job.hole.plate_bounds))
+    chamfer = hole.chamfer if hole.present else 0.0
+    return Plate(drawn.hole, lean, half, floor, outline_of(drawn.hole, lean, *hole.plate_bounds), chamfer)
 
 
 def _rack(job: Job, drawn: Draw) -> Plate:

@@ -13,7 +13,7 @@ def allowed_depth(phi: float, peg: float, hole: float) -> float:
     depth in m.
 
     In the plane of the tilt, which is exact to 1 um below 8 degrees: the side of the peg lies in the hole by s, where
-    s sin(phi) + peg cos(phi) = hole.
+    s sin(phi) + peg cos(phi) = hole. Chamfers are left out; a chamfered peg or hole allows more.
     """
     return (hole - peg * math.cos(phi)) / math.tan(phi)
 
@@ -21,7 +21,8 @@ def allowed_depth(phi: float, peg: float, hole: float) -> float:
 def allowed_tilt(depth: float, peg: float, hole: float) -> float:
     """Return the largest lean of a round peg that is `depth` m deep in a round hole, rad, by bisection of `allowed_depth`; diameters in m.
 
-    Beyond `STEEPEST` that formula does not hold; it is what a peg gets that is less deep.
+    Beyond `STEEPEST` that formula does not hold; it is what a peg gets that is less deep. Chamfers are left out as well, and
+    allow a larger lean.
     """
     low, high = LEAST, STEEPEST
     for _ in range(60):

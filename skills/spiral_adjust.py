@@ -102,8 +102,8 @@ class SpiralAdjustParams(SkillParams):
     asks for. 0 as in [gibbons]. Source: decision 0088.
     """
     sweep_time: Annotated[float, Field(ge=0.0, le=5.0)] = 0.5
-    """Time for one tilt sweep of the hand about its closing axis, to one side and to the other, after which a peg that stands still or creeps is
-    dithered again, s; 0 sweeps nothing, as in [gibbons]. Source: decision 0105.
+    """Time for one tilt sweep of a hand whose peg stands still or creeps, to one side and to the other, s; 0 sweeps nothing, as in [gibbons].
+    It turns the hand about its closing axis; a dither follows. Source: decision 0105.
     """
     most_deep: Annotated[float, Field(gt=0.0, le=0.05)] = CLOSED_TOLERANCE
     """Depth below the bottom of an open switch at which a peg is believed to have slipped, m; the attempt then ends. Source: decision 0070."""

@@ -102,6 +102,10 @@ class Part(Protocol):
         """Radius of the smallest circle about the section, m."""
 
     @property
+    def chamfer(self) -> float:
+        """Width and height of a chamfer of 45 degrees, m: of a peg at its end, of a hole at its mouth; 0 where there is none."""
+
+    @property
     def symmetry(self) -> float:
         """Smallest turn about the peg's axis after which the peg looks the same, rad; 0 where every turn leaves it the same."""
 

@@ -47,6 +47,11 @@ class Rectangular:
         return math.sqrt(self.a * self.a + self.b * self.b) / 2
 
     @property
+    def chamfer(self) -> float:
+        """Zero, m: parts with corners have none."""
+        return 0.0
+
+    @property
     def symmetry(self) -> float:
         """Half a turn, or a quarter of a turn for a square, rad."""
         return math.pi / 2 if self.a == self.b else math.pi

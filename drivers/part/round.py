@@ -21,6 +21,8 @@ class Round:
     kind: ClassVar[str] = "round"
     diameter: float
     """Diameter of the circle, m."""
+    chamfer: float = 0.0
+    """Width and height of a chamfer of 45 degrees, m: of a peg at its end, of a hole at its mouth."""
 
     @property
     def half(self) -> tuple[float, float]:
@@ -67,7 +69,7 @@ class Round:
         return self.reach * np.column_stack([np.cos(angle), np.sin(angle)])
 
     def grown(self, gap: float) -> Self:
-        """Return a circle whose radius is larger by `gap`, m."""
+        """Return a circle whose radius is larger by `gap`, m, without a chamfer."""
         return type(self)(self.diameter + 2 * gap)
 
     def clearance(self, hole: "Round") -> float:
@@ -90,7 +92,15 @@ class Round:
         return axis, closing
 
     def lowest(self, tip: Vector, axis: Vector, closing: Vector) -> Vector:
-        """Return the lowest point of the rim, shape (3,), m; the middle of the end where the peg is upright."""
+        """Return the lowest point of the rim, shape (3,), m; the middle of the end where the peg is upright.
+
+        A chamfered peg has two rims; the upper one is lower where the peg leans by more than 45 degrees.
+        """
         down = axis[2] * axis - UP
         size = math.sqrt(float(down @ down))
-        return tip + (self.reach / size) * down if size > 1e-9 else tip
+        if size <= 1e-9:
+            return tip
+        point: Vector = tip + ((self.reach - self.chamfer) / size) * down
+        if self.chamfer > 0.0 and size > axis[2]:
+            point = tip + self.chamfer * axis + (self.reach / size) * down
+        return point

@@ -15,11 +15,14 @@ SIZED = ("peg", "hole")
 """The sections of a config that have a size."""
 
 
-def part_of(shape: Shape, diameter: float | None, sides: tuple[float, float] | None) -> Part:
-    """Return the cross-section that a config describes.
+def part_of(
+    shape: Shape, diameter: float | None, sides: tuple[float, float] | None, chamfer: float = 0.0, owner: str = "peg"
+) -> Part:
+    """Return the cross-section that a config describes, with the chamfer of the section `owner`, "peg" or "hole".
 
     Raises:
-        ValueError: The size is missing, is given by the key of another shape, or does not fit the shape; one line.
+        ValueError: The size is missing, is given by the key of another shape, or does not fit the shape, or a part with
+            corners has a chamfer; one line.
     """
     word = WORDS[shape]
     said = {DIAMETER: diameter, SIDES: sides}
@@ -31,20 +34,22 @@ def part_of(shape: Shape, diameter: float | None, sides: tuple[float, float] | N
                 f'{other} = {list(value) if isinstance(value, tuple) else value}: not for peg.shape = "{shape}"; {word} allowed'
             )
     if diameter is not None:
-        return Round(diameter)
+        return Round(diameter, chamfer)
     assert sides is not None
+    if chamfer > 0.0:
+        raise ValueError(f"{owner}.chamfer = {chamfer}: not for a part with corners; 0, or a round part, allowed")
     if shape == "square" and sides[0] != sides[1]:
         raise ValueError(f'sides = {list(sides)}: not equal; [{sides[0]}, {sides[0]}] or shape = "rectangular" allowed')
     return Rectangular(*sides)
 
 
-def section_of(diameter: float | None, sides: tuple[float, float] | None) -> Part:
+def section_of(diameter: float | None, sides: tuple[float, float] | None, chamfer: float = 0.0) -> Part:
     """Return the cross-section of a hole, whose shape follows from the key that gives its size.
 
     Raises:
-        ValueError: Neither key is given, or both are; one line.
+        ValueError: Neither key is given, both are, or a hole with corners has a chamfer; one line.
     """
-    return part_of("round" if sides is None else "rectangular", diameter, sides)
+    return part_of("round" if sides is None else "rectangular", diameter, sides, chamfer, "hole")
 
 
 def follow_shape(merged: Mapping[str, Any], layer: Mapping[str, Any]) -> list[tuple[str, str, str]]:

@@ -8,6 +8,7 @@ a housing about every joint in which two axes meet. It therefore looks like the 
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -197,15 +198,20 @@ def _plate(job: Job, hole: Pose | None) -> tuple[str, str]:
         return "", posts + slab + '<geom name="lamp" type="sphere" size="0.0001" pos="0 0 -5"/>'
     offset = hole.rotation.T @ (centre - hole.position)
     outline = (offset[0] - half[0], offset[0] + half[0], offset[1] - half[1], offset[1] + half[1])
-    mouth = job.hole.part.outline()
+    mouth, chamfer = job.hole.part.outline(), job.hole.chamfer
     reach = float(np.abs(mouth[:, 0]).max())
-    meshes = _mesh("whole", shapes.perforated(outline, mouth, depth, thickness, cut=False))
-    meshes += _mesh("opened", shapes.perforated(outline, mouth, depth, thickness, cut=True))
-    faces = (
-        (outline[0], -reach, -thickness, 0.0),
-        (reach, outline[1], -thickness, 0.0),
-        (-reach, reach, -thickness, -depth),
-    )
+    meshes = _mesh("whole", shapes.perforated(outline, mouth, depth, thickness, False, chamfer))
+    meshes += _mesh("opened", shapes.perforated(outline, mouth, depth, thickness, True, chamfer))
+    faces = [
+        ((outline[0], -thickness), (-reach, -thickness), (-reach, -chamfer), (outline[0], -chamfer)),
+        ((reach, -thickness), (outline[1], -thickness), (outline[1], -chamfer), (reach, -chamfer)),
+        ((-reach, -thickness), (reach, -thickness), (reach, -depth), (-reach, -depth)),
+    ]
+    if chamfer > 0.0:
+        faces += [
+            ((outline[0], -chamfer), (-reach, -chamfer), (-reach - chamfer, 0.0), (outline[0], 0.0)),
+            ((reach, -chamfer), (outline[1], -chamfer), (outline[1], 0.0), (reach + chamfer, 0.0)),
+        ]
     meshes += _cuts(faces)
     quat = np.empty(4)
     mujoco.mju_mat2Quat(quat, hole.rotation.flatten())
@@ -219,9 +225,9 @@ def _plate(job: Job, hole: Pose | None) -> tuple[str, str]:
     )
 
 
-def _cuts(faces: tuple[tuple[float, float, float, float], ...]) -> str:
-    """Return the mesh of rectangles x from and to, z from and to, m, in the plane of the cut, hatched at `HATCH`."""
-    corners = [(x, -0.0001, z) for x0, x1, z0, z1 in faces for x, z in ((x0, z0), (x1, z0), (x1, z1), (x0, z1))]
+def _cuts(faces: Sequence[Sequence[tuple[float, float]]]) -> str:
+    """Return the mesh of quadrangles, each by the x and z of its corners, m, in the plane of the cut, hatched at `HATCH`."""
+    corners = [(x, -0.0001, z) for face in faces for x, z in face]
     triangles = [4 * k + corner for k in range(len(faces)) for corner in (0, 1, 2, 0, 2, 3)]
     places = [(x / HATCH, z / HATCH) for x, _, z in corners]
     return (
@@ -233,7 +239,8 @@ def _cuts(faces: tuple[tuple[float, float, float, float], ...]) -> str:
 def _peg(job: Job) -> tuple[str, str]:
     half = (job.peg.length + job.peg.overhang) / 2
     part = job.peg.part
-    points = shapes.chamfered(part.outline(), -half, half, 0.05 * part.inscribed)
+    edge = 0.05 * part.inscribed
+    points = shapes.chamfered(part.outline(), -half, half, (part.chamfer or edge, edge))
     return f'<mesh name="peg" vertex="{_words(points)}"/>', '<geom type="mesh" mesh="peg" material="peg"/>'
 
 

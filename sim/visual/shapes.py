@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,12 @@ class Mesh:
 
 
 def perforated(
-    outline: tuple[float, float, float, float], sides: Vector, depth: float, thickness: float, cut: bool
+    outline: tuple[float, float, float, float],
+    sides: Vector,
+    depth: float,
+    thickness: float,
+    cut: bool,
+    chamfer: float = 0.0,
 ) -> Mesh:
     """Return a plate with one blind hole whose mouth is the origin, z out of the plate.
 
@@ -33,6 +39,7 @@ def perforated(
         depth: Depth of the hole's floor, m.
         thickness: Thickness of the plate, m, more than the depth.
         cut: Whether the part at negative y is cut off.
+        chamfer: Width and depth of a chamfer at the mouth, m.
     """
     x0, x1, y0, y1 = outline
     edges = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
@@ -43,10 +50,13 @@ def perforated(
     if not cut:
         rays = rays[:-1]
     mouth, rim = _reached(sides, rays), _reached(edges, rays)
+    wider = mouth * (1.0 + chamfer / np.linalg.norm(mouth, axis=1))[:, None]
+    chamfers = [_at(wider, 0.0)] if chamfer > 0.0 else []
     rings = [
         _at(rim, -thickness),
         _at(rim, 0.0),
-        _at(mouth, 0.0),
+        *chamfers,
+        _at(mouth, -chamfer),
         _at(mouth, -depth),
         np.tile([0.0, 0.0, -depth], (len(rays), 1)),
         np.tile([0.0, 0.0, -thickness], (len(rays), 1)),
@@ -66,18 +76,23 @@ def rounded_box(half: tuple[float, float, float], radius: float) -> Vector:
     return points
 
 
-def chamfered(sides: Vector, low: float, high: float, chamfer: float) -> Vector:
+def chamfered(sides: Vector, low: float, high: float, chamfers: tuple[float, float]) -> Vector:
     """Return points whose convex hull is a prism along z with both ends chamfered, shape (n, 3), m.
 
     Args:
         sides: Corners of the section, shape (n, 2), m.
         low: z of the lower end, m.
         high: z of the upper end, m.
-        chamfer: Width of the chamfers, m.
+        chamfers: Widths of the chamfers at the lower end and at the upper one, m.
     """
     width = float(np.abs(sides).max())
-    narrow = sides * (1.0 - chamfer / width)
-    rings = [_at(narrow, low), _at(sides, low + chamfer), _at(sides, high - chamfer), _at(narrow, high)]
+    narrow = [sides * (1.0 - chamfer / width) for chamfer in chamfers]
+    rings = [
+        _at(narrow[0], low),
+        _at(sides, low + chamfers[0]),
+        _at(sides, high - chamfers[1]),
+        _at(narrow[1], high),
+    ]
     points: Vector = np.concatenate(rings)
     return points
 
@@ -112,9 +127,8 @@ def _lofted(rings: list[Vector], closed: bool) -> Mesh:
     if not closed:
         for i, is_first in ((0, True), (count - 1, False)):
             profile = [k * count + i for k in range(len(rings) - 1)]
-            # The rings are bottom outside, top outside, mouth, floor, and the axis below the floor: two convex pieces.
-            low, high, mouth, floor, middle, below = profile
-            ends = [(low, high, mouth), (low, mouth, floor), (low, floor, middle), (low, middle, below)]
+            # The rings are bottom outside, top outside, mouth with its chamfer, floor, and the axis below it: the first one sees all.
+            ends = [(profile[0], one, two) for one, two in pairwise(profile[1:])]
             faces += [end if is_first else end[::-1] for end in ends]
     used = np.array(faces, dtype=np.intp)
     corners = vertices[used]

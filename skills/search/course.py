@@ -78,7 +78,7 @@ def make_course(
     start = rng.uniform(-np.array(hole.area) / 2, np.array(hole.area) / 2)
     over, begin = (half[0], half[1]), (start[0], start[1])
     path: Path
-    outside, speed = hole.part.reach + rng.uniform(*OUTSIDE), params.speed
+    outside, speed = hole.part.reach + hole.part.chamfer + rng.uniform(*OUTSIDE), params.speed
     if params.path == "lanes":
         speed = min(speed, fastest(params.dip_threshold, hole.part.inscribed))
         path = lanes(over, pitch, speed, fast, begin, max(outside - params.margin[0], 0.0))

@@ -62,6 +62,29 @@ def test_no_point_of_the_end_is_lower_than_the_lowest(part: Part) -> None:
         assert np.linalg.norm(edge - lowest, axis=1).min() < 5e-5
 
 
+@pytest.mark.parametrize("degrees", [1, 30, 44.9, 45.1, 60, 89])
+def test_the_lowest_point_of_a_chamfered_peg_is_that_of_the_lower_rim(degrees: float) -> None:
+    part, tip = Round(0.008, 7e-4), np.array([0.1, -0.2, 0.3])
+    axes = rotation_about(np.array([math.sin(0.4), math.cos(0.4), 0.0]), math.radians(degrees))
+    angle = np.linspace(0.0, 2.0 * math.pi, 3601)
+    circle = np.array([np.cos(angle), np.sin(angle), np.ones_like(angle)])
+    rims = [
+        tip[:, None] + axes @ (np.array([[r], [r], [height]]) * circle) for r, height in ((3.3e-3, 0.0), (4e-3, 7e-4))
+    ]
+    points = np.concatenate(rims, axis=1).T
+    lowest = part.lowest(tip, axes[:, 2], axes[:, 0])
+    assert lowest[2] == pytest.approx(points[:, 2].min(), abs=1e-8)
+    assert np.linalg.norm(points - lowest, axis=1).min() < 5e-6
+
+
+def test_an_upright_chamfered_peg_is_lowest_in_the_middle_of_its_end() -> None:
+    np.testing.assert_array_equal(Round(0.008, 7e-4).lowest(np.ones(3), UP, np.array([1.0, 0.0, 0.0])), np.ones(3))
+
+
+def test_a_slot_round_a_chamfered_peg_has_no_chamfer() -> None:
+    assert Round(0.008, 7e-4).grown(1e-4) == Round(0.0082)
+
+
 @pytest.mark.parametrize("part", PARTS)
 def test_the_point_that_leads_is_the_furthest_one_and_lies_ahead(part: Part) -> None:
     axis, closing = part.leaning(0.3, 0.5)
