@@ -9,6 +9,7 @@ from contextlib import redirect_stdout
 import pytest
 
 from cell.cli import main
+from cell.config import load
 from cell.lab.frontier.measure import load_variant
 from cell.lab.limits import measure as limits
 from cell.lab.limits.cases import cases
@@ -35,7 +36,8 @@ def test_every_phase_has_its_bound_beside_what_was_reached(study):
         table = list(csv.DictReader(file))
     assert [row["phase"] for row in table] == [line["phase"] for line in found["lines"]]
     phases = {line["phase"]: line for line in found["lines"] if "fast" in line["case"]}
-    assert {"turn in the hole", "way down", "fall by 0.3 mm"} <= set(phases)
+    dip = load(preset="fast").cell.search.dip_threshold
+    assert {"turn in the hole", "way down", f"fall by {1e3 * dip:g} mm"} <= set(phases)
     for name in ("turn in the hole", "way down"):
         assert 0.0 < phases[name]["bound"] < phases[name]["reached"]
 
