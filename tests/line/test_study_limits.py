@@ -9,7 +9,6 @@ from contextlib import redirect_stdout
 import pytest
 
 from cell.cli import main
-from cell.config import load
 from cell.lab.frontier.measure import load_variant
 from cell.lab.limits import measure as limits
 from cell.lab.limits.cases import cases
@@ -36,8 +35,8 @@ def test_every_phase_has_its_bound_beside_what_was_reached(study):
         table = list(csv.DictReader(file))
     assert [row["phase"] for row in table] == [line["phase"] for line in found["lines"]]
     phases = {line["phase"]: line for line in found["lines"] if "fast" in line["case"]}
-    dip = load(preset="fast").cell.search.dip_threshold
-    assert {"turn in the hole", "way down", f"fall by {1e3 * dip:g} mm"} <= set(phases)
+    assert {"turn in the hole", "way down"} <= set(phases)
+    assert "fall by 0.3 mm" in {line["phase"] for line in found["lines"]}
     for name in ("turn in the hole", "way down"):
         assert 0.0 < phases[name]["bound"] < phases[name]["reached"]
 
