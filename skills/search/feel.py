@@ -44,6 +44,15 @@ SHARED = 0.5
 decision 0090."""
 
 
+FAINT = 0.6
+"""Share of the dip threshold beyond which a sudden fall is evidence of an edge: the hand drops with it, and nothing but a hole or a hop does that.
+Source: decision 0109."""
+
+
+WARIER = 1.5
+"""Factor on what counts as a sudden fall after each rest in vain: where pegs hop, such rests would take more time than they save. Source: decision 0109."""
+
+
 LIKELY = 0.5
 """Share of the dip threshold that is evidence of an edge where the hole is likely: a rest in vain there costs less than the whole area, which
 follows on a fall that was missed."""
@@ -102,6 +111,8 @@ class Evidence:
         self._late = deque[tuple[Vector, int]](maxlen=max(round(LATE / scan_period), 1))
         self._heights = deque[float](maxlen=max(round(SUDDEN / scan_period), 1))
         self._passed = deque[tuple[Vector, float, int]](maxlen=max(round(FALLING / scan_period), 1))
+        self._faint = FAINT * params.dip_threshold
+        """Sudden fall of the peg that is evidence of an edge, m."""
 
     def update(self, seen: Observation, edge: Vector, sense: int, is_likely: bool = False) -> tuple[float, bool]:
         """Return the depth of the peg's lowest point `edge` below the surface estimate, m, and whether there is
@@ -118,7 +129,7 @@ class Evidence:
         threshold = self._params.dip_threshold * (LIKELY if halved else 1.0)
         height = float(seen.arm.tcp.position[2])
         is_event = seen.is_new_frame and self._event.update(seen.frame)
-        has_fallen = self._fallen(edge, height, sense) > threshold
+        has_fallen = self._fallen(edge, height, sense) > self._faint
         below = self._surface.below(edge, sense)
         has_dropped = self._params.drop == 0.0 or self._drop(height) >= self._params.drop
         return below, is_event if self._params.evidence == "skin" else (below > threshold or has_fallen) and has_dropped
@@ -128,6 +139,10 @@ class Evidence:
         if len(self._late) == self._late.maxlen:
             self._surface.learn(*self._late.popleft())
         self._late.append((edge, sense))
+
+    def doubt(self) -> None:
+        """Take a rest in vain: sudden falls have to be larger from now on."""
+        self._faint *= WARIER
 
     def restart(self) -> None:
         """Tell the skin's detector that the peg has begun to move in another way, which changes the readings; heights of the way
@@ -146,14 +161,13 @@ class Evidence:
             self._surface = SurfaceEstimate()
 
     def _fallen(self, edge: Vector, height: float, sense: int) -> float:
-        """Take the peg's lowest point in a pass and the height of the hand, m, and return by how much the peg has fallen within `FALLING`, m;
-        0 once the plate's slopes are known, because its height is known then, too.
+        """Take the peg's lowest point in a pass and the height of the hand, m, and return by how much the peg has fallen within `FALLING`, m.
 
         The hand drops with a peg that falls, and not with one of which a frame tells another angle; and it ends below the plane, which one that
         hops on a rough plate does not.
         """
         fallen, least = 0.0, SHARED * self._params.dip_threshold
-        if not self._surface.knows_slopes and self._surface.dip(edge, sense) > least:
+        if self._surface.dip(edge, sense) > least:
             earlier = (before for before, above, way in self._passed if way == sense and above - height >= least)
             fallen = max((self._surface.fallen(before, edge) for before in earlier), default=0.0)
         self._passed.append((edge, height, sense))

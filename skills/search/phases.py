@@ -88,6 +88,8 @@ class Probing:
     detour: Detour
     place: Vector
     """Place of the evidence, shape (2,), m, base frame."""
+    below: float
+    """Depth of the lowest point of the peg below the plate when it began to probe, m."""
 
     def looked(self, elapsed: float, params: SpraySearchParams) -> Vector:
         """Return the offset of the probe from its place, shape (2,), m."""
@@ -154,7 +156,7 @@ def after_rest(phase: Resting, felt: Felt, params: SpraySearchParams, course: Co
     is_probed = not phase.was_probed and params.probe_radius > 0.0 and not phase.is_gone(felt, params)
     goal = phase.place if is_probed else course.middle + point
     detour = Detour(felt.elapsed, felt.tip[:2] - goal, felt.hand_axis, felt.tcp.rotation[:, 2])
-    return Probing(detour, phase.place) if is_probed else Sliding(detour)
+    return Probing(detour, phase.place, felt.below) if is_probed else Sliding(detour)
 
 
 def _touched(phase: ComingDown, felt: Felt, params: SpraySearchParams, course: Course) -> Phase:
@@ -166,11 +168,12 @@ def _touched(phase: ComingDown, felt: Felt, params: SpraySearchParams, course: C
 
 
 def _probed(phase: Probing, felt: Felt, params: SpraySearchParams, course: Course, point: Vector) -> Phase:
-    """Rest where the tip falls; at the end of the spiral go back to the course from where the setpoint is."""
-    if felt.below > params.fall:
-        return Resting(phase.place, felt.tcp, felt.stamp, was_probed=True)
+    """Rest where the tip falls, or is about to at the end of the spiral; else go back to the course from where the setpoint is."""
     looked = phase.looked(felt.elapsed, params)
-    if math.hypot(*looked) <= params.probe_radius:
+    is_over = math.hypot(*looked) > params.probe_radius
+    if felt.below > params.fall or (is_over and felt.below > phase.below + params.dip_threshold):
+        return Resting(phase.place, felt.tcp, felt.stamp, was_probed=True)
+    if not is_over:
         return phase
     probed = phase.place + looked + phase.detour.left(felt.elapsed) * phase.detour.offset
     return Sliding(Detour(felt.elapsed, probed - course.middle - point, course.axis, course.closing))

@@ -92,6 +92,7 @@ class Sweep:
             slipped = params.slip_drop * abs(seen.peg.theta - self._usual)
             if params.fall == 0.0 or felt.below >= params.fall + (0.0 if self._is_stuck(felt) else slipped):
                 return True
+            self._evidence.doubt()
             self._enter(after_rest(self._phase, felt, params, course, point), felt)
         return False
 

@@ -25,6 +25,7 @@ from skills import spray_search
 from skills.catalogue import GRASP, SEARCH
 from skills.contract import Observation, Outcome, Reason, Request, SkillContext
 from skills.flow import run_stage
+from skills.search.feel import FAINT
 from skills.search.params import SpraySearchParams
 from skills.spray_search import SpraySearchResult
 from skills.surface import Plane, SurfaceEstimate
@@ -198,7 +199,7 @@ class _StillSurface(SurfaceEstimate):
         return self._learnt.knows_slopes
 
     def fallen(self, before: Vector, edge: Vector) -> float:
-        self._fallen = max(self._fallen, self._learnt.fallen(before, edge))
+        self._fallen = max(self._fallen, self._learnt.fallen(before, edge) / FAINT)
         return 0.0
 
     def plane(self, near: Vector) -> Plane:

@@ -111,7 +111,7 @@ def test_without_a_probe_the_place_is_left_at_once():
 
 
 def test_a_probe_that_finds_nothing_ends_at_its_radius_without_a_jump():
-    probe, elapsed = Probing(replace(BACK, offset=np.array([2e-3, 0.0])), HERE[:2]), 3.0
+    probe, elapsed = Probing(replace(BACK, offset=np.array([2e-3, 0.0])), HERE[:2], FELT.below), 3.0
     while (phase := after(probe, elapsed=elapsed)) is probe:
         elapsed += PERIOD
     looked = probe.looked(elapsed, PARAMS)
@@ -120,6 +120,16 @@ def test_a_probe_that_finds_nothing_ends_at_its_radius_without_a_jump():
     assert COURSE.middle + phase.detour.offset == pytest.approx(
         HERE[:2] + looked + probe.detour.left(elapsed) * np.array([2e-3, 0.0])
     )
+
+
+def test_a_probe_that_ends_while_the_peg_falls_rests():
+    """A peg that leans on the far side of the rim has just begun to fall when the spiral is over."""
+    probe, elapsed = Probing(BACK, HERE[:2], 1e-4), 60.0
+    assert isinstance(after(probe, elapsed=elapsed, below=1.2 * PARAMS.dip_threshold), Sliding)
+    resting = after(probe, elapsed=elapsed, below=1.5 * PARAMS.dip_threshold)
+    assert isinstance(resting, Resting)
+    assert resting.was_probed
+    assert after(probe, elapsed=3.01, below=1.5 * PARAMS.dip_threshold) is probe
 
 
 def test_a_detour_is_over_after_its_time():
