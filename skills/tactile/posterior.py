@@ -13,12 +13,13 @@ from drivers.quantities import TAXELS
 
 COARSE_THETA = 5
 COARSE_OFFSET = 4
-"""Step along angle and offset between the templates that are tried first."""
+COARSE_PRINT = 2
+"""Steps along angle, offset and, where none is expected, print between the templates that are tried first."""
 NEAR = 2
 """Number of those offsets to either side of the finger centre that are tried; all are tried only when none of these fits."""
 FINE = 10
 """Number of templates to either side of a likely angle that are tried next."""
-MODES = 2
+MODES = 4
 """Number of likely angles that are looked at; between the lattice's rows two angles may look alike."""
 RIVAL = 30.0
 """Difference of log likelihood on the coarse grid within which a second angle counts as a rival of the best."""
@@ -151,16 +152,23 @@ def posterior(  # type: ignore[no-untyped-def] # noqa: C901, PLR0915  compiled l
     for w in range(even.shape[0]):
         prior[w] = beside + 0.5 * surety * (w - place) ** 2
     coarse, nearest = np.full(n // COARSE_THETA, NEVER), np.zeros(n // COARSE_THETA, np.int64)
+    likeliest = np.full(n // COARSE_THETA, usual)
+    # Where no print is expected, the angle is looked for among all of them.
+    first_print, last_print = (usual, usual) if surety > 0.0 else (0, even.shape[0] - 1)
     reach = middle // COARSE_OFFSET if is_wide else NEAR
     for a in range(coarse.size):
-        for way in (1, -1):
-            for k in range(int(way < 0), reach + 1):
-                j = middle + way * k * COARSE_OFFSET
-                value = _at(a * COARSE_THETA, j, usual, narrow, weighed, prior, even, rising, tightness, solution)
-                if value > coarse[a]:
-                    coarse[a], nearest[a] = value, j
-                elif not is_wide and k > 0:
-                    break
+        for w in range(first_print, last_print + 1, COARSE_PRINT):
+            highest = NEVER
+            for way in (1, -1):
+                for k in range(int(way < 0), reach + 1):
+                    j = middle + way * k * COARSE_OFFSET
+                    value = _at(a * COARSE_THETA, j, w, narrow, weighed, prior, even, rising, tightness, solution)
+                    if value > coarse[a]:
+                        coarse[a], nearest[a], likeliest[a] = value, j, w
+                    if value > highest:
+                        highest = value
+                    elif not is_wide and k > 0:
+                        break
     rows, about = np.empty(MODES * (2 * FINE + 1)), np.empty(MODES * (2 * FINE + 1))
     breadths, sureties = np.empty(rows.size), np.empty(rows.size)
     turns, places, prints = np.empty(rows.size, np.int64), np.empty(rows.size, np.int64), np.empty(rows.size, np.int64)
@@ -170,7 +178,7 @@ def posterior(  # type: ignore[no-untyped-def] # noqa: C901, PLR0915  compiled l
         if coarse[a] <= NEVER or (mode > 0 and coarse[a] < rows[:count].max() - RIVAL):
             break
         for way in (1, -1):
-            j, w = nearest[a], usual
+            j, w = nearest[a], likeliest[a]
             for b in range(int(way < 0), FINE + 1):
                 i = a * COARSE_THETA + way * b
                 rows[count], about[count], j, w, breadths[count], sureties[count] = _row(

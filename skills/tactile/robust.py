@@ -38,10 +38,12 @@ TURNED = math.radians(5.0)
 """Smallest turn of the peg since the last frame that updated the belief about the breadth, rad; frames of one angle err alike."""
 LEARNING = 0.5
 """Share of such a frame's information on the breadth that is used, fraction; templates err as well."""
-OVERHANGS = (-4e-3, -2e-3, 0.0, 2e-3, 4e-3, 6e-3, 8e-3)
+OVERHANGS = tuple(1e-3 * k for k in range(-4, 9))
 """Lengths of the peg beyond the finger centre that are tried instead of the stated one, m, with prints of the
 configured breadth.
 """
+STEEPER = 3.5
+"""Factor on the rise of the loads along such a peg, which bears the same moment on 23 mm of the pads instead of 35 mm: (35/23)³."""
 REACH_STEP = 1.5e-3
 REACHES = tuple(REACH_STEP * k for k in range(-2, 3))
 """Differences from the stated length of the peg beyond the finger centre that are compared in every frame, m."""
@@ -137,7 +139,10 @@ class RobustEstimator:
         reaching = reaching_templates(layout, peg, params.templates, near + short)
         broad = broad_templates(layout, peg, params.templates, BREADTHS)
         self._usual = UsualPrints(params, broad, reaching.part(0, len(near)))
-        self._short = Bank(params, reaching.part(len(near), len(near) + len(short)))
+        steep = params.model_copy(update={"rise": STEEPER * params.rise, "common_rise": STEEPER * params.common_rise})
+        self._short = Bank(steep, reaching.part(len(near), len(near) + len(short)))
+        self._against_short = params.rarity + math.log(max(len(short), 1))
+        """Log odds against a peg that ends between the pads, at any one of the lengths that are tried."""
 
     def estimate(self, frame: TaxelFrame) -> PegPose:
         """Return the pose of the peg in `frame`; see `skills.tactile.pose.Estimator`."""
@@ -191,7 +196,9 @@ class RobustEstimator:
         for module in silent:
             without = np.where(module == _MODULE, 0.0, weights)
             tried.append((params.rarity, self._usual.compare(values, without), self._usual, without))
-        tried.append((params.rarity, self._short.compare(values, weights), self._short, weights))
+            both = params.rarity + self._against_short
+            tried.append((both, self._short.compare(values, without), self._short, without))
+        tried.append((self._against_short, self._short.compare(values, weights), self._short, weights))
         # Noise may be stronger than configured; all log likelihoods then shrink alike.
         scale = max(1.0, min(found.misfit for _, found, _, _ in tried))
         odds = np.array([found.chance / scale - against for against, found, _, _ in tried])
