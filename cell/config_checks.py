@@ -16,7 +16,7 @@ from skills.motion import Gains
 from skills.search.params import TOUCHED_TIME, SpraySearchParams
 from skills.seating import LEAST_PUSH
 from skills.setpoint_gate import Limits
-from skills.spiral_adjust import SpiralAdjustParams
+from skills.spiral_params import SpiralAdjustParams
 from skills.tactile.blend import BLIND, Smoothing
 
 LATCH_MARGIN = 1.2

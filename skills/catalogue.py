@@ -20,6 +20,7 @@ from skills.handling import Handling, Sections, handling
 from skills.search.belief import Belief
 from skills.search.course import ANYWHERE
 from skills.search.params import SpraySearchParams
+from skills.spiral_params import SpiralAdjustParams
 from skills.surface import Plane, nominal
 
 RETRIED = (Reason.NOT_ALIGNED, Reason.NOT_SEATED)
@@ -147,7 +148,7 @@ ADJUST = Skill(
     code=104,
     stage=4,
     section="adjust",
-    params=spiral_adjust.SpiralAdjustParams,
+    params=SpiralAdjustParams,
     perform=spiral_adjust.run,
     by_part=_adjust,
     steered=("gains",),

@@ -16,7 +16,7 @@ from skills.corner_insert import CornerInsertParams
 from skills.grasp_from_rack import GraspFromRackParams
 from skills.search.feel import SLIP
 from skills.search.params import SpraySearchParams
-from skills.spiral_adjust import SpiralAdjustParams
+from skills.spiral_params import SpiralAdjustParams
 from skills.tactile_insert import TactileInsertParams
 
 CONTACT = 0.036

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,9 +9,7 @@ from drivers.frames import end_point
 from drivers.quantities import InHandTip, Pose, Vector
 from skills.motion import tilted_by
 from skills.paths import dither, spiral
-
-if TYPE_CHECKING:
-    from skills.spiral_adjust import SpiralAdjustParams
+from skills.spiral_params import SpiralAdjustParams
 
 SLIDING = 0.03
 """Speed of the tip along the hole from which on the peg is not dithered, m/s: friction of a peg that slides points against
@@ -122,7 +119,7 @@ class TiltSweep:
     direction: Vector = field(default_factory=lambda: np.zeros(2))
     """Direction of the offset, unit, shape (2,), base frame."""
 
-    def is_on(self, elapsed: float, params: "SpiralAdjustParams") -> bool:
+    def is_on(self, elapsed: float, params: SpiralAdjustParams) -> bool:
         """Return whether the hand still sweeps, `elapsed` seconds after the adjustment began."""
         return elapsed - self.began < params.sweep_time
 
@@ -141,7 +138,7 @@ class TiltSweep:
             elapsed, -math.copysign(amplitude, self.amplitude), across / max(float(np.linalg.norm(across)), 1e-9)
         )
 
-    def offset(self, elapsed: float, params: "SpiralAdjustParams") -> Vector:
+    def offset(self, elapsed: float, params: SpiralAdjustParams) -> Vector:
         """Return the offset of the finger centre from the line that the peg is aimed along, shape (2,), m."""
         turned = 2.0 * math.pi * (elapsed - self.began) / params.sweep_time
         return self.amplitude * math.sin(turned) * self.direction
@@ -165,7 +162,7 @@ class Guide:
         """Whether the hole guides the peg."""
         return math.isfinite(self.began)
 
-    def after(self, depth: float, elapsed: float, params: "SpiralAdjustParams") -> "Guide":
+    def after(self, depth: float, elapsed: float, params: SpiralAdjustParams) -> "Guide":
         """Return the guide after a scan at `depth`, m, `elapsed` seconds after the adjustment began."""
         if not self.is_on and depth <= params.guided_depth:
             return self
@@ -174,7 +171,7 @@ class Guide:
             return Guide(began, self.periods, self.reached)
         return Guide(began, self.periods + 1, depth, is_jammed=depth - self.reached < CREEP * params.jammed)
 
-    def offset(self, elapsed: float, params: "SpiralAdjustParams", share: float) -> Vector:
+    def offset(self, elapsed: float, params: SpiralAdjustParams, share: float) -> Vector:
         """Return the offset of the finger centre from the line that the peg is aimed along, shape (2,), m.
 
         Args:

@@ -12,6 +12,7 @@ from skills.grip import grip_of
 from skills.motion import Gains
 from skills.search.params import SpraySearchParams
 from skills.search.size import firm, shallow
+from skills.spiral_params import SpiralAdjustParams
 from skills.surface import Plane
 
 
@@ -21,7 +22,7 @@ class Sections:
 
     search: SpraySearchParams
     insert: tactile_insert.TactileInsertParams
-    adjust: spiral_adjust.SpiralAdjustParams
+    adjust: SpiralAdjustParams
     corner: CornerParams | None
     retries: int
     """Number of further searches, key `retries` of the config."""

@@ -3,26 +3,24 @@
 import math
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Annotated
 
 import numpy as np
-from pydantic import Field, NonNegativeFloat, PositiveFloat
 
 from drivers.frames import angle_between
 from drivers.quantities import ArmState, ImpedanceSetpoint, Twist, Vector
-from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillResult
+from skills.contract import Outcome, Reason, SkillContext, SkillResult
 from skills.guided_peg import LET_GO, Aim, Descent, Guide, Stall, TiltSweep
 from skills.latch_looks import Looks
-from skills.motion import VALIDITY, Gains, anchored
+from skills.motion import VALIDITY, anchored
 from skills.play import allowed_tilt
 from skills.seating import (
-    CLOSED_TOLERANCE,
     OPEN_TOLERANCE,
     Arrival,
     depth_of,
     is_seated,
     require_short_of_bottom,
 )
+from skills.spiral_params import SpiralAdjustParams
 from skills.surface import Plane, nominal
 
 ARRIVING = 3.0
@@ -44,69 +42,6 @@ SWING_PUSH = 2.0
 """Growth of the divisor of the push with the swing, s/rad. Source: decision 0088."""
 SWING_SMOOTHING = 0.5
 """Share of a new scan in the hand's turning rate."""
-
-
-class SpiralAdjustParams(SkillParams):
-    """How to tilt the peg about its tip along a spiral of the finger centre. The skill uses no tactile measurements.
-
-    Source: chosen, not measured.
-    """
-
-    growth: PositiveFloat
-    """Growth of the spiral's radius at the finger centre, m/s. Source: derived from [gibbons], Sec. VI, 25 mm in 20 s."""
-    turn_rate: PositiveFloat
-    """Turning rate of the spiral, rad/s."""
-    feeds_forward: bool = True
-    """Whether the arm damps only the motion that differs from the spiral's. [gibbons], Eq. (6), damps all motion, so that the hand lags behind
-    the spiral. Source: decision 0094."""
-    radius: PositiveFloat
-    """Largest radius of the spiral, m; `stall_timeout` may end the spiral before. Source: [gibbons], Sec. VI."""
-    stall_timeout: Annotated[float, Field(gt=0.0, le=120.0)]
-    """Stall timeout: time in which a peg that goes no deeper by `jammed` is given up, s; such a peg is not in the hole, or
-    does not go in this way. The first of several attempts of `insert_peg` has 0.4 of it (decision 0093). Close to the bottom the time is
-    twice as long; a switch that is still open then disagrees with the depth. Source: chosen, not measured; reason in decision 0030.
-    """
-    timeout: PositiveFloat
-    """Longest adjustment, s; where the radius is largest sooner, the spiral starts again."""
-    gains: Gains
-    """Stiffness and damping ratio along x and y and in rotation. Source: chosen within the margin that `cell check` prints."""
-    push_stiffness: PositiveFloat
-    """Stiffness along z, which makes the push, N/m."""
-    push_damping_ratio: PositiveFloat
-    """Damping along z, multiple of the critical one; the larger, the slower the peg arrives at the bottom."""
-    push_offset: NonNegativeFloat
-    """Depth of the tip's setpoint below the tip, m."""
-    guided_depth: PositiveFloat
-    """Depth of the tip from which the hole guides the peg, m; beyond it a growing spiral would only load the hole's walls.
-    Source: chosen, not measured; reason in decision 0021.
-    """
-    dither_radius: NonNegativeFloat
-    """First radius of the dither of the finger centre in the guided peg, m; it fades within each period, because torque
-    that friction holds jams the peg. Source: chosen, not measured; reason in decision 0030.
-    """
-    dither_rate: PositiveFloat
-    """Turning rate of the dither, rad/s."""
-    dither_period: PositiveFloat
-    """Period of the dither, s; within it the radius fades to nothing."""
-    jammed: NonNegativeFloat
-    """Least progress of the tip in one period of the dither, m; with less the peg stands still. Below ten times as much theta is
-    read anew from the skin, and every other time the peg is aimed along where it rests, so that only the dither's torque
-    is left. Source: decision 0028; a creeping peg decision 0084.
-    """
-    arrival: NonNegativeFloat
-    """Distance from the bottom within which the peg is damped more, m; it lets the peg arrive without a blow. Source:
-    decision 0028.
-    """
-    swing_time: NonNegativeFloat = 0.6
-    """Time for which a peg is let down gently where the hand still turns from the insertion, s; later the hand turns as this skill
-    asks for. 0 as in [gibbons]. Source: decision 0088.
-    """
-    sweep_time: Annotated[float, Field(ge=0.0, le=5.0)] = 0.5
-    """Time for one tilt sweep of a hand whose peg stands still or creeps, to one side and to the other, s; 0 sweeps nothing, as in [gibbons].
-    It turns the hand about its closing axis; a dither follows. Source: decision 0105.
-    """
-    most_deep: Annotated[float, Field(gt=0.0, le=0.05)] = CLOSED_TOLERANCE
-    """Depth below the bottom of an open switch at which a peg is believed to have slipped, m; the attempt then ends. Source: decision 0070."""
 
 
 @dataclass(frozen=True, slots=True)
