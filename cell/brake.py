@@ -16,7 +16,7 @@ def fault_of(act: Callable[[], None]) -> CellError | None:
         act()
     except CellError as error:
         return error
-    except Exception as error:  # an error inside this program must stop the arm like any other fault
+    except (Exception, SystemExit) as error:  # an error inside this program must stop the arm like any other fault
         logger.exception("error inside this program")
         return CellError(f"{type(error).__name__}: {error}".replace("\n", " "))
     return None

@@ -114,7 +114,7 @@ class Supervisor:
                 self.scan()
                 # A simulated clock may be faster than the wall; nobody gains by an idle cell that spins.
                 self._quit.wait(max(period - (time.monotonic() - started), 0.0))
-        except Exception as error:  # the record is closed whatever happened, and the error raised again
+        except BaseException as error:  # the record is closed whatever happened, and the error raised again
             self._abandon(error)
             raise
         finally:
@@ -320,7 +320,7 @@ class Supervisor:
         self._brake.halt()
         self._desk.fault(error)
 
-    def _abandon(self, error: Exception) -> None:
+    def _abandon(self, error: BaseException) -> None:
         """Close the record of the run under way, and tell the line, where the supervisor itself cannot go on."""
         self._brake.halt()
         fault = error if isinstance(error, CellError) else CellError(f"{type(error).__name__}: {error}")

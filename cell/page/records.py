@@ -174,6 +174,7 @@ async def _run(arguments: Sequence[str]) -> bool:
     process = await asyncio.create_subprocess_exec(
         *nice,
         sys.executable,
+        "-P",
         "-m",
         "cell",
         *arguments,

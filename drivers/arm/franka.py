@@ -89,7 +89,7 @@ class FrankaArm:
             os.ftruncate(handle, SIZE)
             self._link = LoopLink(handle)
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "drivers.arm.loop", str(handle), json.dumps(options)],
+                [sys.executable, "-P", "-m", "drivers.arm.loop", str(handle), json.dumps(options)],
                 stdin=subprocess.PIPE,
                 pass_fds=(handle,),
             )

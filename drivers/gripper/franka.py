@@ -58,7 +58,7 @@ class FrankaGripper:
     def _start(self) -> None:
         self._forget()
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "drivers.gripper.loop", self._config.host],
+            [sys.executable, "-P", "-m", "drivers.gripper.loop", self._config.host],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
         )

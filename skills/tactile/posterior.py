@@ -19,8 +19,10 @@ NEAR = 2
 """Number of those offsets to either side of the finger centre that are tried; all are tried only when none of these fits."""
 FINE = 10
 """Number of templates to either side of a likely angle that are tried next."""
-MODES = 4
+MODES = 2
 """Number of likely angles that are looked at; between the lattice's rows two angles may look alike."""
+MANY_MODES = 4
+"""The same where no print is expected, so that an angle may look like others with another print."""
 RIVAL = 30.0
 """Difference of log likelihood on the coarse grid within which a second angle counts as a rival of the best."""
 AMOUNTS = 6
@@ -169,11 +171,12 @@ def posterior(  # type: ignore[no-untyped-def] # noqa: C901, PLR0915  compiled l
                         highest = value
                     elif not is_wide and k > 0:
                         break
-    rows, about = np.empty(MODES * (2 * FINE + 1)), np.empty(MODES * (2 * FINE + 1))
+    modes = MODES if surety > 0.0 else MANY_MODES
+    rows, about = np.empty(modes * (2 * FINE + 1)), np.empty(modes * (2 * FINE + 1))
     breadths, sureties = np.empty(rows.size), np.empty(rows.size)
     turns, places, prints = np.empty(rows.size, np.int64), np.empty(rows.size, np.int64), np.empty(rows.size, np.int64)
     count = 0
-    for mode in range(MODES):
+    for mode in range(modes):
         a = int(np.argmax(coarse))
         if coarse[a] <= NEVER or (mode > 0 and coarse[a] < rows[:count].max() - RIVAL):
             break

@@ -224,7 +224,7 @@ def test_a_hold_that_comes_while_the_arm_of_a_failed_run_comes_to_rest_does_not_
 
 
 @pytest.mark.parametrize(
-    "error", [ArmReflexError("arm: reflex"), SkinSilentError("skin: silent"), ValueError("a\nslip")]
+    "error", [ArmReflexError("arm: reflex"), SkinSilentError("skin: silent"), ValueError("a\nslip"), SystemExit(0)]
 )
 def test_a_fault_in_a_run_is_told_until_it_is_cleared(rig, program, error):
     program.fault = error
