@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 
 from pydantic import AwareDatetime, Field, ValidationError
 
+from cell.kept_file import OWNER_ONLY, KeptFile
 from drivers.config_model import ConfigModel
 from drivers.errors import ConfigError
 from drivers.parts import Coordinate, Job
@@ -22,6 +23,8 @@ logger = logging.getLogger(__name__)
 
 FILE = "learned.json"
 """Name of the file, beside the records of runs."""
+LONGEST_WRITE = 1.0
+"""Longest wait for the file to be written, s."""
 Variance = Annotated[float, Field(gt=0.0, le=0.01)]
 Place = tuple[Coordinate, Coordinate]
 
@@ -91,8 +94,8 @@ def write_learned(folder: Path, learned: LearnedFile) -> None:
     new = path.with_suffix(".new")
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with new.open("w", encoding="utf-8") as file:
-            file.write(learned.model_dump_json(indent=2) + "\n")
+        with os.fdopen(os.open(new, os.O_CREAT | os.O_TRUNC | os.O_WRONLY, OWNER_ONLY), "w", encoding="utf-8") as file:
+            file.write(_text(learned))
             file.flush()
             os.fsync(file.fileno())
         new.replace(path)
@@ -128,7 +131,8 @@ def forget(folder: Path, recipe: int | None = None) -> list[int]:
 class Learning:
     """Hands each run what was learnt of its recipe, and takes from it what it has found.
 
-    The file is read before every run, so that what a technician forgets meanwhile is forgotten.
+    The file is read before every run, so that what a technician forgets meanwhile is forgotten. It is written beside the scan, which no disk
+    may hold up.
     """
 
     def __init__(
@@ -136,6 +140,19 @@ class Learning:
     ) -> None:
         """Keep the folder of the file, how the cell learns, and what tells the time; nothing is read yet."""
         self._folder, self._learning, self._now = folder, learning, now
+        self._kept, self._newest = KeptFile(folder / FILE, "what was learnt"), LearnedFile()
+
+    def flush(self, timeout: float = LONGEST_WRITE) -> bool:
+        """Wait at most so long, s, until what was learnt is on the disk; return whether it is."""
+        return self._kept.flush(timeout)
+
+    def _known(self) -> LearnedFile:
+        """Return what is in the file, or will be once it is written.
+
+        Raises:
+            ConfigError: The file cannot be read, or holds impossible values; one line.
+        """
+        return read_learned(self._folder) if self._kept.flush(0.0) else self._newest
 
     def prepared(self, job: Job, recipe: int) -> Job:
         """Return a job with what was learnt about where its hole is; a configured prior stands in until parts have told."""
@@ -177,10 +194,12 @@ class Learning:
             updated=self._now(),
         )
         try:
-            learned = read_learned(self._folder)
-            write_learned(self._folder, learned.model_copy(update={"places": {**learned.places, str(recipe): place}}))
+            learned = self._known()
         except ConfigError as error:
             logger.warning("%s", error)
+            return
+        self._newest = learned.model_copy(update={"places": {**learned.places, str(recipe): place}})
+        self._kept.put(_text(self._newest), is_lasting=True)
 
     def forget(self, recipe: int) -> None:
         """Forget a recipe; a file that cannot be read is forgotten whole.
@@ -188,6 +207,8 @@ class Learning:
         Raises:
             ConfigError: The file cannot be written.
         """
+        if not self.flush():
+            raise ConfigError(f"{self._folder / FILE}: is still being written after {LONGEST_WRITE:g} s")
         try:
             forget(self._folder, recipe)
         except ConfigError as error:
@@ -198,7 +219,7 @@ class Learning:
         """Return what is known about where the hole is: learnt, else configured; None where nothing is."""
         configured = from_prior(job.hole.prior, self._learning) if job.hole.prior is not None else None
         try:
-            place = read_learned(self._folder).places.get(str(recipe))
+            place = self._known().places.get(str(recipe))
         except ConfigError as error:
             logger.warning("%s", error)
             return configured
@@ -244,6 +265,11 @@ def hole_of_seated(records: Sequence[StageRecord]) -> Place | None:
     """Return where the hole is by the peg that a run seated, shape (2,), m, base frame; None where it seated none."""
     searches = [record.result for record in records if isinstance(record.result, SpraySearchResult)]
     return searches[-1].seated if searches else None
+
+
+def _text(learned: LearnedFile) -> str:
+    """Return the file as text."""
+    return learned.model_dump_json(indent=2) + "\n"
 
 
 def _first(error: ValidationError | UnicodeDecodeError) -> str:

@@ -121,6 +121,7 @@ class Supervisor:
             self._watchdog.stop()
             self._brake.wait()
             self._part.flush()
+            self._execution.learning.flush()
 
     def quit(self) -> None:
         """Ask `serve` to end, from any thread or signal handler; what runs is stopped first."""

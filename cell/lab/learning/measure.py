@@ -75,6 +75,7 @@ def run_series(config: CellConfig, parts: int, task: tuple[str, int]) -> list[Pa
             placed = _placed(config, mode, SERIES * seed + SERIES // 2 * number)
             for row in _run_parts(placed, mode, learning, seed, len(rows), count, is_exchanged=number > 0):
                 rows.append(row)
+        learning.flush()
     return rows
 
 

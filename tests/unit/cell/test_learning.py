@@ -2,6 +2,9 @@
 
 import json
 import logging
+import os
+import stat
+import threading
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
@@ -38,7 +41,28 @@ def taught(folder, count: int = 3) -> Learning:
     cell = learning(folder)
     for _ in range(count):
         cell.take(JOB, 0, run_at(HOME))
+    assert cell.flush()
     return cell
+
+
+def test_a_disk_that_does_not_answer_holds_up_neither_what_is_learnt_nor_what_is_used(tmp_path, monkeypatch):
+    answers, begun = threading.Event(), threading.Event()
+
+    def stuck(handle):
+        begun.set()
+        answers.wait()
+
+    monkeypatch.setattr(os, "fsync", stuck)
+    cell = learning(tmp_path)
+    for _ in range(3):
+        cell.take(JOB, 0, run_at(HOME))
+    assert begun.wait(60.0)
+    assert cell.prepared(JOB, 0).hole.prior is not None
+    assert not cell.flush(0.0)
+    answers.set()
+    assert cell.flush(60.0)
+    assert read_learned(tmp_path).places["0"].parts == 3
+    assert stat.S_IMODE((tmp_path / FILE).stat().st_mode) == 0o600
 
 
 def test_a_cell_that_has_seated_parts_searches_there_first_also_after_a_restart(tmp_path):
@@ -130,6 +154,7 @@ def test_one_recipe_is_forgotten_and_another_kept(tmp_path):
     cell = taught(tmp_path)
     for _ in range(2):
         cell.take(JOB, 1, run_at(HOME))
+    assert cell.flush()
     assert forget(tmp_path, 0) == [0]
     assert forget(tmp_path, 0) == []
     assert list(read_learned(tmp_path).places) == ["1"]
