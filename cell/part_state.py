@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drivers.parts import Hole, Job, Point
-from drivers.quantities import ArmState, GripperState, SwitchState, Vector
+from drivers.quantities import WIDTH_TOLERANCE, ArmState, GripperState, SwitchState, Vector
 from plc_bridge.messages import PartPlace, Refusal
 from skills.seating import CLOSED_TOLERANCE, depth_of
 
@@ -22,8 +22,6 @@ IN_HOLE_DEPTH = 0.004
 """Depth by the arm from which the end of a held peg is taken to be in the hole, m: the arm knows heights no better."""
 UPRIGHT = 0.25
 """Tilt of a peg below which it may slide into the hole when the hand loses it at the surface, rad; `insert.aligned` is 0.1 as shipped."""
-WIDTH_TOLERANCE = 0.0015
-"""Largest difference between the pads' distance and the peg's width where the peg is between them, m."""
 HOLE_MARGIN = 0.005
 """Reach of the hole's place beyond `hole.area`, m."""
 SLOT_REACH = 0.01

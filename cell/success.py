@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from cell.part_state import UNRESOLVED, WIDTH_TOLERANCE, PartState
+from cell.part_state import UNRESOLVED, PartState
 from cell.record import Ending
 from drivers.errors import CellError, SuccessUnprovenError, SwitchDisagreesError
 from drivers.parts import Hole, Job, Latch
@@ -219,7 +219,7 @@ def judged(
 
 
 def _freed(ending: Ending, look: LastLook, part: PartState, job: Job) -> Ending:
-    if not _is_open(look.hand, job):
+    if not look.hand.is_open(job.peg.part.thickness):
         return Ending(Outcome.FAILURE, ending.stage, Reason.STILL_HELD)
     if part.place in UNRESOLVED:
         return Ending(Outcome.FAILURE, ending.stage, Reason.PART_LEFT)
@@ -227,7 +227,7 @@ def _freed(ending: Ending, look: LastLook, part: PartState, job: Job) -> Ending:
 
 
 def _require_gone(proof: Evidence, look: LastLook, job: Job) -> None:
-    if not _is_open(look.hand, job):
+    if not look.hand.is_open(job.peg.part.thickness):
         raise _unproven(
             f"the hand is {1e3 * look.hand.width:.1f} mm open at the end of the run and must be open and empty"
         )
@@ -237,11 +237,6 @@ def _require_gone(proof: Evidence, look: LastLook, job: Job) -> None:
         raise _unproven(
             f"the hand is {1e3 * away:.0f} mm from where it held the peg; at least {1e3 * AWAY:.0f} mm needed"
         )
-
-
-def _is_open(hand: GripperState, job: Job) -> bool:
-    is_wide = hand.width > job.peg.part.thickness + WIDTH_TOLERANCE
-    return is_wide and not hand.is_gripping and not hand.is_moving
 
 
 def _plane(records: Sequence[StageRecord], job: Job) -> Plane | None:

@@ -15,6 +15,8 @@ BRIGHT = 15_000.0
 """Reading of a taxel that is pressed hard, counts; pictures show it brightest."""
 TAXELS = 20
 """Number of taxels on one finger: two modules of ten."""
+WIDTH_TOLERANCE = 0.0015
+"""Largest difference between the pads' distance and the peg's width where the peg is between them, m."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -151,6 +153,14 @@ class GripperState:
     """Whether the hand holds the set force against something between the pads."""
     is_moving: bool
     """Whether the fingers have not yet reached what was commanded."""
+
+    def is_open(self, thickness: float) -> bool:
+        """Return whether the hand rests so wide that it cannot touch a peg of this thickness between the pads, m."""
+        return self.width > thickness + WIDTH_TOLERANCE and not self.is_gripping and not self.is_moving
+
+    def is_around(self, thickness: float) -> bool:
+        """Return whether the hand grips, or is as wide as with a peg of this thickness between the pads, m, which it may hold without saying so."""
+        return self.is_gripping or abs(self.width - thickness) <= WIDTH_TOLERANCE
 
 
 class SwitchState(StrEnum):

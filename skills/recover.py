@@ -8,6 +8,8 @@
     | and it does not come out,   | take it out                                                                         |
     | or slips out of the hand    |                                                                                   |
     | in the hand, seated         | let go of it and draw back                                                          |
+    | in a hand that is as wide   | as one that slips out of the hand, if its end may be in the hole                     |
+    | as the peg but does not grip|                                                                                   |
     | nowhere in the hand         | draw up, open the hand; whether a person is needed the supervisor says               |
 
 A hand that does not open is never drawn away from a peg that the hole holds.
@@ -66,7 +68,7 @@ def run(params: RecoverParams, ctx: SkillContext) -> RecoverResult:
     first = ctx.observe()
     held = first.gripper.is_gripping
     is_jammed = False
-    if held and first.tip[2] < ctx.job.hole.centre[2] + CLEAR:
+    if first.gripper.is_around(ctx.job.peg.part.thickness) and first.tip[2] < ctx.job.hole.centre[2] + CLEAR:
         is_seated = first.switch is SwitchState.CLOSED
         is_jammed = not is_seated and _pull(params, ctx) is not None
         if is_seated or is_jammed:

@@ -50,7 +50,7 @@ def run(params: ReleaseAndRetractParams, ctx: SkillContext) -> ReleaseAndRetract
 
 
 def let_go(opening: float, longest: float, ctx: SkillContext) -> bool:
-    """Open the hand where it is; return whether it is open.
+    """Open the hand where it is; return whether it is wider than the peg, as a hand that does not grip may still be around it.
 
     Args:
         opening: Distance between the pads that lets the peg go, m.
@@ -62,8 +62,7 @@ def let_go(opening: float, longest: float, ctx: SkillContext) -> bool:
         if not seen.gripper.is_moving:
             break
         stay(ctx, seen.stamp)
-    hand = ctx.observe().gripper
-    return not (hand.is_gripping or hand.is_moving)
+    return ctx.observe().gripper.is_open(ctx.job.peg.part.thickness)
 
 
 def _result(outcome: Outcome, reason: Reason, ctx: SkillContext, first: Observation) -> ReleaseAndRetractResult:

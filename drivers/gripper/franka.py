@@ -32,7 +32,7 @@ class FrankaGripper:
         """Describe the hand; `stroke` is the largest distance between its pads, m."""
         self._config, self._stroke = config, stroke
         self._process: subprocess.Popen[bytes] | None = None
-        self._started = 0.0
+        self._started, self._failed = 0.0, ""
         self._forget()
 
     def open(self) -> None:
@@ -92,13 +92,16 @@ class FrankaGripper:
         """Return the newest state; a process that has ended is started again, which moves nothing.
 
         Raises:
-            GripperSilentError: The newest state is too old, a command takes too long, or the hand refused it.
+            GripperSilentError: The newest state is too old, a command takes too long, or the hand refused it or did not open, which
+                is told once.
         """
         self._listen()
         self._revive()
         where = f"gripper at {self._config.host}"
-        if self._lost:
-            raise GripperSilentError(f"{where}: {self._lost}")
+        told = self._lost or self._failed
+        self._failed = ""
+        if told:
+            raise GripperSilentError(f"{where}: {told}")
         age, limit = time.monotonic() - self._heard, COMMAND_TIME if self._is_busy else SILENT
         if self._width is None or age > limit:
             raise GripperSilentError(f"{where}: newest state {age:.3f} s old > {limit} s limit")
@@ -116,7 +119,7 @@ class FrankaGripper:
         self._width: float | None = None
         self._is_grasped = self._is_busy = False
         self._done_at, self._has_grasped = math.inf, False
-        self._heard, self._lost, self._last = time.monotonic(), "", ""
+        self._heard, self._lost, self._failed, self._last = time.monotonic(), "", "", ""
 
     def _command(self, line: str) -> None:
         if self._process is None or self._process.poll() is not None:
@@ -161,6 +164,10 @@ class FrankaGripper:
                 self._width, self._is_grasped = float(width), is_grasped == "1"
         elif word == "done":
             # The next state tells the place of the fingers.
-            self._done_at, self._has_grasped = self._heard, rest == "1" and self._last.startswith("grasp")
+            self._done_at, self._has_grasped = self._heard, rest == "grasp 1"
+            if rest == "move 0":
+                self._failed, self._last = "the hand did not open", ""
+        elif word == "failed":
+            self._failed, self._is_busy, self._last = rest, False, ""
         else:
             self._lost, self._is_busy, self._last = rest, False, ""

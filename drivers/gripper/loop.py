@@ -3,7 +3,7 @@
 The maker's library blocks until the fingers have arrived, which may take seconds, and the cell must not.
 Commands are lines on the standard input; answers are lines on the standard output:
 
-    grasp WIDTH SPEED FORCE INNER OUTER | move WIDTH SPEED      ->  done 1|0
+    grasp WIDTH SPEED FORCE INNER OUTER | move WIDTH SPEED      ->  done grasp|move 1|0
     (while no command is under way)                             ->  state WIDTH 1|0 (it holds something)
     (when the hand refuses a command)                           ->  failed TEXT
     (when the connection is gone)                               ->  lost TEXT
@@ -35,7 +35,8 @@ def main() -> None:
                 line = sys.stdin.readline()
                 if not line:
                     return
-                print("done", int(_obey(gripper, line.split())), flush=True)
+                words = line.split()
+                print("done", words[0], int(_obey(gripper, words)), flush=True)
             state = gripper.read_once()
             if time.monotonic() >= reported + REPORT_PERIOD:
                 reported = time.monotonic()

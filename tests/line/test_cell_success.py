@@ -58,6 +58,24 @@ class StuckHand:
         return self._hand.read()
 
 
+class SlackHand(StuckHand):
+    """A stuck hand that says after the command to open that it neither grips nor moves, while its width stays."""
+
+    is_asked = False
+
+    def grip(self, force):
+        self.is_asked = False
+        super().grip(force)
+
+    def release(self, width):
+        self.is_asked = True
+        super().release(width)
+
+    def read(self):
+        told = super().read()
+        return replace(told, is_gripping=False, is_moving=False) if self.is_asked and told.is_gripping else told
+
+
 def test_an_insertion_tells_every_bus_where_the_peg_is_and_the_next_one_finds_a_new_workpiece(tmp_path):
     with line(tmp_path) as made:
         report = made.command(INSERT)
@@ -91,6 +109,14 @@ def test_a_hand_that_does_not_open_is_never_drawn_away_from_the_seated_peg(tmp_p
         report = made.command(RECOVER)
         assert (report.result, report.part) == (Result.SUCCESS, PartPlace.SEATED)
         assert made.world.truth().switch_closed
+
+
+def test_a_hand_that_grips_no_more_but_is_as_wide_as_the_peg_is_never_drawn_away_from_it(tmp_path):
+    with line(tmp_path, gripper=SlackHand) as made:
+        for code in (INSERT, RECOVER):
+            report = made.command(code)
+            assert (report.result, report.reason) == (Result.FAILURE, Reason.STILL_HELD)
+            assert made.world.truth().switch_closed
 
 
 def stopped_in_the_hole(made, depth):

@@ -14,7 +14,6 @@ from cell.part_state import (
     SLOT_REACH,
     UNRESOLVED,
     UPRIGHT,
-    WIDTH_TOLERANCE,
     PartState,
     PegEvidence,
     after,
@@ -27,7 +26,7 @@ from cell.part_state import (
     told,
 )
 from drivers.parts import Latch
-from drivers.quantities import SwitchState
+from drivers.quantities import WIDTH_TOLERANCE, SwitchState
 from plc_bridge.messages import PartPlace, Refusal
 from skills.seating import CLOSED_TOLERANCE
 

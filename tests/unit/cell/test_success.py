@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.part_state import WIDTH_TOLERANCE, PartState
+from cell.part_state import PartState
 from cell.record import Ending
 from cell.success import AWAY, PLANE_TOLERANCE, LastLook, Proof, judged
 from drivers.errors import SuccessUnprovenError, SwitchDisagreesError
 from drivers.frames import UP
-from drivers.quantities import GripperState, SwitchState
+from drivers.quantities import WIDTH_TOLERANCE, GripperState, SwitchState
 from plc_bridge.messages import PartPlace
 from skills.contract import Outcome, Reason
 from skills.entry import Claim

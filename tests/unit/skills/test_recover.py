@@ -38,3 +38,27 @@ def test_a_stop_while_the_peg_is_pulled_stops(ctx):
     with pytest.raises(Interrupted):
         run(PARAMS, ctx)
     assert ctx.gripper.read().is_gripping
+
+
+def test_a_hand_that_is_around_a_peg_in_the_hole_without_gripping_opens_before_it_is_drawn_up(ctx):
+    ctx.gripper.has_peg, ctx.arm.is_blocked = False, False
+    low = ctx.arm.tcp.position[2]
+    heights, release = [], ctx.gripper.release
+
+    def released(width):
+        heights.append(ctx.arm.tcp.position[2])
+        release(width)
+
+    ctx.gripper.release = released
+    result = run(PARAMS, ctx)
+    assert (result.outcome, result.reason, result.dropped) == (Outcome.FAILURE, Reason.JAMMED, False)
+    assert heights[0] == pytest.approx(low, abs=1e-3)
+
+
+def test_a_hand_that_stays_around_a_peg_in_the_hole_stays_where_it_is(ctx):
+    ctx.gripper.has_peg, ctx.arm.is_blocked = False, False
+    ctx.gripper.release = lambda width: None
+    low = ctx.arm.tcp.position[2]
+    result = run(PARAMS, ctx)
+    assert (result.outcome, result.reason) == (Outcome.FAILURE, Reason.STILL_HELD)
+    assert ctx.arm.tcp.position[2] == pytest.approx(low, abs=1e-3)

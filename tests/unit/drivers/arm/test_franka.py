@@ -15,6 +15,7 @@ from drivers.errors import ArmSilentError, DeviceNotOpenedError, GripperSilentEr
 from drivers.gripper import franka as gripper
 from drivers.gripper.franka import FrankaGripper
 from drivers.gripper.franka_config import FrankaGripperConfig
+from drivers.quantities import GripperState
 from tests.fakes import FakeClock
 
 FR3 = read_arm(arm_file("fr3"))
@@ -80,6 +81,18 @@ def test_devices_that_were_never_opened_are_silent_and_take_a_halt():
         hand.grip(30.0)
     with pytest.raises(GripperSilentError):
         hand.read()
+
+
+@pytest.mark.parametrize(
+    ("answer", "told"), [("done move 0", "the hand did not open"), ("failed no power", "no power")]
+)
+def test_a_command_that_came_to_nothing_is_told_once_although_states_follow(monkeypatch, answer, told):
+    hand = FrankaGripper(GRIPPER, FR3.hand.stroke)
+    answers = iter(([answer, "state 0.008 0"], ["state 0.008 0"]))
+    monkeypatch.setattr(hand, "_listen", lambda: [hand._hear(line) for line in next(answers)])
+    with pytest.raises(GripperSilentError, match=rf"^gripper at 127\.0\.0\.1: {told}$"):
+        hand.read()
+    assert hand.read() == GripperState(0.008, False, False)
 
 
 def test_collision_limits_have_no_default():
