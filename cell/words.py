@@ -43,7 +43,9 @@ def _next(image: ReportImage) -> str:
     """Return what to do next, in one line: about what is broken, then about the peg."""
     peg = REMEDIES[PartPlace(image.part)]
     if image.fault:
-        return f"{FAULTS[FaultCode(image.fault)].remedy}; then {peg.removeprefix(READY)}"
+        remedy = FAULTS[FaultCode(image.fault)].remedy
+        # A remedy ends with the reset where it says more about it; nothing goes on without one.
+        return f"{remedy}{'' if 'reset' in remedy else '; then reset'}; then {peg.removeprefix(READY)}"
     if image.state in (State.STOPPED, State.ABORTED):
         return f"reset; then {peg.removeprefix(READY)}"
     return peg

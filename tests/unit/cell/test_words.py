@@ -20,6 +20,13 @@ def test_a_technician_at_a_faulted_cell_reads_what_is_broken_and_where_the_peg_g
     assert told(state=State.ABORTED, fault=1001, part=PartPlace.RACK) == f"{skin}; then the next peg is in the rack"
 
 
+@pytest.mark.parametrize("fault", [code for code in FaultCode if code])
+def test_after_every_fault_the_reset_comes_before_the_peg(fault):
+    steps = told(state=State.ABORTED, fault=fault, part=PartPlace.IN_HAND)
+    assert steps.count("reset") == 1
+    assert steps.index("reset") < steps.index("run `recover`")
+
+
 @pytest.mark.parametrize("state", [State.STOPPED, State.ABORTED])
 def test_a_cell_that_was_stopped_is_not_called_ready(state):
     assert told(state=state, part=PartPlace.BIN) == "reset; then the last peg is in the reject bin"
