@@ -1,6 +1,7 @@
 """Programs that the cell starts run its own code, whatever lies in the folder that it was started in."""
 
 import asyncio
+import subprocess
 
 import pytest
 
@@ -26,12 +27,22 @@ def planted(tmp_path, monkeypatch):
     return plant
 
 
-def test_the_hand_s_own_loop_is_started(planted):
-    written = planted("drivers.gripper.loop")
-    gripper = FrankaGripper(FrankaGripperConfig(kind="franka", host="127.0.0.1"), 0.08)
-    gripper._start()
-    gripper._process.wait(60)
-    gripper.close()
+def test_the_hand_s_loop_is_the_cell_s_own(planted, monkeypatch):
+    """The driver starts its loop in some way; an interpreter that is started in the same way imports that loop, which reaches for no device."""
+    written, commands = planted("drivers.gripper.loop"), []
+
+    def start(command, **_):
+        commands.append(command)
+        raise OSError("not started")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(subprocess, "Popen", start)
+        with pytest.raises(OSError, match="not started"):
+            FrankaGripper(FrankaGripperConfig(kind="franka", host="127.0.0.1"), 0.08)._start()
+    [command] = commands
+    at = command.index("-m")
+    assert command[at + 1] == "drivers.gripper.loop"
+    subprocess.run([*command[:at], "-c", f"import {command[at + 1]}"], check=True)
     assert not written.exists()
 
 
