@@ -25,6 +25,10 @@ UNKNOWN_RUN = RunRow(0, "", "", 0, "", "", 0)
 """Row of a run whose samples say nothing of it, as those of version 0.1 do."""
 
 
+AGREES = timedelta()
+"""Lead of a computer's clock that agrees with the runs on record."""
+
+
 @dataclass(frozen=True, slots=True)
 class Keep:
     """Limits of age and size of the records; 0 keeps everything."""
@@ -118,30 +122,77 @@ def close_lost_runs(index: Index, folder: Path, under_way: Collection[int] = ())
                 _count_up_to(index, run)
 
 
-def delete_old(index: Index, folder: Path, keep: Keep) -> None:
-    """Delete the records beyond the limits."""
-    files = sampled_runs(folder)
+def delete_old(index: Index, folder: Path, keep: Keep, ahead: timedelta = AGREES) -> timedelta:
+    """Delete the records beyond the limits, and return how far the computer's clock is believed to be ahead.
+
+    A clock that is more than `keep.days` ahead of the newest run on record may be wrong, or the cell was off for so long: nothing is
+    deleted by age in that pass, and what is returned is the time between the two. Given to the next pass as `ahead`, it makes age count
+    from that newest run on, so that runs which are recorded by a wrong clock do not age those before them.
+
+    A program that is started anew believes the clock again where the newest run carries its date: a clock that stays wrong over a second
+    start, with a run on record between the two, deletes what is too old by it. A clock that is ahead by less than `keep.days` is believed,
+    and so is one of a journal without runs.
+    """
     if keep.days > 0:
-        oldest = (datetime.now(UTC) - timedelta(days=keep.days)).isoformat(timespec="milliseconds")
-        with index.at_once():
-            where = "outcome != 'running' AND started < ?"
-            old = [int(run) for (run,) in index.execute(f"SELECT run FROM runs WHERE {where}", [oldest])]
-            for table in ("stages", "told"):
-                index.execute(f"DELETE FROM {table} WHERE run IN (SELECT run FROM runs WHERE {where})", [oldest])
-            index.execute(f"DELETE FROM runs WHERE {where}", [oldest])
-            index.execute("DELETE FROM events WHERE time < ?", [oldest])
-            index.execute("DELETE FROM configs WHERE config_hash NOT IN (SELECT config_hash FROM runs)", [])
-        for run in old:
-            files.pop(run, folder / "none").unlink(missing_ok=True)
+        now = datetime.now(UTC) - ahead
+        newest = _newest(index)
+        if newest is not None and now - newest > timedelta(days=keep.days):
+            _warn_of_clock(index, folder, now - newest, keep.days)
+            ahead += now - newest
+        else:
+            _delete_aged(index, folder, now - timedelta(days=keep.days))
     if keep.bytes > 0:
-        sizes = {run: path.stat().st_size for run, path in files.items()}
-        open_runs = {int(run) for (run,) in index.execute("SELECT run FROM runs WHERE outcome = 'running'", [])}
-        excess = sum(sizes.values()) - keep.bytes
-        for run in sorted(sizes.keys() - open_runs):
-            if excess <= 0:
-                break
-            files[run].unlink(missing_ok=True)
-            excess -= sizes[run]
+        _delete_beyond_size(index, folder, keep.bytes)
+    return ahead
+
+
+def _newest(index: Index) -> datetime | None:
+    """Return when the run that was recorded last began, by its number and not by its date; None where none says it."""
+    where = "WHERE outcome != 'running' AND started != '' ORDER BY run DESC LIMIT 1"
+    for (started,) in index.execute(f"SELECT started FROM runs {where}", []):
+        with suppress(ValueError):
+            found = datetime.fromisoformat(started)
+            return found if found.tzinfo else found.replace(tzinfo=UTC)
+    return None
+
+
+def _warn_of_clock(index: Index, folder: Path, found: timedelta, allowed: int) -> None:
+    """Say that nothing is deleted by age; `found` is how far the clock is ahead of the newest run, `allowed` the limit, days."""
+    text = (
+        f"computer's clock {found / timedelta(days=1):.1f} days ahead of the newest run, at most {allowed} (journal.days) believed:"
+        " nothing is deleted by age; set the clock if it is wrong"
+    )
+    index.put(event(EventKind.WARNING, "clock_ahead", text), is_numbered_here=True)
+    logger.warning("%s: %s", folder / INDEX, text)
+
+
+def _delete_aged(index: Index, folder: Path, before: datetime) -> None:
+    """Delete the runs that began, and the events that were, before a time."""
+    oldest = before.isoformat(timespec="milliseconds")
+    with index.at_once():
+        where = "outcome != 'running' AND started < ?"
+        old = [int(run) for (run,) in index.execute(f"SELECT run FROM runs WHERE {where}", [oldest])]
+        for table in ("stages", "told"):
+            index.execute(f"DELETE FROM {table} WHERE run IN (SELECT run FROM runs WHERE {where})", [oldest])
+        index.execute(f"DELETE FROM runs WHERE {where}", [oldest])
+        index.execute("DELETE FROM events WHERE time < ?", [oldest])
+        index.execute("DELETE FROM configs WHERE config_hash NOT IN (SELECT config_hash FROM runs)", [])
+    files = sampled_runs(folder)
+    for run in old:
+        files.get(run, folder / "none").unlink(missing_ok=True)
+
+
+def _delete_beyond_size(index: Index, folder: Path, most: int) -> None:
+    """Delete the oldest samples beyond a size of all of them, bytes."""
+    files = sampled_runs(folder)
+    sizes = {run: path.stat().st_size for run, path in files.items()}
+    open_runs = {int(run) for (run,) in index.execute("SELECT run FROM runs WHERE outcome = 'running'", [])}
+    excess = sum(sizes.values()) - most
+    for run in sorted(sizes.keys() - open_runs):
+        if excess <= 0:
+            break
+        files[run].unlink(missing_ok=True)
+        excess -= sizes[run]
 
 
 def event(kind: EventKind, name: str, text: str, run: int = 0) -> EventRow:

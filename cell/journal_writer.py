@@ -19,6 +19,7 @@ from threading import Condition, Thread
 from cell.journal_index import OWNER_ONLY, DamagedIndexError, Index
 from cell.journal_schema import ConfigRow, EventRow, RunRow, StageRow, names
 from cell.journal_upkeep import (
+    AGREES,
     Keep,
     close_lost_runs,
     delete_old,
@@ -71,6 +72,8 @@ class JournalWriter:
         self.is_disk_low = False
         """Whether the disk has less free space than is asked for."""
         self._lock = -1
+        self._clock_ahead = AGREES
+        """Time by which the computer's clock is believed to be ahead of the runs on record."""
 
     @property
     def trouble(self) -> str:
@@ -296,7 +299,7 @@ class JournalWriter:
 
     def _delete_old(self) -> None:
         try:
-            delete_old(self._index_in_place(), self._folder, self._keep)
+            self._clock_ahead = delete_old(self._index_in_place(), self._folder, self._keep, self._clock_ahead)
         except (JournalError, OSError) as error:
             logger.error("old records are not deleted: %s", error)
 

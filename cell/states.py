@@ -85,6 +85,9 @@ TRANSITIONS: dict[tuple[State, Event], State] = {
 }
 """All permitted transitions; nothing suspends this cell yet, so those two ways in are left out."""
 
+BEFORE_RESET = (State.ABORTING, State.ABORTED, State.CLEARING, State.STOPPING, State.STOPPED)
+"""States of a cell that starts nothing before it is reset; CLEAR, where it is due, is part of the reset that a PLC or a technician asks for."""
+
 
 def is_permitted(state: State, event: Event) -> bool:
     """Return whether `event` changes anything in `state`."""

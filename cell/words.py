@@ -8,11 +8,14 @@ from rich.table import Table
 
 from cell.journal_schema import RunRow, StageRow
 from cell.part_state import READY, REMEDIES
-from cell.states import State
+from cell.states import BEFORE_RESET, State
 from drivers.errors import FAULTS, FaultCode
 from plc_bridge.images import Diagnostics, ReportImage
 from plc_bridge.messages import LeaseState, PartPlace, Refusal, Result
 from skills.catalogue import CATALOGUE
+
+_RESET = ", then reset"
+"""The step of the reset behind another one, as remedies of faults have it."""
 
 
 def report(image: ReportImage) -> dict[str, object]:
@@ -40,15 +43,13 @@ def report(image: ReportImage) -> dict[str, object]:
 
 
 def _next(image: ReportImage) -> str:
-    """Return what to do next, in one line: about what is broken, then about the peg."""
+    """Return what to do next, in one line: about what is broken, then the reset where the state asks for one, then about the peg."""
     peg = REMEDIES[PartPlace(image.part)]
-    if image.fault:
-        remedy = FAULTS[FaultCode(image.fault)].remedy
-        # A remedy ends with the reset where it says more about it; nothing goes on without one.
-        return f"{remedy}{'' if 'reset' in remedy else '; then reset'}; then {peg.removeprefix(READY)}"
-    if image.state in (State.STOPPED, State.ABORTED):
-        return f"reset; then {peg.removeprefix(READY)}"
-    return peg
+    # A remedy may name the reset or not: whether it is due is the state's to say.
+    mend, _, again = (FAULTS[FaultCode(image.fault)].remedy if image.fault else "").partition(_RESET)
+    reset = (_RESET if mend else "reset") if image.state in BEFORE_RESET else ""
+    steps = f"{mend}{reset}{again}"
+    return f"{steps}; then {peg.removeprefix(READY)}" if steps else peg
 
 
 def _named(times: Sequence[float]) -> dict[str, float]:

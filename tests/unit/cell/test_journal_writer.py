@@ -14,11 +14,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cell import journal_writer
+from cell import journal_upkeep, journal_writer
 from cell.journal import INDEX, Journal
-from cell.journal_index import DamagedIndexError
+from cell.journal_index import DamagedIndexError, Index
 from cell.journal_schema import LOST, EventKind, EventRow, RunRow, StageRow
-from cell.journal_upkeep import Keep
+from cell.journal_upkeep import Keep, delete_old
 from cell.journal_writer import (
     CLOSING_TIME,
     DISK_PERIOD,
@@ -43,9 +43,9 @@ def seen(rig: Rig):
     return rig.cell.context(0).observe()
 
 
-def recorded(journal, seen, scans=1, **ending):
+def recorded(journal, seen, scans=1, began=ROW.started, **ending):
     """Put a run on record and return its row."""
-    row = journal.begin(ROW)
+    row = journal.begin(replace(ROW, started=began))
     stream = SampleStream(partial(journal.write, row.run))
     for _ in range(scans):
         stream.add(seen, None, 1)
@@ -224,6 +224,46 @@ def test_runs_older_than_is_asked_for_are_deleted_with_all_that_belongs_to_them(
         assert ([row.run for row in journal.runs(5)], journal.stages(1)) == ([2], [])
     assert not (tmp_path / "run-000001.arrows").exists()
     assert read_samples(tmp_path / "run-000002.arrows")["stamp"].size == 1
+
+
+def clock_ahead_by(monkeypatch, days):
+    """Set the computer's clock ahead, as the upkeep of the journal reads it."""
+
+    class Ahead(datetime):
+        @classmethod
+        def now(cls, tz=None):
+            return datetime.now(tz) + timedelta(days=days)
+
+    monkeypatch.setattr(journal_upkeep, "datetime", Ahead)
+
+
+def test_a_clock_that_is_years_ahead_deletes_no_run_of_the_last_days(tmp_path, seen, monkeypatch, caplog):
+    now = datetime.now(UTC)
+    with Journal(tmp_path) as journal:
+        for days in (20, 1):
+            recorded(journal, seen, began=(now - timedelta(days=days)).isoformat())
+    clock_ahead_by(monkeypatch, 3650)
+    monkeypatch.setattr(journal_writer, "UPKEEP_PERIOD", 0.0)  # each round of the writer deletes
+    with Journal(tmp_path, keep=Keep(days=30)) as journal:
+        recorded(journal, seen, began=(now + timedelta(days=3650)).isoformat())
+        recorded(journal, seen, began=(now + timedelta(days=3650)).isoformat())
+        assert sorted(row.run for row in journal.runs(9)) == [1, 2, 3, 4]
+    assert read_samples(tmp_path / "run-000001.arrows")["stamp"].size == 1
+    (warning,) = [record.getMessage() for record in caplog.records if "clock" in record.getMessage()]
+    assert "clock 3651.0 days ahead of the newest run, at most 30 (journal.days) believed" in warning
+
+
+def test_age_counts_from_the_newest_run_while_the_clock_is_not_believed(tmp_path, seen, monkeypatch):
+    now = datetime.now(UTC)
+    with Journal(tmp_path) as journal:
+        for days in (40, 20, 1):
+            recorded(journal, seen, began=(now - timedelta(days=days)).isoformat())
+    clock_ahead_by(monkeypatch, 3650)
+    with closing(Index(tmp_path, is_read_only=False)) as index:
+        ahead, left = delete_old(index, tmp_path, Keep(days=30)), index.rows(RunRow)
+        assert [row.run for row in left] == [1, 2, 3]
+        assert delete_old(index, tmp_path, Keep(days=30), ahead) == ahead
+        assert [row.run for row in index.rows(RunRow)] == [2, 3]
 
 
 def test_the_oldest_samples_beyond_the_size_are_deleted_and_their_runs_stay(tmp_path, seen):

@@ -1,6 +1,6 @@
 import pytest
 
-from cell.states import State
+from cell.states import BEFORE_RESET, State
 from cell.words import line, report
 from drivers.errors import FAULTS, FaultCode
 from plc_bridge.images import Diagnostics, ReportImage
@@ -27,7 +27,24 @@ def test_after_every_fault_the_reset_comes_before_the_peg(fault):
     assert steps.index("reset") < steps.index("run `recover`")
 
 
-@pytest.mark.parametrize("state", [State.STOPPED, State.ABORTED])
+@pytest.mark.parametrize(
+    ("fault", "steps"),
+    [
+        (4002, "stop other programs or lower scan_rate; mend the skill that is named, then reset"),
+        (1006, "bring the PLC back, then reset and send the command again"),
+    ],
+)
+def test_the_reset_is_named_in_the_same_place_whatever_the_remedy_says_of_it(fault, steps):
+    assert told(state=State.ABORTED, fault=fault, part=PartPlace.IN_HAND).startswith(f"{steps}; then the hand holds")
+
+
+def test_no_reset_is_asked_for_where_the_state_needs_none():
+    assert told(state=State.IDLE, fault=1001, part=PartPlace.RACK) == (
+        "check the board's supply and cable; then the next peg is in the rack"
+    )
+
+
+@pytest.mark.parametrize("state", BEFORE_RESET)
 def test_a_cell_that_was_stopped_is_not_called_ready(state):
     assert told(state=state, part=PartPlace.BIN) == "reset; then the last peg is in the reject bin"
 
