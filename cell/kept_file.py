@@ -45,12 +45,17 @@ class KeptFile:
                     self._changed.notify_all()
                     return
             try:
-                _replace(self.path, text, is_lasting)
+                replace(self.path, text, is_lasting)
             except OSError as error:
                 logger.warning("%s: %s cannot be kept: %s", self.path, self._what, error.strerror)
 
 
-def _replace(path: Path, text: str, is_lasting: bool) -> None:
+def replace(path: Path, text: str, is_lasting: bool) -> None:
+    """Give a file a text, whole or not at all, with `is_lasting` also after a loss of power.
+
+    Raises:
+        OSError: It cannot be written.
+    """
     beside = path.with_suffix(".tmp")
     with os.fdopen(os.open(beside, os.O_CREAT | os.O_TRUNC | os.O_WRONLY, OWNER_ONLY), "w", encoding="utf-8") as file:
         file.write(text)

@@ -3,7 +3,6 @@
 import hashlib
 import json
 import logging
-import os
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Annotated, Literal
 
 from pydantic import AwareDatetime, Field, ValidationError
 
-from cell.kept_file import OWNER_ONLY, KeptFile
+from cell.kept_file import KeptFile, replace
 from drivers.config_model import ConfigModel
 from drivers.errors import ConfigError
 from drivers.parts import Coordinate, Job
@@ -91,14 +90,9 @@ def write_learned(folder: Path, learned: LearnedFile) -> None:
         ConfigError: The file cannot be written.
     """
     path = folder / FILE
-    new = path.with_suffix(".new")
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with os.fdopen(os.open(new, os.O_CREAT | os.O_TRUNC | os.O_WRONLY, OWNER_ONLY), "w", encoding="utf-8") as file:
-            file.write(_text(learned))
-            file.flush()
-            os.fsync(file.fileno())
-        new.replace(path)
+        replace(path, _text(learned), is_lasting=True)
     except OSError as error:
         raise ConfigError(f"{path}: cannot be written: {error.strerror}") from None
 

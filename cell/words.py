@@ -14,9 +14,6 @@ from plc_bridge.images import Diagnostics, ReportImage
 from plc_bridge.messages import LeaseState, PartPlace, Refusal, Result
 from skills.catalogue import CATALOGUE
 
-_RESET = ", then reset"
-"""The step of the reset behind another one, as remedies of faults have it."""
-
 
 def report(image: ReportImage) -> dict[str, object]:
     """Return a report in words."""
@@ -45,11 +42,10 @@ def report(image: ReportImage) -> dict[str, object]:
 def _next(image: ReportImage) -> str:
     """Return what to do next, in one line: about what is broken, then the reset where the state asks for one, then about the peg."""
     peg = REMEDIES[PartPlace(image.part)]
-    # A remedy may name the reset or not: whether it is due is the state's to say.
-    mend, _, again = (FAULTS[FaultCode(image.fault)].remedy if image.fault else "").partition(_RESET)
-    reset = (_RESET if mend else "reset") if image.state in BEFORE_RESET else ""
-    steps = f"{mend}{reset}{again}"
-    return f"{steps}; then {peg.removeprefix(READY)}" if steps else peg
+    steps = [FAULTS[FaultCode(image.fault)].remedy] if image.fault else []
+    if image.state in BEFORE_RESET:
+        steps.append("reset")
+    return f"{', then '.join(steps)}; then {peg.removeprefix(READY)}" if steps else peg
 
 
 def _named(times: Sequence[float]) -> dict[str, float]:

@@ -39,6 +39,7 @@ class FaultText:
     meaning: str
     cause: str
     remedy: str
+    """What to do before the reset, which follows on every fault."""
 
 
 FAULTS: dict[FaultCode, FaultText] = {
@@ -46,30 +47,30 @@ FAULTS: dict[FaultCode, FaultText] = {
     FaultCode.SKIN_SILENT: FaultText(
         "no taxel frame arrived in time",
         "skin board unplugged, unpowered or its bus is down",
-        "check the board's supply and cable, then reset",
+        "check the board's supply and cable",
     ),
     FaultCode.SKIN_UNTRUSTED: FaultText(
         "too few taxels can be trusted, or the skin shows no print of the peg that the hand holds",
         "dead, saturated, frozen, stuck or swapped modules",
-        "run `cell check`, change the finger it names, then reset",
+        "run `cell check`, change the finger it names",
     ),
     FaultCode.SWITCH_UNKNOWN: FaultText(
         "the success switch gives no valid answer",
         "cable, supply or firmware of the switch board",
-        "run `cell check`, mend the switch, then reset",
+        "run `cell check`, mend the switch",
     ),
     FaultCode.ARM_SILENT: FaultText(
         "the arm's state is too old",
         "network to the robot controller",
-        "check the cable and the controller, then reset",
+        "check the cable and the controller",
     ),
     FaultCode.GRIPPER_SILENT: FaultText(
-        "the gripper does not answer", "gripper cable or its controller", "check the gripper, then reset"
+        "the gripper does not answer", "gripper cable or its controller", "check the gripper"
     ),
     FaultCode.PLC_LOST: FaultText(
         "the PLC's life counter stands still, or its heartbeat has ended",
         "PLC stopped or network down",
-        "bring the PLC back, then reset and send the command again",
+        "bring the PLC back; its command has to be sent again",
     ),
     FaultCode.DEVICE_NOT_OPENED: FaultText(
         "a device could not be opened",
@@ -79,47 +80,47 @@ FAULTS: dict[FaultCode, FaultText] = {
     FaultCode.NOT_FINITE: FaultText(
         "a reading is no number",
         "a defect in the driver, the firmware or the estimator that the message names",
-        "keep the log and the run's record, report it, then reset",
+        "keep the log and the run's record, report it",
     ),
     FaultCode.ARM_STOPPED: FaultText(
         "the arm is in emergency or protective stop",
         "somebody pressed a stop, or the arm's own supervision did",
-        "find out why, release the stop, then reset",
+        "find out why, release the stop",
     ),
     FaultCode.ARM_REFLEX: FaultText(
         "the arm stopped itself by reflex",
         "collision, or a torque, speed or joint limit",
-        "look at the run's record, clear the way, then reset",
+        "look at the run's record, clear the way",
     ),
     FaultCode.TRACKING: FaultText(
         "the arm is too far from its setpoint",
         "it is blocked, or the setpoint cannot be reached",
-        "clear the way, check the poses in the config, then reset",
+        "clear the way, check the poses in the config",
     ),
     FaultCode.NOT_PASSIVE: FaultText(
         "the held setpoint pumps energy into the arm",
         "gains too high for the age of what the skin tells",
-        "lower the gains or raise their damping, see `cell study stability`, then reset",
+        "lower the gains or raise their damping, see `cell study stability`",
     ),
     FaultCode.SETPOINT: FaultText(
         "a skill asked for a motion that the arm must not make",
         "a defect in the skill, or a place in the config that is outside the workspace",
-        "check what the message names against [limits] and the places in the config, then reset",
+        "check what the message names against [limits] and the places in the config",
     ),
     FaultCode.ARM_RESTLESS: FaultText(
         "the arm goes on moving after it was halted",
         "its controller does not obey, its model of gravity is wrong, or something moves it",
-        "press the emergency stop if it still moves; check payload and controller, then reset",
+        "press the emergency stop if it still moves; check payload and controller",
     ),
     FaultCode.SUCCESS_UNPROVEN: FaultText(
         "the skills report success and the evidence is lacking",
         "a stuck switch, a hand that did not open, a peg that came along, or a defect in a skill",
-        "look at the part, the hand and the switch, clear the part, then reset",
+        "look at the part, the hand and the switch, clear the part",
     ),
     FaultCode.SWITCH_DISAGREES: FaultText(
         "the switch and the depth of the tip disagree",
         "stuck switch, wrong hole depth in the recipe, or a wrong part",
-        "look at the part and the switch, then reset",
+        "look at the part and the switch",
     ),
     FaultCode.WRENCH_OFFSET: FaultText(
         "the force that the arm reports where nothing touches is implausible",
@@ -137,7 +138,7 @@ FAULTS: dict[FaultCode, FaultText] = {
         "stop other programs or lower scan_rate; mend the skill that is named",
     ),
     FaultCode.SOFTWARE: FaultText(
-        "an error inside this program", "a defect", "keep the log and the run's record, report it, then reset"
+        "an error inside this program", "a defect", "keep the log and the run's record, report it"
     ),
     FaultCode.CONFIG: FaultText(
         "the configuration cannot be used",

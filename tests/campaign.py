@@ -1,7 +1,7 @@
 """The quick campaign of faults, as CI runs it: `python -m tests.campaign [SEED]`.
 
-All columns of `cell study faults` are printed. It ends with exit status 1 where a success was false, a run is not on record or a force was
-above the bound: what one case in 150 may still miss on a busy computer, the moment of a rest or a place that a peg is just falling to, is
+All columns of `cell study faults` are printed. It ends with exit status 1 where a success was false, a run is not on record, a force was
+above the bound or a cell did not insert again: what one case in 150 may still miss on a busy computer, the moment of a rest or a place that a peg is just falling to, is
 printed and left to whoever reads it.
 """
 
@@ -12,8 +12,8 @@ from pathlib import Path
 
 SEED = "142001"
 FOLDER = Path("build/faults")
-NEVER = ("wrong successes", "no record", "over force")
-"""Columns by which it fails. Of all 1,080 cases one kind has broken the last, see the known shortfall in docs/results.md."""
+NEVER = ("wrong successes", "no record", "over force", "not back")
+"""Columns by which it fails."""
 
 
 def main(seed: str = SEED) -> int:

@@ -20,7 +20,7 @@ def run(args: argparse.Namespace) -> int:
     from rich.table import Table
 
     codes = list(FAULTS) if args.code is None else [_found(args.code)]
-    table = Table("code", "name", "meaning", "cause", "what to do", show_lines=True)
+    table = Table("code", "name", "meaning", "cause", "what to do before the reset", show_lines=True)
     for code in codes:
         text = FAULTS[code]
         table.add_row(str(code.value), code.name, text.meaning, text.cause, text.remedy)

@@ -45,8 +45,7 @@ decision 0090."""
 
 
 FAINT = 0.6
-"""Share of the dip threshold beyond which a sudden fall is evidence of an edge: the hand drops with it, and nothing but a hole or a hop does that.
-Source: decision 0109."""
+"""Share of the dip threshold beyond which a sudden fall of the peg, and of the hand with it, is evidence of an edge. Source: decision 0109."""
 
 
 WARIER = 1.5

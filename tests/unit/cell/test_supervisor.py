@@ -272,9 +272,13 @@ def test_a_run_that_the_program_s_end_interrupts_is_aborted_with_the_arm_halted(
     assert (report.state, rig.journal.find(1).outcome, rig.arm.is_halted) == (State.STOPPED, "aborted", True)
 
 
-def test_an_error_of_the_scan_itself_closes_the_record_and_is_told(rig, program, monkeypatch):
-    monkeypatch.setattr(rig.clock, "wait_until", lambda stamp: 1 / 0)
-    with pytest.raises(ZeroDivisionError):
+@pytest.mark.parametrize("error", [ZeroDivisionError, KeyboardInterrupt])
+def test_an_error_of_the_scan_itself_closes_the_record_and_is_told(rig, program, monkeypatch, error):
+    def fail(stamp):
+        raise error
+
+    monkeypatch.setattr(rig.clock, "wait_until", fail)
+    with pytest.raises(error):
         rig.supervisor.serve()
     assert (rig.plc.report.state, rig.plc.report.fault) == (State.ABORTED, FaultCode.SOFTWARE)
 

@@ -2,12 +2,23 @@
 
 import asyncio
 import subprocess
+from pathlib import Path
 
 import pytest
 
+import drivers
+from cell.config_files import arm_file
 from cell.page.records import _run
+from drivers.arm.franka import FrankaArm
+from drivers.arm.franka_config import FrankaArmConfig
+from drivers.arm.model import read_arm
 from drivers.gripper.franka import FrankaGripper
 from drivers.gripper.franka_config import FrankaGripperConfig
+from tests.fakes import FakeClock
+
+FR3 = read_arm(arm_file("fr3"))
+ARM = FrankaArmConfig(kind="franka", model="fr3", host="127.0.0.1", collision_torque=40.0, collision_force=40.0)
+GRIPPER = FrankaGripperConfig(kind="franka", host="127.0.0.1")
 
 
 @pytest.fixture
@@ -27,9 +38,17 @@ def planted(tmp_path, monkeypatch):
     return plant
 
 
-def test_the_hand_s_loop_is_the_cell_s_own(planted, monkeypatch):
-    """The driver starts its loop in some way; an interpreter that is started in the same way imports that loop, which reaches for no device."""
-    written, commands = planted("drivers.gripper.loop"), []
+@pytest.mark.parametrize(
+    ("module", "device"),
+    [
+        ("drivers.arm.loop", FrankaArm(ARM, FR3, FakeClock())),
+        ("drivers.gripper.loop", FrankaGripper(GRIPPER, FR3.hand.stroke)),
+    ],
+)
+def test_the_loop_of_a_device_is_the_cell_s_own(planted, monkeypatch, module, device):
+    """The driver starts its loop in some way; an interpreter that is started in the same way is asked where it finds that loop."""
+    planted(module)
+    commands = []
 
     def start(command, **_):
         commands.append(command)
@@ -38,12 +57,13 @@ def test_the_hand_s_loop_is_the_cell_s_own(planted, monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr(subprocess, "Popen", start)
         with pytest.raises(OSError, match="not started"):
-            FrankaGripper(FrankaGripperConfig(kind="franka", host="127.0.0.1"), 0.08)._start()
+            device._start()
     [command] = commands
     at = command.index("-m")
-    assert command[at + 1] == "drivers.gripper.loop"
-    subprocess.run([*command[:at], "-c", f"import {command[at + 1]}"], check=True)
-    assert not written.exists()
+    assert command[at + 1] == module
+    find = f"from importlib.util import find_spec; print(find_spec({module!r}).origin)"
+    found = subprocess.run([*command[:at], "-c", find], check=True, capture_output=True, text=True).stdout
+    assert Path(found.strip()) == Path(drivers.__file__).parent.joinpath(*module.split(".")[1:]).with_suffix(".py")
 
 
 def test_the_page_starts_this_program_and_no_other(planted):
