@@ -21,7 +21,7 @@ from tests.franka.insertion import opened
 from tests.franka.simulated import address
 from tests.wired import Rehearsal
 
-pytestmark = [pytest.mark.alone, pytest.mark.by_hand]
+pytestmark = [pytest.mark.alone, pytest.mark.by_hand, pytest.mark.timeout(3600)]
 
 
 def test_whatever_is_killed_in_the_middle_ends_in_its_fault_and_serves_again_after_a_reset(tmp_path):

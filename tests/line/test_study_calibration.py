@@ -14,6 +14,7 @@ def test_an_unknown_kind_of_arms_is_refused_in_one_line(capsys, tmp_path):
 
 
 @pytest.mark.by_hand
+@pytest.mark.timeout(3600)
 def test_the_quick_study_says_what_was_held_and_what_it_brought(capsys, tmp_path):
     assert main(["study", "calibration", "--quick", "--workers", "1", "--out", str(tmp_path), "--json"]) == GOOD
     (line,) = json.loads(capsys.readouterr().out)["lines"]
