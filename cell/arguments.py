@@ -121,13 +121,12 @@ def query_of(args: argparse.Namespace) -> "RunQuery":
     Raises:
         ConfigError: A time or a word in it is wrong.
     """
-    from datetime import UTC, datetime
-
+    from cell import wall_clock
     from cell.run_query import OUTCOMES, RunQuery, since_text
 
     if args.outcome is not None:
         require_known("--outcome", args.outcome, OUTCOMES)
-    since = since_text(args.since, datetime.now(UTC)) if args.since else ""
+    since = since_text(args.since, wall_clock.now()) if args.since else ""
     return RunQuery(since, args.outcome, args.fault, args.part, args.program, args.recipe)
 
 

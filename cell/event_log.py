@@ -3,10 +3,11 @@
 import logging
 from collections.abc import Callable
 
-from cell.journal import Journal, now_text
+from cell.journal import Journal
 from cell.journal_schema import EventKind, EventRow
 from cell.live import Pull
 from cell.states import State
+from cell.wall_clock import now_text
 from drivers.errors import CellError, JournalError
 from plc_bridge.messages import Command, Control, Refusal
 from plc_bridge.registers import Warnings

@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Sequence
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
@@ -223,8 +222,3 @@ class Journal:
         if self._index is None:
             raise JournalError(f"{self.folder / INDEX}: not open")
         return self._index
-
-
-def now_text() -> str:
-    """Return the wall time as records have it."""
-    return datetime.now(UTC).isoformat(timespec="milliseconds")

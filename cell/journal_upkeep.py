@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from cell import wall_clock
 from cell.journal_index import INDEX, DamagedIndexError, Index
 from cell.journal_schema import LOST, EventKind, EventRow, RunRow, StageRow
 from cell.samples import read_rows, read_samples
@@ -23,10 +24,6 @@ logger = logging.getLogger(__name__)
 _SAMPLES = re.compile(r"run-(\d{6,})\.arrows")
 UNKNOWN_RUN = RunRow(0, "", "", 0, "", "", 0)
 """Row of a run whose samples say nothing of it, as those of version 0.1 do."""
-
-
-AGREES = timedelta()
-"""Lead of a computer's clock that agrees with the runs on record."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +78,7 @@ def made_again(folder: Path, why: str) -> Index:
     Raises:
         JournalError: The folder cannot be written.
     """
-    stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%S%f")
+    stamp = wall_clock.now().strftime("%Y%m%dT%H%M%S%f")
     aside = folder / f"{INDEX}.damaged-{stamp}"
     try:
         (folder / INDEX).replace(aside)
@@ -122,28 +119,30 @@ def close_lost_runs(index: Index, folder: Path, under_way: Collection[int] = ())
                 _count_up_to(index, run)
 
 
-def delete_old(index: Index, folder: Path, keep: Keep, ahead: timedelta = AGREES) -> timedelta:
-    """Delete the records beyond the limits, and return how far the computer's clock is believed to be ahead.
+def delete_old(index: Index, folder: Path, keep: Keep) -> None:
+    """Delete the records beyond the limits.
 
-    A clock that is more than `keep.days` ahead of the newest run on record may be wrong, or the cell was off for so long: nothing is
-    deleted by age in that pass, and what is returned is the time between the two. Given to the next pass as `ahead`, it makes age count
-    from that newest run on, so that runs which are recorded by a wrong clock do not age those before them.
-
-    A program that is started anew believes the clock again where the newest run carries its date: a clock that stays wrong over a second
-    start, with a run on record between the two, deletes what is too old by it. A clock that is ahead by less than `keep.days` is believed,
-    and so is one of a journal without runs.
+    Age is counted from record to record, up to the computer's clock. A step of more than `keep.days`, or one back in time, counts as none:
+    the clock was wrong, or the cell was off. What is on record before such a step is kept until `keep.days` have passed since in smaller
+    steps, whichever of the two it was. A clock that is ahead by less than `keep.days` is believed.
     """
     if keep.days > 0:
-        now = datetime.now(UTC) - ahead
-        newest = _newest(index)
-        if newest is not None and now - newest > timedelta(days=keep.days):
-            _warn_of_clock(index, folder, now - newest, keep.days)
-            ahead += now - newest
-        else:
-            _delete_aged(index, folder, now - timedelta(days=keep.days))
+        _delete_aged(index, folder, keep.days)
     if keep.bytes > 0:
         _delete_beyond_size(index, folder, keep.bytes)
-    return ahead
+
+
+def warn_of_clock(index: Index, folder: Path, keep: Keep) -> None:
+    """Say where the computer's clock is so far ahead of the newest run that the time between the two does not count as age."""
+    newest = _newest(index)
+    if not keep.days or newest is None or wall_clock.now() - newest <= timedelta(days=keep.days):
+        return
+    text = (
+        f"computer's clock {(wall_clock.now() - newest) / timedelta(days=1):.1f} days ahead of the newest run, at most {keep.days} (journal.days)"
+        " believed: that time ages no record; set the clock if it is wrong"
+    )
+    index.put(event(EventKind.WARNING, "clock_ahead", text), is_numbered_here=True)
+    logger.warning("%s: %s", folder / INDEX, text)
 
 
 def _newest(index: Index) -> datetime | None:
@@ -156,26 +155,27 @@ def _newest(index: Index) -> datetime | None:
     return None
 
 
-def _warn_of_clock(index: Index, folder: Path, found: timedelta, allowed: int) -> None:
-    """Say that nothing is deleted by age; `found` is how far the clock is ahead of the newest run, `allowed` the limit, days."""
-    text = (
-        f"computer's clock {found / timedelta(days=1):.1f} days ahead of the newest run, at most {allowed} (journal.days) believed:"
-        " nothing is deleted by age; set the clock if it is wrong"
-    )
-    index.put(event(EventKind.WARNING, "clock_ahead", text), is_numbered_here=True)
-    logger.warning("%s: %s", folder / INDEX, text)
+def _last_aged(index: Index, table: str, key: str, time: str, days: int) -> int:
+    """Return the number of the newest record of a table that is older than so many days; 0 where none is."""
+    steps = f"julianday(lead({time}, 1, ?) OVER (ORDER BY {key})) - julianday({time})"
+    found = index.execute(
+        f"WITH steps AS (SELECT {key}, {steps} AS step FROM {table} WHERE {time} != ''), ages AS (SELECT {key},"
+        f" sum(CASE WHEN step BETWEEN 0 AND ? THEN step ELSE 0 END) OVER (ORDER BY {key} DESC) AS age FROM steps)"
+        f" SELECT coalesce(max({key}), 0) FROM ages WHERE age > ?",
+        [wall_clock.now_text(), days, days],
+    ).fetchone()
+    return int(found[0])
 
 
-def _delete_aged(index: Index, folder: Path, before: datetime) -> None:
-    """Delete the runs that began, and the events that were, before a time."""
-    oldest = before.isoformat(timespec="milliseconds")
+def _delete_aged(index: Index, folder: Path, days: int) -> None:
+    """Delete the runs and the events that are older than so many days."""
     with index.at_once():
-        where = "outcome != 'running' AND started < ?"
-        old = [int(run) for (run,) in index.execute(f"SELECT run FROM runs WHERE {where}", [oldest])]
+        where, last = "outcome != 'running' AND run <= ?", [_last_aged(index, "runs", "run", "started", days)]
+        old = [int(run) for (run,) in index.execute(f"SELECT run FROM runs WHERE {where}", last)]
         for table in ("stages", "told"):
-            index.execute(f"DELETE FROM {table} WHERE run IN (SELECT run FROM runs WHERE {where})", [oldest])
-        index.execute(f"DELETE FROM runs WHERE {where}", [oldest])
-        index.execute("DELETE FROM events WHERE time < ?", [oldest])
+            index.execute(f"DELETE FROM {table} WHERE run IN (SELECT run FROM runs WHERE {where})", last)
+        index.execute(f"DELETE FROM runs WHERE {where}", last)
+        index.execute("DELETE FROM events WHERE event <= ?", [_last_aged(index, "events", "event", "time", days)])
         index.execute("DELETE FROM configs WHERE config_hash NOT IN (SELECT config_hash FROM runs)", [])
     files = sampled_runs(folder)
     for run in old:
@@ -197,7 +197,7 @@ def _delete_beyond_size(index: Index, folder: Path, most: int) -> None:
 
 def event(kind: EventKind, name: str, text: str, run: int = 0) -> EventRow:
     """Return an event of the journal itself, which has no time on the cell's clock."""
-    return EventRow(0, datetime.now(UTC).isoformat(timespec="milliseconds"), 0.0, kind, name, run=run, text=text)
+    return EventRow(0, wall_clock.now_text(), 0.0, kind, name, run=run, text=text)
 
 
 def ending_text(row: RunRow, stages: list[StageRow]) -> str:

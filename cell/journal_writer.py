@@ -19,13 +19,13 @@ from threading import Condition, Thread
 from cell.journal_index import OWNER_ONLY, DamagedIndexError, Index
 from cell.journal_schema import ConfigRow, EventRow, RunRow, StageRow, names
 from cell.journal_upkeep import (
-    AGREES,
     Keep,
     close_lost_runs,
     delete_old,
     made_again,
     next_number,
     opened_to_write,
+    warn_of_clock,
 )
 from cell.run_samples import RunSamples
 from cell.sample_blocks import SampleBlock
@@ -72,8 +72,6 @@ class JournalWriter:
         self.is_disk_low = False
         """Whether the disk has less free space than is asked for."""
         self._lock = -1
-        self._clock_ahead = AGREES
-        """Time by which the computer's clock is believed to be ahead of the runs on record."""
 
     @property
     def trouble(self) -> str:
@@ -175,6 +173,7 @@ class JournalWriter:
             fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             close_lost_runs(self._index, self._folder)
         self._last = max(self._last, next_number(self._index, self._folder) - 1)
+        warn_of_clock(self._index, self._folder, self._keep)
         self._delete_old()
         self._claim()
         self._look_at_disk()
@@ -299,7 +298,7 @@ class JournalWriter:
 
     def _delete_old(self) -> None:
         try:
-            self._clock_ahead = delete_old(self._index_in_place(), self._folder, self._keep, self._clock_ahead)
+            delete_old(self._index_in_place(), self._folder, self._keep)
         except (JournalError, OSError) as error:
             logger.error("old records are not deleted: %s", error)
 

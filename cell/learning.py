@@ -4,12 +4,13 @@ import hashlib
 import json
 import logging
 from collections.abc import Callable, Sequence
-from datetime import UTC, datetime
+from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import AwareDatetime, Field, ValidationError
 
+from cell import wall_clock
 from cell.kept_file import KeptFile, replace
 from drivers.config_model import ConfigModel
 from drivers.errors import ConfigError
@@ -130,7 +131,7 @@ class Learning:
     """
 
     def __init__(
-        self, folder: Path, learning: LearningConfig, now: Callable[[], datetime] = lambda: datetime.now(UTC)
+        self, folder: Path, learning: LearningConfig, now: Callable[[], datetime] = lambda: wall_clock.now()
     ) -> None:
         """Keep the folder of the file, how the cell learns, and what tells the time; nothing is read yet."""
         self._folder, self._learning, self._now = folder, learning, now

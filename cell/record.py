@@ -7,11 +7,12 @@ from enum import IntEnum
 from functools import partial
 
 from cell.cell_config import CellConfig
-from cell.journal import Journal, now_text
+from cell.journal import Journal
 from cell.journal_schema import ConfigRow, RunRow
 from cell.provenance import config_text, digest_of, versions
 from cell.run_trace import RunTrace
 from cell.sample_blocks import SampleStream
+from cell.wall_clock import now_text
 from drivers.errors import CellError, FaultCode
 from drivers.quantities import ImpedanceSetpoint
 from drivers.scene_facts import SceneFacts, Sight

@@ -46,8 +46,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _rows(args: argparse.Namespace) -> list[dict[str, object]]:
     """Return what was learnt of each recipe, as words and figures in SI units."""
-    from datetime import UTC, datetime
-
+    from cell import wall_clock
     from cell.learning import read_learned, unusable
 
     loaded = load_config(args)
@@ -57,7 +56,7 @@ def _rows(args: argparse.Namespace) -> list[dict[str, object]]:
         if args.recipe is not None and int(number) != args.recipe:
             continue
         config = loaded.recipes.get(int(number))
-        now = datetime.now(UTC)
+        now = wall_clock.now()
         why = (
             "no such recipe" if config is None else unusable(place, config.job(), config.learning, now) or place.doubt()
         )

@@ -6,9 +6,10 @@ import sys
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict
-from datetime import UTC, datetime, timedelta
+from datetime import timedelta
 from pathlib import Path
 
+from cell import wall_clock
 from cell.journal import Journal
 from cell.journal_schema import LOST, RUNNING, RunRow
 from cell.line import PROGRAMS
@@ -53,7 +54,7 @@ class Records:
         """Return the last runs, and the yield of the shift; empty lists where the journal cannot be read."""
         rows: list[RunRow] = []
         counts: dict[str, int] = {}
-        since = datetime.now(UTC) - SHIFT
+        since = wall_clock.now() - SHIFT
         with suppress(JournalError), self._journal() as journal:
             rows = journal.runs(RECENT)
             counts = journal.outcomes(RunQuery(since.isoformat(timespec="milliseconds"), program=PRODUCT))

@@ -10,10 +10,11 @@ import pytest
 from tornado.httpclient import HTTPClientError, HTTPRequest
 from tornado.websocket import websocket_connect
 
-from cell.journal import Journal, now_text
+from cell.journal import Journal
 from cell.journal_schema import RunRow
 from cell.page.server import PageServer
 from cell.page.socket import PLACES, TRIES
+from cell.wall_clock import now_text
 from drivers.errors import DeviceNotOpenedError
 from plc_bridge.messages import Control
 from tests.browser import patience

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from cell.config import load
-from cell.journal import Journal, now_text
+from cell.journal import Journal
 from cell.journal_schema import RunRow
 from cell.lab.page.browser import browsing, memory_of
 from cell.lab.page.replay import as_run
@@ -21,6 +21,7 @@ from cell.live import KEPT, Live, Look
 from cell.page.hub import PERIOD
 from cell.page.server import PageServer
 from cell.states import State
+from cell.wall_clock import now_text
 from plc_bridge.bridge import Bridge
 from plc_bridge.messages import Report, Result
 from skills.catalogue import CATALOGUE

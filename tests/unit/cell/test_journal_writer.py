@@ -14,7 +14,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cell import journal_upkeep, journal_writer
+from cell import journal_upkeep, journal_writer, wall_clock
 from cell.journal import INDEX, Journal
 from cell.journal_index import DamagedIndexError, Index
 from cell.journal_schema import LOST, EventKind, EventRow, RunRow, StageRow
@@ -218,52 +218,61 @@ def test_samples_that_come_faster_than_the_disk_takes_them_are_told_and_counted(
 def test_runs_older_than_is_asked_for_are_deleted_with_all_that_belongs_to_them(tmp_path, seen):
     now = datetime.now(UTC)
     with Journal(tmp_path) as journal:
-        for days in (40, 1):
+        for days in (40, 20, 1):
             recorded(journal, seen, started=(now - timedelta(days=days)).isoformat(), config_hash=f"config of {days}")
     with Journal(tmp_path, keep=Keep(days=30)) as journal:
-        assert ([row.run for row in journal.runs(5)], journal.stages(1)) == ([2], [])
+        assert ([row.run for row in journal.runs(5)], journal.stages(1)) == ([3, 2], [])
     assert not (tmp_path / "run-000001.arrows").exists()
     assert read_samples(tmp_path / "run-000002.arrows")["stamp"].size == 1
 
 
 def clock_ahead_by(monkeypatch, days):
-    """Set the computer's clock ahead, as the upkeep of the journal reads it."""
-
-    class Ahead(datetime):
-        @classmethod
-        def now(cls, tz=None):
-            return datetime.now(tz) + timedelta(days=days)
-
-    monkeypatch.setattr(journal_upkeep, "datetime", Ahead)
+    """Set the computer's clock ahead, as all of the cell reads it."""
+    monkeypatch.setattr(wall_clock, "now", lambda: datetime.now(UTC) + timedelta(days=days))
 
 
-def test_a_clock_that_is_years_ahead_deletes_no_run_of_the_last_days(tmp_path, seen, monkeypatch, caplog):
+def test_a_clock_that_is_years_ahead_for_many_starts_deletes_no_run_of_the_last_days(
+    tmp_path, seen, monkeypatch, caplog
+):
     now = datetime.now(UTC)
     with Journal(tmp_path) as journal:
         for days in (20, 1):
             recorded(journal, seen, began=(now - timedelta(days=days)).isoformat())
-    clock_ahead_by(monkeypatch, 3650)
     monkeypatch.setattr(journal_writer, "UPKEEP_PERIOD", 0.0)  # each round of the writer deletes
-    with Journal(tmp_path, keep=Keep(days=30)) as journal:
-        recorded(journal, seen, began=(now + timedelta(days=3650)).isoformat())
-        recorded(journal, seen, began=(now + timedelta(days=3650)).isoformat())
-        assert sorted(row.run for row in journal.runs(9)) == [1, 2, 3, 4]
+    for start in range(3):
+        clock_ahead_by(monkeypatch, 3650 + start)
+        with Journal(tmp_path, keep=Keep(days=30)) as journal:
+            recorded(journal, seen, began=wall_clock.now().isoformat())
+            assert sorted(row.run for row in journal.runs(9)) == list(range(1, 4 + start))
     assert read_samples(tmp_path / "run-000001.arrows")["stamp"].size == 1
     (warning,) = [record.getMessage() for record in caplog.records if "clock" in record.getMessage()]
     assert "clock 3651.0 days ahead of the newest run, at most 30 (journal.days) believed" in warning
+    monkeypatch.undo()  # the clock is set right again
+    with Journal(tmp_path, keep=Keep(days=30)) as journal:
+        assert len(journal.runs(9)) == 5
 
 
-def test_age_counts_from_the_newest_run_while_the_clock_is_not_believed(tmp_path, seen, monkeypatch):
-    now = datetime.now(UTC)
+@pytest.mark.parametrize(("days", "kept"), [(28.9, [1, 2, 3]), (29.1, [2, 3]), (29.9, [3]), (30.1, [1, 2, 3])])
+def test_age_counts_over_steps_that_can_be_believed(tmp_path, seen, monkeypatch, days, kept):
+    """The oldest run began 18 hours before the next, that one six before the newest, which began `days` ago by the clock."""
     with Journal(tmp_path) as journal:
-        for days in (40, 20, 1):
-            recorded(journal, seen, began=(now - timedelta(days=days)).isoformat())
-    clock_ahead_by(monkeypatch, 3650)
+        for day in (1.0, 0.25, 0.0):
+            recorded(journal, seen, began=(datetime.now(UTC) - timedelta(days=day)).isoformat())
+    clock_ahead_by(monkeypatch, days)
     with closing(Index(tmp_path, is_read_only=False)) as index:
-        ahead, left = delete_old(index, tmp_path, Keep(days=30)), index.rows(RunRow)
-        assert [row.run for row in left] == [1, 2, 3]
-        assert delete_old(index, tmp_path, Keep(days=30), ahead) == ahead
-        assert [row.run for row in index.rows(RunRow)] == [2, 3]
+        delete_old(index, tmp_path, Keep(days=30))
+        assert [row.run for row in index.rows(RunRow)] == kept
+
+
+def test_events_age_as_runs_do(tmp_path, monkeypatch):
+    now = datetime.now(UTC)
+    with closing(Index(tmp_path, is_read_only=False)) as index:
+        for days in (40, 20, 1, -3650):
+            time = (now - timedelta(days=days)).isoformat()
+            index.put(EventRow(0, time, 0.0, EventKind.WARNING, f"{days}"), is_numbered_here=True)
+        clock_ahead_by(monkeypatch, 3651)
+        delete_old(index, tmp_path, Keep(days=30))
+        assert [row.name for row in index.rows(EventRow)] == ["20", "1", "-3650"]
 
 
 def test_the_oldest_samples_beyond_the_size_are_deleted_and_their_runs_stay(tmp_path, seen):
