@@ -10,12 +10,12 @@ from pathlib import Path
 from cell.assembly import Cell
 from cell.cell_config import CellConfig
 from cell.custody import Custody
-from cell.part_state import UNRESOLVED, PegEvidence, Places, described, evidence_of, places_of, told
+from cell.part_state import UNRESOLVED, PartState, PegEvidence, Places, described, evidence_of, places_of, told
 from cell.record import Ending
 from cell.success import Evidence, LastLook, evidence_for, judged
 from drivers.errors import CellError, SwitchDisagreesError, SwitchUnknownError
 from drivers.frames import end_point
-from drivers.quantities import ArmState, GripperState, SwitchState
+from drivers.quantities import ArmState, GripperState, SwitchState, TaxelFrame
 from plc_bridge.messages import PartPlace, Refusal, Report
 from skills.catalogue import GRASP, RECOVER, SEARCH
 from skills.contract import Observation, Outcome, SkillContext
@@ -38,10 +38,10 @@ PROVEN_BY_SWITCH = (Claim.SEATED, Claim.LEFT, Claim.INSERTED)
 class PartWatch:
     """Where the peg of one cell is; for the scan thread."""
 
-    def __init__(self, cell: Cell, context: SkillContext, folder: Path) -> None:
-        """Take the opened cell, the context of its skills, and the journal's folder."""
+    def __init__(self, cell: Cell, context: SkillContext, folder: Path, *, has_run: bool) -> None:
+        """Take the opened cell, the context of its skills, the journal's folder, and whether runs of such a cell are on record there."""
         self._cell, self._context = cell, context
-        self._custody = Custody(folder, cell.config.arm.kind)
+        self._custody = Custody(folder, cell.config.arm.kind, has_run=has_run)
         self._places = _places(cell.config)
         self._proof: Evidence = evidence_for(cell.config.hole)
         self._is_running = self._has_looked = self._was_open = False
@@ -69,7 +69,7 @@ class PartWatch:
             SwitchDisagreesError: The switch has closed where no peg can be on it.
         """
         self._switch = seen.switch
-        evidence = evidence_of(seen.arm, seen.gripper, seen.switch, seen.tip, seen.peg.theta)
+        evidence = evidence_of(seen.arm, seen.gripper, seen.switch, seen.tip, seen.peg.theta, seen.frame)
         self._tell(self._custody.see(evidence, self._places, self._is_running))
         if not self._is_running:
             return
@@ -183,11 +183,17 @@ class PartWatch:
         # What the run's search says of the hole at the end is better than where the peg went in; a run that is under way
         # has not found that of the last one.
         hole = report.hole if any(report.hole) and not self._is_running else self._hole
-        values = (part.place, part.depth, hole, self._peak_force, self._obstacle())
-        if values == (report.part, report.part_depth, report.hole, report.peak_force, report.obstacle):
-            return report
-        place, depth, hole, force, obstacle = values
-        return replace(report, part=place, part_depth=depth, hole=hole, peak_force=force, obstacle=obstacle)
+        told = replace(
+            report,
+            part=part.place,
+            part_depth=part.depth,
+            part_evidence=part.basis,
+            part_width=round(part.width, 4),  # what the register has room for; less is noise and no news
+            hole=hole,
+            peak_force=self._peak_force,
+            obstacle=self._obstacle(),
+        )
+        return report if told == report else told
 
     def _obstacle(self) -> Refusal:
         """Return why a fresh peg could not be taken now; a simulated line takes the workpiece with a seated peg away by itself."""
@@ -195,6 +201,11 @@ class PartWatch:
         if config.is_simulated and part.place is PartPlace.SEATED and not part.is_held:
             return Refusal.NONE
         return self._custody.refusal(self._switch, config.rack, config.params(RECOVER).first)
+
+    @property
+    def part(self) -> PartState:
+        """State of the peg as it was known last."""
+        return self._custody.part
 
     @property
     def told(self) -> str:
@@ -211,7 +222,10 @@ class PartWatch:
     def _evidence(self, arm: ArmState, hand: GripperState, switch: SwitchState) -> PegEvidence:
         in_hand = self._context.in_hand()
         tip, _ = end_point(arm.tcp, in_hand.theta, in_hand.length)
-        return evidence_of(arm, hand, switch, tip, in_hand.theta)
+        frame: TaxelFrame | None = None
+        with suppress(CellError):  # a skin that is silent is no evidence
+            frame = self._cell.skin.read()
+        return evidence_of(arm, hand, switch, tip, in_hand.theta, frame)
 
     def _tell(self, is_new: bool) -> None:
         if not is_new:

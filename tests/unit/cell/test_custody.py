@@ -32,27 +32,27 @@ def empty():
 
 
 def test_the_next_program_knows_what_the_last_one_knew(tmp_path, places):
-    first = Custody(tmp_path, "sim")
+    first = Custody(tmp_path, "sim", has_run=False)
     first.see(empty(), places, is_running=False)
     first.see(holding(places), places, is_running=True)
     assert first.flush()
-    second = Custody(tmp_path, "sim")
+    second = Custody(tmp_path, "sim", has_run=False)
     second.see(empty(), places, is_running=False)
     assert second.part.place is PartPlace.UNKNOWN
     assert second.part.evidence == "in hand when the program ended; the hand is empty now"
 
 
 def test_what_a_simulated_cell_knows_is_nothing_to_a_real_one(tmp_path, places):
-    simulated = Custody(tmp_path, "sim")
+    simulated = Custody(tmp_path, "sim", has_run=False)
     simulated.see(holding(places), places, is_running=True)
     assert simulated.flush()
-    real = Custody(tmp_path, "franka")
+    real = Custody(tmp_path, "franka", has_run=False)
     real.see(empty(), places, is_running=False)
     assert real.part.place is PartPlace.RACK
 
 
 def test_only_its_owner_reads_the_file_and_nothing_stays_beside_it(tmp_path, places):
-    custody = Custody(tmp_path, "sim")
+    custody = Custody(tmp_path, "sim", has_run=False)
     custody.see(holding(places), places, is_running=True)
     assert custody.flush()
     (file,) = tmp_path.iterdir()
@@ -63,14 +63,14 @@ def test_only_its_owner_reads_the_file_and_nothing_stays_beside_it(tmp_path, pla
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"place": "MOON"}', '{"place": "RACK", "emptied": 0, "tip": [0]}'])
 def test_a_damaged_file_says_that_nobody_knows(tmp_path, places, text):
     (tmp_path / "part-sim.json").write_text(text)
-    custody = Custody(tmp_path, "sim")
+    custody = Custody(tmp_path, "sim", has_run=False)
     custody.see(empty(), places, is_running=False)
     assert custody.part.place is PartPlace.UNKNOWN
     assert "cannot be read" in custody.part.evidence
 
 
 def test_a_folder_that_cannot_be_written_stops_nothing(tmp_path, places, caplog):
-    custody = Custody(tmp_path / "gone", "sim")
+    custody = Custody(tmp_path / "gone", "sim", has_run=False)
     custody.see(holding(places), places, is_running=True)
     assert custody.part.place is PartPlace.IN_HAND
     assert custody.flush()
@@ -78,12 +78,12 @@ def test_a_folder_that_cannot_be_written_stops_nothing(tmp_path, places, caplog)
 
 
 def test_the_rack_empties_slot_by_slot_is_refused_empty_and_full_again_when_told(tmp_path, places, rack):
-    custody = Custody(tmp_path, "sim")
+    custody = Custody(tmp_path, "sim", has_run=False)
     custody.see(empty(), places, is_running=False)
     assert [custody.take(rack) for _ in range(rack.slots)] == list(range(rack.slots))
     assert custody.refusal(OPEN, rack, recovers_first=False) is Refusal.RACK_EMPTY
     assert custody.flush()
-    later = Custody(tmp_path, "sim")
+    later = Custody(tmp_path, "sim", has_run=False)
     later.see(empty(), places, is_running=False)
     assert later.refusal(OPEN, rack, recovers_first=False) is Refusal.RACK_EMPTY
     later.refill()
@@ -92,14 +92,14 @@ def test_the_rack_empties_slot_by_slot_is_refused_empty_and_full_again_when_told
 
 
 def test_a_feeder_goes_round_the_slots_for_ever(tmp_path, loaded):
-    custody = Custody(tmp_path, "sim")
+    custody = Custody(tmp_path, "sim", has_run=False)
     rack = loaded.cell.rack
     assert [custody.take(rack) for _ in range(rack.slots + 2)] == [*range(rack.slots), 0, 1]
     assert custody.refusal(OPEN, rack, recovers_first=False) is Refusal.PART_UNRESOLVED
 
 
 def test_a_person_who_clears_is_believed_until_the_hand_says_otherwise(tmp_path, places):
-    custody = Custody(tmp_path, "sim")
+    custody = Custody(tmp_path, "sim", has_run=False)
     custody.see(holding(places), places, is_running=True)
     custody.clear()
     assert custody.part.place is PartPlace.RACK

@@ -27,7 +27,7 @@ from cell.part_state import (
 )
 from drivers.parts import Latch
 from drivers.quantities import WIDTH_TOLERANCE, SwitchState
-from plc_bridge.messages import PartPlace, Refusal
+from plc_bridge.messages import PartEvidence, PartPlace, Refusal
 from skills.seating import CLOSED_TOLERANCE
 
 OPEN, CLOSED, UNKNOWN = SwitchState.OPEN, SwitchState.CLOSED, SwitchState.UNKNOWN
@@ -271,7 +271,7 @@ def test_a_peg_that_force_has_proven_stays_seated_while_the_switch_is_open(place
     assert (seated.place, "a detent of 5.0 N" in seated.evidence) == (PartPlace.SEATED, True)
     looked = seen(places, at_depth(places, 0.02), gripping=False)
     assert after_run(seated, looked, without) == after(seated, looked, without, False) == seated
-    assert at_start(seated, looked, without) == seated
+    assert at_start(seated, looked, without) == replace(seated, basis=seated.basis | PartEvidence.RECORD)
     assert refusal_of(seated, OPEN, False, False) is Refusal.NONE
 
 
@@ -362,9 +362,13 @@ def test_a_held_peg_is_seated_exactly_as_far_off_the_hole_s_depth_as_the_switch_
 
 
 @pytest.mark.parametrize(
-    ("before", "switch", "place"), [(OPEN, CLOSED, PartPlace.SEATED), (CLOSED, OPEN, PartPlace.IN_HOLE)]
+    ("before", "switch", "place", "bits"),
+    [
+        (OPEN, CLOSED, PartPlace.SEATED, PartEvidence.SWITCH_CLOSED),
+        (CLOSED, OPEN, PartPlace.IN_HOLE, PartEvidence.SWITCH_OPEN),
+    ],
 )
-def test_a_peg_that_is_let_go_in_the_hole_is_where_the_switch_says_then(places, before, switch, place):
+def test_a_peg_that_is_let_go_in_the_hole_is_where_the_switch_says_then(places, before, switch, place, bits):
     held = held_at(places, 0.02, before)
     gone = after(held, seen(places, held.tip, gripping=False, switch=switch), places, is_running=True)
     assert gone == PartState(
@@ -374,6 +378,8 @@ def test_a_peg_that_is_let_go_in_the_hole_is_where_the_switch_says_then(places, 
         pytest.approx(0.02),
         at_depth(places, 0.02),
         True,
+        bits | PartEvidence.HAND_EMPTY | PartEvidence.TIP_IN_HOLE,
+        0.04,
     )
 
 
