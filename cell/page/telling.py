@@ -120,7 +120,7 @@ def _next(state: State, part: PartState, unplugged: Sequence[str]) -> str:
     """Return what to do next; where nothing moves, with what cables and the peg ask for: where it is, why that is believed, what to do."""
     remedy = (
         REMEDIES[part.place]
-        .replace("CLEARED", 'press "Peg taken away"')
+        .replace("give CLEARED", 'press "Peg taken away"')
         .replace("run `recover`", "start the program recover")
     )
     if state not in WAITING:

@@ -136,6 +136,25 @@ def test_an_index_of_the_first_layout_is_brought_up_to_the_present_one(tmp_path)
         assert (layout_of(tmp_path / "early"), journal.find(2).peak_force) == (LAYOUT, 12.5)
 
 
+def test_runs_of_an_index_without_evidence_of_the_peg_stay_and_have_none(tmp_path):
+    with Journal(tmp_path) as journal:
+        journal.finish(replace(journal.begin(ROW), outcome="fault", part="in_hole", part_evidence="let go"))
+    with closing(sqlite3.connect(tmp_path / INDEX)) as index:
+        index.execute("ALTER TABLE runs DROP COLUMN part_evidence")
+        index.execute("PRAGMA user_version = 6")
+    with Journal(tmp_path) as journal:
+        assert (journal.find(1).part, journal.find(1).part_evidence) == ("in_hole", "")
+        journal.finish(replace(journal.begin(ROW), outcome="fault", part="in_hole", part_evidence="let go"))
+        assert journal.find(2).part_evidence == "let go"
+    assert layout_of(tmp_path) == LAYOUT
+
+
+def test_a_journal_tells_runs_of_simulated_cells_from_those_of_real_ones(journal):
+    assert not journal.has_run(is_simulated=True)
+    journal.begin(replace(ROW, is_simulated=1))
+    assert (journal.has_run(is_simulated=True), journal.has_run(is_simulated=False)) == (True, False)
+
+
 def test_an_index_of_the_first_layout_is_read_without_being_changed(tmp_path):
     folder = early_index(tmp_path / "early")
     before = (folder / INDEX).read_bytes()

@@ -131,6 +131,15 @@ def test_a_peg_that_lies_on_the_plate_is_part_of_the_next_step():
     assert "part" not in telling.told(ReportImage(state=State.EXECUTE, part=PartPlace.ON_PLATE), "", "")["next"]
 
 
+def test_a_faulted_cell_says_in_one_line_where_the_peg_is_why_and_what_to_do():
+    image = ReportImage(state=State.ABORTED, part=PartPlace.ON_PLATE)
+    told = telling.told(image, "", "fell from 20.0 mm above the plate's height at x 0.450, y 0.010 m")
+    assert told["next"].endswith(
+        "The part: peg on plate (fell from 20.0 mm above the plate's height at x 0.450, y 0.010 m): a peg lies on the plate, "
+        'or on what is below where it fell: a person must take it away, then press "Peg taken away".'
+    )
+
+
 @pytest.mark.parametrize("code", [code for code in FAULTS if code is not FaultCode.NONE])
 def test_every_fault_comes_with_meaning_cause_and_remedy(code):
     fault = telling.told(ReportImage(state=State.ABORTED, fault=code), "skin: silent", "")["fault"]
