@@ -7,6 +7,7 @@ import logging
 from dataclasses import asdict, replace
 from pathlib import Path
 
+from cell.journal import has_run
 from cell.kept_file import KeptFile
 from cell.part_state import PartState, PegEvidence, Places, after, after_run, at_start, proven, refusal_of
 from drivers.parts import Rack
@@ -22,17 +23,16 @@ FLUSH_TIME = 5.0
 class Custody:
     """Place of the peg of one cell, and number of emptied slots of its rack; for the scan thread."""
 
-    def __init__(self, folder: Path, kind: str, *, has_run: bool) -> None:
-        """Read the state that the program before this one left.
+    def __init__(self, folder: Path, kind: str) -> None:
+        """Read the state that the program before this one left; without its file the place is unknown where a run may have left a peg anywhere.
 
         Args:
             folder: Folder of the journal.
             kind: `arm.kind` of the config; what a simulated cell left does not count for a real one.
-            has_run: Whether runs of such a cell are on record; without a file the place is then unknown, for a run may have left a peg anywhere.
         """
         self._file = KeptFile(folder / f"part-{kind}.json", "where the peg is")
         self._kept, self._emptied = _read(self._file.path)
-        if self._kept is None and has_run:
+        if self._kept is None and has_run(folder, is_simulated=kind == "sim"):
             logger.warning("%s: missing, although runs are on record", self._file.path)
             self._kept = PartState(PartPlace.UNKNOWN, f"{self._file.path.name} is missing, although runs are on record")
         self._is_known = False

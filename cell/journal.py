@@ -174,11 +174,6 @@ class Journal:
         """Return the number of the newest run; 0 when none is on record."""
         return int(self._reading().execute("SELECT coalesce(max(run), 0) FROM runs", []).fetchone()[0])
 
-    def has_run(self, *, is_simulated: bool) -> bool:
-        """Return whether a run of a simulated cell, or of a real one, is on record."""
-        found = self._reading().execute("SELECT 1 FROM runs WHERE is_simulated = ? LIMIT 1", [int(is_simulated)])
-        return found.fetchone() is not None
-
     def outcomes(self, query: RunQuery) -> dict[str, int]:
         """Return the number of runs of each outcome, of those that a question is about."""
         where, values = query.where()
@@ -228,6 +223,17 @@ class Journal:
         if self._index is None:
             raise JournalError(f"{self.folder / INDEX}: not open")
         return self._index
+
+
+def has_run(folder: Path, *, is_simulated: bool) -> bool:
+    """Return whether a run of a simulated cell, or of a real one, is on record in a folder, or may be in an index that cannot be read."""
+    try:
+        index = Index(folder, is_read_only=True)
+    except JournalError:
+        return True
+    found = index.execute("SELECT 1 FROM runs WHERE is_simulated = ? LIMIT 1", [int(is_simulated)]).fetchone()
+    index.close()
+    return found is not None
 
 
 def now_text() -> str:

@@ -38,10 +38,10 @@ PROVEN_BY_SWITCH = (Claim.SEATED, Claim.LEFT, Claim.INSERTED)
 class PartWatch:
     """Where the peg of one cell is; for the scan thread."""
 
-    def __init__(self, cell: Cell, context: SkillContext, folder: Path, *, has_run: bool) -> None:
-        """Take the opened cell, the context of its skills, the journal's folder, and whether runs of such a cell are on record there."""
+    def __init__(self, cell: Cell, context: SkillContext, folder: Path) -> None:
+        """Take the opened cell, the context of its skills, and the journal's folder."""
         self._cell, self._context = cell, context
-        self._custody = Custody(folder, cell.config.arm.kind, has_run=has_run)
+        self._custody = Custody(folder, cell.config.arm.kind)
         self._places = _places(cell.config)
         self._proof: Evidence = evidence_for(cell.config.hole)
         self._is_running = self._has_looked = self._was_open = False

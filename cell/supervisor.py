@@ -48,8 +48,7 @@ class Supervisor:
         self._cell, self._loaded, self._journal = cell, loaded, journal
         self._context = cell.context(cell.config.first_seed)
         self._late, self._is_timed = LateScans(self._context.scan_period, cell.config.scan), False
-        has_run = journal.has_run(is_simulated=cell.config.is_simulated)
-        self._part = PartWatch(cell, self._context, journal.folder, has_run=has_run)
+        self._part = PartWatch(cell, self._context, journal.folder)
         self._brake = Brake(cell, self._context)
         self._live = live or Live()
         self._desk = Desk(line, self._live, journal, cell.clock, self._part, self._late)

@@ -274,8 +274,8 @@ class Rig:
         self.journal = Journal(self.folder)
         self.bridge = Bridge(config.plc, PROGRAMS, PARAMETERS, now=self.clock.now)
         self.plc = FakePlc(self.bridge, self.clock)
-        self.journal.open()
         self.supervisor = Supervisor(self.cell, self.loaded, self.bridge, self.journal)
+        self.journal.open()
 
     def scan(self, times: int = 3) -> ReportImage:
         """Scan, outside a program so many times, and return what the PLC reads then."""

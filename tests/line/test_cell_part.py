@@ -143,7 +143,7 @@ def test_the_next_program_is_told_what_the_hand_of_the_last_one_held(tmp_path):
         assert made.command(INSERT).refusal == Refusal.PART_UNRESOLVED
         made.command(Control.CLEARED)
         assert made.command(GRASP).result == Result.SUCCESS
-    assert Custody(tmp_path, "sim", has_run=False)._kept.place is PartPlace.IN_HAND
+    assert Custody(tmp_path, "sim")._kept.place is PartPlace.IN_HAND
 
 
 class Says:

@@ -7,11 +7,14 @@ from dataclasses import replace
 import pytest
 
 from cell.custody import Custody
+from cell.journal import Journal
+from cell.journal_schema import RunRow
 from cell.part_state import PartState, PegEvidence, places_of
 from drivers.quantities import SwitchState
 from plc_bridge.messages import PartEvidence, PartPlace, Refusal
 
 OPEN = SwitchState.OPEN
+RUN = RunRow(0, "2025-01-01T00:00:00.000+00:00", "insert_peg", 0, "", "plc", 1, is_simulated=1)
 
 
 @pytest.fixture
@@ -33,22 +36,22 @@ def empty():
 
 
 def test_the_next_program_knows_what_the_last_one_knew(tmp_path, places):
-    first = Custody(tmp_path, "sim", has_run=False)
+    first = Custody(tmp_path, "sim")
     first.see(empty(), places, is_running=False)
     first.see(holding(places), places, is_running=True)
     assert first.flush()
-    second = Custody(tmp_path, "sim", has_run=False)
+    second = Custody(tmp_path, "sim")
     second.see(empty(), places, is_running=False)
     assert second.part.place is PartPlace.UNKNOWN
     assert second.part.evidence == "in hand when the program ended; the hand is empty now"
 
 
 def test_the_evidence_outlives_the_program(tmp_path, places):
-    first = Custody(tmp_path, "sim", has_run=False)
+    first = Custody(tmp_path, "sim")
     first.see(holding(places), places, is_running=True)
     first.see(empty(), places, is_running=True)
     assert first.flush()
-    second = Custody(tmp_path, "sim", has_run=True)
+    second = Custody(tmp_path, "sim")
     second.see(empty(), places, is_running=False)
     fell = first.part
     assert fell.place is PartPlace.ON_PLATE
@@ -58,7 +61,7 @@ def test_the_evidence_outlives_the_program(tmp_path, places):
 def test_a_file_of_an_earlier_version_has_the_place_without_bits(tmp_path, places):
     before = {"place": "ON_PLATE", "evidence": "fell", "is_held": False, "depth": 0.0, "tip": [0, 0, 0], "emptied": 2}
     (tmp_path / "part-sim.json").write_text(json.dumps(before))
-    custody = Custody(tmp_path, "sim", has_run=True)
+    custody = Custody(tmp_path, "sim")
     custody.see(empty(), places, is_running=False)
     assert custody.part == PartState(PartPlace.ON_PLATE, "fell", basis=PartEvidence.RECORD)
 
@@ -67,29 +70,34 @@ def test_a_file_of_an_earlier_version_has_the_place_without_bits(tmp_path, place
 def test_without_a_file_a_new_cell_has_its_peg_in_the_rack_and_one_that_has_run_does_not_know(
     tmp_path, places, has_run, place
 ):
-    custody = Custody(tmp_path, "sim", has_run=has_run)
+    with Journal(tmp_path) as journal:
+        if has_run:
+            journal.begin(RUN)
+    custody = Custody(tmp_path, "sim")
     custody.see(empty(), places, is_running=False)
     assert custody.part.place is place
     assert ("part-sim.json is missing, although runs are on record" in custody.part.evidence) == has_run
 
 
 def test_without_a_file_a_peg_in_the_hand_is_still_told_by_the_hand(tmp_path, places):
-    custody = Custody(tmp_path, "sim", has_run=True)
+    with Journal(tmp_path) as journal:
+        journal.begin(RUN)
+    custody = Custody(tmp_path, "sim")
     custody.see(holding(places), places, is_running=False)
     assert custody.part.place is PartPlace.IN_HAND
 
 
 def test_what_a_simulated_cell_knows_is_nothing_to_a_real_one(tmp_path, places):
-    simulated = Custody(tmp_path, "sim", has_run=False)
+    simulated = Custody(tmp_path, "sim")
     simulated.see(holding(places), places, is_running=True)
     assert simulated.flush()
-    real = Custody(tmp_path, "franka", has_run=False)
+    real = Custody(tmp_path, "franka")
     real.see(empty(), places, is_running=False)
     assert real.part.place is PartPlace.RACK
 
 
 def test_only_its_owner_reads_the_file_and_nothing_stays_beside_it(tmp_path, places):
-    custody = Custody(tmp_path, "sim", has_run=False)
+    custody = Custody(tmp_path, "sim")
     custody.see(holding(places), places, is_running=True)
     assert custody.flush()
     (file,) = tmp_path.iterdir()
@@ -100,14 +108,14 @@ def test_only_its_owner_reads_the_file_and_nothing_stays_beside_it(tmp_path, pla
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"place": "MOON"}', '{"place": "RACK", "emptied": 0, "tip": [0]}'])
 def test_a_damaged_file_says_that_nobody_knows(tmp_path, places, text):
     (tmp_path / "part-sim.json").write_text(text)
-    custody = Custody(tmp_path, "sim", has_run=False)
+    custody = Custody(tmp_path, "sim")
     custody.see(empty(), places, is_running=False)
     assert custody.part.place is PartPlace.UNKNOWN
     assert "cannot be read" in custody.part.evidence
 
 
 def test_a_folder_that_cannot_be_written_stops_nothing(tmp_path, places, caplog):
-    custody = Custody(tmp_path / "gone", "sim", has_run=False)
+    custody = Custody(tmp_path / "gone", "sim")
     custody.see(holding(places), places, is_running=True)
     assert custody.part.place is PartPlace.IN_HAND
     assert custody.flush()
@@ -115,12 +123,12 @@ def test_a_folder_that_cannot_be_written_stops_nothing(tmp_path, places, caplog)
 
 
 def test_the_rack_empties_slot_by_slot_is_refused_empty_and_full_again_when_told(tmp_path, places, rack):
-    custody = Custody(tmp_path, "sim", has_run=False)
+    custody = Custody(tmp_path, "sim")
     custody.see(empty(), places, is_running=False)
     assert [custody.take(rack) for _ in range(rack.slots)] == list(range(rack.slots))
     assert custody.refusal(OPEN, rack, recovers_first=False) is Refusal.RACK_EMPTY
     assert custody.flush()
-    later = Custody(tmp_path, "sim", has_run=False)
+    later = Custody(tmp_path, "sim")
     later.see(empty(), places, is_running=False)
     assert later.refusal(OPEN, rack, recovers_first=False) is Refusal.RACK_EMPTY
     later.refill()
@@ -129,14 +137,14 @@ def test_the_rack_empties_slot_by_slot_is_refused_empty_and_full_again_when_told
 
 
 def test_a_feeder_goes_round_the_slots_for_ever(tmp_path, loaded):
-    custody = Custody(tmp_path, "sim", has_run=False)
+    custody = Custody(tmp_path, "sim")
     rack = loaded.cell.rack
     assert [custody.take(rack) for _ in range(rack.slots + 2)] == [*range(rack.slots), 0, 1]
     assert custody.refusal(OPEN, rack, recovers_first=False) is Refusal.PART_UNRESOLVED
 
 
 def test_a_person_who_clears_is_believed_until_the_hand_says_otherwise(tmp_path, places):
-    custody = Custody(tmp_path, "sim", has_run=False)
+    custody = Custody(tmp_path, "sim")
     custody.see(holding(places), places, is_running=True)
     custody.clear()
     assert custody.part.place is PartPlace.RACK

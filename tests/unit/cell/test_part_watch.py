@@ -13,7 +13,7 @@ HOLE = (0.5, 0.01)
 
 
 def test_a_run_under_way_does_not_tell_the_hole_of_the_last_one(rig, tmp_path):
-    watch = PartWatch(rig.cell, rig.cell.context(0), tmp_path, has_run=False)
+    watch = PartWatch(rig.cell, rig.cell.context(0), tmp_path)
     assert watch.filled(Report(hole=HOLE)).hole == HOLE
     watch.begin(rig.loaded.cell, Claim.INSERTED)
     assert watch.filled(Report(hole=HOLE)).hole == (0.0, 0.0)
@@ -31,7 +31,7 @@ def scanned(rig, watch, claim, stage, scans):
 
 @pytest.mark.parametrize("claim", PROVEN_BY_SWITCH)
 def test_a_run_that_needs_the_switch_does_not_go_on_without_it(rig, tmp_path, claim):
-    watch = PartWatch(rig.cell, rig.cell.context(0), tmp_path, has_run=False)
+    watch = PartWatch(rig.cell, rig.cell.context(0), tmp_path)
     scans = round(LONGEST_UNKNOWN / watch._context.scan_period)
     scanned(rig, watch, claim, "spray_search", scans)
     with pytest.raises(SwitchUnknownError, match=r"no valid answer for 0\.5 s"):
@@ -39,7 +39,7 @@ def test_a_run_that_needs_the_switch_does_not_go_on_without_it(rig, tmp_path, cl
 
 
 def test_neither_a_recovery_nor_a_grasp_needs_the_switch(rig, tmp_path):
-    watch = PartWatch(rig.cell, rig.cell.context(0), tmp_path, has_run=False)
+    watch = PartWatch(rig.cell, rig.cell.context(0), tmp_path)
     scans = 3 * round(LONGEST_UNKNOWN / watch._context.scan_period)
     scanned(rig, watch, Claim.INSERTED, "recover", scans)
     scanned(rig, watch, Claim.HELD, "grasp_from_rack", scans)
@@ -66,7 +66,7 @@ def closing(rig, watch, stage, depth, is_held):
     [("grasp_from_rack", -3.0, False), ("grasp_from_rack", -3.0, True), ("spray_search", EARLY_SHARE - 0.01, True)],
 )
 def test_a_switch_that_closes_before_the_peg_can_be_on_it_is_a_fault_at_once(rig, tmp_path, stage, share, is_held):
-    watch = PartWatch(rig.cell, rig.cell.context(0), tmp_path, has_run=False)
+    watch = PartWatch(rig.cell, rig.cell.context(0), tmp_path)
     with pytest.raises(SwitchDisagreesError, match="switch: closed"):
         closing(rig, watch, stage, share * rig.loaded.cell.job().hole.depth, is_held)
 
@@ -81,5 +81,5 @@ def test_a_switch_that_closes_before_the_peg_can_be_on_it_is_a_fault_at_once(rig
     ],
 )
 def test_a_switch_that_closes_where_a_peg_can_be_on_it_is_judged_later(rig, tmp_path, stage, share, is_held):
-    watch = PartWatch(rig.cell, rig.cell.context(0), tmp_path, has_run=False)
+    watch = PartWatch(rig.cell, rig.cell.context(0), tmp_path)
     closing(rig, watch, stage, share * rig.loaded.cell.job().hole.depth, is_held)

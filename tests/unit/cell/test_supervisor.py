@@ -483,6 +483,7 @@ def test_what_was_learnt_of_a_recipe_is_forgotten_and_that_of_others_is_not(rig,
     )
     write_learned(rig.folder, LearnedFile(places={str(recipe): place for recipe in (0, 99)}))
     assert rig.command(Control.FORGET, 0).refusal is Refusal.NONE
+    assert rig.supervisor._execution.learning.flush()
     assert set(read_learned(rig.folder).places) == {"99"}
 
 
