@@ -3,7 +3,7 @@
 sensor                 evidence of a scan          decision              who reads it
 ---------------------  --------------------------  --------------------  ------------------------------------------
 width of the hand  --> is_gripping, width     --.
-skin --> print     --> touched or free        --.
+skin --> estimator --> touched or free        --.
 skin --> theta     --> end of the peg, depth  ----> after() --> PartState --> report_part and what follows it, page,
 arm                                           --'                          run's record, `cell watch`, file beside
 switch             --> closed or open         --'                          the journal, condition of the next start
@@ -15,11 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drivers.parts import Hole, Job, Point
-from drivers.quantities import WIDTH_TOLERANCE, ArmState, GripperState, SwitchState, TaxelFrame, Vector
+from drivers.quantities import WIDTH_TOLERANCE, ArmState, GripperState, SwitchState, Vector
 from plc_bridge.messages import PartEvidence, PartPlace, Refusal
-from skills.contract import LEAST_TRUSTED
 from skills.seating import CLOSED_TOLERANCE, depth_of
-from skills.tactile.plausible import is_print
 
 IN_HOLE_DEPTH = 0.004
 """Depth by the arm from which the end of a held peg is taken to be in the hole, m: the arm knows heights no better."""
@@ -56,7 +54,7 @@ class PegEvidence:
     tilt: float = math.pi / 2
     """Angle between a peg in the hand and the vertical, by arm and skin, rad."""
     is_felt: bool | None = None
-    """Whether the skin shows a print; None where it gave no frame to be trusted."""
+    """Whether the skin shows a peg; None where it gave no frame to be trusted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +99,7 @@ def places_of(job: Job, bin_at: Point) -> Places:
 
 
 def evidence_of(
-    arm: ArmState, hand: GripperState, switch: SwitchState, tip: Vector, theta: float, frame: TaxelFrame | None = None
+    arm: ArmState, hand: GripperState, switch: SwitchState, tip: Vector, theta: float, is_felt: bool | None
 ) -> PegEvidence:
     """Return what was read of the devices at one time as evidence.
 
@@ -111,20 +109,13 @@ def evidence_of(
         switch: State of the switch under the hole.
         tip: Place of the end of a peg in the hand, m, base frame.
         theta: In-hand angle, rad.
-        frame: Newest frame of the skin; None where it gives none.
+        is_felt: Whether the skin shows a peg; None where it gives no frame to be trusted.
     """
     where = arm.tcp.position if not np.isfinite(tip).all() else tip
     x, y, z = (float(value) for value in where)
     along = arm.tcp.position - where
     tilt = math.atan2(math.hypot(along[0], along[1]), along[2]) if along.any() else math.pi / 2
-    return PegEvidence(hand.width, hand.is_gripping, hand.is_moving, (x, y, z), theta, switch, tilt, _is_felt(frame))
-
-
-def _is_felt(frame: TaxelFrame | None) -> bool | None:
-    """Return whether a frame shows a print; None without a frame, and where too few of its taxels can be trusted."""
-    if frame is None or np.count_nonzero(frame.trusted) < LEAST_TRUSTED:
-        return None
-    return is_print(frame.values, frame.trusted)
+    return PegEvidence(hand.width, hand.is_gripping, hand.is_moving, (x, y, z), theta, switch, tilt, is_felt)
 
 
 def at_start(kept: PartState | None, seen: PegEvidence, places: Places) -> PartState:

@@ -117,7 +117,7 @@ class PartEvidence(IntFlag):
     HAND_EMPTY = 2
     """Nothing as wide as the peg is between the pads; with neither bit it is as wide, and does not grip."""
     SKIN_TOUCHED = 4
-    """The skin shows the print of something between the pads."""
+    """The skin shows a peg between the pads."""
     SKIN_FREE = 8
     """The skin shows none; with neither bit it gave no frame to be trusted."""
     TIP_IN_HOLE = 16

@@ -100,7 +100,7 @@ def test_the_evidence_of_the_place(buses):
     rig.scan()
     assert buses.read("report_part_evidence") == bit.HAND_EMPTY | bit.SKIN_FREE | bit.SWITCH_OPEN
     hold_in_hole(rig, 0.0123)
-    rig.scan()
+    rig.scan(12)  # until the next frame of the skin
     held = bit.HAND_HOLDS | bit.SKIN_TOUCHED | bit.TIP_IN_HOLE | bit.SWITCH_OPEN
     assert buses.read("report_part_evidence") == held
     assert buses.read("report_part_width") == pytest.approx(rig.loaded.cell.peg.part.thickness)

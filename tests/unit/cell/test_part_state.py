@@ -260,7 +260,7 @@ def test_a_peg_that_was_held_and_is_gone_is_held_no_more(places):
 def test_a_peg_whose_end_nobody_can_tell_is_where_the_hand_is(rig):
     state = rig.cell.context(0).observe()
     for tip, where in ((np.array([0.1, 0.2, 0.3]), (0.1, 0.2, 0.3)), (np.full(3, np.nan), (0.45, 0.0, 0.3))):
-        assert evidence_of(state.arm, state.gripper, OPEN, tip, 0.0).tip == where
+        assert evidence_of(state.arm, state.gripper, OPEN, tip, 0.0, None).tip == where
 
 
 def test_a_peg_that_force_has_proven_stays_seated_while_the_switch_is_open(places):
@@ -447,18 +447,6 @@ def test_a_peg_that_force_has_proven_seated_says_so(places):
     assert (
         proven(held_at(places, 0.02), "force").basis == Bit.HAND_HOLDS | Bit.TIP_IN_HOLE | Bit.SWITCH_OPEN | Bit.FORCE
     )
-
-
-def test_the_skin_is_evidence_only_where_its_frame_can_be_trusted(rig):
-    state = rig.cell.context(0).observe()
-
-    def felt(frame):
-        return evidence_of(state.arm, state.gripper, OPEN, state.tip, 0.0, frame).is_felt
-
-    rig.gripper.grip(30.0)
-    pressed = rig.skin.read()
-    assert (felt(None), felt(state.frame), felt(pressed)) == (None, False, True)
-    assert felt(replace(pressed, trusted=np.zeros_like(pressed.trusted))) is None
 
 
 def test_the_bits_in_words_name_each_of_them_and_the_width():
