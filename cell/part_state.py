@@ -136,7 +136,11 @@ def at_start(kept: PartState | None, seen: PegEvidence, places: Places) -> PartS
         gone = replace(kept, place=PartPlace.UNKNOWN, is_held=False, evidence=evidence)
         return _shown(gone, seen, places)
     now = _left_alone(kept, seen, places)
-    return replace(kept, basis=kept.basis | PartEvidence.RECORD) if now is kept else _shown(now, seen, places)
+    if now is kept and kept.basis:
+        return replace(kept, basis=kept.basis | PartEvidence.RECORD)
+    return _shown(
+        now, seen, places
+    )  # also where there are no bits on record: no file, a damaged one, one of version 0.2
 
 
 def after(before: PartState, seen: PegEvidence, places: Places, is_running: bool) -> PartState:

@@ -58,12 +58,13 @@ def test_the_evidence_outlives_the_program(tmp_path, places):
     assert second.part == replace(fell, basis=fell.basis | PartEvidence.RECORD)
 
 
-def test_a_file_of_an_earlier_version_has_the_place_without_bits(tmp_path, places):
+def test_a_file_of_an_earlier_version_has_the_place_and_the_first_look_the_bits(tmp_path, places):
     before = {"place": "ON_PLATE", "evidence": "fell", "is_held": False, "depth": 0.0, "tip": [0, 0, 0], "emptied": 2}
     (tmp_path / "part-sim.json").write_text(json.dumps(before))
     custody = Custody(tmp_path, "sim")
     custody.see(empty(), places, is_running=False)
-    assert custody.part == PartState(PartPlace.ON_PLATE, "fell", basis=PartEvidence.RECORD)
+    look = PartEvidence.HAND_EMPTY | PartEvidence.SWITCH_OPEN
+    assert custody.part == PartState(PartPlace.ON_PLATE, "fell", basis=look, width=0.04)
 
 
 @pytest.mark.parametrize(("has_run", "place"), [(False, PartPlace.RACK), (True, PartPlace.UNKNOWN)])
