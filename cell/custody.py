@@ -4,14 +4,15 @@ beside the journal.
 
 import json
 import logging
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
+from cell.journal import has_run
 from cell.kept_file import KeptFile
 from cell.part_state import PartState, PegEvidence, Places, after, after_run, at_start, proven, refusal_of
 from drivers.parts import Rack
 from drivers.quantities import SwitchState
-from plc_bridge.messages import PartPlace, Refusal
+from plc_bridge.messages import PartEvidence, PartPlace, Refusal
 
 logger = logging.getLogger(__name__)
 
@@ -23,7 +24,7 @@ class Custody:
     """Place of the peg of one cell, and number of emptied slots of its rack; for the scan thread."""
 
     def __init__(self, folder: Path, kind: str) -> None:
-        """Read the state that the program before this one left.
+        """Read the state that the program before this one left; without its file the place is unknown where a run may have left a peg anywhere.
 
         Args:
             folder: Folder of the journal.
@@ -31,6 +32,9 @@ class Custody:
         """
         self._file = KeptFile(folder / f"part-{kind}.json", "where the peg is")
         self._kept, self._emptied = _read(self._file.path)
+        if self._kept is None and has_run(folder, is_simulated=kind == "sim"):
+            logger.warning("%s: missing, although runs are on record", self._file.path)
+            self._kept = PartState(PartPlace.UNKNOWN, f"{self._file.path.name} is missing, although runs are on record")
         self._is_known = False
         self.part = PartState(PartPlace.UNKNOWN, "nothing was looked at yet")
         """Last known state of the peg."""
@@ -72,7 +76,8 @@ class Custody:
 
     def clear(self) -> None:
         """Take note that a person has taken the peg away; evidence of the devices counts again from the next look on."""
-        self._become(PartState(PartPlace.RACK, "a person has taken the last peg away"))
+        told = "a person has taken the last peg away"
+        self._become(PartState(PartPlace.RACK, told, basis=PartEvidence.PERSON))
         self.keep(is_lasting=True)
 
     def _become(self, part: PartState) -> bool:
@@ -93,13 +98,16 @@ class Custody:
 
 
 def _read(path: Path) -> tuple[PartState | None, int]:
-    """Return the content of the file; a damaged one says that the place is unknown."""
+    """Return the content of the file, None without one; a damaged one says that the place is unknown."""
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
         emptied = int(data.pop("emptied"))
         x, y, z = (float(value) for value in data.pop("tip"))
         place = PartPlace[data.pop("place")]
-        return PartState(place, str(data["evidence"]), bool(data["is_held"]), float(data["depth"]), (x, y, z)), emptied
+        kept = PartState(place, str(data["evidence"]), bool(data["is_held"]), float(data["depth"]), (x, y, z))
+        # Files of earlier versions have neither bits nor a width.
+        basis, width = PartEvidence(int(data.get("basis", 0))), float(data.get("width", 0.0))
+        return replace(kept, basis=basis, width=width), emptied
     except FileNotFoundError:
         return None, 0
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:

@@ -84,6 +84,7 @@ class Desk:
     def tell_part(self) -> None:
         """Put the peg's place and the evidence of it into the report."""
         self.report = self._part.filled(self.report)
+        self._live.evidence = self._part.part.evidence
 
     def publish(self) -> None:
         """Give the report to the line, with everything in it that changes from scan to scan."""

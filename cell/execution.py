@@ -185,7 +185,7 @@ class Execution:
 
         def write() -> None:
             self._desk.tell_part()
-            run.finish(ending, fault, records, self._cell.clock.now(), self._desk.report.part, self._part.proof)
+            run.finish(ending, fault, records, self._cell.clock.now(), self._part.part, self._part.proof)
 
         run.clock.leave(self._cell.clock.now())
         later = fault_of(write)

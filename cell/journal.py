@@ -222,3 +222,14 @@ class Journal:
         if self._index is None:
             raise JournalError(f"{self.folder / INDEX}: not open")
         return self._index
+
+
+def has_run(folder: Path, *, is_simulated: bool) -> bool:
+    """Return whether a run of a simulated cell, or of a real one, is on record in a folder, or may be in an index that cannot be read."""
+    try:
+        index = Index(folder, is_read_only=True)
+    except JournalError:
+        return True
+    found = index.execute("SELECT 1 FROM runs WHERE is_simulated = ? LIMIT 1", [int(is_simulated)]).fetchone()
+    index.close()
+    return found is not None

@@ -26,8 +26,25 @@ Row = TypeVar("Row", RunRow, StageRow, EventRow, ConfigRow)
 INDEX = "runs.sqlite"
 OWNER_ONLY, OWNERS_FOLDER = 0o600, 0o700
 """Permissions of the journal's files and of a folder that is made for them."""
+OTHERS_WRITE = 0o022
+"""Permissions by which others than its owner may write a folder."""
 LOCK_TIMEOUT = 1.0
 """Time that a statement waits for an index which another program has locked, s."""
+
+
+def require_own(folder: Path) -> None:
+    """Make sure that only its owner may write a journal's folder, if there is one yet.
+
+    What lies in it decides where the arm searches first and whether a start is safe, so that whoever writes it moves the cell.
+
+    Raises:
+        JournalError: Others may write it.
+    """
+    with suppress(FileNotFoundError):
+        if (mode := folder.stat().st_mode) & OTHERS_WRITE:
+            raise JournalError(
+                f"{folder}: mode {mode & 0o777:o}: others than its owner may write the records; 700 to 755 allowed, as by chmod 700"
+            )
 
 
 class DamagedIndexError(JournalError):

@@ -9,7 +9,7 @@
 | `told`    | run that has ended: what reports tell of it and of its stages, packed; see `journal_told`  |
 
 The number of the layout is the index's `PRAGMA user_version`. Layout 1, of version 0.1, has the table `runs` alone and
-says 0 there; layout 5 is the present one.
+says 0 there; `LAYOUT` is the present one.
 """
 
 import sqlite3
@@ -20,7 +20,7 @@ from typing import Any
 
 from drivers.errors import JournalError
 
-LAYOUT = 6
+LAYOUT = 7
 """Number of the present layout."""
 RUNNING = "running"
 """Outcome of a run that has not ended."""
@@ -86,6 +86,8 @@ class RunRow:
     """Distance from the finger centre to the peg's end point that the run ended with, m: the job's, corrected by the first touch-down."""
     proof: str = ""
     """Evidence by which the success of seating the peg was proven: the switch, or the force that its latch took; empty where nothing was to prove."""
+    part_evidence: str = ""
+    """Evidence of `part`, one line."""
 
 
 @dataclass(frozen=True, slots=True)

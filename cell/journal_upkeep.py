@@ -170,7 +170,8 @@ def _last_aged(index: Index, table: str, key: str, time: str, days: int) -> int:
 def _delete_aged(index: Index, folder: Path, days: int) -> None:
     """Delete the runs and the events that are older than so many days."""
     with index.at_once():
-        where, last = "outcome != 'running' AND run <= ?", [_last_aged(index, "runs", "run", "started", days)]
+        where = "outcome != 'running' AND run <= ?"
+        last: list[object] = [_last_aged(index, "runs", "run", "started", days)]
         old = [int(run) for (run,) in index.execute(f"SELECT run FROM runs WHERE {where}", last)]
         for table in ("stages", "told"):
             index.execute(f"DELETE FROM {table} WHERE run IN (SELECT run FROM runs WHERE {where})", last)

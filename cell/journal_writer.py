@@ -16,7 +16,7 @@ from dataclasses import replace
 from pathlib import Path
 from threading import Condition, Thread
 
-from cell.journal_index import OWNER_ONLY, DamagedIndexError, Index
+from cell.journal_index import OWNER_ONLY, DamagedIndexError, Index, require_own
 from cell.journal_schema import ConfigRow, EventRow, RunRow, StageRow, names
 from cell.journal_upkeep import (
     Keep,
@@ -167,6 +167,7 @@ class JournalWriter:
             self._end()
 
     def _start(self) -> None:
+        require_own(self._folder)
         self._index = opened_to_write(self._folder)
         self._lock = os.open(self._folder / LOCK, os.O_CREAT | os.O_RDWR, OWNER_ONLY)
         with suppress(BlockingIOError):

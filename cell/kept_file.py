@@ -21,6 +21,8 @@ class KeptFile:
         self._text: str | None = None
         """Text that waits; None where nothing does."""
         self._is_lasting, self._is_at_work = False, False
+        self.is_kept = True
+        """Whether the text that was written last has reached the disk."""
 
     def put(self, text: str, is_lasting: bool) -> None:
         """Let the file have a text soon, with `is_lasting` also after a loss of power; never waits."""
@@ -46,7 +48,9 @@ class KeptFile:
                     return
             try:
                 replace(self.path, text, is_lasting)
+                self.is_kept = True
             except OSError as error:
+                self.is_kept = False
                 logger.warning("%s: %s cannot be kept: %s", self.path, self._what, error.strerror)
 
 

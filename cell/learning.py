@@ -6,6 +6,8 @@ import logging
 from collections.abc import Callable, Sequence
 from datetime import datetime
 from pathlib import Path
+from queue import Empty, SimpleQueue
+from threading import Thread
 from typing import Annotated, Literal
 
 from pydantic import AwareDatetime, Field, ValidationError
@@ -25,6 +27,8 @@ FILE = "learned.json"
 """Name of the file, beside the records of runs."""
 LONGEST_WRITE = 1.0
 """Longest wait for the file to be written, s."""
+LONGEST_READ = 0.2
+"""Longest wait of a run that begins or has ended for the file to be read, s; the arm stands meanwhile."""
 Variance = Annotated[float, Field(gt=0.0, le=0.01)]
 Place = tuple[Coordinate, Coordinate]
 
@@ -92,7 +96,7 @@ def write_learned(folder: Path, learned: LearnedFile) -> None:
     """
     path = folder / FILE
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         replace(path, _text(learned), is_lasting=True)
     except OSError as error:
         raise ConfigError(f"{path}: cannot be written: {error.strerror}") from None
@@ -126,16 +130,19 @@ def forget(folder: Path, recipe: int | None = None) -> list[int]:
 class Learning:
     """Hands each run what was learnt of its recipe, and takes from it what it has found.
 
-    The file is read before every run, so that what a technician forgets meanwhile is forgotten. It is written beside the scan, which no disk
-    may hold up.
+    The file is read before every run, so that what a technician forgets meanwhile is forgotten. It is read and written beside the scan, which no
+    disk may hold up.
     """
 
     def __init__(
         self, folder: Path, learning: LearningConfig, now: Callable[[], datetime] = lambda: wall_clock.now()
     ) -> None:
-        """Keep the folder of the file, how the cell learns, and what tells the time; nothing is read yet."""
+        """Keep the folder of the file, how the cell learns, and what tells the time; read what was learnt before."""
         self._folder, self._learning, self._now = folder, learning, now
-        self._kept, self._newest = KeptFile(folder / FILE, "what was learnt"), LearnedFile()
+        known = _tried(folder)  # a file that cannot be used is told when a run needs it
+        self._newest = known if isinstance(known, LearnedFile) else LearnedFile()
+        self._kept = KeptFile(folder / FILE, "what was learnt")
+        self._reader: Thread | None = None
 
     def flush(self, timeout: float = LONGEST_WRITE) -> bool:
         """Wait at most so long, s, until what was learnt is on the disk; return whether it is."""
@@ -147,7 +154,29 @@ class Learning:
         Raises:
             ConfigError: The file cannot be read, or holds impossible values; one line.
         """
-        return read_learned(self._folder) if self._kept.flush(0.0) else self._newest
+        is_in_file = self._kept.flush(0.0) and self._kept.is_kept
+        return self._read() if is_in_file else self._newest
+
+    def _read(self) -> LearnedFile:
+        """Return what is in the file, read by a thread of its own; what was known last where the disk does not answer in time.
+
+        Raises:
+            ConfigError: The file cannot be read, or holds impossible values; one line.
+        """
+        answers: SimpleQueue[LearnedFile | ConfigError] = SimpleQueue()
+        try:
+            if self._reader is not None and self._reader.is_alive():
+                raise Empty  # the disk still owes the last answer
+            self._reader = Thread(target=lambda: answers.put(_tried(self._folder)), name="learned", daemon=True)
+            self._reader.start()
+            answer = answers.get(timeout=LONGEST_READ)
+        except Empty:
+            logger.warning("%s: no answer within %g s: what was known last holds", self._folder / FILE, LONGEST_READ)
+            return self._newest
+        if isinstance(answer, ConfigError):
+            raise answer
+        self._newest = answer
+        return answer
 
     def prepared(self, job: Job, recipe: int) -> Job:
         """Return a job with what was learnt about where its hole is; a configured prior stands in until parts have told."""
@@ -197,18 +226,15 @@ class Learning:
         self._kept.put(_text(self._newest), is_lasting=True)
 
     def forget(self, recipe: int) -> None:
-        """Forget a recipe; a file that cannot be read is forgotten whole.
-
-        Raises:
-            ConfigError: The file cannot be written.
-        """
-        if not self.flush():
-            raise ConfigError(f"{self._folder / FILE}: is still being written after {LONGEST_WRITE:g} s")
+        """Forget a recipe at once, and in the file soon; a file that cannot be read is forgotten whole."""
         try:
-            forget(self._folder, recipe)
+            places = self._known().places
         except ConfigError as error:
             logger.warning("%s", error)
-            forget(self._folder)
+            places = {}
+        kept = {number: place for number, place in places.items() if int(number) != recipe}
+        self._newest = LearnedFile(places=kept)
+        self._kept.put(_text(self._newest), is_lasting=True)
 
     def _estimate(self, job: Job, recipe: int) -> PlaceEstimate | None:
         """Return what is known about where the hole is: learnt, else configured; None where nothing is."""
@@ -224,6 +250,14 @@ class Learning:
             logger.warning("%s: recipe %d: %s: not used", self._folder / FILE, recipe, why)
             return configured
         return place.estimate()
+
+
+def _tried(folder: Path) -> LearnedFile | ConfigError:
+    """Return what the file in a folder holds, or why it cannot be used."""
+    try:
+        return read_learned(folder)
+    except ConfigError as error:
+        return error
 
 
 def unusable(place: LearnedPlace, job: Job, learning: LearningConfig, now: datetime) -> str | None:

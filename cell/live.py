@@ -42,6 +42,8 @@ class Live:
         self._pulls: deque[Pull] = deque(maxlen=KEPT)
         self.fault = ""
         """Message of the last fault; the report tells whether it is still present."""
+        self.evidence = ""
+        """Evidence of the peg's place, one line."""
         self.unplugged: frozenset[str] = frozenset()
         """Names of the cables that are pulled out, as the scan thread has done it."""
 

@@ -3,7 +3,8 @@
 sensor                 evidence of a scan          decision              who reads it
 ---------------------  --------------------------  --------------------  ------------------------------------------
 width of the hand  --> is_gripping, width     --.
-skin --> theta     --> end of the peg, depth  ----> after() --> PartState --> report_part, report_part_depth,
+skin --> estimator --> touched or free        --.
+skin --> theta     --> end of the peg, depth  ----> after() --> PartState --> report_part and what follows it, page,
 arm                                           --'                          run's record, `cell watch`, file beside
 switch             --> closed or open         --'                          the journal, condition of the next start
 """
@@ -15,7 +16,7 @@ import numpy as np
 
 from drivers.parts import Hole, Job, Point
 from drivers.quantities import WIDTH_TOLERANCE, ArmState, GripperState, SwitchState, Vector
-from plc_bridge.messages import PartPlace, Refusal
+from plc_bridge.messages import PartEvidence, PartPlace, Refusal
 from skills.seating import CLOSED_TOLERANCE, depth_of
 
 IN_HOLE_DEPTH = 0.004
@@ -52,6 +53,8 @@ class PegEvidence:
     switch: SwitchState
     tilt: float = math.pi / 2
     """Angle between a peg in the hand and the vertical, by arm and skin, rad."""
+    is_felt: bool | None = None
+    """Whether the skin shows a peg; None where it gave no frame to be trusted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +72,10 @@ class PartState:
     """Place of the peg's end when it was seen last, m, base frame; zeros before it was in the hand."""
     was_in_hole: bool = False
     """Whether the peg has stood in the hole, or upright at it, since the hand took hold of it."""
+    basis: PartEvidence = PartEvidence.NOTHING
+    """Evidence of the place in bits, as the buses carry it."""
+    width: float = 0.0
+    """Distance between the pads in the look that the place follows from, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,13 +98,24 @@ def places_of(job: Job, bin_at: Point) -> Places:
     return Places(job.peg.part.thickness, job.hole, slots, bin_at)
 
 
-def evidence_of(arm: ArmState, hand: GripperState, switch: SwitchState, tip: Vector, theta: float) -> PegEvidence:
-    """Return what was read of the devices at one time as evidence; `tip` is the end of a peg in the hand, m, base frame."""
+def evidence_of(
+    arm: ArmState, hand: GripperState, switch: SwitchState, tip: Vector, theta: float, is_felt: bool | None
+) -> PegEvidence:
+    """Return what was read of the devices at one time as evidence.
+
+    Args:
+        arm: State of the arm.
+        hand: State of the hand.
+        switch: State of the switch under the hole.
+        tip: Place of the end of a peg in the hand, m, base frame.
+        theta: In-hand angle, rad.
+        is_felt: Whether the skin shows a peg; None where it gives no frame to be trusted.
+    """
     where = arm.tcp.position if not np.isfinite(tip).all() else tip
     x, y, z = (float(value) for value in where)
     along = arm.tcp.position - where
     tilt = math.atan2(math.hypot(along[0], along[1]), along[2]) if along.any() else math.pi / 2
-    return PegEvidence(hand.width, hand.is_gripping, hand.is_moving, (x, y, z), theta, switch, tilt)
+    return PegEvidence(hand.width, hand.is_gripping, hand.is_moving, (x, y, z), theta, switch, tilt, is_felt)
 
 
 def at_start(kept: PartState | None, seen: PegEvidence, places: Places) -> PartState:
@@ -109,18 +127,20 @@ def at_start(kept: PartState | None, seen: PegEvidence, places: Places) -> PartS
         places: Places where a peg can be.
     """
     if _is_between(seen, places):
-        return _held(seen, places)
+        return _shown(_held(seen, places), seen, places)
     if kept is None:
         place = PartPlace.SEATED if seen.switch is SwitchState.CLOSED else PartPlace.RACK
-        return PartState(place, f"no record of a peg; hand empty, switch {seen.switch}")
+        return _shown(PartState(place, f"no record of a peg; hand empty, switch {seen.switch}"), seen, places)
     if kept.is_held:
-        return replace(
-            kept,
-            place=PartPlace.UNKNOWN,
-            is_held=False,
-            evidence=f"{_word(kept.place)} when the program ended; the hand is empty now",
-        )
-    return _left_alone(kept, seen, places)
+        evidence = f"{_word(kept.place)} when the program ended; the hand is empty now"
+        gone = replace(kept, place=PartPlace.UNKNOWN, is_held=False, evidence=evidence)
+        return _shown(gone, seen, places)
+    now = _left_alone(kept, seen, places)
+    if now is kept and kept.basis:
+        return replace(kept, basis=kept.basis | PartEvidence.RECORD)
+    return _shown(
+        now, seen, places
+    )  # also where there are no bits on record: no file, a damaged one, one of version 0.2
 
 
 def after(before: PartState, seen: PegEvidence, places: Places, is_running: bool) -> PartState:
@@ -132,6 +152,12 @@ def after(before: PartState, seen: PegEvidence, places: Places, is_running: bool
         places: Places where a peg can be.
         is_running: Whether a skill moves the cell; otherwise a hand that opens was opened by somebody else.
     """
+    now = _after(before, seen, places, is_running)
+    return now if now is before else _shown(now, seen, places)
+
+
+def _after(before: PartState, seen: PegEvidence, places: Places, is_running: bool) -> PartState:
+    """Return where the peg is after one more look, without the bits of the evidence; `before` itself where nothing is new."""
     if _is_between(seen, places):
         now = _held(seen, places)
         was_in_hole = now.place in IN_THE_HOLE or _stands_at_hole(seen, places)
@@ -154,7 +180,13 @@ def after(before: PartState, seen: PegEvidence, places: Places, is_running: bool
 
 def proven(before: PartState, evidence: str) -> PartState:
     """Return where a peg is that the hand has let go in a hole without a switch, once the run's success is proven by other evidence."""
-    return replace(before, place=PartPlace.SEATED, is_held=False, evidence=f"{before.evidence}; {evidence}")
+    return replace(
+        before,
+        place=PartPlace.SEATED,
+        is_held=False,
+        evidence=f"{before.evidence}; {evidence}",
+        basis=before.basis | PartEvidence.FORCE,
+    )
 
 
 def after_run(before: PartState, seen: PegEvidence, places: Places) -> PartState:
@@ -163,8 +195,25 @@ def after_run(before: PartState, seen: PegEvidence, places: Places) -> PartState
     if places.hole.evidence != "switch":
         return now
     if now.place is PartPlace.SEATED and not now.is_held and seen.switch is not SwitchState.CLOSED:
-        return replace(now, place=PartPlace.UNKNOWN, evidence=f"was seated and let go; the switch is {seen.switch} now")
+        evidence = f"was seated and let go; the switch is {seen.switch} now"
+        return _shown(replace(now, place=PartPlace.UNKNOWN, evidence=evidence), seen, places)
     return now
+
+
+def _shown(part: PartState, seen: PegEvidence, places: Places) -> PartState:
+    """Return a state with the bits and the width of the look that it follows from."""
+    is_known = seen.is_felt is not None
+    signs = {
+        PartEvidence.HAND_HOLDS: _is_between(seen, places),
+        PartEvidence.HAND_EMPTY: not _is_between(seen, places) and not _is_slack(seen, places),
+        PartEvidence.SKIN_TOUCHED: is_known and seen.is_felt,
+        PartEvidence.SKIN_FREE: is_known and not seen.is_felt,
+        PartEvidence.TIP_IN_HOLE: part.depth > 0.0,
+        PartEvidence.SWITCH_CLOSED: seen.switch is SwitchState.CLOSED,
+        PartEvidence.SWITCH_OPEN: seen.switch is SwitchState.OPEN,
+    }
+    basis = PartEvidence(sum(sign for sign, is_so in signs.items() if is_so))
+    return replace(part, basis=basis, width=seen.width)
 
 
 def _is_between(seen: PegEvidence, places: Places) -> bool:
@@ -259,6 +308,29 @@ REMEDIES = {
     PartPlace.UNKNOWN: "nobody knows where the peg is: look at hand, hole and plate, take it away, then give CLEARED",
 }
 """Remedy by the peg's place."""
+
+
+SIGNS = {
+    PartEvidence.HAND_HOLDS: "the hand holds a peg",
+    PartEvidence.HAND_EMPTY: "the hand holds no peg",
+    PartEvidence.SKIN_TOUCHED: "skin touched",
+    PartEvidence.SKIN_FREE: "skin not touched",
+    PartEvidence.TIP_IN_HOLE: "its end was in the hole",
+    PartEvidence.SWITCH_CLOSED: "switch closed",
+    PartEvidence.SWITCH_OPEN: "switch open",
+    PartEvidence.FORCE: "seated by the force of its latch",
+    PartEvidence.PERSON: "a person has taken the last peg away",
+    PartEvidence.RECORD: "on record from the program before",
+}
+"""What each bit of the evidence says, in words."""
+
+
+def in_words(basis: PartEvidence, width: float) -> str:
+    """Return the evidence that the buses carry as words: its bits, and the distance between the pads, m."""
+    by_hand = PartEvidence.HAND_HOLDS | PartEvidence.HAND_EMPTY
+    slack = [] if basis & (by_hand | PartEvidence.PERSON) or not basis else ["the hand does not grip"]
+    pads = [f"pads {_mm(width)} apart"] if basis & ~PartEvidence.PERSON else []
+    return ", ".join([*slack, *(SIGNS[sign] for sign in PartEvidence if sign & basis), *pads])
 
 
 def described(part: PartState) -> str:

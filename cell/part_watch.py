@@ -7,10 +7,12 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from cell.assembly import Cell
 from cell.cell_config import CellConfig
 from cell.custody import Custody
-from cell.part_state import UNRESOLVED, PegEvidence, Places, described, evidence_of, places_of, told
+from cell.part_state import UNRESOLVED, PartState, PegEvidence, Places, described, evidence_of, places_of, told
 from cell.record import Ending
 from cell.success import Evidence, LastLook, evidence_for, judged
 from drivers.errors import CellError, SwitchDisagreesError, SwitchUnknownError
@@ -18,9 +20,10 @@ from drivers.frames import end_point
 from drivers.quantities import ArmState, GripperState, SwitchState
 from plc_bridge.messages import PartPlace, Refusal, Report
 from skills.catalogue import GRASP, RECOVER, SEARCH
-from skills.contract import Observation, Outcome, SkillContext
+from skills.contract import LEAST_TRUSTED, Observation, Outcome, SkillContext
 from skills.entry import Claim, Entry
 from skills.flow import StageRecord
+from skills.scan_guards import require_finite_skin
 from skills.seating import depth_of
 
 logger = logging.getLogger(__name__)
@@ -31,6 +34,8 @@ EARLY_STAGES = (GRASP.name, SEARCH.name)
 """Stages in which no peg can be on the switch: the hole is empty at the start, and the search ends where the peg dips into it."""
 EARLY_SHARE = 0.5
 """Share of the hole's depth above which the end of a held peg cannot be on the switch, wherever the plate is felt."""
+FELT_WITHIN = 0.25
+"""Age of the last frame that showed a peg up to which the skin counts as touched, s: now and then one of ten frames a second shows none."""
 PROVEN_BY_SWITCH = (Claim.SEATED, Claim.LEFT, Claim.INSERTED)
 """Claims that the switch has to prove."""
 
@@ -52,6 +57,8 @@ class PartWatch:
         """Time since which the switch has not answered in the run, s."""
         self._hole, self._peak_force = (0.0, 0.0), 0.0
         self._switch = SwitchState.UNKNOWN
+        self._felt_at, self._frame = -math.inf, -1
+        """Time of the last frame in which the skin showed a peg, s, and number of the last frame that was asked."""
 
     def begin(self, config: CellConfig, claim: Claim) -> None:
         """Note that a run with this config begins, of a program whose success says this."""
@@ -69,7 +76,9 @@ class PartWatch:
             SwitchDisagreesError: The switch has closed where no peg can be on it.
         """
         self._switch = seen.switch
-        evidence = evidence_of(seen.arm, seen.gripper, seen.switch, seen.tip, seen.peg.theta)
+        self._felt_at, self._frame = max(self._felt_at, seen.peg.stamp), seen.frame.sequence
+        is_felt = seen.frame.stamp - self._felt_at <= FELT_WITHIN
+        evidence = evidence_of(seen.arm, seen.gripper, seen.switch, seen.tip, seen.peg.theta, is_felt)
         self._tell(self._custody.see(evidence, self._places, self._is_running))
         if not self._is_running:
             return
@@ -183,11 +192,17 @@ class PartWatch:
         # What the run's search says of the hole at the end is better than where the peg went in; a run that is under way
         # has not found that of the last one.
         hole = report.hole if any(report.hole) and not self._is_running else self._hole
-        values = (part.place, part.depth, hole, self._peak_force, self._obstacle())
-        if values == (report.part, report.part_depth, report.hole, report.peak_force, report.obstacle):
-            return report
-        place, depth, hole, force, obstacle = values
-        return replace(report, part=place, part_depth=depth, hole=hole, peak_force=force, obstacle=obstacle)
+        told = replace(
+            report,
+            part=part.place,
+            part_depth=part.depth,
+            part_evidence=part.basis,
+            part_width=round(part.width, 4),  # what the register has room for; less is noise and no news
+            hole=hole,
+            peak_force=self._peak_force,
+            obstacle=self._obstacle(),
+        )
+        return report if told == report else told
 
     def _obstacle(self) -> Refusal:
         """Return why a fresh peg could not be taken now; a simulated line takes the workpiece with a seated peg away by itself."""
@@ -195,6 +210,11 @@ class PartWatch:
         if config.is_simulated and part.place is PartPlace.SEATED and not part.is_held:
             return Refusal.NONE
         return self._custody.refusal(self._switch, config.rack, config.params(RECOVER).first)
+
+    @property
+    def part(self) -> PartState:
+        """State of the peg as it was known last."""
+        return self._custody.part
 
     @property
     def told(self) -> str:
@@ -211,7 +231,22 @@ class PartWatch:
     def _evidence(self, arm: ArmState, hand: GripperState, switch: SwitchState) -> PegEvidence:
         in_hand = self._context.in_hand()
         tip, _ = end_point(arm.tcp, in_hand.theta, in_hand.length)
-        return evidence_of(arm, hand, switch, tip, in_hand.theta)
+        return evidence_of(arm, hand, switch, tip, in_hand.theta, self._is_felt())
+
+    def _is_felt(self) -> bool | None:
+        """Return whether the skin shows a peg in looks that no scan makes; None where it gives no frame to be trusted."""
+        try:
+            frame = self._cell.skin.read()
+            if frame.sequence != self._frame:
+                require_finite_skin(frame)
+                if np.count_nonzero(frame.trusted) < LEAST_TRUSTED:
+                    return None
+                if self._context.estimator.estimate(frame).healthy:
+                    self._felt_at = frame.stamp
+                self._frame = frame.sequence
+        except CellError:
+            return None
+        return frame.stamp - self._felt_at <= FELT_WITHIN
 
     def _tell(self, is_new: bool) -> None:
         if not is_new:

@@ -9,6 +9,7 @@ from functools import partial
 from cell.cell_config import CellConfig
 from cell.journal import Journal
 from cell.journal_schema import ConfigRow, RunRow
+from cell.part_state import PartState
 from cell.provenance import config_text, digest_of, versions
 from cell.run_trace import RunTrace
 from cell.sample_blocks import SampleStream
@@ -16,7 +17,7 @@ from cell.wall_clock import now_text
 from drivers.errors import CellError, FaultCode
 from drivers.quantities import ImpedanceSetpoint
 from drivers.scene_facts import SceneFacts, Sight
-from plc_bridge.messages import Command, PartPlace
+from plc_bridge.messages import Command
 from skills.catalogue import CATALOGUE
 from skills.contract import Observation, Outcome, Reason
 from skills.flow import StageRecord
@@ -139,11 +140,11 @@ class RunRecord:
         fault: CellError | None,
         records: Sequence[StageRecord],
         now: float,
-        part: PartPlace,
+        part: PartState,
         proof: str = "",
     ) -> None:
-        """Put on record how the run ended, at the time `now` on the cell's clock, s, where the peg then was, and by which evidence a success was
-        proven.
+        """Put on record how the run ended, at the time `now` on the cell's clock, s, where the peg then was by which evidence, and what proved a
+        success.
         """
         self.row = self._trace.figures(
             replace(
@@ -157,7 +158,8 @@ class RunRecord:
                 ended=now_text(),
                 cycle_time=now - self._trace.began,
                 retries=sum(record.retried for record in records),
-                part=part.name.lower(),
+                part=part.place.name.lower(),
+                part_evidence=part.evidence,
                 proof=proof,
                 samples=self._scans,
             )

@@ -7,11 +7,11 @@ from dataclasses import asdict
 from rich.table import Table
 
 from cell.journal_schema import RunRow, StageRow
-from cell.part_state import READY, REMEDIES
+from cell.part_state import READY, REMEDIES, in_words
 from cell.states import BEFORE_RESET, State
 from drivers.errors import FAULTS, FaultCode
 from plc_bridge.images import Diagnostics, ReportImage
-from plc_bridge.messages import LeaseState, PartPlace, Refusal, Result
+from plc_bridge.messages import LeaseState, PartEvidence, PartPlace, Refusal, Result
 from skills.catalogue import CATALOGUE
 
 
@@ -31,10 +31,11 @@ def report(image: ReportImage) -> dict[str, object]:
         "holder": image.holder,
         "stage_times": _named(image.stage_times),
         "total_time": image.total_time,
-        "part": PartPlace(image.part).name.lower(),
-        "part_depth": image.part_depth,
         "hole": [image.hole_x, image.hole_y],
         "peak_force": image.peak_force,
+        "part": PartPlace(image.part).name.lower(),
+        "part_depth": image.part_depth,
+        "evidence": in_words(PartEvidence(image.part_evidence), image.part_width),
         "next": _next(image),
     }
 

@@ -123,6 +123,8 @@ def report_image_of(answer: Answer, life: int) -> ReportImage:
         overruns=report.overruns,
         peak_force=report.peak_force,
         life_tail=life,
+        part_evidence=report.part_evidence,
+        part_width=report.part_width,
     )
 
 

@@ -23,7 +23,7 @@ _NEWS = tuple(
 )
 """Registers that come by PDO and whose change makes the rest be read again."""
 _TIMES = tuple(f"stage_time_{number}" for number in range(1, STAGES + 1))
-_PART = ("part", "part_depth", "hole_x", "hole_y", "peak_force")
+_PART = ("part", "part_depth", "part_evidence", "part_width", "hole_x", "hole_y", "peak_force")
 _BY_SDO = ("version", "code", "total_time", *_TIMES, "refusal_detail", "transition", *_PART, "warnings", "overruns")
 _READ_TIMEOUT, _NMT_PERIOD = 0.01, 0.2  # s
 
@@ -157,6 +157,8 @@ class CanPeer(PlcPeer):
             overruns=round(rest["overruns"]),
             peak_force=rest["peak_force"],
             life_tail=values["report_life"],
+            part_evidence=round(rest["part_evidence"]),
+            part_width=rest["part_width"],
         )
 
     def read_diagnostics(self) -> Diagnostics:

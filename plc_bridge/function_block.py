@@ -38,6 +38,8 @@ _DECODED = {
     "lease": "LeaseState",
     "transition": "LastTransition",
     "part": "Part",
+    "part_evidence": "PartEvidence",
+    "part_width": "PartWidth",
 }
 _TOLD = {
     "version": "ReportVersion",

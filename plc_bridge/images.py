@@ -57,6 +57,8 @@ class ReportImage:
     overruns: int = 0
     peak_force: float = 0.0
     life_tail: int = 0
+    part_evidence: int = 0
+    part_width: float = 0.0
 
 
 @dataclass(slots=True)

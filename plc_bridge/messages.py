@@ -1,7 +1,7 @@
 """The messages on the line, as values: one Command in, one Report out."""
 
 from dataclasses import dataclass, field
-from enum import IntEnum
+from enum import IntEnum, IntFlag
 
 
 class Result(IntEnum):
@@ -107,6 +107,32 @@ class PartPlace(IntEnum):
     BIN = 6
 
 
+class PartEvidence(IntFlag):
+    """Evidence of the peg's place, in bits: what the sensors said in the look that the place follows from, and what was told besides."""
+
+    NOTHING = 0
+    """Nothing was looked at yet."""
+    HAND_HOLDS = 1
+    """The hand grips something as wide as the peg."""
+    HAND_EMPTY = 2
+    """Nothing as wide as the peg is between the pads; with neither bit it is as wide, and does not grip."""
+    SKIN_TOUCHED = 4
+    """The skin shows a peg between the pads."""
+    SKIN_FREE = 8
+    """The skin shows none; with neither bit it gave no frame to be trusted."""
+    TIP_IN_HOLE = 16
+    """The end of the peg, by arm and skin, was below the plate and over the hole when it was seen last."""
+    SWITCH_CLOSED = 32
+    SWITCH_OPEN = 64
+    """The switch under the hole was open; with neither bit it gave no valid answer, or the cell has none."""
+    FORCE = 128
+    """The force of the part's latch proved that the peg is seated."""
+    PERSON = 256
+    """A person, or the line, has said that the peg was taken away."""
+    RECORD = 512
+    """The place is the one that the program before this one left on record; the sensors do not contradict it."""
+
+
 PACKML = frozenset(control for control in Control if Control.NONE < control <= Control.CLEAR)
 """Controls that PackML has too, and that change the state."""
 UNNUMBERED = -1
@@ -168,6 +194,9 @@ class Report:
     part: PartPlace = PartPlace.UNKNOWN
     part_depth: float = 0.0
     """Depth of the peg's tip below the plate, m."""
+    part_evidence: PartEvidence = PartEvidence.NOTHING
+    part_width: float = 0.0
+    """Distance between the pads in the look that the place of the peg follows from, m."""
     warnings: int = 0
     """Warnings, which do not stop the cell, as a sum of `registers.Warnings`."""
     obstacle: Refusal = Refusal.NONE

@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping
 
 from drivers.errors import FaultCode
-from plc_bridge.messages import FIRST_PROGRAM, Control, LeaseState, PartPlace, Refusal, Result
+from plc_bridge.messages import FIRST_PROGRAM, Control, LeaseState, PartEvidence, PartPlace, Refusal, Result
 from plc_bridge.registers import Lease
 
 
@@ -18,8 +18,14 @@ def plc_names(programs: Mapping[int, str], words: Mapping[str, Mapping[int, str]
     names = {_name("CODE", control.name): control.value for control in Control if control < FIRST_PROGRAM}
     del names["CODE_START"]  # a program's own code starts it
     names.update({_name("CODE", program): code for code, program in programs.items()})
-    for kind, members in (("RESULT", Result), ("REFUSAL", Refusal), ("LEASE", LeaseState), ("PART", PartPlace)):
-        names.update({_name(kind, member.name): member.value for member in members})
+    for kind, members in (
+        ("RESULT", Result),
+        ("REFUSAL", Refusal),
+        ("LEASE", LeaseState),
+        ("PART", PartPlace),
+        ("EVIDENCE", PartEvidence),
+    ):
+        names.update({_name(kind, str(member.name)): member.value for member in members})
     wishes = {"NONE": Lease.NONE, "TAKE": Lease.TAKE, "TAKE_FOR_HOST": Lease.TAKE_FOR_HOST, "RELEASE": Lease.RELEASE}
     names.update({_name("ASK_LEASE", wish): number for wish, number in wishes.items()})
     for register, said in words.items():

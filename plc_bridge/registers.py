@@ -15,14 +15,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from plc_bridge.messages import FIRST_PROGRAM, PACKML, Control, LeaseState, PartPlace, Refusal, Result
+from plc_bridge.messages import FIRST_PROGRAM, PACKML, Control, LeaseState, PartEvidence, PartPlace, Refusal, Result
 
 DEVICE_NAME = "tactile insertion cell"
 """Name of the cell on every bus."""
 VERSION_MAJOR = 2
-VERSION_MINOR = 0
+VERSION_MINOR = 1
+"""Counted up where registers are added and none is moved: a PLC that was written for a lower one goes on."""
 VERSION = VERSION_MAJOR * 256 + VERSION_MINOR
-VERSION_DATE = "2026-11-22"
+VERSION_DATE = "2026-11-25"
 """Date of this version of the map."""
 
 MIRROR = 1000
@@ -119,8 +120,8 @@ class Parameter:
     meaning: str
 
 
-def _numbers(words: type[Result] | type[Refusal] | type[LeaseState] | type[PartPlace]) -> str:
-    return _listed({word.value: word.name for word in words})
+def _numbers(words: type[Result] | type[Refusal] | type[LeaseState] | type[PartPlace] | type[PartEvidence]) -> str:
+    return _listed({word.value: str(word.name) for word in words})
 
 
 def _codes(programs: Mapping[int, str]) -> str:
@@ -161,7 +162,8 @@ class _Layout:
         """Append one entry; `words` is needed for strings only, `limits` are raw."""
         words = words or (2 if kind in ("u32", "i32") else 1)
         name = self._prefix + name
-        place = (0, 0) if name.endswith("life_tail") else (self._index, len(self.registers) + 1)
+        objects = sum(register.index != 0 for register in self.registers)
+        place = (0, 0) if name.endswith("life_tail") else (self._index, objects + 1)
         pdo = _PDO_OF.get(name, "")
         entry = Register(
             name, self._table, self._next, words, kind, scale, unit, self._access, *limits, *place, pdo, meaning
@@ -252,6 +254,9 @@ def _report_block() -> list[Register]:
     block.add("overruns", "u32", "scans that took longer than their period since the start")
     block.add("peak_force", "u32", "largest force of the run at the tool", unit="N", scale=0.01)
     block.add("life_tail", "u16", "equal to report_life when the block was read whole")
+    # Map 2.0 ends here; what came later stands behind it, so that no register has moved.
+    block.add("part_evidence", "u16", f"why report_part is believed, a sum of {_numbers(PartEvidence)}")
+    block.add("part_width", "u16", "distance between the pads when report_part was found", unit="m", scale=1e-4)
     return block.registers
 
 

@@ -5,7 +5,6 @@ role is a UTF8String in one extension of the certificate, one role and no more [
 without it has the NULL role [R-23].
 """
 
-import logging
 import ssl
 
 from cryptography import x509
@@ -13,8 +12,6 @@ from cryptography.hazmat import asn1
 
 from drivers.errors import DeviceNotOpenedError
 from plc_bridge.config import Right, TlsConfig
-
-logger = logging.getLogger(__name__)
 
 ROLE_EXTENSION = x509.ObjectIdentifier("1.3.6.1.4.1.50316.802.1")
 NULL_ROLE = ""
@@ -56,7 +53,8 @@ def server_context(config: TlsConfig) -> ssl.SSLContext:
     """Return a context that asks every client for a certificate of `config.authority`.
 
     Raises:
-        DeviceNotOpenedError: A file is missing or is not what it should be; the message names it.
+        DeviceNotOpenedError: A file is missing or is not what it should be, or others than its owner may read or write the key; the
+            message names it.
     """
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.minimum_version = ssl.TLSVersion.TLSv1_2
@@ -67,8 +65,10 @@ def server_context(config: TlsConfig) -> ssl.SSLContext:
             path.open("rb").close()
         except OSError as error:
             raise DeviceNotOpenedError(f"plc.tls.{key} = {path}: {error.strerror}") from error
-    if config.key.stat().st_mode & OTHERS:
-        logger.warning("plc.tls.key = %s: open to others than its owner; chmod 600 closes it", config.key)
+    if (mode := config.key.stat().st_mode) & OTHERS:
+        raise DeviceNotOpenedError(
+            f"plc.tls.key = {config.key}: mode {mode & 0o777:o}: open to others than its owner; 600 or 400 allowed, as by chmod 600"
+        )
     try:
         context.load_cert_chain(config.certificate, config.key, password=_no_password)
     except (ssl.SSLError, ValueError) as error:

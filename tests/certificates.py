@@ -43,6 +43,7 @@ class Authority:
         certificate, key_path = self._folder / f"{name}.pem", self._folder / f"{name}.key"
         self._write(certificate, builder.sign(self._key, hashes.SHA256()))
         form = serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
+        key_path.touch(mode=0o600)
         key_path.write_bytes(key.private_bytes(serialization.Encoding.PEM, *form))
         return certificate, key_path
 

@@ -7,7 +7,7 @@ Modbus Application Protocol V1.1b3, 6 and 7: a wrong function code is exception 
 import struct
 from importlib.metadata import version
 
-COMMAND_WORDS, REPORT_WORDS, DIAGNOSTICS_WORDS, DIAGNOSTICS_AT, MIRROR = 41, 73, 26, 100, 1000
+COMMAND_WORDS, REPORT_WORDS, DIAGNOSTICS_WORDS, DIAGNOSTICS_AT, MIRROR = 41, 75, 26, 100, 1000
 PACKML_AT, PACKML_WORDS = 200, 42
 COILS, INPUTS = 3, 5
 LEASE, GREATEST_WISH = 5, 3

@@ -125,7 +125,7 @@ def _table(rows: "Iterable[RunRow]") -> "Table":
             str(row.run),
             row.started[:19].replace("T", " "),
             ", ".join(filter(None, (row.serial, row.source))),
-            ", ".join(filter(None, (row.program, row.outcome, _why(row)))),
+            ", ".join(filter(None, (row.program, row.outcome, _why(row), _peg(row)))),
             _insertion(row),
             "" if row.cycle_time is None else f"{row.cycle_time:.2f}",
         )
@@ -136,6 +136,11 @@ def _why(row: "RunRow") -> str:
     if row.fault:
         return f"fault {row.fault}: {row.message}"
     return f"{row.reason} in {row.stage}" if row.reason else row.message
+
+
+def _peg(row: "RunRow") -> str:
+    """Return where a run that did not end in success left its peg; `cell show` says by which evidence."""
+    return f"peg {row.part.replace('_', ' ')}" if row.part and row.outcome != "success" else ""
 
 
 def _insertion(row: "RunRow") -> str:

@@ -119,7 +119,8 @@ class PageHub:
         return _text("history", {"run": self.traces.run, "points": list(self.traces.points)})
 
     def _tell_state(self, report: ReportImage) -> None:
-        told = telling.told(report, self._live.fault, tuple(name for name in self._cables if name in self._unplugged))
+        unplugged = tuple(name for name in self._cables if name in self._unplugged)
+        told = telling.told(report, self._live.fault, self._live.evidence, unplugged)
         self._state = _text("state", told)
         self._tell(self._state)
 

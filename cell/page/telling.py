@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from cell.journal_schema import RunRow
-from cell.part_state import REMEDIES
+from cell.part_state import REMEDIES, PartState, described
 from cell.states import ASKED, Event, State, is_permitted
 from drivers.errors import FAULTS, FaultCode
 from plc_bridge.images import ReportImage
@@ -80,19 +80,21 @@ def still(image: ReportImage) -> ReportImage:
     return replace(image, life=0, life_tail=0)
 
 
-def told(image: ReportImage, message: str, unplugged: Sequence[str] = ()) -> dict[str, object]:
+def told(image: ReportImage, message: str, evidence: str, unplugged: Sequence[str] = ()) -> dict[str, object]:
     """Return what everybody sees of a report.
 
     Args:
         image: The report.
         message: Message of the last fault.
+        evidence: Evidence of the peg's place, one line.
         unplugged: Names of the simulated devices whose cables are pulled out.
     """
     state = State(image.state) if image.state else State.IDLE
+    part = PartState(PartPlace(image.part), evidence, depth=image.part_depth)
     times = {name: image.stage_times[n - 1] for n, name in CATALOGUE.stages.items() if n <= len(image.stage_times)}
     return {
         "state": state.name,
-        "next": _next(state, PartPlace(image.part), unplugged),
+        "next": _next(state, part, unplugged),
         "unplugged": list(unplugged),
         "permitted": permitted(state, unplugged),
         "program": CATALOGUE.by_code[image.code].name if image.code in CATALOGUE.by_code else "",
@@ -104,7 +106,8 @@ def told(image: ReportImage, message: str, unplugged: Sequence[str] = ()) -> dic
         "reason": CATALOGUE.reasons.get(image.reason, str(image.reason)).lower(),
         "run": image.run,
         "holder": image.holder,
-        "part": PartPlace(image.part).name.lower(),
+        "part": part.place.name.lower(),
+        "evidence": evidence,
         "peak_force": round(image.peak_force, 2),
         "hole": [image.hole_x, image.hole_y] if image.hole_x or image.hole_y else None,
         "warnings": [text for bit, text in _WARNINGS.items() if image.warnings & bit],
@@ -113,17 +116,18 @@ def told(image: ReportImage, message: str, unplugged: Sequence[str] = ()) -> dic
     }
 
 
-def _next(state: State, part: PartPlace, unplugged: Sequence[str]) -> str:
-    """Return what to do next; where nothing moves, with what cables and the peg ask for."""
+def _next(state: State, part: PartState, unplugged: Sequence[str]) -> str:
+    """Return what to do next; where nothing moves, with what cables and the peg ask for: where it is, why that is believed, what to do."""
     remedy = (
-        REMEDIES[part]
-        .replace("CLEARED", 'press "Peg taken away"')
+        REMEDIES[part.place]
+        .replace("give CLEARED", 'press "Peg taken away"')
         .replace("run `recover`", "start the program recover")
     )
     if state not in WAITING:
         return NEXT.get(state, "")
     plug = [f"Plug in what was pulled out: {', '.join(unplugged)}."] if unplugged else []
-    peg = [f"The part: {remedy}."] if part not in (PartPlace.RACK, PartPlace.BIN) else []
+    is_in_place = part.place in (PartPlace.RACK, PartPlace.BIN)
+    peg = [] if is_in_place else [f"The part: {described(part)}: {remedy}."]
     if state in THEN and (plug or peg):
         return " ".join([*plug, *peg, THEN[state]])
     return " ".join([*plug, NEXT[state], *peg])

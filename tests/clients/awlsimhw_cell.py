@@ -8,6 +8,7 @@ from awlsim.core.hardware import AbstractHardwareInterface
 from awlsim.core.hardware_params import HwParamDesc_int, HwParamDesc_str
 
 REPORT_WORDS, COMMAND_WORDS = 73, 41
+"""Lengths of the blocks in map 2.0, which later ones have lengthened behind their ends."""
 IMAGE_WORDS = 64
 """Of the simulated CPU's input image: the report does not fit, so its last word takes the place of the last one that does."""
 TRIGGERED, DONE, IS_FINISHED = 2 * COMMAND_WORDS, 2 * COMMAND_WORDS + 2, 2 * COMMAND_WORDS + 4

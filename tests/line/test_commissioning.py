@@ -10,7 +10,7 @@ from cell.states import State
 from plc_bridge.config import ModbusConfig, PlcConfig
 from plc_bridge.messages import Command, Control, Report, Result
 from plc_bridge.peer import Peer
-from plc_bridge.registers import VERSION, Lease
+from plc_bridge.registers import VERSION, VERSION_MAJOR, VERSION_MINOR, Lease
 from plc_bridge.sight import PlcSight
 from tests.plc_wire import until
 from tests.quick_cell import quick_cell
@@ -82,7 +82,7 @@ def test_a_plc_that_does_all_that_is_asked_is_signed_off(commissioned):
     found = record(commissioned.walk, "A. Technician", "2026-11-22T09:00:00+00:00", "0.1.0")
     assert found["passed"]
     assert [each["step"] for each in found["steps"]] == [step.name for step in commissioned.walk.steps()]
-    assert found["map"] == "2.0"
+    assert found["map"] == f"{VERSION_MAJOR}.{VERSION_MINOR}"
     sheet = _sheet(found)
     assert "PASSED\nsigned: " in sheet
     assert "ABORTED" in next(line for line in sheet.splitlines() if " loss: " in line)

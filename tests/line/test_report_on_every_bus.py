@@ -12,7 +12,7 @@ from drivers.quantities import Pose, SwitchState
 from drivers.transport.wires import CanFrame
 from plc_bridge.canopen_node import CanopenNode
 from plc_bridge.images import PACKML, REPORT
-from plc_bridge.messages import Control, PartPlace
+from plc_bridge.messages import Control, PartEvidence, PartPlace
 from plc_bridge.registers import table
 from tests.canopen_rig import CONFIG, NODE
 from tests.fakes import HAND_DOWN, Rig
@@ -93,6 +93,36 @@ def test_the_depth_of_the_peg_and_that_it_is_seated(buses):
     rig.switch.state = SwitchState.CLOSED
     rig.scan()
     assert buses.read("report_part") == PartPlace.SEATED
+
+
+def test_the_evidence_of_the_place(buses):
+    rig, bit = buses.rig, PartEvidence
+    rig.scan()
+    assert buses.read("report_part_evidence") == bit.HAND_EMPTY | bit.SKIN_FREE | bit.SWITCH_OPEN
+    hold_in_hole(rig, 0.0123)
+    rig.scan(12)  # until the next frame of the skin
+    held = bit.HAND_HOLDS | bit.SKIN_TOUCHED | bit.TIP_IN_HOLE | bit.SWITCH_OPEN
+    assert buses.read("report_part_evidence") == held
+    assert buses.read("report_part_width") == pytest.approx(rig.loaded.cell.peg.part.thickness)
+    rig.command(Control.CLEARED)  # said in error: the hand still holds it
+    assert (buses.read("report_part"), buses.read("report_part_evidence")) == (PartPlace.IN_HOLE, held)
+    rig.gripper.has_peg = False
+    rig.gripper.release(0.04)
+    rig.scan()
+    rig.command(Control.CLEARED)
+    assert (buses.read("report_part"), buses.read("report_part_evidence")) == (PartPlace.RACK, bit.PERSON)
+
+
+def test_a_cell_that_stands_after_a_fault_still_tells_where_its_peg_is_and_why(buses):
+    rig, bit = buses.rig, PartEvidence
+    hold_in_hole(rig, 0.0123)
+    rig.scan()
+    rig.arm.fault = ArmReflexError("arm: reflex")
+    rig.scan()
+    assert buses.read("report_state") == State.ABORTED
+    assert buses.read("report_part") == PartPlace.IN_HOLE
+    held = bit.HAND_HOLDS | bit.SKIN_TOUCHED | bit.TIP_IN_HOLE | bit.SWITCH_OPEN
+    assert buses.read("report_part_evidence") == held
 
 
 def test_the_place_of_the_hole_and_the_largest_force_of_the_run(buses):

@@ -9,11 +9,11 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import closing, suppress
-from datetime import UTC, datetime, timedelta
+from datetime import timedelta
 from pathlib import Path
 
-from cell import event_log, record
-from cell.journal import INDEX, now_text
+from cell import wall_clock
+from cell.journal import INDEX
 from cell.lab.faults.bench import FaultBench
 from cell.lab.faults.contract import FaultKind, Undo
 
@@ -101,17 +101,9 @@ def _put_back(away: Path, folder: Path) -> None:
 
 def _clock_stepped(step: timedelta) -> Callable[[FaultBench], Undo]:
     def begin(bench: FaultBench) -> Undo:
-        def stepped() -> str:
-            return (datetime.now(UTC) + step).isoformat(timespec="milliseconds")
-
-        for module in (record, event_log):
-            setattr(module, "now_text", stepped)  # noqa: B010 - an import of theirs, which the type checker does not lend
-
-        def undo() -> None:
-            for module in (record, event_log):
-                setattr(module, "now_text", now_text)  # noqa: B010
-
-        return undo
+        now = wall_clock.now
+        wall_clock.now = lambda: now() + step
+        return lambda: setattr(wall_clock, "now", now)
 
     return begin
 

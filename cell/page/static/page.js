@@ -103,7 +103,7 @@ function showState(data, before) {
   byId("warnings").hidden = !data.warnings.length;
   byId("warnings").replaceChildren(...data.warnings.map((text) => make("li", `Warning: ${text}`)));
   put("next", data.next);
-  put("part", words(data.part));
+  put("part", words(data.part) + (data.evidence ? ` (${data.evidence})` : ""));
   if (!before || before.state !== data.state || before.stage !== data.stage) {
     put("said", `${state}${data.stage ? `, ${words(data.stage)}` : ""}. ${data.next}`);
   }

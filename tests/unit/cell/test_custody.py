@@ -2,15 +2,19 @@
 
 import json
 import stat
+from dataclasses import replace
 
 import pytest
 
 from cell.custody import Custody
-from cell.part_state import PegEvidence, places_of
+from cell.journal import Journal
+from cell.journal_schema import RunRow
+from cell.part_state import PartState, PegEvidence, places_of
 from drivers.quantities import SwitchState
-from plc_bridge.messages import PartPlace, Refusal
+from plc_bridge.messages import PartEvidence, PartPlace, Refusal
 
 OPEN = SwitchState.OPEN
+RUN = RunRow(0, "2025-01-01T00:00:00.000+00:00", "insert_peg", 0, "", "plc", 1, is_simulated=1)
 
 
 @pytest.fixture
@@ -40,6 +44,48 @@ def test_the_next_program_knows_what_the_last_one_knew(tmp_path, places):
     second.see(empty(), places, is_running=False)
     assert second.part.place is PartPlace.UNKNOWN
     assert second.part.evidence == "in hand when the program ended; the hand is empty now"
+
+
+def test_the_evidence_outlives_the_program(tmp_path, places):
+    first = Custody(tmp_path, "sim")
+    first.see(holding(places), places, is_running=True)
+    first.see(empty(), places, is_running=True)
+    assert first.flush()
+    second = Custody(tmp_path, "sim")
+    second.see(empty(), places, is_running=False)
+    fell = first.part
+    assert fell.place is PartPlace.ON_PLATE
+    assert second.part == replace(fell, basis=fell.basis | PartEvidence.RECORD)
+
+
+def test_a_file_of_an_earlier_version_has_the_place_and_the_first_look_the_bits(tmp_path, places):
+    before = {"place": "ON_PLATE", "evidence": "fell", "is_held": False, "depth": 0.0, "tip": [0, 0, 0], "emptied": 2}
+    (tmp_path / "part-sim.json").write_text(json.dumps(before))
+    custody = Custody(tmp_path, "sim")
+    custody.see(empty(), places, is_running=False)
+    look = PartEvidence.HAND_EMPTY | PartEvidence.SWITCH_OPEN
+    assert custody.part == PartState(PartPlace.ON_PLATE, "fell", basis=look, width=0.04)
+
+
+@pytest.mark.parametrize(("has_run", "place"), [(False, PartPlace.RACK), (True, PartPlace.UNKNOWN)])
+def test_without_a_file_a_new_cell_has_its_peg_in_the_rack_and_one_that_has_run_does_not_know(
+    tmp_path, places, has_run, place
+):
+    with Journal(tmp_path) as journal:
+        if has_run:
+            journal.begin(RUN)
+    custody = Custody(tmp_path, "sim")
+    custody.see(empty(), places, is_running=False)
+    assert custody.part.place is place
+    assert ("part-sim.json is missing, although runs are on record" in custody.part.evidence) == has_run
+
+
+def test_without_a_file_a_peg_in_the_hand_is_still_told_by_the_hand(tmp_path, places):
+    with Journal(tmp_path) as journal:
+        journal.begin(RUN)
+    custody = Custody(tmp_path, "sim")
+    custody.see(holding(places), places, is_running=False)
+    assert custody.part.place is PartPlace.IN_HAND
 
 
 def test_what_a_simulated_cell_knows_is_nothing_to_a_real_one(tmp_path, places):

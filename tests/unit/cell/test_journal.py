@@ -8,7 +8,7 @@ import pyarrow as pa
 import pytest
 
 from cell.cli import main
-from cell.journal import INDEX, Journal, default_folder
+from cell.journal import INDEX, Journal, default_folder, has_run
 from cell.journal_schema import LAYOUT, ConfigRow, EventKind, EventRow, RunRow, StageRow
 from cell.journal_told import Kind
 from cell.provenance import config_hash
@@ -136,6 +136,31 @@ def test_an_index_of_the_first_layout_is_brought_up_to_the_present_one(tmp_path)
         assert (layout_of(tmp_path / "early"), journal.find(2).peak_force) == (LAYOUT, 12.5)
 
 
+def test_runs_of_an_index_without_evidence_of_the_peg_stay_and_have_none(tmp_path):
+    with Journal(tmp_path) as journal:
+        journal.finish(replace(journal.begin(ROW), outcome="fault", part="in_hole", part_evidence="let go"))
+    with closing(sqlite3.connect(tmp_path / INDEX)) as index:
+        index.execute("ALTER TABLE runs DROP COLUMN part_evidence")
+        index.execute("PRAGMA user_version = 6")
+    with Journal(tmp_path) as journal:
+        assert (journal.find(1).part, journal.find(1).part_evidence) == ("in_hole", "")
+        journal.finish(replace(journal.begin(ROW), outcome="fault", part="in_hole", part_evidence="let go"))
+        assert journal.find(2).part_evidence == "let go"
+    assert layout_of(tmp_path) == LAYOUT
+
+
+def test_a_journal_tells_runs_of_simulated_cells_from_those_of_real_ones(journal):
+    assert not has_run(journal.folder, is_simulated=True)
+    number = journal.begin(replace(ROW, is_simulated=1)).run
+    assert journal.find(number)  # it is written
+    assert [has_run(journal.folder, is_simulated=kind) for kind in (True, False)] == [True, False]
+
+
+def test_an_index_that_cannot_be_read_may_have_runs(tmp_path):
+    (tmp_path / INDEX).write_text("no index")
+    assert has_run(tmp_path, is_simulated=True)
+
+
 def test_an_index_of_the_first_layout_is_read_without_being_changed(tmp_path):
     folder = early_index(tmp_path / "early")
     before = (folder / INDEX).read_bytes()
@@ -150,7 +175,7 @@ def test_an_index_of_a_newer_version_is_told_and_left_as_it_is(tmp_path):
     with closing(sqlite3.connect(tmp_path / INDEX)) as index:
         index.execute("PRAGMA user_version = 9")
     for is_read_only in (False, True):
-        with pytest.raises(JournalError, match=r"runs\.sqlite: layout 9 of a newer version; 1 to 6 allowed"):
+        with pytest.raises(JournalError, match=r"runs\.sqlite: layout 9 of a newer version; 1 to 7 allowed"):
             Journal(tmp_path, is_read_only=is_read_only).open()
     assert layout_of(tmp_path) == 9
 
@@ -181,6 +206,21 @@ def test_files_are_their_owners_alone(tmp_path):
         journal.begin(ROW)
         assert {file.stat().st_mode & 0o777 for file in journal.folder.iterdir()} == {0o600}
     assert (tmp_path / "runs").stat().st_mode & 0o777 == 0o700
+
+
+@pytest.mark.parametrize("mode", [0o700, 0o750, 0o755])
+def test_a_folder_that_its_owner_alone_may_write_is_taken(tmp_path, mode):
+    tmp_path.chmod(mode)
+    with Journal(tmp_path) as journal:
+        assert journal.begin(ROW).run == 1
+
+
+@pytest.mark.parametrize("mode", [0o720, 0o775, 0o702, 0o777])
+def test_a_folder_that_others_may_write_is_refused_in_one_line(tmp_path, mode):
+    tmp_path.chmod(mode)
+    with pytest.raises(JournalError, match=rf"^[^\n]*: mode {mode:o}: others than its owner may write [^\n]*$"):
+        Journal(tmp_path).open()
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_stages_come_back_in_order_with_what_is_not_known_left_open(journal):

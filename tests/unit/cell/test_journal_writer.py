@@ -14,7 +14,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cell import journal_upkeep, journal_writer, wall_clock
+from cell import journal_writer, wall_clock
 from cell.journal import INDEX, Journal
 from cell.journal_index import DamagedIndexError, Index
 from cell.journal_schema import LOST, EventKind, EventRow, RunRow, StageRow

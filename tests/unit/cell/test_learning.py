@@ -159,7 +159,33 @@ def test_one_recipe_is_forgotten_and_another_kept(tmp_path):
     assert forget(tmp_path, 0) == []
     assert list(read_learned(tmp_path).places) == ["1"]
     cell.forget(1)
+    assert cell.flush()
     assert read_learned(tmp_path).places == {}
+
+
+def test_a_disk_that_does_not_answer_holds_up_neither_a_run_nor_a_forgetting(tmp_path, caplog):
+    cell, file = taught(tmp_path), tmp_path / FILE
+    file.unlink()
+    os.mkfifo(file)  # who reads it waits until somebody writes
+    prior = cell.prepared(JOB, 0).hole.prior
+    assert prior is not None
+    assert prior.mean == pytest.approx(HOME)
+    assert "what was known last holds" in caplog.text
+    cell.forget(0)
+    assert cell.prepared(JOB, 0).hole.prior is None
+    assert cell.flush()
+    assert read_learned(tmp_path).places == {}
+
+
+def test_what_cannot_be_written_is_forgotten_all_the_same_until_the_program_ends(tmp_path):
+    folder = tmp_path / "cell"
+    folder.mkdir()
+    cell = taught(folder)
+    (folder / FILE).with_suffix(".tmp").mkdir()  # nothing can be written beside the file
+    cell.forget(0)
+    assert cell.flush()
+    assert cell.prepared(JOB, 0).hole.prior is None
+    assert read_learned(folder).places != {}
 
 
 def test_the_terminal_shows_what_was_learnt_and_what_stands_against_using_it(tmp_path, capsys):

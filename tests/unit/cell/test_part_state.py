@@ -20,6 +20,7 @@ from cell.part_state import (
     after_run,
     at_start,
     evidence_of,
+    in_words,
     places_of,
     proven,
     refusal_of,
@@ -27,7 +28,7 @@ from cell.part_state import (
 )
 from drivers.parts import Latch
 from drivers.quantities import WIDTH_TOLERANCE, SwitchState
-from plc_bridge.messages import PartPlace, Refusal
+from plc_bridge.messages import PartEvidence, PartPlace, Refusal
 from skills.seating import CLOSED_TOLERANCE
 
 OPEN, CLOSED, UNKNOWN = SwitchState.OPEN, SwitchState.CLOSED, SwitchState.UNKNOWN
@@ -39,9 +40,9 @@ def places(loaded):
     return places_of(loaded.cell.job(), loaded.cell.recover.bin)
 
 
-def seen(places, tip, *, gripping=True, width=None, moving=False, switch=OPEN, tilt=math.pi / 4):
+def seen(places, tip, *, gripping=True, width=None, moving=False, switch=OPEN, tilt=math.pi / 4, felt=None):
     thickness = places.thickness if gripping else 0.04
-    return PegEvidence(thickness if width is None else width, gripping, moving, tip, 0.0, switch, tilt)
+    return PegEvidence(thickness if width is None else width, gripping, moving, tip, 0.0, switch, tilt, felt)
 
 
 def at_depth(places, depth, aside=0.0):
@@ -259,7 +260,7 @@ def test_a_peg_that_was_held_and_is_gone_is_held_no_more(places):
 def test_a_peg_whose_end_nobody_can_tell_is_where_the_hand_is(rig):
     state = rig.cell.context(0).observe()
     for tip, where in ((np.array([0.1, 0.2, 0.3]), (0.1, 0.2, 0.3)), (np.full(3, np.nan), (0.45, 0.0, 0.3))):
-        assert evidence_of(state.arm, state.gripper, OPEN, tip, 0.0).tip == where
+        assert evidence_of(state.arm, state.gripper, OPEN, tip, 0.0, None).tip == where
 
 
 def test_a_peg_that_force_has_proven_stays_seated_while_the_switch_is_open(places):
@@ -271,7 +272,7 @@ def test_a_peg_that_force_has_proven_stays_seated_while_the_switch_is_open(place
     assert (seated.place, "a detent of 5.0 N" in seated.evidence) == (PartPlace.SEATED, True)
     looked = seen(places, at_depth(places, 0.02), gripping=False)
     assert after_run(seated, looked, without) == after(seated, looked, without, False) == seated
-    assert at_start(seated, looked, without) == seated
+    assert at_start(seated, looked, without) == replace(seated, basis=seated.basis | PartEvidence.RECORD)
     assert refusal_of(seated, OPEN, False, False) is Refusal.NONE
 
 
@@ -362,9 +363,13 @@ def test_a_held_peg_is_seated_exactly_as_far_off_the_hole_s_depth_as_the_switch_
 
 
 @pytest.mark.parametrize(
-    ("before", "switch", "place"), [(OPEN, CLOSED, PartPlace.SEATED), (CLOSED, OPEN, PartPlace.IN_HOLE)]
+    ("before", "switch", "place", "bits"),
+    [
+        (OPEN, CLOSED, PartPlace.SEATED, PartEvidence.SWITCH_CLOSED),
+        (CLOSED, OPEN, PartPlace.IN_HOLE, PartEvidence.SWITCH_OPEN),
+    ],
 )
-def test_a_peg_that_is_let_go_in_the_hole_is_where_the_switch_says_then(places, before, switch, place):
+def test_a_peg_that_is_let_go_in_the_hole_is_where_the_switch_says_then(places, before, switch, place, bits):
     held = held_at(places, 0.02, before)
     gone = after(held, seen(places, held.tip, gripping=False, switch=switch), places, is_running=True)
     assert gone == PartState(
@@ -374,6 +379,8 @@ def test_a_peg_that_is_let_go_in_the_hole_is_where_the_switch_says_then(places, 
         pytest.approx(0.02),
         at_depth(places, 0.02),
         True,
+        bits | PartEvidence.HAND_EMPTY | PartEvidence.TIP_IN_HOLE,
+        0.04,
     )
 
 
@@ -393,3 +400,59 @@ def test_a_peg_that_was_lost_is_told_with_how(places):
 
 def test_a_peg_that_is_proven_seated_is_no_longer_held(places):
     assert proven(held_at(places, 0.02), "force").is_held is False
+
+
+# The evidence in bits, as the buses carry it.
+
+Bit = PartEvidence
+
+
+@pytest.mark.parametrize(
+    ("how", "bits"),
+    [
+        ({"felt": True}, Bit.HAND_HOLDS | Bit.SKIN_TOUCHED | Bit.SWITCH_OPEN),
+        ({"felt": False, "switch": CLOSED}, Bit.HAND_HOLDS | Bit.SKIN_FREE | Bit.SWITCH_CLOSED),
+        ({"switch": UNKNOWN}, Bit.HAND_HOLDS),
+        ({"depth": 0.012}, Bit.HAND_HOLDS | Bit.TIP_IN_HOLE | Bit.SWITCH_OPEN),
+    ],
+)
+def test_the_bits_say_what_hand_skin_tip_and_switch_said(places, how, bits):
+    depth = how.pop("depth", -0.1)
+    state = after(EMPTY, seen(places, at_depth(places, depth), **how), places, is_running=True)
+    assert (state.basis, state.width) == (bits, places.thickness)
+
+
+def test_a_hand_that_is_slack_has_neither_bit_of_the_hand(places):
+    held = held_at(places, -0.1)
+    slack = seen(places, held.tip, gripping=False, width=places.thickness, felt=True)
+    assert after(held, slack, places, is_running=True).basis == Bit.SKIN_TOUCHED | Bit.SWITCH_OPEN
+
+
+def test_a_peg_that_fell_keeps_the_evidence_of_its_fall(places):
+    held = held_at(places, -0.1)
+    fell = after(held, seen(places, held.tip, gripping=False, width=0.0, felt=False), places, is_running=True)
+    later = after(fell, seen(places, held.tip, gripping=False, width=0.04, switch=UNKNOWN), places, is_running=False)
+    assert (later.basis, later.width) == (Bit.HAND_EMPTY | Bit.SKIN_FREE | Bit.SWITCH_OPEN, 0.0)
+
+
+def test_a_place_that_only_the_record_tells_says_so_and_one_that_the_sensors_tell_does_not(places):
+    kept = PartState(PartPlace.IN_HOLE, "let go 12.0 mm deep", depth=0.012, basis=Bit.HAND_EMPTY | Bit.TIP_IN_HOLE)
+    look = seen(places, (0.45, 0.0, 0.3), gripping=False)
+    assert at_start(kept, look, places).basis == Bit.HAND_EMPTY | Bit.TIP_IN_HOLE | Bit.RECORD
+    seated = replace(kept, place=PartPlace.SEATED)
+    assert at_start(seated, look, places).basis == Bit.HAND_EMPTY | Bit.SWITCH_OPEN
+
+
+def test_a_peg_that_force_has_proven_seated_says_so(places):
+    assert (
+        proven(held_at(places, 0.02), "force").basis == Bit.HAND_HOLDS | Bit.TIP_IN_HOLE | Bit.SWITCH_OPEN | Bit.FORCE
+    )
+
+
+def test_the_bits_in_words_name_each_of_them_and_the_width():
+    assert in_words(Bit.HAND_HOLDS | Bit.SKIN_TOUCHED | Bit.TIP_IN_HOLE | Bit.SWITCH_OPEN, 0.008) == (
+        "the hand holds a peg, skin touched, its end was in the hole, switch open, pads 8.0 mm apart"
+    )
+    assert in_words(Bit.SWITCH_CLOSED, 0.008) == "the hand does not grip, switch closed, pads 8.0 mm apart"
+    assert in_words(Bit.PERSON, 0.0) == "a person has taken the last peg away"
+    assert in_words(Bit.NOTHING, 0.0) == ""

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from cell.part_watch import EARLY_SHARE, LONGEST_UNKNOWN, PROVEN_BY_SWITCH, PartWatch
-from drivers.errors import SwitchDisagreesError, SwitchUnknownError
+from drivers.errors import SkinSilentError, SwitchDisagreesError, SwitchUnknownError
 from drivers.quantities import SwitchState
-from plc_bridge.messages import Report
+from plc_bridge.messages import PartEvidence, Report
 from skills.entry import Claim
 
 HOLE = (0.5, 0.01)
@@ -83,3 +83,39 @@ def test_a_switch_that_closes_before_the_peg_can_be_on_it_is_a_fault_at_once(rig
 def test_a_switch_that_closes_where_a_peg_can_be_on_it_is_judged_later(rig, tmp_path, stage, share, is_held):
     watch = PartWatch(rig.cell, rig.cell.context(0), tmp_path)
     closing(rig, watch, stage, share * rig.loaded.cell.job().hole.depth, is_held)
+
+
+SKIN = PartEvidence.SKIN_TOUCHED | PartEvidence.SKIN_FREE
+
+
+@pytest.mark.parametrize("looks", [True, False])
+def test_the_skin_shows_a_held_peg_in_a_scan_and_in_a_look_without_one(rig, tmp_path, looks):
+    watch = PartWatch(rig.cell, rig.cell.context(0), tmp_path)
+    rig.gripper.grip(30.0)
+    rig.clock.time += 1.0
+    watch.look() if looks else watch.see(watch._context.observe())
+    assert watch.part.basis & SKIN == PartEvidence.SKIN_TOUCHED
+
+
+def test_a_skin_that_shows_nothing_counts_as_free_once_its_last_print_is_old(rig, tmp_path):
+    watch = PartWatch(rig.cell, rig.cell.context(0), tmp_path)
+    rig.gripper.grip(30.0)
+    rig.clock.time = 1.0
+    watch.look()
+    rig.skin.shows_print = False
+    found = []
+    for rig.clock.time in (1.2, 1.3):
+        watch.look()
+        found.append(watch.part.basis & SKIN)
+    assert found == [PartEvidence.SKIN_TOUCHED, PartEvidence.SKIN_FREE]
+
+
+def test_a_skin_that_is_silent_or_not_to_be_trusted_is_no_evidence(rig, tmp_path):
+    watch = PartWatch(rig.cell, rig.cell.context(0), tmp_path)
+    rig.gripper.grip(30.0)
+    rig.skin.trusted[:] = False
+    watch.look()
+    assert watch.part.basis == PartEvidence.HAND_HOLDS | PartEvidence.SWITCH_OPEN
+    rig.skin.fault = SkinSilentError("skin: silent")
+    watch.look()
+    assert watch.part.basis == PartEvidence.HAND_HOLDS | PartEvidence.SWITCH_OPEN

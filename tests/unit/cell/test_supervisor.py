@@ -174,6 +174,24 @@ def test_what_a_person_did_is_believed(rig, program):
     assert rig.command(Control.REFILLED).refusal == Refusal.NONE
 
 
+def test_a_run_that_ends_in_a_fault_has_the_evidence_of_its_peg_on_record(rig, program):
+    rig.gripper.grip(30.0)
+    program.fault = ArmReflexError("arm: reflex")
+    rig.command(CODE)
+    (row,) = rig.journal.runs(1)
+    assert (row.outcome, row.part, row.part_evidence) == ("fault", "in_hand", "hand grips 8.0 mm, switch open")
+
+
+def test_a_cell_whose_record_of_the_peg_is_gone_starts_nothing_before_a_person_has_looked(rig, program):
+    rig.command(CODE)
+    rig.supervisor._part.flush()
+    (rig.folder / "part-sim.json").unlink()
+    rig.supervisor = Supervisor(rig.cell, rig.loaded, rig.bridge, rig.journal)
+    assert rig.scan().part == PartPlace.UNKNOWN
+    assert rig.command(100).refusal == Refusal.PART_UNRESOLVED
+    assert rig.command(Control.CLEARED).part == PartPlace.RACK
+
+
 # Stop, hold, faults.
 
 
@@ -465,6 +483,7 @@ def test_what_was_learnt_of_a_recipe_is_forgotten_and_that_of_others_is_not(rig,
     )
     write_learned(rig.folder, LearnedFile(places={str(recipe): place for recipe in (0, 99)}))
     assert rig.command(Control.FORGET, 0).refusal is Refusal.NONE
+    assert rig.supervisor._execution.learning.flush()
     assert set(read_learned(rig.folder).places) == {"99"}
 
 

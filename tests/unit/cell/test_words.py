@@ -4,7 +4,7 @@ from cell.states import BEFORE_RESET, State
 from cell.words import line, report
 from drivers.errors import FAULTS, FaultCode
 from plc_bridge.images import Diagnostics, ReportImage
-from plc_bridge.messages import PartPlace
+from plc_bridge.messages import PartEvidence, PartPlace
 
 
 def told(**fields):
@@ -50,3 +50,19 @@ def test_place_and_what_to_do_stand_in_the_same_line():
     assert "part=on_plate" in words
     assert "next=find out why, release the stop, then reset; then a peg lies on the plate" in words
     assert "\n" not in words
+
+
+def test_where_the_peg_is_why_and_what_to_do_follow_each_other_in_the_line():
+    evidence = PartEvidence.HAND_HOLDS | PartEvidence.TIP_IN_HOLE | PartEvidence.SWITCH_OPEN
+    image = ReportImage(
+        state=State.ABORTED,
+        fault=2001,
+        part=PartPlace.IN_HOLE,
+        part_depth=0.012,
+        part_evidence=evidence,
+        part_width=0.008,
+    )
+    assert (
+        "part=in_hole part_depth=0.012 evidence=the hand holds a peg, its end was in the hole, switch open, pads 8.0 mm apart next="
+        in line(image, Diagnostics())
+    )

@@ -20,7 +20,7 @@ from plc_bridge.images import (
     report_words,
 )
 from plc_bridge.map_formats import as_bytes, as_csv, as_json, as_markdown
-from plc_bridge.messages import Refusal, Result
+from plc_bridge.messages import PartEvidence, Refusal, Result
 from plc_bridge.registers import COILS, DISCRETE_INPUTS, MIRROR, STAGES, Parameter, table
 
 PLACES = {register.name: register for register in table()}
@@ -61,6 +61,8 @@ def test_each_block_fits_one_request():
         ("report_result", "input", 5),
         ("report_run", "input", 12),
         ("report_life_tail", "input", 72),
+        ("report_part_evidence", "input", 73),
+        ("report_part_width", "input", 74),
         ("packml_state", "input", 201),
         ("diagnostics_refusals", "input", 106),
         ("execute", "coil", 0),
@@ -70,6 +72,17 @@ def test_each_block_fits_one_request():
 )
 def test_registers_stay_where_plc_programs_expect_them(name, table, address):
     assert (PLACES[name].table, PLACES[name].address) == (table, address)
+
+
+def test_a_plc_of_map_2_0_reads_the_whole_block_with_its_tail_at_the_end():
+    image = ReportImage(life=7, part=4, part_depth=0.012, life_tail=7, part_evidence=0x55, part_width=0.008)
+    words = report_words(image)
+    assert (words[0], words[72], words[73:]) == (7, 7, [0x55, 80])
+
+
+def test_the_evidence_of_the_peg_is_named_bit_by_bit():
+    bits = [f"{1 << n} {PartEvidence(1 << n).name}" for n in range(10)]
+    assert ", ".join(bits) in PLACES["report_part_evidence"].meaning
 
 
 def test_command_survives_its_words():

@@ -88,6 +88,7 @@ def test_file_that_is_missing_is_named(authority, tmp_path, key):
 
 @pytest.mark.parametrize("key", ["certificate", "key", "authority"])
 def test_file_that_is_something_else_is_named(authority, tmp_path, key):
+    (tmp_path / "odd.pem").touch(mode=0o600)
     (tmp_path / "odd.pem").write_text("odd")
     with pytest.raises(DeviceNotOpenedError, match=rf"^[^\n]*plc\.tls\.{key} = [^\n]*odd\.pem[^\n]*not a PEM"):
         server_context(config(authority, **{key: tmp_path / "odd.pem"}))
@@ -98,11 +99,16 @@ def test_key_of_another_certificate_is_refused(authority):
         server_context(config(authority, key=authority.sign("other")[1]))
 
 
-@pytest.mark.parametrize(("mode", "warnings"), [(0o600, 0), (0o640, 1), (0o604, 1)])
-def test_key_that_others_may_read_is_warned_of(authority, caplog, mode, warnings):
+@pytest.mark.parametrize("mode", [0o600, 0o400])
+def test_key_of_its_owner_alone_is_taken(authority, mode):
     settings = config(authority)
     settings.key.chmod(mode)
-    server_context(settings)
-    told = [record.message for record in caplog.records if "chmod 600" in record.message]
-    assert len(told) == warnings
-    assert all(str(settings.key) in message for message in told)
+    assert server_context(settings)
+
+
+@pytest.mark.parametrize("mode", [0o640, 0o620, 0o604, 0o602])
+def test_key_that_is_open_to_others_is_refused_in_one_line(authority, mode):
+    settings = config(authority)
+    settings.key.chmod(mode)
+    with pytest.raises(DeviceNotOpenedError, match=rf"^plc\.tls\.key = [^\n]*: mode {mode:o}: open to others[^\n]*$"):
+        server_context(settings)
