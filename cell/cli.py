@@ -5,9 +5,11 @@ Exit status: 0 done and good, 1 done and not good, 2 wrong use, 3 fault.
 
 import argparse
 import logging
+import math
 import os
 import signal
 import sys
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
@@ -48,6 +50,8 @@ class Stop(ThreadEvent):
         """Begin with nobody who asks."""
         super().__init__()
         self._is_asked_for = False
+        self._taken = math.inf
+        """Monotonic time of the first signal to a command that asks, s; infinite before."""
 
     def is_set(self) -> bool:
         """Tell whether a signal has come."""
@@ -63,14 +67,19 @@ class Stop(ThreadEvent):
         """Take a signal.
 
         Raises:
-            KeyboardInterrupt: Nobody has asked yet.
+            KeyboardInterrupt: Nobody has asked yet, or the command goes on although it was told to end before. What a terminal that
+                is closed sends more than once counts as one.
         """
-        if not self._is_asked_for:
+        now = time.monotonic()
+        if not self._is_asked_for or now > self._taken + REPEATED:
             raise KeyboardInterrupt
+        self._taken = min(self._taken, now)
         # Not here: the thread that the signal has come to may hold the event's lock at this moment, and would wait for itself.
         Thread(target=self.set, name="stop", daemon=True).start()
 
 
+REPEATED = 1.0
+"""Time after a signal within which another one says the same, s."""
 AGAIN = 0.02
 """Time after which an interruption that was lost is tried again, s."""
 COMPLETION = "completion"

@@ -18,7 +18,7 @@ from cell.journal_schema import RunRow
 from cell.live import Live
 from cell.part_watch import PartWatch
 from cell.states import ASKED, Event, State, is_permitted, is_reached
-from cell.watchdog import LateScans, ScanWatchdog
+from cell.watchdog import HANG, LateScans, ScanWatchdog
 from drivers.errors import CellError, ConfigError, FaultCode, PlcLostError, ScanOverrunError
 from plc_bridge.messages import Command, Control, Refusal, Report, Result
 from skills.catalogue import CATALOGUE
@@ -54,7 +54,7 @@ class Supervisor:
         self._desk = Desk(line, self._live, journal, cell.clock, self._part, self._late)
         self._quit = stop or ThreadEvent()
         self._watchdog = ScanWatchdog(
-            cell.config.scan.longest,
+            cell.config.scan.longest if is_timed(cell.config) else HANG,
             is_simulated=cell.config.is_simulated,
             halt=self._say_blocked,
             stop=self._quit,
@@ -106,20 +106,22 @@ class Supervisor:
             CellError: The scan itself cannot go on, as with simulated physics that have diverged.
         """
         period, self._is_timed = self._context.scan_period, is_timed(self._cell.config)
-        if self._is_timed:
-            self._watchdog.start()
         try:
+            self._watchdog.start()
             while not self._quit.is_set():
                 started = time.monotonic()
                 self.scan()
                 # A simulated clock may be faster than the wall; nobody gains by an idle cell that spins.
                 self._quit.wait(max(period - (time.monotonic() - started), 0.0))
         except BaseException as error:  # the record is closed whatever happened, and the error raised again
-            self._abandon(error)
+            try:
+                self._brake.wait(self._watchdog.alive)
+            finally:
+                self._abandon(error)
             raise
         finally:
+            self._brake.wait(self._watchdog.alive)
             self._watchdog.stop()
-            self._brake.wait()
             self._part.flush()
             self._execution.learning.flush()
 
@@ -135,11 +137,17 @@ class Supervisor:
         fault = fault_of(self._look)
         if fault is not None:
             self._fault(fault)
+            self._watchdog.watch(False)
         self._desk.publish()
         clock.wait_until(started + self._context.scan_period)
 
     def _look(self) -> None:
-        """Read every device, and act on the commands that wait."""
+        """Read every device, and act on the commands that wait.
+
+        Raises:
+            ScanOverrunError: This scan came so late that the arm was halted meanwhile.
+        """
+        self._watchdog.beat("scan")
         if self.state in (State.IDLE, State.COMPLETE):
             seen = self._context.observe()
             self._part.see(seen)
@@ -165,7 +173,7 @@ class Supervisor:
             ScanOverrunError: This scan, or too many of the last ones, came too late.
         """
         self._take_all()
-        self._watchdog.beat(self._context.stage)
+        self._watchdog.beat(self._context.stage or "skill")
         if self._is_timed:
             self._late.take(time.monotonic())
         if self._quit.is_set() and self._brake.request is not Request.STOP:
@@ -174,6 +182,7 @@ class Supervisor:
 
     def _meanwhile(self) -> None:
         """Go on telling the line and taking its commands while the arm comes to rest."""
+        self._watchdog.alive()
         self._desk.publish()
         self._listen()
         self._take_all()
@@ -322,7 +331,7 @@ class Supervisor:
         self._desk.fault(error)
 
     def _abandon(self, error: BaseException) -> None:
-        """Close the record of the run under way, and tell the line, where the supervisor itself cannot go on."""
+        """Halt the arm, close the record of the run under way, and tell the line, where the supervisor itself cannot go on."""
         self._brake.halt()
         fault = error if isinstance(error, CellError) else CellError(f"{type(error).__name__}: {error}")
         fault_of(lambda: self._execution.abandon(fault))
@@ -343,7 +352,7 @@ class Supervisor:
         os._exit(EXIT_BLOCKED)
 
     def _blocked(self, why: str) -> ScanOverrunError:
-        return ScanOverrunError(f"{self._context.stage or 'skill'}: {why}")
+        return ScanOverrunError(f"{(self._context.stage or 'skill') if self._execution.is_running else 'scan'}: {why}")
 
 
 def is_timed(config: CellConfig) -> bool:

@@ -2,11 +2,12 @@
 
 import argparse
 import json
+import select
 import sys
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -14,6 +15,8 @@ if TYPE_CHECKING:
 
 GOOD, NOT_GOOD, WRONG_USE, FAULT = 0, 1, 2, 3
 """Exit statuses: done and good, done and not good, wrong use, fault."""
+PATIENCE = 1.0
+"""Longest wait for a reader of a line on standard error, s."""
 PIPE_WIDTH = 200
 """Width of tables in a pipe, characters; cut to a terminal's width they would lose content."""
 
@@ -47,9 +50,18 @@ def say(*words: object) -> None:
 
 
 def complain(message: str) -> None:
-    """Print one line on standard error, where anybody is left to read it, that says what is wrong, after the program's name."""
+    """Print one line on standard error that says what is wrong, after the program's name; not where nobody reads what is printed."""
     with suppress(OSError):
-        print(f"cell: {message}".replace("\n", " "), file=sys.stderr)
+        if _is_read(sys.stderr):
+            print(f"cell: {message}".replace("\n", " "), file=sys.stderr)
+
+
+def _is_read(stream: TextIO) -> bool:
+    """Wait a moment until a stream takes a line, and return whether it does: a pipe that is full and that nobody reads never will."""
+    try:
+        return bool(select.select([], [stream], [], PATIENCE)[1])
+    except (OSError, ValueError):
+        return True  # no pipe and no file, as where a test reads it
 
 
 def ask(text: str) -> None:

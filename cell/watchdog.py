@@ -1,5 +1,6 @@
 """Whether the scan keeps its time by the wall clock: late scans are counted, and one that does not come halts the arm."""
 
+import math
 import threading
 import time
 from collections import deque
@@ -11,6 +12,10 @@ from skills.scan_guards import ScanLimits
 
 GIVEN_UP = 2.0
 """Delay of a scan beyond which a program that shall end does not wait for it, s."""
+HANG = 10.0
+"""Delay of a scan beyond which whatever it waits for never comes, s: for a cell that waits for commands, whose devices may need some
+seconds for a reset or to be found again, and for a simulation that is not timed.
+"""
 LOOK_PERIOD = 0.02
 """Time between two looks of the watchdog, s."""
 WARNED = 5
@@ -67,7 +72,7 @@ def older(age: float, passed: float, *, is_simulated: bool) -> float:
 
 
 class ScanWatchdog:
-    """Looks at the scan from a thread of its own while a program runs."""
+    """Looks at the scan from a thread of its own, whatever the cell does."""
 
     def __init__(
         self,
@@ -81,7 +86,7 @@ class ScanWatchdog:
         """Take what the watchdog does when a scan does not come.
 
         Args:
-            longest: Time without a scan beyond which it counts as blocked, s.
+            longest: Time without a scan of a program beyond which it counts as blocked, s; outside a program it is `HANG`.
             is_simulated: Whether the arm stands still while the scan waits.
             halt: Function that halts the arm, and is told why.
             stop: Event that is set when the program shall end.
@@ -92,7 +97,8 @@ class ScanWatchdog:
         self._thread: threading.Thread | None = None
         self._end = threading.Event()
         self._beats = 0
-        self._is_watching = False
+        self._allowed = math.inf
+        """Time without a scan beyond which it counts as blocked, s; the first scan compiles, and may take its time."""
         self._blocked = ""
 
     def start(self) -> None:
@@ -108,20 +114,25 @@ class ScanWatchdog:
             self._thread.join()
             self._thread = None
 
-    def watch(self, is_watching: bool) -> None:
-        """Say whether scans have to come now."""
+    def watch(self, is_program: bool) -> None:
+        """Say whether the scans to come are those of a program; one that was blocked before is forgotten."""
         self._beats += 1
-        self._is_watching, self._blocked = is_watching, ""
+        self._allowed, self._blocked = self._longest if is_program else HANG, ""
 
     def beat(self, skill: str) -> None:
-        """Take the start of a scan of a skill.
+        """Take the start of a scan; `skill` is what it belongs to.
 
         Raises:
             ScanOverrunError: It came so late that the arm was halted meanwhile.
         """
+        self._allowed = min(self._allowed, HANG) if self._beats else math.inf
         self._beats += 1
         if self._blocked:
-            raise ScanOverrunError(f"{skill or 'skill'}: {self._blocked}")
+            raise ScanOverrunError(f"{skill}: {self._blocked}")
+
+    def alive(self) -> None:
+        """Take it that the scan goes on, while the arm comes to rest and no scan of a program or of the waiting cell begins."""
+        self._beats += 1
 
     def _look(self) -> None:
         age, beats, before = 0.0, -1, time.monotonic()
@@ -129,10 +140,12 @@ class ScanWatchdog:
             now = time.monotonic()
             age = older(age, now - before, is_simulated=self._is_simulated)
             before = now
-            if beats != self._beats or not self._is_watching:
+            if beats != self._beats:
                 age, beats = 0.0, self._beats
-            elif age > self._longest and not self._blocked:
-                self._blocked = f"no scan for {age:.2f} s; {self._longest:g} s allowed: it computes or waits too long"
+                continue
+            allowed = min(self._allowed, GIVEN_UP) if self._stop.is_set() else self._allowed
+            if age > allowed and not self._blocked:
+                self._blocked = f"no scan for {age:.2f} s; {allowed:g} s allowed: it computes or waits too long"
                 self._halt(self._blocked)
-            elif age > GIVEN_UP and self._stop.is_set():
+            if age > GIVEN_UP and self._stop.is_set():
                 self._give_up(self._blocked)

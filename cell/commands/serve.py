@@ -3,7 +3,7 @@
 import argparse
 import sys
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -45,9 +45,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Serve until a signal; stop the arm and return GOOD."""
-    with suppress(KeyboardInterrupt):  # a signal before anybody is served
+    """Serve until a signal; stop the arm and return GOOD.
+
+    Raises:
+        KeyboardInterrupt: A second signal, to a cell that did not end by the first.
+    """
+    try:
         _serve(args)
+    except KeyboardInterrupt:  # otherwise a signal before anybody is served
+        if args.stop.is_set():
+            raise
     return GOOD
 
 

@@ -3,11 +3,12 @@
 import signal
 import subprocess
 import sys
+import time
 from threading import Event
 
 import pytest
 
-from cell.cli import NOT_GOOD, Stop, main
+from cell.cli import NOT_GOOD, REPEATED, Stop, main
 
 
 def test_a_signal_interrupts_as_long_as_nobody_asks_for_it():
@@ -29,6 +30,17 @@ def test_a_signal_that_comes_while_the_event_is_locked_does_not_wait_for_itself(
     with stop._cond:  # as in the middle of a wait
         stop.take(signal.SIGINT, None)
     assert stop.wait(10.0)
+
+
+def test_a_second_signal_interrupts_what_goes_on_and_one_that_comes_with_the_first_does_not(monkeypatch):
+    now = iter([100.0, 100.0 + REPEATED, 100.01 + REPEATED])
+    monkeypatch.setattr(time, "monotonic", lambda: next(now))
+    stop = Stop()
+    stop.is_set()
+    stop.take(signal.SIGHUP, None)
+    stop.take(signal.SIGHUP, None)
+    with pytest.raises(KeyboardInterrupt):
+        stop.take(signal.SIGTERM, None)
 
 
 def test_a_command_that_is_interrupted_before_it_listens_says_so(monkeypatch, capsys):

@@ -527,10 +527,10 @@ def test_an_error_of_the_scan_itself_is_told_by_its_name(rig, program, monkeypat
     assert live.fault == "ZeroDivisionError: division by zero"
 
 
-def test_a_scan_that_does_not_come_outside_a_skill_is_told_without_a_name(rig):
+def test_a_scan_that_does_not_come_outside_a_program_is_told_as_the_scan(rig):
     live = Live()
     Supervisor(rig.cell, rig.loaded, rig.bridge, rig.journal, live=live)._say_blocked("no scan for 0.31 s")
-    assert live.fault == "skill: no scan for 0.31 s"
+    assert live.fault == "scan: no scan for 0.31 s"
 
 
 def test_a_real_arm_keeps_time_with_the_wall_whatever_the_pace_of_its_simulation(loaded):

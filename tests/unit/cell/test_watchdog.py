@@ -3,7 +3,7 @@ import threading
 import pytest
 
 from cell import watchdog
-from cell.watchdog import GIVEN_UP, LOOK_PERIOD, WARNED, WINDOW, LateScans, ScanWatchdog, older
+from cell.watchdog import GIVEN_UP, HANG, LOOK_PERIOD, WARNED, WINDOW, LateScans, ScanWatchdog, older
 from drivers.errors import ScanOverrunError
 from skills.scan_guards import ScanLimits
 
@@ -115,13 +115,36 @@ def test_a_scan_that_does_not_come_in_time_halts_the_arm_once_and_is_a_fault_whe
     looked.dog.beat("adjust")
 
 
-def test_scans_that_come_and_a_cell_that_waits_are_left_alone(monkeypatch):
+def test_scans_that_come_are_left_alone(monkeypatch):
     looked = Looked(monkeypatch)
     looked.dog.watch(True)
-    looked.looks(100, 0.19, meanwhile=lambda: looked.dog.beat(""))
-    looked.dog.watch(False)
-    looked.looks(100)
+    looked.looks(100, 0.19, meanwhile=lambda: looked.dog.beat("scan"))
+    looked.looks(100, 0.19, meanwhile=looked.dog.alive)
     assert looked.halts == []
+
+
+@pytest.mark.parametrize("begin", [lambda dog: dog.watch(False), lambda dog: (dog.beat("scan"), dog.beat("scan"))])
+def test_a_cell_that_waits_may_be_held_up_by_a_device_but_not_for_ever(monkeypatch, begin):
+    looked = Looked(monkeypatch)
+    begin(looked.dog)
+    looked.looks(round(HANG / 0.02))
+    assert looked.halts == []
+    begin(looked.dog)
+    looked.looks(round(HANG / 0.02) + 3)
+    assert [halt[:29] for halt in looked.halts] == ["no scan for 10.02 s; 10 s all"]
+    with pytest.raises(ScanOverrunError, match=r"^scan: no scan for 10"):
+        looked.dog.beat("scan")
+
+
+def test_a_waiting_cell_that_hangs_when_it_shall_end_is_not_waited_for(monkeypatch):
+    looked = Looked(monkeypatch)
+    looked.dog.watch(False)
+    looked.stop.set()
+    looked.looks(round(GIVEN_UP / 0.02))
+    assert (looked.halts, looked.given_up) == ([], [])
+    looked.looks(round(GIVEN_UP / 0.02) + 3)
+    assert looked.halts[0].startswith("no scan for 2.00 s; 2 s allowed")
+    assert looked.given_up[0] == looked.halts[0]
 
 
 def test_a_watchdog_that_starved_with_a_simulated_scan_does_not_blame_it(monkeypatch):
@@ -143,19 +166,14 @@ def test_a_program_that_shall_end_does_not_wait_for_ever(monkeypatch):
     assert looked.given_up[0] == looked.halts[0]
 
 
-def test_before_the_first_program_nobody_is_late(monkeypatch):
+def test_the_first_scan_may_take_its_time_unless_the_program_shall_end(monkeypatch):
     looked = Looked(monkeypatch)
-    looked.dog.beat("")
-    looked.looks(100)
+    looked.dog.beat("scan")
+    looked.looks(100, 1.0)
     assert looked.halts == []
-
-
-def test_a_skill_without_a_name_is_called_one(monkeypatch):
-    looked = Looked(monkeypatch)
-    looked.dog.watch(True)
-    looked.looks(20)
-    with pytest.raises(ScanOverrunError, match=r"^skill: no scan"):
-        looked.dog.beat("")
+    looked.stop.set()
+    looked.looks(4, 1.0)
+    assert looked.given_up
 
 
 def test_a_scan_that_comes_exactly_when_it_has_to_halts_nothing(monkeypatch):
