@@ -19,6 +19,8 @@ class StudyReport:
     """Result as data for JSON."""
     written: list[Path] = field(default_factory=list)
     """Tables, figures and charts."""
+    is_good: bool = True
+    """Whether nothing was found that never may be."""
 
 
 def finite(value: Any) -> Any:

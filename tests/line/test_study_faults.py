@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from cell.config import load
-from cell.lab.faults import charts, kills, tables
+from cell.lab.faults import charts, ends, kills, tables
 from cell.lab.faults.bench import KEYS, REST_LIMIT, bench
 from cell.lab.faults.cases import FaultCase, begun, write
 from cell.lab.faults.kinds import KINDS
@@ -65,6 +65,15 @@ def test_an_unplugged_skin_ends_the_run_at_rest_on_record_and_production_goes_on
     assert (case.outcome, case.fault, case.state) == ("fault", FaultCode.SKIN_SILENT, "ABORTED")
     assert case.rest < REST_LIMIT
     assert (case.record, case.wrong_success, case.is_back) == (True, False, True)
+
+
+def test_a_program_that_a_signal_ends_has_its_arm_at_rest_and_its_run_on_record():
+    hangup = next(kind for kind in KINDS if kind.name == "process: SIGHUP")
+    words = [word for key in (*KEYS, "sim.seed=97950") for word in ("--set", key)]
+    case = ends.tried(hangup, "grasp_from_rack", 1.5, words)
+    assert (case.outcome, case.reason, case.part) == ("aborted", "stopped", "rack")
+    assert case.rest_after < 1.0
+    assert (case.record, case.part_untrue, case.is_back) == (True, False, True)
 
 
 def test_an_arm_that_takes_no_setpoint_when_the_peg_is_nearly_in_is_told_within_half_a_second():

@@ -5,7 +5,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Protocol, cast
 
 from cell.arguments import Parser, add_shared
-from cell.terminal import GOOD, show, written
+from cell.terminal import GOOD, NOT_GOOD, show, written
 
 if TYPE_CHECKING:
     from cell.lab.report import StudyReport
@@ -68,10 +68,10 @@ def load_study(name: str) -> Study:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run the study; GOOD when it is completed, whatever it found."""
+    """Run the study; GOOD unless it found what never may be."""
     from rich.console import Group
 
     report = load_study(args.name).run(args)
     show(args, Group(*report.tables), report.result)
     written(args, report.written)
-    return GOOD
+    return GOOD if report.is_good else NOT_GOOD

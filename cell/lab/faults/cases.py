@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from cell.lab.faults.contract import FaultKind
+from plc_bridge.images import ReportImage
+from plc_bridge.messages import Refusal, Result
 
 WENT_ON = ("success", "failure")
 """Endings of an insertion after which production goes on."""
@@ -86,6 +88,13 @@ SILENT = FaultCase(
     following="silent",
 )
 """A cell that no longer answers."""
+
+
+def word(report: ReportImage) -> str:
+    """Return a result, or why a command was refused."""
+    if report.refusal:
+        return f"refused: {Refusal(report.refusal).name.lower()}"
+    return Result(report.result).name.lower()
 
 
 def write(rows: Sequence[FaultCase], folder: Path) -> Path:

@@ -4,7 +4,6 @@ import os
 import resource
 import shutil
 import sqlite3
-import subprocess
 import threading
 import time
 from collections.abc import Callable
@@ -113,17 +112,6 @@ def _held_up(bench: FaultBench) -> Undo:
     return lambda: None
 
 
-def _paused(bench: FaultBench) -> Undo:
-    """Let the whole program be stopped and continued by a signal, as a terminal or a debugger does."""
-    process = os.getpid()
-    pause = subprocess.Popen(["sh", "-c", f"kill -STOP {process}; sleep {HELD_UP}; kill -CONT {process}"])
-
-    def undo() -> None:
-        pause.wait()
-
-    return undo
-
-
 def _stop_asked(bench: FaultBench) -> Undo:
     bench.stop.set()
     return lambda: None
@@ -138,8 +126,7 @@ COMPUTER_KINDS: tuple[FaultKind, ...] = (
     FaultKind("disk: folder gone", _folder_gone, is_harmless=True, is_record_apart=True),
     FaultKind("clock: put back an hour", _clock_stepped(-STEPPED), is_harmless=True),
     FaultKind("clock: put on an hour", _clock_stepped(STEPPED), is_harmless=True),
-    FaultKind("process: starved", _held_up, is_harmless=True),
-    FaultKind("process: stopped and continued", _paused, is_harmless=True),
+    FaultKind("program: held up", _held_up, is_harmless=True),
     FaultKind("program: asked to end", _stop_asked, ends_program=True),
 )
 """All kinds of the computer."""

@@ -4,9 +4,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from cell.lab.faults.bench import FaultBench
+from cell.lab.faults.starts import Program
 
 Undo = Callable[[], None]
 """Function that mends what was broken."""
+
+
+def unharmed(bench: FaultBench) -> Undo:
+    """Do nothing, where nothing is to be mended."""
+    return lambda: None
 
 
 @dataclass(frozen=True, slots=True)
@@ -14,8 +20,10 @@ class FaultKind:
     """One kind of fault."""
 
     name: str
-    begin: Callable[[FaultBench], Undo]
+    begin: Callable[[FaultBench], Undo] = unharmed
     """Function that does the harm, on the scan thread, and returns what mends it."""
+    to_program: Callable[[Program], None] | None = None
+    """Function that does the harm from outside, to a cell that is a program of its own; None where `begin` does it."""
     is_harmless: bool = False
     """Whether the cell has to go on as if nothing had happened."""
     ends_program: bool = False

@@ -6,6 +6,7 @@ from cell.lab.faults import devices
 from cell.lab.faults.bench import FaultBench
 from cell.lab.faults.computer_kinds import COMPUTER_KINDS
 from cell.lab.faults.contract import FaultKind, Undo
+from cell.lab.faults.ends import PROCESS_KINDS
 from cell.lab.faults.plc_kinds import PLC_KINDS
 from cell.lab.faults.skill_kinds import SKILL_KINDS
 from drivers.quantities import SwitchState
@@ -128,6 +129,7 @@ KINDS: tuple[FaultKind, ...] = (
     FaultKind("hand: lets go", _lets_go),
     FaultKind("hand: weak", _weak, slow="a weak hand shows only once the peg slips"),
     *COMPUTER_KINDS,
+    *PROCESS_KINDS,
     *PLC_KINDS,
     *SKILL_KINDS,
 )

@@ -9,14 +9,15 @@ from dataclasses import replace
 import numpy as np
 
 from cell.config import LoadedConfig
+from cell.lab.faults import ends
 from cell.lab.faults.bench import LIFE_TIMEOUT, LONGEST, PATIENCE, FaultBench, Sighting, bench
-from cell.lab.faults.cases import SILENT, FaultCase, Planned
+from cell.lab.faults.cases import SILENT, FaultCase, Planned, word
 from cell.lab.faults.contract import FaultKind
 from cell.part_state import IN_HOLE_DEPTH
 from cell.states import State
 from drivers.errors import CellError
 from plc_bridge.images import ReportImage
-from plc_bridge.messages import Control, PartPlace, Refusal, Result
+from plc_bridge.messages import Control, PartPlace, Result
 from sim.situation import PegSituation
 from sim.truth import Truth
 from skills.catalogue import CATALOGUE
@@ -67,6 +68,7 @@ def measure(
     tried: Sequence[Planned],
     watch: Callable[[FaultCase], None],
     done: int = 0,
+    arguments: Callable[[int], Sequence[str]] = lambda number: (),
 ) -> list[FaultCase]:
     """Try every case but the first `done`; each cell serves a few, and one that does not come back is exchanged.
 
@@ -75,6 +77,7 @@ def measure(
         tried: The cases.
         watch: Function that is given each case as it is done.
         done: Number of cases that were tried before.
+        arguments: Function that returns the arguments by which a program serves the cell with this number.
 
     Raises:
         CellError: A new cell cannot be made.
@@ -82,22 +85,28 @@ def measure(
     found: list[FaultCase] = []
     for first in range(done - done % CELL_CASES, len(tried), CELL_CASES):
         batch = tried[max(first, done) : first + CELL_CASES]
-        for case in _served(make(first // CELL_CASES), batch):
+        for case in _served(make(first // CELL_CASES), batch, arguments(first // CELL_CASES)):
             found.append(case)
             watch(case)
     return found
 
 
-def _served(loaded: LoadedConfig, tried: Sequence[Planned]) -> Iterator[FaultCase]:
+def _served(loaded: LoadedConfig, tried: Sequence[Planned], arguments: Sequence[str]) -> Iterator[FaultCase]:
     """Try cases one after the other, and give each as it is done."""
     with ExitStack() as stack:
         tested: FaultBench | None = None
         life_timeout = LIFE_TIMEOUT if any(kind.silences_plc for kind, _, _ in tried) else PATIENCE
         for kind, stage, moment in tried:
-            if tested is None:
+            if kind.to_program is not None:
+                stack.close()  # a cell of this process would take the time of the other
+                tested = None
+            elif tested is None:
                 tested = stack.enter_context(bench(loaded, life_timeout))
             try:
-                case = _case(tested, kind, stage, moment)
+                if tested is None:
+                    case = ends.tried(kind, stage, moment, arguments)
+                else:
+                    case = _case(tested, kind, stage, moment)
             except CellError as error:
                 case = replace(SILENT, kind=kind.name, stage=stage, moment=moment, reason=str(error))
             yield case
@@ -162,7 +171,7 @@ def _outcome(tested: FaultBench, report: ReportImage) -> str:
     """Return the result that the PLC reads, or what is on record where it was lost meanwhile."""
     if tested.is_plc_lost and tested.supervisor.last is not None:
         return tested.supervisor.last.outcome
-    return _word(report)
+    return word(report)
 
 
 def _truth(tested: FaultBench) -> Truth:
@@ -207,7 +216,7 @@ def bring_back(tested: FaultBench) -> tuple[str, int, str]:
     reset, actions = "", 0
     with suppress(CellError):
         if tested.supervisor.state in (State.ABORTED, State.STOPPED):
-            reset = _word(tested.peer.run(Control.RESET, timeout=LONGEST))
+            reset = word(tested.peer.run(Control.RESET, timeout=LONGEST))
         tested.let_pass(MENDED)
         following = tested.peer.run(_INSERT, timeout=LONGEST)
         while (following.refusal or following.result in (Result.FAULT, Result.ABORTED)) and actions < 2:
@@ -216,7 +225,7 @@ def bring_back(tested: FaultBench) -> tuple[str, int, str]:
                 tested.peer.run(Control.RESET, timeout=LONGEST)
             tested.peer.run(_remedy(following, tested), timeout=LONGEST)
             following = tested.peer.run(_INSERT, timeout=LONGEST)
-        return reset, actions, _word(following)
+        return reset, actions, word(following)
     return reset, actions, "silent"
 
 
@@ -224,10 +233,3 @@ def _remedy(report: ReportImage, tested: FaultBench) -> int:
     """Return the command that the report's place of the peg asks for: the hand lets go of what it holds, or a person acts."""
     can_be_held = report.part in (PartPlace.IN_HAND, PartPlace.IN_HOLE, PartPlace.SEATED)
     return _RECOVER if can_be_held and tested.gripper.gripper.read().is_gripping else Control.CLEARED
-
-
-def _word(report: ReportImage) -> str:
-    """Return a result, or why a command was refused."""
-    if report.refusal:
-        return f"refused: {Refusal(report.refusal).name.lower()}"
-    return Result(report.result).name.lower()

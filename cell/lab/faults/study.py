@@ -76,6 +76,10 @@ def run(args: argparse.Namespace) -> StudyReport:
         args.set = [*asked, f"sim.seed={args.seed + number}"]
         return load_simulated(args, "study faults")
 
+    def arguments(number: int) -> list[str]:
+        config = [] if args.config is None else ["--config", str(args.config)]
+        return config + [word for key in (*asked, f"sim.seed={args.seed + number}") for word in ("--set", key)]
+
     limit = make(0).cell.limits.force
     kinds = [kind for kind in KINDS if not args.kind or any(text in kind.name for text in args.kind)]
     if not kinds:
@@ -94,10 +98,13 @@ def run(args: argparse.Namespace) -> StudyReport:
             cases.write(rows, folder)  # a campaign that is broken off leaves what it found
             bars.advance(bar)
 
-        measure.measure(make, tried, watch, len(rows))
+        measure.measure(make, tried, watch, len(rows), arguments)
     charts.draw(rows, folder / charts.CHART)
-    result = {"kinds": tables.lines(rows, limit), "cases": [asdict(row) for row in rows]}
-    return StudyReport([tables.table(rows, limit)], finite(result), [cases.write(rows, folder), folder / charts.CHART])
+    lines = tables.lines(rows, limit)
+    result = {"kinds": lines, "cases": [asdict(row) for row in rows]}
+    written = [cases.write(rows, folder), folder / charts.CHART]
+    is_good = not any(lines[-1][name] for name in tables.NEVER)
+    return StudyReport([tables.table(rows, limit)], finite(result), written, is_good)
 
 
 def _ends(args: argparse.Namespace) -> StudyReport:

@@ -13,6 +13,10 @@ from cell.lab.faults.kinds import KINDS
 
 REST_AFTER_LIMIT, FORCE_SHARE = 1.0, 1.2
 """Longest time to rest from the fault, s, and largest share of the force limit."""
+NEVER = ("wrong successes", "no record", "over force", "not back")
+"""Columns that must be zero on any computer. The moment of a rest on a busy one, and a place that a peg is just falling to, are left to whoever
+reads the table.
+"""
 HARMLESS = frozenset(kind.name for kind in KINDS if kind.is_harmless)
 SLOW = frozenset(kind.name for kind in KINDS if kind.slow)
 

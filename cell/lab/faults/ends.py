@@ -1,0 +1,199 @@
+"""Signals and starvation: the cell as a program of its own at the pace of the wall clock, met from outside in the middle of an insertion."""
+
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from contextlib import closing, suppress
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from cell.journal import Journal
+from cell.journal_schema import RUNNING, RunRow
+from cell.lab.faults.bench import PATIENCE
+from cell.lab.faults.cases import SILENT, FaultCase, word
+from cell.lab.faults.contract import FaultKind
+from cell.lab.faults.kills import CYCLE, ENDING, LAST, LEFT, LONGEST, Seen
+from cell.lab.faults.starts import Program, served
+from cell.samples import read_samples
+from cell.states import State
+from drivers.errors import CellError
+from plc_bridge.messages import Control, PartEvidence, PartPlace, Result
+from plc_bridge.peer import Peer
+from skills.catalogue import CATALOGUE
+from skills.rest import REST_SPEED
+
+ENDS = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGKILL)
+"""Signals that end the program."""
+HELD_UP = 0.5
+"""Time for which the program stands still or is starved, s of wall time."""
+BUSY = "import time; end = time.monotonic() + {:g}\nwhile time.monotonic() < end: pass"
+BUSY_EACH = 8
+"""Number of programs that starve the cell on each processor."""
+_INSERT, _RECOVER = CATALOGUE["insert_peg"].code, CATALOGUE["recover"].code
+
+
+def _sent(number: signal.Signals) -> Callable[[Program], None]:
+    return lambda program: program.signal(number)
+
+
+def _paused(program: Program) -> None:
+    """Stop the program and let it go on, as a terminal or a debugger does."""
+    program.signal(signal.SIGSTOP)
+    time.sleep(HELD_UP)
+    program.signal(signal.SIGCONT)
+
+
+def _starved(program: Program) -> None:
+    """Let many programs compete with the cell for every processor."""
+    number = BUSY_EACH * (os.cpu_count() or 1)
+    busy = [subprocess.Popen([sys.executable, "-S", "-c", BUSY.format(HELD_UP)]) for _ in range(number)]
+    for each in busy:
+        each.wait()
+
+
+PROCESS_KINDS: tuple[FaultKind, ...] = (
+    *(FaultKind(f"process: {number.name}", to_program=_sent(number), ends_program=True) for number in ENDS),
+    FaultKind("process: stopped and continued", to_program=_paused),
+    FaultKind("process: starved", to_program=_starved),
+)
+"""All kinds of the program as one of the computer's processes."""
+
+
+def tried(kind: FaultKind, stage: str, moment: float, arguments: Sequence[str]) -> FaultCase:
+    """Serve a cell, do the harm `moment` seconds after `stage` begins, and look at what is on record and how production goes on.
+
+    Args:
+        kind: A kind with `to_program`.
+        stage: Name of the stage.
+        moment: Time from the stage's first report to the harm, s of wall time.
+        arguments: Further arguments of the served cell.
+
+    Raises:
+        CellError: The cell does not start, or falls silent.
+    """
+    assert kind.to_program is not None
+    arguments = [*arguments, "--set", f"plc.life_timeout={PATIENCE:g}"]
+    with TemporaryDirectory() as name:
+        folder, seen, status = Path(name), Seen(), 0
+        with served(folder, arguments) as program, closing(Peer(*program.address)) as peer:
+            is_due = _lead_to(peer, stage, moment, seen)
+            told, kept = seen.lives[-1][1] if seen.lives else 0, seen.scans_before(LAST)
+            kind.to_program(program)
+            if kind.ends_program:
+                with suppress(CellError):
+                    status = program.wait(ENDING)
+            else:
+                _follow(peer, seen)
+                back = _brought_back(peer)
+        with Journal(folder) as journal:  # closes what the program left open, as its next start does
+            row = journal.find(seen.run)
+        now = seen.part.name.lower()
+        if kind.ends_program:
+            with (
+                served(folder, [*arguments, "--set", "sim.pace=max"]) as program,
+                closing(Peer(*program.address)) as peer,
+            ):
+                now = PartPlace(peer.look().part).name.lower()
+                peer.connect()
+                back = _brought_back(peer)
+        case = _on_record(row, folder, told, kept)
+        is_ended_well = status in (0, -signal.SIGKILL) and (status == 0) == (kind.name != "process: SIGKILL")
+        assert seen.report is not None
+        return replace(
+            case,
+            kind=kind.name,
+            stage=stage,
+            moment=moment,
+            outcome=case.outcome if is_due else "not reached",
+            state=State(seen.report.state).name,
+            part=seen.part.name.lower(),
+            part_untrue=kind.ends_program and now not in LEFT[seen.part.name.lower()],
+            record=case.record and (is_ended_well or not kind.ends_program),
+            reset=back[0],
+            actions=back[1],
+            following=back[2],
+        )
+
+
+def _lead_to(peer: Peer, stage: str, moment: float, seen: Seen) -> bool:
+    """Let an insertion come to a moment of a stage, s after its first report; return whether it does before it ends.
+
+    Raises:
+        CellError: The cell refuses it, falls silent or does not come so far.
+    """
+    number, entered, deadline = CATALOGUE.stage_number(stage), math.inf, time.monotonic() + LONGEST
+    peer.connect()
+    peer.take()
+    report = peer.trigger(_INSERT)
+    while (now := time.monotonic()) < deadline and not report.refusal:
+        if report.run:
+            seen.see(report)
+        if report.result != Result.NONE:
+            return False
+        if report.stage == number:
+            entered = min(entered, now)
+        if now >= entered + moment:
+            return True
+        time.sleep(CYCLE)
+        report = peer.cycle()
+    raise CellError(f"the insertion does not come to {stage}: {word(report)}")
+
+
+def _follow(peer: Peer, seen: Seen) -> None:
+    """Note what is told of the run until it ends.
+
+    Raises:
+        CellError: The cell falls silent.
+    """
+    seen.see(peer.wait_for_result(LONGEST, seen.see))
+    peer.acknowledge()
+
+
+def _on_record(row: RunRow, folder: Path, told: int, kept: int) -> FaultCase:
+    """Return what the record says of a run.
+
+    Args:
+        row: Its row.
+        folder: Folder of the journal.
+        told: Number of its scans that the PLC had been told of when the harm was done.
+        kept: Number of its scans that must be on record.
+    """
+    columns = read_samples(folder / f"run-{row.run:06d}.arrows")
+    stamps = columns["stamp"]
+    forces = np.linalg.norm(np.column_stack([columns[f"force_{axis}"] for axis in "xyz"]), axis=1)
+    moving = stamps[np.max(np.abs(columns["velocities"]), axis=1) > REST_SPEED] if stamps.size else stamps
+    is_ended = row.outcome in ("aborted", "fault")
+    since = stamps[min(told, stamps.size - 1)] if stamps.size else math.nan
+    return replace(
+        SILENT,
+        outcome=row.outcome,
+        reason=row.reason,
+        fault=row.fault,
+        rest_after=max(float(moving[-1] - since), 0.0) if is_ended and moving.size else math.nan,
+        peak_force=float(np.max(forces[told:], initial=0.0)),
+        record=bool(row.ended) and row.outcome != RUNNING and stamps.size >= max(kept, 1),
+    )
+
+
+def _brought_back(peer: Peer) -> tuple[str, int, str]:
+    """Do as an operator does who reads what the PLC reads; return the result of the reset, the number of further actions, and the next result."""
+    reset, actions = "", 0
+    peer.take()
+    if peer.look().state in (State.ABORTED, State.STOPPED):
+        reset = word(peer.run(Control.RESET, timeout=LONGEST))
+    following = peer.run(_INSERT, timeout=LONGEST)
+    while (following.refusal or following.result in (Result.FAULT, Result.ABORTED)) and actions < 2:
+        actions += 1
+        if peer.look().state in (State.ABORTED, State.STOPPED):
+            peer.run(Control.RESET, timeout=LONGEST)
+        is_held = bool(following.part_evidence & PartEvidence.HAND_HOLDS)
+        peer.run(_RECOVER if is_held else Control.CLEARED, timeout=LONGEST)
+        following = peer.run(_INSERT, timeout=LONGEST)
+    return reset, actions, word(following)
