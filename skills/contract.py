@@ -300,9 +300,7 @@ class SkillContext:
             switch=self.switch.read(),
         )
 
-    def scan(
-        self, timeout: float, holding: bool = False, limited: bool = True, unseen: bool = False
-    ) -> Iterator[Observation]:
+    def scan(self, timeout: float, holding: bool = False, limited: bool = True) -> Iterator[Observation]:
         """Yield one observation a scan until `timeout` seconds have passed on the cell's clock; the only loop of a skill.
 
         A hold request halts the arm and stops the count of the timeout until the arm is back at its setpoint. A scan that comes
@@ -310,9 +308,8 @@ class SkillContext:
 
         Args:
             timeout: Longest time to go on, s; time on hold does not count.
-            holding: Whether the hand must hold something all the while.
+            holding: Whether the hand must hold a peg all the while, and the skin see it.
             limited: Whether the limits of force and workspace hold; only a way out of a violation may go without.
-            unseen: Whether the skin need not see what the hand holds, as on a way through free space.
 
         Raises:
             Interrupted: Stop request, force limit, workspace limit or a lost grasp; the arm is halted.
@@ -341,7 +338,7 @@ class SkillContext:
                 self._check(seen)
                 self._keep_passive(guard, seen, request)
             if holding:
-                self._require_peg(seen, unseen)
+                self._require_peg(seen)
             else:
                 self._unseen_since = None
             if request is Request.RUN:
@@ -367,13 +364,10 @@ class SkillContext:
         elif request is Request.RESUME and paused is not None:
             self.arm.follow(way_back(paused, self.held, seen.stamp, self.scan_period))
 
-    def _require_peg(self, seen: Observation, unseen: bool) -> None:
-        """Make sure that the hand still holds the peg and, unless it may be `unseen`, that the skin still sees it."""
+    def _require_peg(self, seen: Observation) -> None:
+        """Make sure that the hand still holds the peg and that the skin still sees it."""
         if not seen.gripper.is_gripping:
             self._interrupt(Reason.LOST_GRASP)
-        if unseen:
-            self._unseen_since = None
-            return
         if seen.peg.healthy:
             blind = seen.stamp - seen.peg.stamp
         else:
