@@ -1,0 +1,77 @@
+"""Whether the skin of a hand that has just closed shows one peg, frame after frame.
+
+A single frame of a module that reads at random may look like a print. A peg that rests in the hand is a print in every frame, and all
+modules then repeat their readings to within noise and gains.
+"""
+
+import numpy as np
+
+from drivers.errors import SkinUntrustedError
+from drivers.quantities import FINGER_NAMES, FINGERS, TaxelFrame, Vector
+from drivers.skin.layout import MODULE_OF, MODULES
+
+JUDGED = 5
+"""Largest number of frames that are judged after the first one; more than half of them have to agree."""
+NEEDED = JUDGED // 2 + 1
+"""Number of frames that agree from which the print is believed, and of those that do not from which it is refused."""
+NOISE, CHANGE = 300.0, 0.08
+"""Standard deviation of a reading, counts, and fraction of the reading by which it may change beside; as the estimators expect of a skin."""
+STEADY = 8.0
+"""Mean square of a module's changes from frame to frame, in units of the expected one or of the quietest module's if that is more, up to
+which it is steady. Source: decision 0112."""
+
+
+class GraspPrint:
+    """Gathers the frames of a closed hand at rest until they tell whether the skin shows the peg."""
+
+    def __init__(self) -> None:
+        """Begin without a frame."""
+        self._before: TaxelFrame | None = None
+        self._agreed = self._refused = 0
+        self._restless = np.zeros(FINGERS * MODULES, dtype=int)
+
+    @property
+    def is_judged(self) -> bool:
+        """Whether enough frames have been taken."""
+        return max(self._agreed, self._refused) >= NEEDED
+
+    def take(self, frame: TaxelFrame, is_print: bool) -> None:
+        """Take one new frame; `is_print` tells whether the estimator finds a peg in it. The first is only what the next is compared with."""
+        before, self._before = self._before, frame
+        if before is None:
+            return
+        restless = restless_modules(before, frame)
+        self._restless += restless
+        agrees = is_print and not restless.any()
+        self._agreed, self._refused = self._agreed + agrees, self._refused + (not agrees)
+
+    def require(self) -> None:
+        """Make sure that most frames show the peg.
+
+        Raises:
+            SkinUntrustedError: They do not; one line that names a module that does not repeat its readings, if there is one.
+        """
+        if self._agreed >= NEEDED:
+            return
+        frames = self._agreed + self._refused
+        found = f"skin: no print of the peg since the hand closed on it: {self._agreed} of {frames} frames show it; {NEEDED} needed"
+        worst = int(self._restless.argmax())
+        if 2 * self._restless[worst] > frames:
+            finger, module = divmod(worst, MODULES)
+            raise SkinUntrustedError(
+                f"{found}; {FINGER_NAMES[finger]} finger, module {module} reads at random: see its plug, or change the finger"
+            )
+        raise SkinUntrustedError(f"{found}; a line across both pads needed: run `cell skin`")
+
+
+def restless_modules(before: TaxelFrame, frame: TaxelFrame) -> Vector:
+    """Return which modules change more from one frame to the next than a peg at rest explains, shape (4,), bool."""
+    largest = np.maximum(np.abs(before.values), np.abs(frame.values))
+    squares = (frame.values - before.values) ** 2 / (2.0 * NOISE**2 + (CHANGE * largest) ** 2)
+    known = before.trusted & frame.trusted
+    present = np.unique(MODULE_OF[known])
+    means = np.zeros(FINGERS * MODULES)
+    for module in present:
+        means[module] = squares[known & (module == MODULE_OF)].mean()
+    quietest = float(means[present].min()) if present.size else 0.0
+    return means > STEADY * max(1.0, quietest)

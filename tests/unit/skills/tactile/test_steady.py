@@ -1,0 +1,115 @@
+import numpy as np
+import pytest
+
+from drivers.errors import SkinUntrustedError
+from drivers.skin.layout import MODULE_OF
+from skills.tactile.steady import CHANGE, JUDGED, NEEDED, NOISE, STEADY, GraspPrint, restless_modules
+from tests.pegs import framed, pushed, readings
+
+WORDS = "no print of the peg since the hand closed on it"
+
+
+def frames(number, count=JUDGED + 1, spoilt=None):
+    """Return the readings of one grasp; `spoilt` changes those of a frame."""
+    rng = np.random.default_rng(number)
+    load = pushed(rng, 0.05, 0.0)
+    told = [readings("parallelogram", load, rng) for _ in range(count)]
+    return told if spoilt is None else [spoilt(values, rng) for values in told]
+
+
+def at_random(module):
+    return lambda values, rng: np.where(module == MODULE_OF, rng.integers(-8000, 34_000, values.shape), values)
+
+
+def judged(told, prints=None):
+    """Return the judge of frames until it has judged; `prints` tells in which of them the estimator finds a peg."""
+    shown = GraspPrint()
+    for values, is_print in zip(told, prints or [True] * len(told), strict=False):
+        if not shown.is_judged:
+            shown.take(framed(values), is_print)
+    return shown
+
+
+@pytest.mark.parametrize("number", range(5))
+def test_a_peg_at_rest_in_the_hand_is_a_print_in_every_frame(number):
+    shown = judged(frames(number))
+    assert shown.is_judged
+    shown.require()
+
+
+@pytest.mark.parametrize("module", range(4))
+@pytest.mark.parametrize("number", range(6))
+def test_a_module_that_reads_at_random_is_told_although_every_frame_looks_like_a_print(module, number):
+    name = f"{('left', 'right')[module // 2]} finger, module {module % 2} reads at random"
+    with pytest.raises(SkinUntrustedError, match=f"{WORDS}.*{name}"):
+        judged(frames(number, spoilt=at_random(module))).require()
+
+
+def test_three_of_four_modules_that_read_at_random_are_told_by_the_one_that_does_not():
+    def spoilt(values, rng):
+        return np.where(MODULE_OF != 2, rng.integers(-8000, 34_000, values.shape), values)
+
+    with pytest.raises(SkinUntrustedError, match="reads at random"):
+        judged(frames(1, spoilt=spoilt)).require()
+
+
+@pytest.mark.parametrize(("agreeing", "is_believed"), [(NEEDED, True), (NEEDED - 1, False)])
+def test_most_frames_have_to_show_the_peg(agreeing, is_believed):
+    prints = [True, *[True] * agreeing, *[False] * (JUDGED - agreeing)]
+    shown = judged(frames(1), prints)
+    assert shown.is_judged
+    if is_believed:
+        shown.require()
+        return
+    with pytest.raises(SkinUntrustedError, match=rf"{WORDS}: {agreeing} of {JUDGED} frames show it; 3 needed; a line"):
+        shown.require()
+
+
+def test_a_skin_that_shows_nothing_is_refused_after_as_few_frames_as_one_that_shows_the_peg_is_believed():
+    for is_print in (True, False):
+        told = frames(1)
+        assert not judged(told[:NEEDED], [is_print] * JUDGED).is_judged
+        assert judged(told[: NEEDED + 1], [is_print] * JUDGED).is_judged
+
+
+def test_the_first_frame_after_the_hand_has_closed_may_be_anything():
+    told = frames(1)
+    shown = GraspPrint()
+    shown.take(framed(told[0]), False)
+    for values in told[1 : NEEDED + 1]:
+        shown.take(framed(values), True)
+    shown.require()
+
+
+def test_without_a_frame_nothing_is_believed():
+    with pytest.raises(SkinUntrustedError, match="0 of 0 frames"):
+        GraspPrint().require()
+
+
+@pytest.mark.parametrize(("factor", "is_restless"), [(0.99, False), (1.01, True)])
+def test_a_module_may_change_as_much_as_the_bound_says(factor, is_restless):
+    """Of a reading of 2000 counts that goes up by d, d² / (2 n² + (0.08 (2000 + d))²) is the bound."""
+    low, high = 0.0, 1e4
+    for _ in range(60):
+        step = 0.5 * (low + high)
+        is_less = step**2 < STEADY * (2.0 * NOISE**2 + (CHANGE * (2000.0 + step)) ** 2)
+        low, high = (step, high) if is_less else (low, step)
+    before = np.full((2, 20), 2000.0)
+    after = before + np.where(MODULE_OF == 3, factor * low, 0.0)
+    expected = [False, False, False, is_restless]
+    assert restless_modules(framed(before), framed(after)).tolist() == expected
+    assert restless_modules(framed(after), framed(before)).tolist() == expected
+
+
+def test_a_noisy_skin_is_measured_by_its_quietest_module():
+    rng = np.random.default_rng(3)
+    noisy = [rng.normal(0.0, 3000.0, (2, 20)) for _ in range(2)]
+    assert not restless_modules(*map(framed, noisy)).any()
+
+
+def test_taxels_that_are_not_trusted_and_modules_without_any_do_not_count():
+    before, after = np.zeros((2, 20)), np.zeros((2, 20))
+    after[0, :5], after[1, 10:] = 30_000.0, 30_000.0
+    trusted = after == 0.0
+    assert not restless_modules(framed(before), framed(after, trusted)).any()
+    assert not restless_modules(framed(before), framed(after, np.zeros_like(trusted))).any()
