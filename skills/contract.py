@@ -30,6 +30,7 @@ from skills.scan_guards import (
     ScanLimits,
     ScanTiming,
     new_window,
+    require_finite_hand,
     require_finite_skin,
     require_finite_theta,
     require_level_skin,
@@ -37,6 +38,7 @@ from skills.scan_guards import (
     way_back,
 )
 from skills.setpoint_gate import Limits
+from skills.surface import Plane
 from skills.tactile.blend import Blend, Smoothing
 from skills.tactile.pose import NO_PEG, Estimator, PegPose, Tracker
 from skills.wrench_zero import SCANS, WrenchConfig, WrenchZero, zero_of
@@ -192,6 +194,8 @@ class SkillContext:
     """Length by which the peg in the hand reaches further than the job says, m, as the first touch-down told."""
     grip_share: float = field(default=1.0, init=False)
     """Share of the believed grip that is left after the peg in the hand has slipped, fraction."""
+    surface: Plane | None = field(default=None, init=False)
+    """Plate's surface as the last search that found the hole has felt it; None where none has since the grasp."""
     is_length_known: bool = field(default=False, init=False)
     """Whether the peg in the hand has touched the plate since it was grasped."""
     _peg: PegPose = field(default=NO_PEG, init=False)
@@ -255,6 +259,15 @@ class SkillContext:
         x, y, z = self.zero.force
         logger.info("wrench zeroed: %.1f, %.1f, %.1f N in free air, noise %.1f N", x, y, z, self.zero.noise)
 
+    def read_hand(self) -> GripperState:
+        """Return the newest state of the hand.
+
+        Raises:
+            NotFiniteError: Its width is no number.
+            CellError: The hand's own `read` raised it.
+        """
+        return require_finite_hand(self.gripper.read())
+
     def observe(self, elapsed: float = 0.0, step: float = 0.0, running: float = 0.0) -> Observation:
         """Read every sensor once; the three times, s, are copied into the observation.
 
@@ -291,7 +304,7 @@ class SkillContext:
             step=step,
             running=running,
             arm=arm,
-            gripper=self.gripper.read(),
+            gripper=self.read_hand(),
             frame=frame,
             is_new_frame=is_new_frame,
             peg=self._peg,

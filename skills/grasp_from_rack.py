@@ -93,6 +93,7 @@ def run(params: GraspFromRackParams, ctx: SkillContext) -> GraspFromRackResult:
 
     ctx.gripper.release(params.opening)
     ctx.set_excess(None)
+    ctx.surface = None
     above = Goal(grip_at + UP * params.clearance, UP, ACROSS_RACK)
     _rise(above.tip[2], params, ctx)
     for _ in move(above, params.transfer, ctx, None):
@@ -219,7 +220,7 @@ def _draw_out(height: float, ctx: SkillContext) -> None:
 
 
 def _holds_peg(params: GraspFromRackParams, ctx: SkillContext) -> bool:
-    hand = ctx.gripper.read()
+    hand = ctx.read_hand()
     return hand.is_gripping and abs(hand.width - ctx.job.peg.part.thickness) <= params.width_tolerance
 
 

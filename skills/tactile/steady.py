@@ -1,24 +1,21 @@
 """Whether the skin of a hand that has just closed shows one peg, frame after frame.
 
 A single frame of a module that reads at random may look like a print. A peg that rests in the hand is a print in every frame, and all
-modules then repeat their readings to within noise and gains.
+modules then repeat their readings to within noise.
 """
 
 import numpy as np
 
 from drivers.errors import SkinUntrustedError
-from drivers.quantities import FINGER_NAMES, FINGERS, TaxelFrame, Vector
+from drivers.quantities import FINGER_NAMES, FINGERS, Mask, TaxelFrame
 from drivers.skin.layout import MODULE_OF, MODULES
 
 JUDGED = 5
 """Largest number of frames that are judged after the first one; more than half of them have to agree."""
 NEEDED = JUDGED // 2 + 1
 """Number of frames that agree from which the print is believed, and of those that do not from which it is refused."""
-NOISE, CHANGE = 300.0, 0.08
-"""Standard deviation of a reading, counts, and fraction of the reading by which it may change beside; as the estimators expect of a skin."""
-STEADY = 8.0
-"""Mean square of a module's changes from frame to frame, in units of the expected one or of the quietest module's if that is more, up to
-which it is steady. Source: decision 0112."""
+STEADY = 3500.0
+"""Largest median change of a module's readings from one frame to the next of a peg at rest, counts. Source: decision 0112."""
 
 
 class GraspPrint:
@@ -64,14 +61,9 @@ class GraspPrint:
         raise SkinUntrustedError(f"{found}; a line across both pads needed: run `cell skin`")
 
 
-def restless_modules(before: TaxelFrame, frame: TaxelFrame) -> Vector:
-    """Return which modules change more from one frame to the next than a peg at rest explains, shape (4,), bool."""
-    largest = np.maximum(np.abs(before.values), np.abs(frame.values))
-    squares = (frame.values - before.values) ** 2 / (2.0 * NOISE**2 + (CHANGE * largest) ** 2)
+def restless_modules(before: TaxelFrame, frame: TaxelFrame) -> Mask:
+    """Return which modules change more from one frame to the next than a peg at rest explains, shape (4,); single taxels do not count."""
     known = before.trusted & frame.trusted
-    present = np.unique(MODULE_OF[known])
-    means = np.zeros(FINGERS * MODULES)
-    for module in present:
-        means[module] = squares[known & (module == MODULE_OF)].mean()
-    quietest = float(means[present].min()) if present.size else 0.0
-    return means > STEADY * max(1.0, quietest)
+    change = np.abs(frame.values - before.values)
+    modules = [change[known & (module == MODULE_OF)] for module in range(FINGERS * MODULES)]
+    return np.array([taxels.size > 0 and float(np.median(taxels)) > STEADY for taxels in modules])

@@ -258,6 +258,15 @@ def test_a_stop_ends_the_skill_before_its_next_scan_with_the_arm_halted(ctx):
     assert (ending.value.reason, str(ending.value), ctx.arm.is_halted) == (Reason.STOPPED, "STOPPED", True)
 
 
+@pytest.mark.parametrize("width", [float("nan"), float("inf")])
+def test_a_width_of_the_hand_that_is_no_number_is_a_fault_with_its_name(ctx, width):
+    ctx.gripper.width = width
+    with pytest.raises(NotFiniteError, match=f"^hand: width: {width}; a number needed$"):
+        scanned(ctx)
+    with pytest.raises(NotFiniteError, match="hand: width"):
+        ctx.read_hand()
+
+
 # A peg that has to be held.
 
 

@@ -3,7 +3,7 @@ import pytest
 
 from drivers.errors import SkinUntrustedError
 from drivers.skin.layout import MODULE_OF
-from skills.tactile.steady import CHANGE, JUDGED, NEEDED, NOISE, STEADY, GraspPrint, restless_modules
+from skills.tactile.steady import JUDGED, NEEDED, STEADY, GraspPrint, restless_modules
 from tests.pegs import framed, pushed, readings
 
 WORDS = "no print of the peg since the hand closed on it"
@@ -45,14 +45,6 @@ def test_a_module_that_reads_at_random_is_told_although_every_frame_looks_like_a
         judged(frames(number, spoilt=at_random(module))).require()
 
 
-def test_three_of_four_modules_that_read_at_random_are_told_by_the_one_that_does_not():
-    def spoilt(values, rng):
-        return np.where(MODULE_OF != 2, rng.integers(-8000, 34_000, values.shape), values)
-
-    with pytest.raises(SkinUntrustedError, match="reads at random"):
-        judged(frames(1, spoilt=spoilt)).require()
-
-
 @pytest.mark.parametrize(("agreeing", "is_believed"), [(NEEDED, True), (NEEDED - 1, False)])
 def test_most_frames_have_to_show_the_peg(agreeing, is_believed):
     prints = [True, *[True] * agreeing, *[False] * (JUDGED - agreeing)]
@@ -86,25 +78,21 @@ def test_without_a_frame_nothing_is_believed():
         GraspPrint().require()
 
 
-@pytest.mark.parametrize(("factor", "is_restless"), [(0.99, False), (1.01, True)])
-def test_a_module_may_change_as_much_as_the_bound_says(factor, is_restless):
-    """Of a reading of 2000 counts that goes up by d, d² / (2 n² + (0.08 (2000 + d))²) is the bound."""
-    low, high = 0.0, 1e4
-    for _ in range(60):
-        step = 0.5 * (low + high)
-        is_less = step**2 < STEADY * (2.0 * NOISE**2 + (CHANGE * (2000.0 + step)) ** 2)
-        low, high = (step, high) if is_less else (low, step)
+@pytest.mark.parametrize(("change", "is_restless"), [(STEADY, False), (STEADY + 1.0, True)])
+def test_a_module_may_change_as_much_as_the_bound_says(change, is_restless):
     before = np.full((2, 20), 2000.0)
-    after = before + np.where(MODULE_OF == 3, factor * low, 0.0)
+    after = before + np.where(MODULE_OF == 3, change, 0.0)
     expected = [False, False, False, is_restless]
     assert restless_modules(framed(before), framed(after)).tolist() == expected
     assert restless_modules(framed(after), framed(before)).tolist() == expected
 
 
-def test_a_noisy_skin_is_measured_by_its_quietest_module():
-    rng = np.random.default_rng(3)
-    noisy = [rng.normal(0.0, 3000.0, (2, 20)) for _ in range(2)]
-    assert not restless_modules(*map(framed, noisy)).any()
+def test_single_taxels_that_read_at_random_make_no_restless_module():
+    before, after = np.zeros((2, 20)), np.zeros((2, 20))
+    after[0, :4] = 30_000.0
+    assert not restless_modules(framed(before), framed(after)).any()
+    after[0, :6] = 30_000.0
+    assert restless_modules(framed(before), framed(after)).tolist() == [True, False, False, False]
 
 
 def test_taxels_that_are_not_trusted_and_modules_without_any_do_not_count():
