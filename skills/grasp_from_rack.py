@@ -41,7 +41,7 @@ DRAWING_SPEED = 0.05
 Source: decision 0031.
 """
 PRINT_TIME = 5.0
-"""Longest wait for the frames that tell whether the skin shows the peg, s; a skin at 10 Hz takes 0.4 s, and a silent one is a fault before."""
+"""Longest wait for the frames that tell whether the skin shows the peg, s; a skin at 10 Hz tells within 0.9 s, a silent one is a fault before."""
 DRAWING_TIME = 2.0
 """Time added to what the drawing speed takes before the draw is given up, s."""
 

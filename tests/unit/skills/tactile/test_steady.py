@@ -46,8 +46,8 @@ def test_a_module_that_reads_at_random_is_told_although_every_frame_looks_like_a
 
 
 @pytest.mark.parametrize(("agreeing", "is_believed"), [(NEEDED, True), (NEEDED - 1, False)])
-def test_most_frames_have_to_show_the_peg(agreeing, is_believed):
-    prints = [True, *[True] * agreeing, *[False] * (JUDGED - agreeing)]
+def test_enough_frames_have_to_show_the_peg(agreeing, is_believed):
+    prints = [True, *[False] * (JUDGED - agreeing), *[True] * agreeing]
     shown = judged(frames(1), prints)
     assert shown.is_judged
     if is_believed:
@@ -57,11 +57,18 @@ def test_most_frames_have_to_show_the_peg(agreeing, is_believed):
         shown.require()
 
 
-def test_a_skin_that_shows_nothing_is_refused_after_as_few_frames_as_one_that_shows_the_peg_is_believed():
-    for is_print in (True, False):
-        told = frames(1)
-        assert not judged(told[:NEEDED], [is_print] * JUDGED).is_judged
-        assert judged(told[: NEEDED + 1], [is_print] * JUDGED).is_judged
+def test_frames_are_judged_no_longer_than_it_takes_to_tell():
+    for spoilt, prints, needed in ((None, True, NEEDED), (at_random(1), True, NEEDED), (None, False, JUDGED)):
+        told = frames(1, spoilt=spoilt)
+        assert not judged(told[:needed], [prints] * JUDGED).is_judged
+        assert judged(told[: needed + 1], [prints] * (JUDGED + 1)).is_judged
+
+
+def test_a_module_that_reads_at_random_now_and_then_is_not_named():
+    told = frames(1)
+    told[2] = at_random(0)(told[2], np.random.default_rng(1))
+    with pytest.raises(SkinUntrustedError, match="a line across both pads"):
+        judged(told, [False] * (JUDGED + 1)).require()
 
 
 def test_the_first_frame_after_the_hand_has_closed_may_be_anything():
