@@ -218,9 +218,7 @@ class CellConfig(Catalogued):
             raise ValueError(
                 f'arm.model = "{self.arm.model}": no such arm; {known} or a file of figures, *.toml, allowed'
             )
-        arm = read_arm(file)
-        require_workspace_in_reach(self.limits, arm)
-        require_permitted(self.followed(), self.ways(), arm)
+        require_workspace_in_reach(self.limits, read_arm(file))
         return self
 
     @model_validator(mode="after")
@@ -229,6 +227,7 @@ class CellConfig(Catalogued):
         require_reach(place, self.hole, self.limits)
         require_stable(self.steered(), self.skin.rate, place)
         require_steady(self.followed(), place)
+        require_permitted(self.followed(), self.ways(), place.arm)
         return self
 
     @model_validator(mode="after")
