@@ -88,16 +88,26 @@ def require_values(setpoint: ImpedanceSetpoint, stamp: float, bounds: ArmBounds)
             )
     if valid > LONGEST_VALIDITY + AGE_SLACK:
         raise SetpointError(f"setpoint: valid_until {valid:.2f} s ahead; at most {LONGEST_VALIDITY:g} s allowed")
-    _require_permitted(setpoint.posture, bounds)
 
 
-def _require_permitted(posture: Vector | None, bounds: ArmBounds) -> None:
-    """Make sure that a posture lies within the range of every joint."""
-    if posture is None:
-        return
-    beyond = np.maximum(bounds.q_min - posture, posture - bounds.q_max)
-    joint = int(beyond.argmax())
-    if beyond[joint] > 0.0:
+def require_permitted(posture: Vector, q: Vector, bounds: ArmBounds) -> None:
+    """Make sure that a posture lies within the range of every joint, or no further outside than the joint is.
+
+    Args:
+        posture: Joint positions that the null space is drawn to, shape (7,), rad.
+        q: Joint positions, shape (7,), rad.
+        bounds: What the arm may be asked for.
+
+    Raises:
+        SetpointError: It does not; one line that names the joint.
+    """
+
+    def beyond(joints: Vector) -> Vector:
+        return np.maximum(np.maximum(bounds.q_min - joints, joints - bounds.q_max), 0.0)
+
+    further = beyond(posture) - beyond(q)
+    joint = int(further.argmax())
+    if further[joint] > 0.0:
         raise SetpointError(
             f"setpoint: posture of joint {joint + 1} = {posture[joint]:.3f} rad;"
             f" {bounds.q_min[joint]:g} to {bounds.q_max[joint]:g} allowed"

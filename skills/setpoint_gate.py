@@ -17,7 +17,7 @@ from drivers.frames import angle_between, end_point
 from drivers.parts import Point
 from drivers.protocols import Arm
 from drivers.quantities import ArmState, ImpedanceSetpoint, Vector
-from skills.setpoint_bounds import AGE_SLACK, ArmBounds, require_numbers, require_values, size_of
+from skills.setpoint_bounds import AGE_SLACK, ArmBounds, require_numbers, require_permitted, require_values, size_of
 
 MOST_ASKEW = 1.0
 """Largest angle between the axis of a setpoint and that of the peg or hand, rad; a sound skill stays below 0.6."""
@@ -159,10 +159,11 @@ def _require_beginning(
 
 
 def _require_posture(setpoint: ImpedanceSetpoint, arm: ArmState, before: Handed | None, bounds: ArmBounds) -> None:
-    """Make sure that a posture goes on from the one before it no faster than the joints may, or begins where they are."""
+    """Make sure that a posture lies where the joints may be, and goes on from the one before it no faster than the joints may, or begins where they are."""
     posture, last = setpoint.posture, None if before is None else before.setpoint.posture
     if posture is None:
         return
+    require_permitted(posture, arm.q, bounds)
     step, allowed = np.abs(posture - arm.q), np.full(posture.shape, POSTURE_SLACK)
     step[arm.elbow] = 0.0
     is_new = before is None or last is None or setpoint.id != before.setpoint.id

@@ -536,6 +536,15 @@ def test_a_posture_lies_within_the_range_of_every_joint(joint):
             judge(setpoint(posture=posed((joint, end + 0.01 * sense))), before=last)
 
 
+@pytest.mark.parametrize("end", [-2.0, 2.5])
+def test_a_joint_outside_its_range_is_drawn_back_and_no_further_out(end):
+    outside = replace(arm_at(), q=np.full(7, end + 0.1 * np.sign(end)))
+    judge(setpoint(posture=outside.q.copy()), outside)
+    judge(setpoint(posture=outside.q - 0.01 * np.sign(end)), outside)
+    with pytest.raises(SetpointError, match="posture of joint 1 = "):
+        judge(setpoint(posture=outside.q + 0.01 * np.sign(end)), outside)
+
+
 @pytest.mark.parametrize("sense", [-1.0, 1.0])
 @pytest.mark.parametrize(("joint", "speed"), [(0, 2.0), (2, 2.0), (6, 3.0)])
 def test_a_posture_moves_no_faster_than_the_joint_may(joint, speed, sense):
