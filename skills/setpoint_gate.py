@@ -166,8 +166,7 @@ def _require_posture(setpoint: ImpedanceSetpoint, arm: ArmState, before: Handed 
     require_permitted(posture, arm.q, bounds)
     step, allowed = np.abs(posture - arm.q), np.full(posture.shape, POSTURE_SLACK)
     step[arm.elbow] = 0.0
-    is_new = before is None or last is None or setpoint.id != before.setpoint.id
-    if before is not None and last is not None and (not is_new or bool((step > allowed).any())):
+    if before is not None and last is not None and (setpoint.id == before.setpoint.id or bool((step > allowed).any())):
         step = np.abs(posture - last)
         allowed = bounds.joint_speeds * _time_since(before, arm.stamp) + POSTURE_SLACK
     joint = int((step - allowed).argmax())

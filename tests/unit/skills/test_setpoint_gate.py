@@ -405,6 +405,10 @@ AT_AND_BEYOND = {
         {"stiffness": np.array([1.0, 1.0, 1.0, 300.0, 1.0, 1.0])},
         {"stiffness": np.array([1.0, 1.0, 1.0, 1.0, 1.0, 301.0])},
     ),
+    "rotational stiffness 3500 N·m/rad; 0 to 300 allowed": (
+        {"stiffness": np.array([1.0, 1.0, 1.0, 1.0, 1.0, 300.0])},
+        {"stiffness": np.array([1.0, 1.0, 1.0, 3500.0, 1.0, 1.0])},
+    ),
     "damping ratio 10.01; 0 to 10 allowed": (
         {"damping_ratio": np.array([1.0, 1.0, 1.0, 1.0, 1.0, MOST_DAMPING_RATIO])},
         {"damping_ratio": np.array([MOST_DAMPING_RATIO + 0.01, 1.0, 1.0, 1.0, 1.0, 1.0])},
@@ -464,14 +468,15 @@ def test_no_roll_turns_the_hand_away_at_once(sense):
         judge(setpoint(roll=rolled(sense * (MOST_ASKEW + 0.01))))
 
 
+@pytest.mark.parametrize("stiff", [3, 4, 5])
 @pytest.mark.parametrize(("askew", "angle"), [(0.5, 0.0), (0.0, 0.5), (0.3, 0.4)])
-def test_no_setpoint_turns_with_more_torque_than_a_joint_has(askew, angle):
+def test_no_setpoint_turns_with_more_torque_than_a_joint_has(askew, angle, stiff):
     """At 0.5 rad askew in all, 174 N·m/rad are 87 N·m."""
     axis = np.array([math.sin(askew), 0.0, math.cos(askew)])
     roll = rolled(angle)
 
     def asked(stiffness):
-        return setpoint(axis=axis, roll=roll, stiffness=np.array([1.0, 1.0, 1.0, 1.0, stiffness, 1.0]))
+        return setpoint(axis=axis, roll=roll, stiffness=np.where(np.arange(6) == stiff, stiffness, 1.0))
 
     judge(asked(173.9))
     with pytest.raises(SetpointError, match=r"0\.50 rad askew turns with 87 N·m; at most 87 N·m allowed"):
@@ -486,6 +491,14 @@ def test_a_motion_begins_no_further_than_its_lead_from_where_the_arm_is(before):
     judge(setpoint(off(LEAD - 1e-6), stiffness=SOFT), arm_at(stamp=PERIOD), before)
     with pytest.raises(SetpointError, match=r"begins 21 mm from where the arm is.*; at most 20 mm "):
         judge(setpoint(off(LEAD + 0.001), stiffness=SOFT), arm_at(stamp=PERIOD), before)
+
+
+def test_how_far_a_motion_begins_from_the_arm_is_told_to_a_millimetre():
+    near, far = np.array([0.5, -0.4, 0.3]), np.array([0.5, 0.4, 0.3])
+    with pytest.raises(SetpointError, match=r"begins 800 mm from where the arm is; at most 20 mm allowed$"):
+        judge(setpoint(far, stiffness=np.ones(6)), arm_at(near))
+    with pytest.raises(SetpointError, match=r"begins 800 mm .* and a step of 800 mm; at most 20 mm or 301 mm allowed$"):
+        judge(setpoint(far, stiffness=np.ones(6)), arm_at(near, stamp=1.0), Handed(setpoint(near, id=7), 0.0))
 
 
 def test_a_motion_with_a_new_id_may_go_on_from_the_setpoint_before_it_at_the_arm_s_speed():

@@ -1,7 +1,10 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from drivers.errors import SkinUntrustedError
+from drivers.quantities import TaxelFrame
 from drivers.skin.layout import MODULE_OF
 from skills.tactile.steady import JUDGED, NEEDED, STEADY, GraspPrint, restless_modules
 from tests.pegs import framed, pushed, readings
@@ -108,3 +111,26 @@ def test_taxels_that_are_not_trusted_and_modules_without_any_do_not_count():
     trusted = after == 0.0
     assert not restless_modules(framed(before), framed(after, trusted)).any()
     assert not restless_modules(framed(before), framed(after, np.zeros_like(trusted))).any()
+
+
+@pytest.mark.parametrize("is_first", [True, False])
+def test_a_taxel_that_is_not_trusted_in_both_frames_does_not_count(is_first):
+    calm, wild = (
+        TaxelFrame(np.full((2, 20), value), np.ones((2, 20), dtype=bool), 0.0, 1) for value in (0.0, 30_000.0)
+    )
+    untrusted = replace(calm if is_first else wild, trusted=MODULE_OF != 1)
+    pair = (untrusted, wild) if is_first else (calm, untrusted)
+    assert restless_modules(*pair).tolist() == [True, False, True, True]
+
+
+def test_a_single_trusted_taxel_speaks_for_its_module():
+    trusted = (MODULE_OF != 1) | (np.arange(20) == 10)
+    assert restless_modules(framed(np.zeros((2, 20))), framed(np.full((2, 20), 30_000.0), trusted))[1]
+
+
+def test_a_module_is_named_that_was_restless_in_more_than_half_of_the_frames():
+    told = frames(1)
+    for place in (3, 6):
+        told[place] = at_random(0)(told[place], np.random.default_rng(place))
+    with pytest.raises(SkinUntrustedError, match=r"0 of 6 frames .*; a line across both pads"):
+        judged(told, [False] * (JUDGED + 1)).require()
