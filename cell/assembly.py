@@ -21,6 +21,7 @@ from drivers import impedance
 from drivers.arm.calibration import ArmCalibration, read_arm_calibration
 from drivers.arm.franka import FrankaArm
 from drivers.arm.franka_config import FrankaArmConfig
+from drivers.arm.model import ArmModel
 from drivers.clock import WallClock
 from drivers.errors import CellError, ConfigError
 from drivers.gripper.franka import FrankaGripper
@@ -45,6 +46,7 @@ from drivers.transport.traffic import PlaybackCan, PlaybackLine, RecordedCan, Re
 from drivers.transport.wires import ByteLink, CanLink
 from skills.catalogue import INSERT, RECOVER
 from skills.contract import SkillContext
+from skills.setpoint_bounds import ArmBounds
 from skills.setpoint_gate import GatedArm
 from skills.tactile.blend import Blend
 from skills.tactile.blind import Blind
@@ -121,7 +123,7 @@ class Cell:
         config = self.config
         return SkillContext(
             clock=self.clock,
-            arm=GatedArm(self.arm, config.arm_model().tool_speed, config.limits),
+            arm=GatedArm(self.arm, bounds_of(config.arm_model()), config.limits),
             gripper=self.gripper,
             skin=self.skin,
             switch=self.switch,
@@ -134,6 +136,22 @@ class Cell:
             wrench=config.wrench,
             tracker=make_tracker(config),
         )
+
+
+def bounds_of(arm: ArmModel) -> ArmBounds:
+    """Return what an arm may be asked for, by its file of figures."""
+    joints = arm.joints
+    return ArmBounds(
+        speed=arm.tool_speed,
+        turn_speed=arm.tool_turn_speed,
+        stiffness=arm.stiffness,
+        turn_stiffness=arm.turn_stiffness,
+        torques=np.array(joints.torque),
+        torque_rate=min(joints.torque_rate),
+        q_min=np.array(joints.q_min),
+        q_max=np.array(joints.q_max),
+        joint_speeds=np.array(joints.speed),
+    )
 
 
 def choices(seed: int) -> np.random.Generator:

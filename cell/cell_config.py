@@ -7,6 +7,7 @@ from pydantic import Field, create_model, model_validator
 from cell.config_checks import (
     require_apart,
     require_clear_way,
+    require_permitted,
     require_pressed,
     require_prior_inside,
     require_reach,
@@ -16,6 +17,7 @@ from cell.config_checks import (
     require_steady,
     require_turned_as_hole,
     require_workspace,
+    require_workspace_in_reach,
 )
 from cell.config_files import ARMS, arm_file
 from cell.margins import Place
@@ -216,7 +218,7 @@ class CellConfig(Catalogued):
             raise ValueError(
                 f'arm.model = "{self.arm.model}": no such arm; {known} or a file of figures, *.toml, allowed'
             )
-        read_arm(file)
+        require_workspace_in_reach(self.limits, read_arm(file))
         return self
 
     @model_validator(mode="after")
@@ -225,6 +227,7 @@ class CellConfig(Catalogued):
         require_reach(place, self.hole, self.limits)
         require_stable(self.steered(), self.skin.rate, place)
         require_steady(self.followed(), place)
+        require_permitted(self.followed(), self.ways(), place.arm)
         return self
 
     @model_validator(mode="after")
@@ -271,15 +274,18 @@ class CellConfig(Catalogued):
             )
         return self
 
-    def followed(self) -> dict[str, Gains]:
-        """Return all gains by key: those that the skin steers, and those on the way through free space."""
-        ways = {
-            f"{skill.section}.{name}.gains": value.gains
+    def ways(self) -> dict[str, Transfer]:
+        """Return the ways through free space by key."""
+        return {
+            f"{skill.section}.{name}": value
             for skill in CATALOGUE.skills
             for name, value in self.params(skill)
             if isinstance(value, Transfer)
         }
-        return {**self.steered(), **ways}
+
+    def followed(self) -> dict[str, Gains]:
+        """Return all gains by key: those that the skin steers, and those on the way through free space."""
+        return {**self.steered(), **{f"{key}.gains": way.gains for key, way in self.ways().items()}}
 
     def arm_model(self) -> ArmModel:
         """Return the figures of the cell's arm."""

@@ -9,10 +9,11 @@ from collections.abc import Mapping
 
 from cell.margins import MARGIN, Place, too_high
 from cell.torque_path import is_hold_steady, is_steady, largest, largest_hold
+from drivers.arm.model import ArmModel
 from drivers.parts import Hole, Latch, Peg, Rack
 from skills.grasp_from_rack import GraspFromRackParams
 from skills.grip import grip_of
-from skills.motion import Gains
+from skills.motion import Gains, Transfer
 from skills.search.params import TOUCHED_TIME, SpraySearchParams
 from skills.seating import LEAST_PUSH
 from skills.setpoint_gate import Limits
@@ -89,6 +90,44 @@ def require_workspace(limits: Limits) -> None:
     for low, high, axis in zip(limits.low, limits.high, "xyz", strict=True):
         if low >= high:
             raise ValueError(f"limits.low = {low} along {axis}: less than limits.high = {high} allowed")
+
+
+def require_workspace_in_reach(limits: Limits, arm: ArmModel) -> None:
+    """Make sure that the workspace ends where the arm's hand can be at all.
+
+    Raises:
+        ValueError: A corner lies further out along an axis than the arm reaches; one line.
+    """
+    shoulder, reach = arm.shoulder(), arm.reach()
+    for name, corner in (("low", limits.low), ("high", limits.high)):
+        for value, middle, axis in zip(corner, shoulder, "xyz", strict=True):
+            if abs(value - middle) > reach:
+                raise ValueError(
+                    f"limits.{name} = {value} along {axis}: {arm.name} never reaches so far;"
+                    f" {middle - reach:.2f} to {middle + reach:.2f} allowed"
+                )
+
+
+def require_permitted(followed: Mapping[str, Gains], ways: Mapping[str, Transfer], arm: ArmModel) -> None:
+    """Make sure that no gain and no speed is more than the arm may be asked for.
+
+    Args:
+        followed: Gains by the key of their section.
+        ways: Ways through free space by the key of their section.
+        arm: Figures of the arm.
+
+    Raises:
+        ValueError: One is; one line.
+    """
+    asked = [
+        *((f"{key}.translation", gains.translation, arm.stiffness, "stiffness") for key, gains in followed.items()),
+        *((f"{key}.rotation", gains.rotation, arm.turn_stiffness, "turn_stiffness") for key, gains in followed.items()),
+        *((f"{key}.speed", way.speed, arm.tool_speed, "tool_speed") for key, way in ways.items()),
+        *((f"{key}.turn_speed", way.turn_speed, arm.tool_turn_speed, "tool_turn_speed") for key, way in ways.items()),
+    ]
+    for key, value, most, figure in asked:
+        if value > most:
+            raise ValueError(f"{key} = {value:g}: more than {figure} of {arm.name}; at most {most:g} allowed")
 
 
 def require_pressed(

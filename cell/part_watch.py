@@ -222,7 +222,7 @@ class PartWatch:
         return told(self._custody.part)
 
     def _devices(self) -> tuple[ArmState, GripperState, SwitchState]:
-        return self._context.arm.read(), self._cell.gripper.read(), self._cell.switch.read()
+        return self._context.arm.read(), self._context.read_hand(), self._cell.switch.read()
 
     def _see_now(self, arm: ArmState, hand: GripperState, switch: SwitchState) -> None:
         self._switch = switch

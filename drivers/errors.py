@@ -51,7 +51,7 @@ FAULTS: dict[FaultCode, FaultText] = {
     ),
     FaultCode.SKIN_UNTRUSTED: FaultText(
         "too few taxels can be trusted, or the skin shows no print of the peg that the hand holds",
-        "dead, saturated, frozen, stuck or swapped modules",
+        "dead, saturated, frozen, stuck, swapped or random modules",
         "run `cell check`, change the finger it names",
     ),
     FaultCode.SWITCH_UNKNOWN: FaultText(

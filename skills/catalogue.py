@@ -62,6 +62,7 @@ def find_and_seat(
     plane = found.result.plane if isinstance(found.result, spray_search.SpraySearchResult) else None
     if found.result.outcome is not Outcome.SUCCESS:
         return [found]
+    ctx.surface = plane or ctx.surface
     tried = in_order(
         [
             (INSERT.name, lambda c: _insert(skills, c, plane, attempt)),

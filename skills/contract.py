@@ -30,6 +30,7 @@ from skills.scan_guards import (
     ScanLimits,
     ScanTiming,
     new_window,
+    require_finite_hand,
     require_finite_skin,
     require_finite_theta,
     require_level_skin,
@@ -37,6 +38,7 @@ from skills.scan_guards import (
     way_back,
 )
 from skills.setpoint_gate import Limits
+from skills.surface import Plane
 from skills.tactile.blend import Blend, Smoothing
 from skills.tactile.pose import NO_PEG, Estimator, PegPose, Tracker
 from skills.wrench_zero import SCANS, WrenchConfig, WrenchZero, zero_of
@@ -192,6 +194,8 @@ class SkillContext:
     """Length by which the peg in the hand reaches further than the job says, m, as the first touch-down told."""
     grip_share: float = field(default=1.0, init=False)
     """Share of the believed grip that is left after the peg in the hand has slipped, fraction."""
+    surface: Plane | None = field(default=None, init=False)
+    """Plate's surface as the last search that found the hole has felt it; None where none has since the grasp."""
     is_length_known: bool = field(default=False, init=False)
     """Whether the peg in the hand has touched the plate since it was grasped."""
     _peg: PegPose = field(default=NO_PEG, init=False)
@@ -255,6 +259,15 @@ class SkillContext:
         x, y, z = self.zero.force
         logger.info("wrench zeroed: %.1f, %.1f, %.1f N in free air, noise %.1f N", x, y, z, self.zero.noise)
 
+    def read_hand(self) -> GripperState:
+        """Return the newest state of the hand.
+
+        Raises:
+            NotFiniteError: Its width is no number.
+            CellError: The hand's own `read` raised it.
+        """
+        return require_finite_hand(self.gripper.read())
+
     def observe(self, elapsed: float = 0.0, step: float = 0.0, running: float = 0.0) -> Observation:
         """Read every sensor once; the three times, s, are copied into the observation.
 
@@ -291,7 +304,7 @@ class SkillContext:
             step=step,
             running=running,
             arm=arm,
-            gripper=self.gripper.read(),
+            gripper=self.read_hand(),
             frame=frame,
             is_new_frame=is_new_frame,
             peg=self._peg,
@@ -300,9 +313,7 @@ class SkillContext:
             switch=self.switch.read(),
         )
 
-    def scan(
-        self, timeout: float, holding: bool = False, limited: bool = True, unseen: bool = False
-    ) -> Iterator[Observation]:
+    def scan(self, timeout: float, holding: bool = False, limited: bool = True) -> Iterator[Observation]:
         """Yield one observation a scan until `timeout` seconds have passed on the cell's clock; the only loop of a skill.
 
         A hold request halts the arm and stops the count of the timeout until the arm is back at its setpoint. A scan that comes
@@ -310,9 +321,8 @@ class SkillContext:
 
         Args:
             timeout: Longest time to go on, s; time on hold does not count.
-            holding: Whether the hand must hold something all the while.
+            holding: Whether the hand must hold a peg all the while, and the skin see it.
             limited: Whether the limits of force and workspace hold; only a way out of a violation may go without.
-            unseen: Whether the skin need not see what the hand holds, as on a way through free space.
 
         Raises:
             Interrupted: Stop request, force limit, workspace limit or a lost grasp; the arm is halted.
@@ -341,7 +351,7 @@ class SkillContext:
                 self._check(seen)
                 self._keep_passive(guard, seen, request)
             if holding:
-                self._require_peg(seen, unseen)
+                self._require_peg(seen)
             else:
                 self._unseen_since = None
             if request is Request.RUN:
@@ -367,13 +377,10 @@ class SkillContext:
         elif request is Request.RESUME and paused is not None:
             self.arm.follow(way_back(paused, self.held, seen.stamp, self.scan_period))
 
-    def _require_peg(self, seen: Observation, unseen: bool) -> None:
-        """Make sure that the hand still holds the peg and, unless it may be `unseen`, that the skin still sees it."""
+    def _require_peg(self, seen: Observation) -> None:
+        """Make sure that the hand still holds the peg and that the skin still sees it."""
         if not seen.gripper.is_gripping:
             self._interrupt(Reason.LOST_GRASP)
-        if unseen:
-            self._unseen_since = None
-            return
         if seen.peg.healthy:
             blind = seen.stamp - seen.peg.stamp
         else:

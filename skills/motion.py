@@ -121,7 +121,7 @@ def move(
     duration = way.duration(transfer)
     identity = ctx.new_id()
     stiffness, damping_ratio = transfer.stiffness(), transfer.gains.damping_ratios()
-    for seen in ctx.scan(LONGEST_MOVE * (duration + settle), in_hand is not None, limited, unseen=True):
+    for seen in ctx.scan(LONGEST_MOVE * (duration + settle), in_hand is not None, limited):
         if seen.elapsed >= duration + settle:
             break
         share, rate = minimum_jerk(seen.elapsed / duration)

@@ -1,5 +1,6 @@
-"""Take a peg, which may be jammed, out of the hole before another try: straight up, with a dither."""
+"""Take a peg, which may be jammed, out of the hole before another try: along the hole's axis as far as it is known, with a dither."""
 
+from drivers.frames import UP
 from drivers.quantities import ImpedanceSetpoint, Vector
 from skills.contract import SkillContext
 from skills.motion import VALIDITY, Gains, tilted_by
@@ -16,7 +17,9 @@ LONGEST = 10.0
 
 
 def pull_out(height: float, gains: Gains, ctx: SkillContext, limited: bool = True) -> Vector | None:
-    """Pull the peg straight up until its tip stands at `height`, m, base frame, without moving it aside before.
+    """Pull the peg along the normal of the plate, as the search has felt it, until its tip stands at `height`, m, base frame.
+
+    Where nothing was felt the peg is pulled straight up. It is not moved aside before.
 
     Args:
         height: Height to which the tip is pulled, m, base frame.
@@ -30,17 +33,19 @@ def pull_out(height: float, gains: Gains, ctx: SkillContext, limited: bool = Tru
     here = ctx.observe()
     identity, in_hand = ctx.new_id(), ctx.in_hand()
     most = SHARE * ctx.limits.force / gains.translation
-    tip, target = here.tip, here.tip.copy()
+    out = UP if ctx.surface is None else ctx.surface.normal
+    tip, target = here.tip, here.tip
     for seen in ctx.scan(LONGEST, holding=True, limited=limited):
         tip = seen.tip
         if tip[2] >= height:
             return None
-        target[2] = min(target[2] + SPEED * seen.step, tip[2] + most)
+        target = target + SPEED * seen.step * out
+        target = target - max(float(out @ (target - tip)) - most, 0.0) * out
         offset = dither(seen.elapsed, *SHAKEN)
         ctx.follow(
             ImpedanceSetpoint(
                 id=identity,
-                tip=target.copy(),
+                tip=target,
                 axis=tilted_by(offset + in_hand.length * here.axis[:2], in_hand.length),
                 roll=here.arm.tcp.rotation[:, 2],
                 stiffness=gains.stiffness(),

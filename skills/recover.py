@@ -3,7 +3,8 @@
     | where the peg is            | what is done                                                                      |
     | --------------------------- | --------------------------------------------------------------------------------- |
     | in the hand, clear of all   | draw up, drop it into the bin                                                       |
-    | in the hand, at the plate   | pull it straight up with the force bounded, as it may be in the hole; then the bin    |
+    | in the hand, at the plate   | pull it along the hole's axis, as far as that is known, with the force bounded, as  |
+    |                             | it may be in the hole; then the bin                                               |
     | in the hand, in the hole,   | let go of it, draw back without it, and say that it is jammed: a person must         |
     | and it does not come out,   | take it out                                                                         |
     | or slips out of the hand    |                                                                                   |
@@ -87,7 +88,7 @@ def run(params: RecoverParams, ctx: SkillContext) -> RecoverResult:
 
 
 def _pull(params: RecoverParams, ctx: SkillContext) -> Vector | None:
-    """Pull the peg up until its end is clear of the plate; return where it is stuck or slips out of the hand, or None.
+    """Pull the peg out until its end is clear of the plate; return where it is stuck or slips out of the hand, or None.
 
     The limits do not count here: what the failure left pressed must first be able to give way, and the pull is bounded.
     """

@@ -12,7 +12,7 @@ from drivers.config_model import ConfigModel
 from drivers.errors import NotFiniteError, ScanOverrunError, SkinUntrustedError, TrackingError
 from drivers.frames import end_point
 from drivers.parts import Fraction
-from drivers.quantities import FINGER_NAMES, ArmState, ImpedanceSetpoint, TaxelFrame
+from drivers.quantities import FINGER_NAMES, ArmState, GripperState, ImpedanceSetpoint, TaxelFrame
 from skills.tactile.pose import PegPose
 
 OVERRUN_WINDOW = 100
@@ -146,6 +146,17 @@ def require_finite_skin(frame: TaxelFrame) -> None:
         raise NotFiniteError(
             f"skin: {FINGER_NAMES[finger]} taxel {taxel}: {frame.values[finger, taxel]}; a number needed"
         )
+
+
+def require_finite_hand(hand: GripperState) -> GripperState:
+    """Return the state of a hand whose width is finite.
+
+    Raises:
+        NotFiniteError: It is not; one line.
+    """
+    if not math.isfinite(hand.width):
+        raise NotFiniteError(f"hand: width: {hand.width}; a number needed")
+    return hand
 
 
 def require_finite_theta(pose: PegPose) -> None:

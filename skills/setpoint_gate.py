@@ -17,6 +17,7 @@ from drivers.frames import angle_between, end_point
 from drivers.parts import Point
 from drivers.protocols import Arm
 from drivers.quantities import ArmState, ImpedanceSetpoint, Vector
+from skills.setpoint_bounds import AGE_SLACK, ArmBounds, require_numbers, require_permitted, require_values, size_of
 
 MOST_ASKEW = 1.0
 """Largest angle between the axis of a setpoint and that of the peg or hand, rad; a sound skill stays below 0.6."""
@@ -24,16 +25,18 @@ LONGEST_STEP_TIME = 0.1
 """A step after a longer pause is judged as one after this time, s."""
 STEP_SLACK = 1e-3
 """Addition to the longest step, m: an integral or a new frame of the skin may move a setpoint at rest."""
+LEAD = 0.02
+"""Largest distance from where the arm is at which a motion may begin, m; a sound skill begins to push 13 mm ahead at the most."""
+POSTURE_SLACK = 0.02
+"""Addition to the longest step of a posture, rad, and largest distance from the joints at which that of a new motion may begin; the elbow's joint,
+which has a goal of its own, may be drawn from anywhere.
+"""
 OUTWARD_SLACK = 1e-3
 """A setpoint outside the workspace may be so much further out than the hand, m, on the way back in."""
 LONGEST_UNTAKEN = 0.2
 """Longest time for which the arm may report that it follows an older setpoint than it was given, or none, s; its loop takes one in milliseconds.
 Source: chosen, not measured; reason in decision 0092.
 """
-AGE_SLACK = 1e-3
-"""Largest age of the followed setpoint beyond that of the given one, s: two readings of a clock."""
-UNIT_TOLERANCE = 1e-3
-"""Largest difference between the length of an axis and 1."""
 
 
 class Limits(ConfigModel):
@@ -73,11 +76,11 @@ def require_finite(arm: ArmState) -> None:
         ("force", arm.wrench.force),
         ("torque", arm.wrench.torque),
     ):
-        _require_finite("arm", name, values, NotFiniteError)
+        require_numbers("arm", name, values, NotFiniteError)
 
 
 def require_sound(
-    setpoint: ImpedanceSetpoint, arm: ArmState, before: Handed | None, limits: Limits, most: float
+    setpoint: ImpedanceSetpoint, arm: ArmState, before: Handed | None, limits: Limits, bounds: ArmBounds
 ) -> None:
     """Make sure that the arm may be given a setpoint.
 
@@ -86,31 +89,91 @@ def require_sound(
         arm: The newest state of the arm.
         before: The setpoint before it, if any.
         limits: Limits of force and workspace.
-        most: Largest speed of the arm's tool, m/s.
+        bounds: What the arm may be asked for.
 
     Raises:
-        SetpointError: It is no number, outside the workspace, too far or too fast.
+        SetpointError: It is no number, outside the workspace, too far, too fast or more than the arm may be asked for.
         TrackingError: The arm stays so far behind it that it would press with more than the force limit.
     """
-    _require_numbers(setpoint)
+    require_values(setpoint, arm.stamp, bounds)
     _require_inside(setpoint, arm, limits)
-    twist = setpoint.twist
-    if twist is not None and (speed := _size(twist.linear)) > most:
-        raise SetpointError(f"setpoint: speed {speed:.2f} m/s; at most {most:g} m/s allowed")
     theta, length = (0.0, 0.0) if setpoint.in_hand is None else (setpoint.in_hand.theta, setpoint.in_hand.length)
     tip, axis = end_point(arm.tcp, theta, length)
-    if (askew := angle_between(axis, setpoint.axis)) > MOST_ASKEW:
-        raise SetpointError(f"setpoint: axis {askew:.2f} rad from where it points; at most {MOST_ASKEW} rad allowed")
+    _require_aligned(setpoint, arm, axis, bounds)
+    _require_posture(setpoint, arm, before, bounds)
     goes_on = before is not None and _has_same_point(setpoint, before.setpoint)
     if before is not None and goes_on:
-        _require_step(setpoint, before, arm.stamp, most)
-    force = _size(setpoint.stiffness[:3] * (setpoint.tip - tip))
+        _require_step(setpoint, before, arm.stamp, bounds.speed)
+    _require_force(setpoint, tip, goes_on, limits)
+    if not goes_on:
+        _require_beginning(setpoint, tip, before, arm.stamp, bounds.speed)
+
+
+def _require_aligned(setpoint: ImpedanceSetpoint, arm: ArmState, axis: Vector, bounds: ArmBounds) -> None:
+    """Make sure that neither axis nor roll turns the hand away at once, nor both with more torque than any joint has."""
+    if (askew := angle_between(axis, setpoint.axis)) > MOST_ASKEW:
+        raise SetpointError(f"setpoint: axis {askew:.2f} rad from where it points; at most {MOST_ASKEW} rad allowed")
+    rolled = 0.0 if setpoint.roll is None else _angle_about(axis, arm.tcp.rotation[:, 2], setpoint.roll)
+    if abs(rolled) > MOST_ASKEW:
+        raise SetpointError(
+            f"setpoint: roll {abs(rolled):.2f} rad from the closing axis; at most {MOST_ASKEW} rad allowed"
+        )
+    torque = float(setpoint.stiffness[3:].max()) * math.hypot(askew, rolled)
+    if torque > (most := float(bounds.torques.max())):
+        raise SetpointError(
+            f"setpoint: {math.hypot(askew, rolled):.2f} rad askew turns with {torque:.0f} N·m; at most {most:g} N·m allowed"
+        )
+
+
+def _angle_about(axis: Vector, start: Vector, goal: Vector) -> float:
+    """Return the angle about `axis`, unit, from one direction to another, rad, each shape (3,)."""
+    return math.atan2(float(axis @ np.cross(start, goal)), float(start @ goal - (axis @ start) * (axis @ goal)))
+
+
+def _require_force(setpoint: ImpedanceSetpoint, tip: Vector, goes_on: bool, limits: Limits) -> None:
+    """Make sure that stiffness times error is at most the force limit; an arm that does not follow a sound motion is blocked."""
+    force = size_of(setpoint.stiffness[:3] * (setpoint.tip - tip))
     if force > limits.force:
-        away = 1e3 * _size(setpoint.tip - tip)
+        away = 1e3 * size_of(setpoint.tip - tip)
         found = f"{away:.0f} mm away presses with {force:.0f} N; limits.force = {limits.force:g} N allowed"
         if not goes_on:
             raise SetpointError(f"setpoint: {found}")
         raise TrackingError(f"arm: blocked, or its setpoint cannot be reached: a setpoint {found}")
+
+
+def _require_beginning(
+    setpoint: ImpedanceSetpoint, tip: Vector, before: Handed | None, stamp: float, most: float
+) -> None:
+    """Make sure that a motion begins where the arm is, or goes on from the setpoint before it, whatever its id."""
+    away = size_of(setpoint.tip - tip)
+    if away <= LEAD:
+        return
+    found = f"setpoint: a motion that begins {1e3 * away:.0f} mm from where the arm is"
+    if before is None:
+        raise SetpointError(f"{found}; at most {1e3 * LEAD:g} mm allowed")
+    step, allowed = size_of(_hand_of(setpoint) - _hand_of(before.setpoint)), _longest_step(before, stamp, most)
+    if step > allowed:
+        raise SetpointError(
+            f"{found}, and a step of {1e3 * step:.0f} mm; at most {1e3 * LEAD:g} mm or {1e3 * allowed:.0f} mm allowed"
+        )
+
+
+def _require_posture(setpoint: ImpedanceSetpoint, arm: ArmState, before: Handed | None, bounds: ArmBounds) -> None:
+    """Make sure that a posture lies where the joints may be, and goes on from the one before it no faster than the joints may, or begins where they are."""
+    posture, last = setpoint.posture, None if before is None else before.setpoint.posture
+    if posture is None:
+        return
+    require_permitted(posture, arm.q, bounds)
+    step, allowed = np.abs(posture - arm.q), np.full(posture.shape, POSTURE_SLACK)
+    step[arm.elbow] = 0.0
+    if before is not None and last is not None and (setpoint.id == before.setpoint.id or bool((step > allowed).any())):
+        step = np.abs(posture - last)
+        allowed = bounds.joint_speeds * _time_since(before, arm.stamp) + POSTURE_SLACK
+    joint = int((step - allowed).argmax())
+    if step[joint] > allowed[joint]:
+        raise SetpointError(
+            f"setpoint: posture of joint {joint + 1} moves by {step[joint]:.3f} rad; at most {allowed[joint]:.3f} rad allowed"
+        )
 
 
 def _has_same_point(setpoint: ImpedanceSetpoint, before: ImpedanceSetpoint) -> bool:
@@ -118,32 +181,23 @@ def _has_same_point(setpoint: ImpedanceSetpoint, before: ImpedanceSetpoint) -> b
     return setpoint.id == before.id and (setpoint.in_hand is None) == (before.in_hand is None)
 
 
-def _require_numbers(setpoint: ImpedanceSetpoint) -> None:
-    hand, twist = setpoint.in_hand, setpoint.twist
-    for name, values in (
-        ("tip", setpoint.tip),
-        ("axis", setpoint.axis),
-        ("stiffness", setpoint.stiffness),
-        ("damping ratio", setpoint.damping_ratio),
-        ("integral", (setpoint.integral_gain, setpoint.integral_limit)),
-        ("theta and length in the hand", () if hand is None else (hand.theta, hand.length)),
-        ("roll", () if setpoint.roll is None else setpoint.roll),
-        ("twist", () if twist is None else (*twist.linear, *twist.angular)),
-        ("posture", () if setpoint.posture is None else setpoint.posture),
-    ):
-        _require_finite("setpoint", name, values, SetpointError)
-    if math.isnan(setpoint.valid_until):
-        raise SetpointError("setpoint: valid_until nan; a number allowed")
-    if abs(_size(setpoint.axis) - 1.0) > UNIT_TOLERANCE:
-        raise SetpointError(f"setpoint: axis of length {_size(setpoint.axis):.3f}; 1 allowed")
-    if min(setpoint.stiffness.min(), setpoint.damping_ratio.min()) < 0.0:
-        raise SetpointError("setpoint: negative stiffness or damping ratio; at least 0 allowed")
+def _hand_of(setpoint: ImpedanceSetpoint) -> Vector:
+    """Return where the hand of a setpoint is, shape (3,), m, base frame."""
+    return setpoint.tip if setpoint.in_hand is None else setpoint.tip + setpoint.in_hand.length * setpoint.axis
+
+
+def _time_since(before: Handed, stamp: float) -> float:
+    return min(max(stamp - before.stamp, 0.0), LONGEST_STEP_TIME)
+
+
+def _longest_step(before: Handed, stamp: float, most: float) -> float:
+    """Return the longest step from a setpoint to one at `stamp`, m, at most at the speed `most`, m/s."""
+    return most * _time_since(before, stamp) + STEP_SLACK
 
 
 def _require_inside(setpoint: ImpedanceSetpoint, arm: ArmState, limits: Limits) -> None:
     """Make sure that the hand's place is inside the workspace, or on its way back from where the hand is outside."""
-    length = 0.0 if setpoint.in_hand is None else setpoint.in_hand.length
-    asked = (setpoint.tip + length * setpoint.axis).tolist()
+    asked = _hand_of(setpoint).tolist()
     worst, axis = 0.0, 0
     for k, (there, here, low, high) in enumerate(
         zip(asked, arm.tcp.position.tolist(), limits.low, limits.high, strict=True)
@@ -159,35 +213,17 @@ def _require_inside(setpoint: ImpedanceSetpoint, arm: ArmState, limits: Limits) 
 
 
 def _require_step(setpoint: ImpedanceSetpoint, before: Handed, stamp: float, most: float) -> None:
-    step = _size(setpoint.tip - before.setpoint.tip)
-    allowed = most * min(max(stamp - before.stamp, 0.0), LONGEST_STEP_TIME) + STEP_SLACK
+    step, allowed = size_of(setpoint.tip - before.setpoint.tip), _longest_step(before, stamp, most)
     if step > allowed:
         raise SetpointError(f"setpoint: step of {1e3 * step:.0f} mm; at most {1e3 * allowed:.0f} mm allowed")
-
-
-def _require_finite(
-    of_what: str, name: str, values: "Vector | tuple[float, ...]", error: type[SetpointError] | type[NotFiniteError]
-) -> None:
-    # A sum of squares is a number where all its terms are; where it is none a closer look decides, as numbers may be too large for it.
-    if all(map(math.isfinite, values)) if isinstance(values, tuple) else math.isfinite(np.vdot(values, values)):
-        return
-    flat = np.asarray(values, dtype=float).ravel()
-    is_finite = np.isfinite(flat)
-    if not is_finite.all():
-        place = int(np.argmin(is_finite))
-        raise error(f"{of_what}: {name} {place + 1} of {flat.size}: {flat[place]}; a number needed")
-
-
-def _size(vector: Vector) -> float:
-    return math.sqrt(float(vector @ vector))
 
 
 class GatedArm:
     """An arm behind the gate; satisfies `drivers.protocols.Arm`."""
 
-    def __init__(self, arm: Arm, most: float, limits: Limits) -> None:
-        """Keep the arm, the largest speed of its tool, m/s, and the limits of force and workspace."""
-        self._arm, self._most, self._limits = arm, most, limits
+    def __init__(self, arm: Arm, bounds: ArmBounds, limits: Limits) -> None:
+        """Keep the arm, what it may be asked for, and the limits of force and workspace."""
+        self._arm, self._bounds, self._limits = arm, bounds, limits
         self._state: ArmState | None = None
         self._before: Handed | None = None
         self._untaken_since: float | None = None
@@ -205,12 +241,12 @@ class GatedArm:
         """Hand over a sound setpoint; halt the arm at any other.
 
         Raises:
-            SetpointError: It is no number, outside the workspace, too far or too fast.
+            SetpointError: It is no number, outside the workspace, too far, too fast or more than the arm may be asked for.
             TrackingError: The arm stays so far behind it that it would press with more than the force limit.
         """
         state = self._state if self._state is not None else self.read()
         try:
-            require_sound(setpoint, state, self._before, self._limits, self._most)
+            require_sound(setpoint, state, self._before, self._limits, self._bounds)
         except (SetpointError, TrackingError):
             self.halt()
             raise

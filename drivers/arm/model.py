@@ -33,6 +33,8 @@ Angles = tuple[Angle, Angle, Angle, Angle, Angle, Angle, Angle]
 Distances = tuple[Distance, Distance, Distance, Distance, Distance, Distance, Distance]
 Torque = Annotated[float, Field(gt=0.0, le=1000.0)]
 Torques = tuple[Torque, Torque, Torque, Torque, Torque, Torque, Torque]
+JointSpeed = Annotated[float, Field(gt=0.0, le=20.0)]
+JointSpeeds = tuple[JointSpeed, JointSpeed, JointSpeed, JointSpeed, JointSpeed, JointSpeed, JointSpeed]
 Rate = Annotated[float, Field(gt=0.0, le=1e5)]
 Rates = tuple[Rate, Rate, Rate, Rate, Rate, Rate, Rate]
 Friction = Annotated[float, Field(ge=0.0, le=50.0)]
@@ -122,6 +124,8 @@ class Joints(ConfigModel):
     """Lower end of the permitted positions, rad."""
     q_max: Angles
     """Upper end of the permitted positions, rad."""
+    speed: JointSpeeds
+    """Largest speed, rad/s; no posture moves faster."""
     torque: Torques
     """Largest torque, N·m."""
     torque_rate: Rates
@@ -183,6 +187,12 @@ class ArmModel(ConfigModel):
     """Period of the torque loop, s."""
     tool_speed: Annotated[float, Field(gt=0.0, le=10.0)]
     """Largest speed of the tool, m/s; no setpoint moves faster."""
+    tool_turn_speed: Annotated[float, Field(gt=0.0, le=20.0)]
+    """Largest turning rate of the tool, rad/s; no setpoint turns faster."""
+    stiffness: Annotated[float, Field(gt=0.0, le=1e5)]
+    """Largest stiffness of the tool, N/m; no setpoint is stiffer."""
+    turn_stiffness: Annotated[float, Field(gt=0.0, le=1e4)]
+    """Largest rotational stiffness of the tool, N·m/rad; no setpoint is stiffer."""
     home: Angles
     """Joint positions at which the stand-in waits, rad."""
     kinematics: Kinematics
@@ -191,6 +201,18 @@ class ArmModel(ConfigModel):
     hand: Hand
     link: tuple[Inertial, Inertial, Inertial, Inertial, Inertial, Inertial, Inertial]
     """Links 1 to 7, each in the frame of its joint."""
+
+    def shoulder(self) -> Vector:
+        """Return the origin of the first joint's frame, shape (3,), m, base frame, which no joint moves."""
+        dh = self.kinematics
+        a, d, alpha = dh.a[0], dh.d[0], dh.alpha[0]
+        return np.array([a, -math.sin(alpha) * d, math.cos(alpha) * d])
+
+    def reach(self) -> float:
+        """Return the distance from the shoulder within which the finger centre always is, m: all lengths behind it in one line."""
+        dh = self.kinematics
+        links = sum(math.hypot(a, d) for a, d in zip(dh.a[1:], dh.d[1:], strict=True))
+        return links + abs(dh.flange + self.hand.finger_centre)
 
     def posture(self, q: Vector, elbow: float) -> Vector:
         """Return joint positions with the elbow's joint at `elbow`, rad, shape (7,)."""

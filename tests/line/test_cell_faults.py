@@ -26,6 +26,7 @@ from drivers.errors import (
 )
 from drivers.frames import UP
 from drivers.quantities import Pose, SwitchState
+from drivers.skin.layout import MODULE_OF
 from plc_bridge.messages import Command, Control, PartPlace, Result
 from sim.world import World
 from skills.catalogue import CATALOGUE
@@ -259,6 +260,24 @@ def test_a_skin_that_shows_no_print_of_the_gripped_peg_is_found_before_the_peg_g
     report = rig.command(GRASP)
     assert (report.fault, rig.journal.find(report.run).stage) == (FaultCode.SKIN_UNTRUSTED, "grasp_from_rack")
     assert "no print of the peg" in rig.journal.find(report.run).message
+    assert rig.scan().part == PartPlace.RACK
+
+
+def test_a_module_that_reads_at_random_is_found_while_the_peg_stands_in_its_slot_and_the_hand_lets_go_of_it(rig):
+    read, heights = rig.skin.read, []
+
+    def spoilt():
+        frame = read()
+        heights.append(rig.arm.tcp.position[2])
+        rng = np.random.default_rng(frame.sequence)
+        return replace(frame, values=np.where(MODULE_OF == 1, rng.integers(0, 30_000, (2, 20)), frame.values))
+
+    rig.skin.read = spoilt
+    report = rig.command(GRASP)
+    assert (report.fault, rig.journal.find(report.run).stage) == (FaultCode.SKIN_UNTRUSTED, "grasp_from_rack")
+    assert "left finger, module 1 reads at random" in rig.journal.find(report.run).message
+    assert heights[-1] == pytest.approx(min(heights), abs=1e-3)
+    assert rig.gripper.force == 0.0
 
 
 def test_a_skin_that_has_told_nothing_since_the_start_is_not_trusted_for_longer_than_a_second(rig):

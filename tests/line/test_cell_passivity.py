@@ -1,15 +1,14 @@
 """Gains beyond the boundary pump energy into the arm: the guard ends that, in most runs before the force limit is reached."""
 
-import math
-
 import numpy as np
 import pytest
 
 from cell.assembly import assemble, opened
 from cell.config import load
+from cell.config_files import arm_file
 from cell.lab.trials import run_trial
 from drivers.quantities import ImpedanceSetpoint
-from skills.motion import Gains, stay
+from skills.motion import VALIDITY, Gains, stay
 from skills.passivity import SOFTENED, PassivityGuard, PassivityVerdict
 
 PUMPING = {
@@ -17,7 +16,7 @@ PUMPING = {
     "twisting_search": ("search", Gains(translation=1500.0, rotation=1000.0)),
     "twisting_insertion": ("insert", Gains(translation=1500.0, rotation=1500.0)),
 }
-"""Far beyond what a config may ask for: so they are put in behind the check.
+"""Far beyond what a config may ask for: so they are put in behind the check, on an arm that says that it may be as stiff.
 
 Twisting pumps where the hand turns at once after a peg that turns in it, as it did before decision 0070.
 
@@ -32,14 +31,26 @@ GUARDS = ("not_passive", "setpoint", "tracking")
 AT_ONCE = ["search.keeps=peg", "insert.follow_rate=100.0"]
 
 
+@pytest.fixture
+def stiff_arm(tmp_path):
+    """Return the key that names an arm which takes any of these gains."""
+    text = arm_file("panda").read_text(encoding="utf-8")
+    for figure in ("stiffness = 3000.0", "turn_stiffness = 300.0"):
+        assert f"\n{figure}\n" in text
+        text = text.replace(f"\n{figure}\n", f"\n{figure.split(' ')[0]} = {'1e5' if figure[0] == 's' else '1e4'}\n")
+    file = tmp_path / "stiff.toml"
+    file.write_text(text, encoding="utf-8")
+    return f"arm.model={file}"
+
+
 def with_gains(config, section, gains):
     skill = getattr(config, section).model_copy(update={"gains": gains})
     return config.model_copy(update={section: skill})
 
 
 @pytest.mark.parametrize("name", PUMPING)
-def test_a_gain_beyond_the_boundary_ends_the_run_mostly_by_the_guard_before_the_force_limit(name):
-    config = load(sets=["reality.scale=0.0", *AT_ONCE]).cell
+def test_a_gain_beyond_the_boundary_ends_the_run_mostly_by_the_guard_before_the_force_limit(name, stiff_arm):
+    config = load(sets=["reality.scale=0.0", stiff_arm, *AT_ONCE]).cell
     reasons = [run_trial(with_gains(config, *PUMPING[name]), seed).reason for seed in range(9001, 9005)]
     ended = [reason for reason in reasons if reason]
     assert len(ended) >= 2
@@ -59,7 +70,7 @@ def test_a_motion_that_is_softened_stays_as_soft_however_often_its_setpoint_is_h
     cell = assemble(config)
     with opened(cell):
         ctx = cell.context(1)
-        here, gains = cell.arm.read().tcp, PUMPING["twisting_search"][1]
+        here, gains = cell.arm.read().tcp, config.search.gains
         ctx.follow(
             ImpedanceSetpoint(
                 id=ctx.new_id(),
@@ -67,7 +78,7 @@ def test_a_motion_that_is_softened_stays_as_soft_however_often_its_setpoint_is_h
                 axis=-here.rotation[:, 0],
                 stiffness=gains.stiffness(),
                 damping_ratio=gains.damping_ratios(),
-                valid_until=math.inf,
+                valid_until=ctx.clock.now() + VALIDITY,
             )
         )
         for seen in ctx.scan(0.2):

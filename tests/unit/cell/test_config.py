@@ -7,6 +7,7 @@ import pytest
 from cell.assembly import make_estimator
 from cell.cell_config import CellConfig
 from cell.config import load, with_parameters
+from cell.config_checks import require_permitted
 from cell.config_errors import RENAMED
 from cell.config_files import DEFAULT, SHIPPED, arm_file
 from cell.config_layers import parse_set
@@ -198,7 +199,7 @@ def test_an_arm_of_ones_own_is_a_file_beside_the_config(tmp_path):
 
 
 def test_a_faster_skin_allows_what_a_slow_one_does_not():
-    load(sets=["insert.gains.translation=20000", "skin.rate=100"])
+    load(sets=["insert.gains.rotation=200", "skin.rate=100"])
 
 
 def test_a_preset_beyond_the_margin_is_refused_by_its_own_file(tmp_path):
@@ -436,3 +437,55 @@ def test_every_old_word_leads_to_one_that_is_known_and_no_other():
 @pytest.mark.parametrize("old", [old for old in RENAMED if "." in old])
 def test_an_old_key_is_told_with_the_new_word(old):
     assert line_about(f"{old}=0.5") == f"--set: {old}: is called {RENAMED[old]} now"
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "told"),
+    [
+        (
+            "limits.high",
+            "[1.1, 0.45, 0.8]",
+            "limits.high = 1.1 along x: Franka Emika Panda never reaches so far; -1.09 to 1.09 allowed",
+        ),
+        (
+            "limits.low",
+            "[0.2, -1.1, 0.05]",
+            "limits.low = -1.1 along y: Franka Emika Panda never reaches so far; -1.09 to 1.09 allowed",
+        ),
+        (
+            "limits.high",
+            "[0.8, 0.45, 1.43]",
+            "limits.high = 1.43 along z: Franka Emika Panda never reaches so far; -0.76 to 1.42 allowed",
+        ),
+    ],
+)
+def test_a_workspace_that_ends_beyond_the_arms_reach_is_refused(key, value, told):
+    assert told in line_about(f"{key}={value}")
+
+
+def test_a_workspace_may_end_where_the_arm_reaches():
+    load(sets=["limits.low=[0.2, -1.08, -0.75]", "limits.high=[1.08, 0.45, 1.42]"])
+
+
+@pytest.mark.parametrize(
+    ("key", "at", "beyond", "told"),
+    [
+        ("grasp.transfer.speed", 1.7, 1.71, "more than tool_speed of Franka Emika Panda; at most 1.7 allowed"),
+        ("grasp.transfer.turn_speed", 2.5, 2.6, "more than tool_turn_speed of Franka Emika Panda; at most 2.5 allowed"),
+    ],
+)
+def test_no_way_is_asked_for_that_the_arm_may_not_go(key, at, beyond, told):
+    load(sets=[f"{key}={at}"])
+    assert told in line_about(f"{key}={beyond}")
+
+
+@pytest.mark.parametrize(("name", "figure"), [("translation", "stiffness"), ("rotation", "turn_stiffness")])
+def test_no_gain_is_stiffer_than_the_arm_may_be(name, figure):
+    config = load().cell
+    gains, arm = config.followed()["search.gains"], config.arm_model()
+    most = getattr(arm, figure)
+    require_permitted({"a": gains.model_copy(update={name: most})}, {}, arm)
+    with pytest.raises(
+        ValueError, match=rf"^a\.{name} = {most + 1.0:g}: more than {figure} of .*; at most {most:g} allowed$"
+    ):
+        require_permitted({"a": gains.model_copy(update={name: most + 1.0})}, {}, arm)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from cell.config_files import ARMS, arm_file
+from drivers import impedance
 from drivers.arm.model import read_arm
 from drivers.errors import ConfigError
 
@@ -52,3 +53,12 @@ def test_figures_that_no_arm_has_are_told_in_one_line(tmp_path, line, wrong, tol
 def test_every_arm_is_a_file_of_its_own():
     names = [tomllib.loads(file.read_text(encoding="utf-8"))["name"] for file in SHIPPED]
     assert len(set(names)) == len(names) >= 2
+
+
+@pytest.mark.parametrize("file", SHIPPED, ids=lambda file: file.stem)
+def test_the_hand_is_never_further_from_the_shoulder_than_the_reach(file):
+    arm, rng = read_arm(file), np.random.default_rng(1)
+    words = impedance.figures(arm)
+    joints = rng.uniform(arm.joints.q_min, arm.joints.q_max, (500, 7))
+    distances = [np.linalg.norm(impedance.forward(words, q)[0] - arm.shoulder()) for q in joints]
+    assert 0.8 * arm.reach() < max(distances) < arm.reach()
