@@ -28,8 +28,10 @@ STEP_SLACK = 1e-3
 LEAD = 0.02
 """Largest distance from where the arm is at which a motion may begin, m; a sound skill begins to push 13 mm ahead at the most."""
 POSTURE_SLACK = 0.02
-"""Addition to the longest step of a posture, rad, and largest distance from the joints at which that of a new motion may begin; the elbow's joint,
-which has a goal of its own, may be drawn from anywhere.
+"""Addition to the longest step of a posture, rad."""
+POSTURE_LEAD = 0.2
+"""Largest distance from a joint at which the posture of a motion may begin, rad: the null space then draws with 2 N·m, a sixth of what a wrist bears;
+a halt leaves a sound one 0.1 rad behind. The elbow's joint, which has a goal of its own, may be drawn from anywhere.
 """
 OUTWARD_SLACK = 1e-3
 """A setpoint outside the workspace may be so much further out than the hand, m, on the way back in."""
@@ -159,12 +161,12 @@ def _require_beginning(
 
 
 def _require_posture(setpoint: ImpedanceSetpoint, arm: ArmState, before: Handed | None, bounds: ArmBounds) -> None:
-    """Make sure that a posture lies where the joints may be, and goes on from the one before it no faster than the joints may, or begins where they are."""
+    """Make sure that a posture lies where the joints may be, and goes on from the one before it no faster than the joints may, or begins near them."""
     posture, last = setpoint.posture, None if before is None else before.setpoint.posture
     if posture is None:
         return
     require_permitted(posture, arm.q, bounds)
-    step, allowed = np.abs(posture - arm.q), np.full(posture.shape, POSTURE_SLACK)
+    step, allowed = np.abs(posture - arm.q), np.full(posture.shape, POSTURE_LEAD)
     step[arm.elbow] = 0.0
     if before is not None and last is not None and (setpoint.id == before.setpoint.id or bool((step > allowed).any())):
         step = np.abs(posture - last)

@@ -21,6 +21,7 @@ from skills.setpoint_bounds import (
 from skills.setpoint_gate import (
     LEAD,
     MOST_ASKEW,
+    POSTURE_LEAD,
     POSTURE_SLACK,
     STEP_SLACK,
     GatedArm,
@@ -571,10 +572,10 @@ def test_a_posture_moves_no_faster_than_the_joint_may(joint, speed, sense):
 @pytest.mark.parametrize(
     "last", [None, Handed(setpoint(id=7), 0.0), Handed(setpoint(id=7, posture=posed((0, 1.0))), 0.0)]
 )
-def test_the_posture_of_a_motion_begins_where_the_joints_are_but_for_the_elbow(last):
-    judge(setpoint(posture=posed((0, POSTURE_SLACK), (2, 1.5))), arm_at(stamp=PERIOD), last)
+def test_the_posture_of_a_motion_begins_near_the_joints_but_for_the_elbow(last):
+    judge(setpoint(posture=posed((0, POSTURE_LEAD), (2, 1.5))), arm_at(stamp=PERIOD), last)
     with pytest.raises(SetpointError, match=r"posture of joint [13] moves by"):
-        judge(setpoint(posture=posed((0, POSTURE_SLACK + 0.001), (2, 1.5))), arm_at(stamp=PERIOD), last)
+        judge(setpoint(posture=posed((0, POSTURE_LEAD + 0.001), (2, 1.5))), arm_at(stamp=PERIOD), last)
 
 
 def test_the_posture_of_a_new_motion_may_go_on_from_the_one_before():
@@ -583,7 +584,7 @@ def test_the_posture_of_a_new_motion_may_go_on_from_the_one_before():
 
 
 def test_joint_targets_that_run_away_under_new_ids_are_told():
-    still, turned = (setpoint(id=scan, posture=posed((3, 10.0 * PERIOD * scan))) for scan in range(2))
+    still, turned = (setpoint(id=scan, posture=posed((3, 10.0 * PERIOD * scan))) for scan in (2, 3))
     judge(still)
     with pytest.raises(SetpointError, match=r"posture of joint 4 moves by 0\.100 rad; at most 0\.040 rad allowed"):
         judge(turned, arm_at(stamp=PERIOD), Handed(still, 0.0))
