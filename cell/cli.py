@@ -8,6 +8,7 @@ import logging
 import math
 import os
 import signal
+import socket
 import sys
 import time
 from collections.abc import Iterator, Sequence
@@ -77,7 +78,14 @@ class Stop(ThreadEvent):
         # Not here: the thread that the signal has come to may hold the event's lock at this moment, and would wait for itself.
         Thread(target=self.set, name="stop", daemon=True).start()
 
+    def hear(self) -> None:
+        """Take a signal on another thread than the main one, which interrupts nobody."""
+        if self._is_asked_for:
+            self.set()
 
+
+ENDS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""Signals that ask a command to end."""
 REPEATED = 1.0
 """Time after a signal within which another one says the same, s."""
 AGAIN = 0.02
@@ -186,6 +194,29 @@ def _logging(args: argparse.Namespace) -> Iterator[None]:
         handler.close()
 
 
+@contextmanager
+def _heard(stop: Stop) -> Iterator[None]:
+    """Note signals on a thread of its own too: a main thread that hangs outside the interpreter runs no handler."""
+    ours, its = socket.socketpair()
+    its.setblocking(False)
+
+    def listen() -> None:
+        while numbers := ours.recv(64):
+            if any(number in ENDS for number in numbers):
+                stop.hear()
+
+    thread = Thread(target=listen, name="signals", daemon=True)
+    thread.start()
+    before = signal.set_wakeup_fd(its.fileno(), warn_on_full_buffer=False)
+    try:
+        yield
+    finally:
+        signal.set_wakeup_fd(before)
+        its.close()
+        thread.join()
+        ours.close()
+
+
 def _complain(message: str, status: int) -> int:
     complain(message)
     return status
@@ -202,10 +233,11 @@ def _again() -> None:
 def _signals() -> Iterator[Stop]:
     """Yield what the signals to end, the end of a terminal included, set or interrupt."""
     stop, tell = Stop(), sys.unraisablehook
-    before = {number: signal.signal(number, stop.take) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+    before = {number: signal.signal(number, stop.take) for number in ENDS}
     sys.unraisablehook = lambda lost: _again() if isinstance(lost.exc_value, KeyboardInterrupt) else tell(lost)
     try:
-        yield stop
+        with _heard(stop):
+            yield stop
     finally:
         sys.unraisablehook = tell
         for number, old in before.items():

@@ -1,6 +1,7 @@
 """Logging that never waits: lines go through a bounded queue to a thread that writes them, and are dropped when nobody reads."""
 
 import logging
+import os
 import threading
 from collections import deque
 from typing import TextIO
@@ -63,8 +64,24 @@ class PatientHandler(logging.Handler):
                     lines.append(f"{self.dropped - told} lines of the log were dropped: nobody read them")
                     told = self.dropped
             try:
-                self._stream.write("".join(f"{line}\n" for line in lines))
-                self._stream.flush()
+                self._put("".join(f"{line}\n" for line in lines))
             except (OSError, ValueError):
                 # Whoever read has left, or the stream is closed; the cell goes on without a log.
                 continue
+
+    def _put(self, text: str) -> None:
+        """Write past the stream's buffer: a thread that waits for a reader would keep its lock, which the end of the program waits for.
+
+        Raises:
+            OSError: Nobody reads any more.
+            ValueError: The stream is closed.
+        """
+        try:
+            file = self._stream.fileno()
+        except OSError:  # a stream in memory
+            self._stream.write(text)
+            self._stream.flush()
+            return
+        data = text.encode(errors="backslashreplace")
+        while data:
+            data = data[os.write(file, data) :]

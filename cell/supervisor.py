@@ -1,11 +1,13 @@
 """The scan loop: poll the line, run what it asks for, publish the report. Owns every device, on one thread."""
 
 import logging
+import math
 import os
 import time
 from contextlib import suppress
 from dataclasses import replace
 from threading import Event as ThreadEvent
+from threading import Timer
 
 from cell.assembly import Cell
 from cell.brake import Brake, fault_of
@@ -18,7 +20,7 @@ from cell.journal_schema import RunRow
 from cell.live import Live
 from cell.part_watch import PartWatch
 from cell.states import ASKED, Event, State, is_permitted, is_reached
-from cell.watchdog import HANG, LateScans, ScanWatchdog
+from cell.watchdog import LateScans, ScanWatchdog
 from drivers.errors import CellError, ConfigError, FaultCode, PlcLostError, ScanOverrunError
 from plc_bridge.messages import Command, Control, Refusal, Report, Result
 from skills.catalogue import CATALOGUE
@@ -27,6 +29,8 @@ from skills.entry import Entry
 
 logger = logging.getLogger(__name__)
 
+ENDING = 5.0
+"""Longest time for the halt and the closing of what is open, s, where a scan never comes and the program ends."""
 EXIT_BLOCKED = 3
 """Exit status of a program whose skill never comes back: that of a fault."""
 _EVENT = {Control[event.name]: event for event in ASKED}
@@ -54,7 +58,7 @@ class Supervisor:
         self._desk = Desk(line, self._live, journal, cell.clock, self._part, self._late)
         self._quit = stop or ThreadEvent()
         self._watchdog = ScanWatchdog(
-            cell.config.scan.longest if is_timed(cell.config) else HANG,
+            cell.config.scan.longest if is_timed(cell.config) else math.inf,
             is_simulated=cell.config.is_simulated,
             halt=self._say_blocked,
             stop=self._quit,
@@ -120,8 +124,10 @@ class Supervisor:
                 self._abandon(error)
             raise
         finally:
-            self._brake.wait(self._watchdog.alive)
-            self._watchdog.stop()
+            try:
+                self._brake.wait(self._watchdog.alive)
+            finally:
+                self._watchdog.stop()
             self._part.flush()
             self._execution.learning.flush()
 
@@ -345,10 +351,14 @@ class Supervisor:
 
     def _end_blocked(self, why: str) -> None:
         """End the program, whose scan never comes again, with the arm halted and the record closed."""
+        end = Timer(ENDING, os._exit, (EXIT_BLOCKED,))  # what hangs may hold up the halt and the closing as well
+        end.daemon = True
+        end.start()
         self._abandon(self._blocked(why))
         fault_of(self._journal.close)
         fault_of(self._part.flush)
         fault_of(self._cell.arm.close)
+        end.cancel()
         os._exit(EXIT_BLOCKED)
 
     def _blocked(self, why: str) -> ScanOverrunError:

@@ -12,9 +12,9 @@ from skills.scan_guards import ScanLimits
 
 GIVEN_UP = 2.0
 """Delay of a scan beyond which a program that shall end does not wait for it, s."""
-HANG = 10.0
-"""Delay of a scan beyond which whatever it waits for never comes, s: for a cell that waits for commands, whose devices may need some
-seconds for a reset or to be found again, and for a simulation that is not timed.
+HANG = 60.0
+"""Delay of a scan of a cell that waits for commands beyond which whatever it waits for never comes, s; devices may need seconds for a reset or to be
+found again, and the templates of a new part some seconds of a busy computer.
 """
 LOOK_PERIOD = 0.02
 """Time between two looks of the watchdog, s."""
@@ -86,7 +86,8 @@ class ScanWatchdog:
         """Take what the watchdog does when a scan does not come.
 
         Args:
-            longest: Time without a scan of a program beyond which it counts as blocked, s; outside a program it is `HANG`.
+            longest: Time without a scan of a program beyond which it counts as blocked, s; outside a program it is `HANG`. It is infinite for a
+                simulation that is not timed, whose first run may compile for a minute.
             is_simulated: Whether the arm stands still while the scan waits.
             halt: Function that halts the arm, and is told why.
             stop: Event that is set when the program shall end.

@@ -98,6 +98,27 @@ def is_kept(name: str) -> bool:
     return any((folder() / f"{path.stem}-{digest(path)}").glob("*.nbi"))
 
 
+def is_noted(what: str) -> bool:
+    """Tell whether everything that `what` compiles is kept, as its caller has noted it for the sources as they stand now."""
+    return _note_of(what).is_file()
+
+
+def note(what: str) -> None:
+    """Note that everything that `what` compiles is kept."""
+    _note_of(what).touch(mode=0o600)
+
+
+def _note_of(what: str) -> Path:
+    return folder() / f"noted-{hashlib.sha256(f'{_digest_of_all()}{what}'.encode()).hexdigest()[:16]}"
+
+
+@cache
+def _digest_of_all() -> str:
+    """Return a digest of every file of this project that may hold compiled functions."""
+    files = sorted(file for package in PACKAGES for file in (PROJECT / package).rglob("*.py"))
+    return hashlib.sha256(b"\0".join([numba.__version__.encode(), *(file.read_bytes() for file in files)])).hexdigest()
+
+
 class SourceLocator:
     """Tells numba where a function of this project is kept, as `numba.core.caching` asks of a cache locator."""
 

@@ -79,6 +79,7 @@ def _run_here(args: argparse.Namespace) -> int:
     from cell.assembly import assemble, opened
     from cell.line import TOLD, TerminalLine
     from cell.supervisor import Supervisor
+    from cell.warm_up import warm_up
     from plc_bridge.messages import REMEDIES, Command, Refusal, Report, Result
     from skills.catalogue import CATALOGUE
     from skills.contract import Outcome
@@ -87,6 +88,7 @@ def _run_here(args: argparse.Namespace) -> int:
     if args.recipe not in loaded.recipes:
         raise ConfigError(f"--recipe {args.recipe}: no such recipe; {', '.join(map(str, loaded.recipes))} allowed")
     code = CATALOGUE[args.name].code if args.name in CATALOGUE else TOLD[args.name]
+    warm_up(loaded)
     command = Command(1, code, args.recipe, args.serial, source="terminal")
     with (
         open_journal(args, loaded.cell.journal) as journal,

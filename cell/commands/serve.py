@@ -63,9 +63,11 @@ def _serve(args: argparse.Namespace) -> None:
     from cell.line import PARAMETERS, PROGRAMS
     from cell.live import Live
     from cell.supervisor import Supervisor
+    from cell.warm_up import warm_up
     from plc_bridge.bridge import Bridge
 
     loaded = load_config(args)
+    warm_up(loaded)
     bridge, live = Bridge(loaded.cell.plc, PROGRAMS, PARAMETERS), Live()
     with (
         open_journal(args, loaded.cell.journal) as journal,

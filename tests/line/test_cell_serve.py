@@ -30,7 +30,7 @@ called = getattr(SimSwitch, method)
 def hang(switch):
     while mark.exists():
         mark.with_suffix(".now").touch()
-        time.sleep(0.01)
+        {wait}
     return called(switch)
 setattr(SimSwitch, method, hang)
 from cell.cli import main
@@ -85,8 +85,8 @@ def mark(tmp_path):
     return tmp_path / "hang"
 
 
-def hanging(method, mark):
-    return "-c", HANGS.format(method=method, mark=str(mark))
+def hanging(method, mark, wait="time.sleep(0.01)"):
+    return "-c", HANGS.format(method=method, mark=str(mark), wait=wait)
 
 
 def hang(mark):
@@ -96,8 +96,13 @@ def hang(mark):
         time.sleep(0.01)
 
 
-def test_a_device_that_hangs_keeps_no_idle_cell_from_ending(tmp_path, mark):
-    with served(tmp_path / "runs", hanging("read", mark)) as (process, _):
+LOCKED = "import ctypes; lock = (ctypes.CDLL(None).pthread_mutex_lock, ctypes.create_string_buffer(64)); lock[0](lock[1]); lock[0](lock[1])"
+"""What waits for ever outside the interpreter, which then runs no handler of a signal."""
+
+
+@pytest.mark.parametrize("wait", ["time.sleep(0.01)", LOCKED])
+def test_a_device_that_hangs_keeps_no_idle_cell_from_ending(tmp_path, mark, wait):
+    with served(tmp_path / "runs", hanging("read", mark, wait)) as (process, _):
         hang(mark)
         process.send_signal(signal.SIGTERM)
         assert process.wait(30) == EXIT_BLOCKED

@@ -1,6 +1,7 @@
 """What a PLC reads of a cell that it commands: states, results, refusals, and what becomes of the arm."""
 
 import json
+import threading
 from dataclasses import replace
 from datetime import UTC, datetime
 from types import SimpleNamespace
@@ -363,6 +364,23 @@ def test_a_program_whose_skill_never_comes_back_ends_with_its_record_closed(rig,
     with Journal(rig.folder, is_read_only=True) as journal:
         row = journal.find(1)
     assert (row.outcome, row.fault, row.stage) == ("fault", FaultCode.SCAN_OVERRUN, STAGE)
+
+
+def test_a_program_whose_device_holds_up_even_the_halt_ends_all_the_same(rig, monkeypatch):
+    left, goes_on = threading.Event(), threading.Event()
+
+    def leave(status):
+        assert status == supervisor.EXIT_BLOCKED
+        left.set()
+
+    monkeypatch.setattr(supervisor.os, "_exit", leave)
+    monkeypatch.setattr(supervisor, "ENDING", 0.01)
+    monkeypatch.setattr(rig.arm, "halt", goes_on.wait)
+    ending = threading.Thread(target=rig.supervisor._end_blocked, args=("no scan for 2.1 s",))
+    ending.start()
+    assert left.wait(10.0)
+    goes_on.set()
+    ending.join()
 
 
 @pytest.mark.parametrize(("sets", "is_kept"), [(["sim.pace=1.0"], True), (["sim.pace=max"], False)])

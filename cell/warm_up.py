@@ -1,0 +1,81 @@
+"""An insertion in simulation before a cell first serves its parts, recorded nowhere: nothing is compiled while an arm moves."""
+
+import json
+import logging
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from threading import Event
+
+from cell.assembly import assemble, opened
+from cell.cell_config import CellConfig
+from cell.config import LoadedConfig, load
+from cell.journal import Journal
+from cell.line import TerminalLine
+from cell.supervisor import Supervisor, is_timed
+from drivers.compiled import is_noted, note
+from drivers.errors import CellError
+from plc_bridge.messages import Command, Report, Result
+from skills.catalogue import CATALOGUE, INSERT
+
+logger = logging.getLogger(__name__)
+_INSERT = CATALOGUE["insert_peg"].code
+
+
+def warm_up(loaded: LoadedConfig) -> None:
+    """Insert one peg of every recipe whose like this computer has not inserted before, if the scan has to keep time.
+
+    A function that is compiled in the middle of a program holds up its scan by seconds, which the watchdog takes for a device that hangs.
+    """
+    if not is_timed(loaded.cell):
+        return
+    for number, config in loaded.recipes.items():
+        if is_noted(kind := _kind(config)):
+            continue
+        logger.info("compiling for recipe %d", number)
+        before = logging.root.manager.disable
+        logging.disable(logging.CRITICAL)  # how the insertion ends is nobody's concern
+        try:
+            with suppress(CellError):
+                _insert(_simulated(loaded, config), number)
+        finally:
+            logging.disable(before)
+        note(kind)
+
+
+def _kind(config: CellConfig) -> str:
+    """Return what decides which functions an insertion calls, and with what."""
+    sections = {name: getattr(config, name).model_dump(mode="json") for name in ("peg", "hole", "smoothing")}
+    return json.dumps([sections, config.params(INSERT).estimator, config.skin.layout], sort_keys=True, default=str)
+
+
+def _simulated(loaded: LoadedConfig, config: CellConfig) -> LoadedConfig:
+    """Return the same parts and methods in the shipped simulated cell, as fast as it goes."""
+    shipped = load(sets=["sim.pace=max"]).cell
+    world = {name: getattr(shipped, name) for name in ("arm", "gripper", "switch", "boards", "calibration", "sim")}
+    world |= {name: getattr(config, name) or getattr(shipped, name) for name in ("contact", "grip")}
+    world["skin"] = shipped.skin.model_copy(update={"layout": config.skin.layout})
+    recipes = {number: recipe.model_copy(update=world) for number, recipe in loaded.recipes.items()}
+    return replace(loaded, cell=config.model_copy(update=world), recipes=recipes)
+
+
+def _insert(loaded: LoadedConfig, recipe: int) -> None:
+    """Run one insertion.
+
+    Raises:
+        CellError: The cell cannot be assembled, or its physics diverge.
+    """
+    ended = Event()
+
+    def watch(report: Report) -> None:
+        if report.result is not Result.NONE:
+            ended.set()
+
+    with (
+        TemporaryDirectory() as folder,
+        Journal(Path(folder)) as journal,
+        opened(assemble(loaded.cell)) as cell,
+    ):
+        line = TerminalLine(Command(1, _INSERT, recipe, source="warm-up"), watch)
+        Supervisor(cell, loaded, line, journal, ended).serve()
