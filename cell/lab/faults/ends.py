@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from cell.journal import Journal
-from cell.journal_schema import RUNNING, RunRow
+from cell.journal_schema import LOST, RUNNING, RunRow
 from cell.lab.faults.bench import PATIENCE
 from cell.lab.faults.cases import SILENT, FaultCase, word
 from cell.lab.faults.contract import FaultKind
@@ -178,7 +178,8 @@ def _on_record(row: RunRow, folder: Path, told: int, kept: int) -> FaultCase:
         fault=row.fault,
         rest_after=max(float(moving[-1] - since), 0.0) if is_ended and moving.size else math.nan,
         peak_force=float(np.max(forces[told:], initial=0.0)),
-        record=bool(row.ended) and row.outcome != RUNNING and stamps.size >= max(kept, 1),
+        # Of a run that is killed in its first second nothing may be on record but its row.
+        record=bool(row.ended) and row.outcome != RUNNING and stamps.size >= max(kept, row.outcome != LOST),
     )
 
 
