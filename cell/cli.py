@@ -176,11 +176,12 @@ class _Version(argparse.Action):
 
 @contextmanager
 def _logging(args: argparse.Namespace) -> Iterator[None]:
-    """Log meanwhile to standard error, in a way that never waits for whoever reads it."""
+    """Log meanwhile to standard error, warnings of the interpreter too, in a way that never waits for whoever reads it."""
     level = logging.DEBUG if args.verbose else logging.INFO if args.command == "serve" else logging.ERROR
     handler = PatientHandler(sys.stderr)
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
     logging.basicConfig(level=level, handlers=[handler], force=True)
+    logging.captureWarnings(True)  # the interpreter would write them by itself, and wait for a reader
     try:
         yield
     except CellError:
@@ -189,6 +190,7 @@ def _logging(args: argparse.Namespace) -> Iterator[None]:
         logger.debug("error inside this program", exc_info=True)
         raise
     finally:
+        logging.captureWarnings(False)
         handler.flush()
         logging.getLogger().removeHandler(handler)
         handler.close()

@@ -72,8 +72,10 @@ def _commission(args: argparse.Namespace, loaded: "LoadedConfig") -> int:
     from cell.line import PARAMETERS, PROGRAMS
     from cell.supervisor import Supervisor
     from cell.versions import PROGRAM, installed
+    from cell.warm_up import warm_up
     from plc_bridge.bridge import Bridge
 
+    warm_up(loaded)
     bridge = Bridge(loaded.cell.plc, PROGRAMS, PARAMETERS)
     walk = Walk(args.plc, loaded.cell.plc.life_timeout, PATIENCE, complain if args.json else say)
     line = WatchedLine(bridge, walk, args.stop)
