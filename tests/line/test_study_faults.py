@@ -11,6 +11,7 @@ from cell.config import load
 from cell.lab.faults import charts, ends, kills, tables
 from cell.lab.faults.bench import KEYS, REST_LIMIT, bench
 from cell.lab.faults.cases import FaultCase, begun, write
+from cell.lab.faults.contract import FaultKind
 from cell.lab.faults.kinds import KINDS
 from cell.lab.faults.measure import MOMENTS, cases, drawn, measure
 from cell.lab.faults.soak import SoakSample, growth
@@ -74,6 +75,13 @@ def test_a_program_that_a_signal_ends_has_its_arm_at_rest_and_its_run_on_record(
     assert (case.outcome, case.reason, case.part) == ("aborted", "stopped", "rack")
     assert case.rest_after < 1.0
     assert (case.record, case.part_untrue, case.is_back) == (True, False, True)
+
+
+def test_a_program_that_does_not_end_when_it_is_asked_to_is_no_sound_case(monkeypatch):
+    monkeypatch.setattr(ends, "ENDING", 0.1)
+    deaf = FaultKind("process: deaf", to_program=lambda program: None, ends_program=True, status=0)
+    words = [word for key in (*KEYS, "sim.seed=97950") for word in ("--set", key)]
+    assert not ends.tried(deaf, "grasp_from_rack", 1.5, words).record
 
 
 def test_an_arm_that_takes_no_setpoint_when_the_peg_is_nearly_in_is_told_within_half_a_second():

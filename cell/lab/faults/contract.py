@@ -28,6 +28,8 @@ class FaultKind:
     """Whether the cell has to go on as if nothing had happened."""
     ends_program: bool = False
     """Whether the program ends and is started again."""
+    status: int | None = None
+    """Exit status with which a program that `to_program` ends has to end; negative is the signal that killed it. None where it goes on."""
     silences_plc: bool = False
     """Whether the PLC falls silent, which the cell of this kind then notices within seconds."""
     is_record_apart: bool = False

@@ -29,8 +29,8 @@ from plc_bridge.peer import Peer
 from skills.catalogue import CATALOGUE
 from skills.rest import REST_SPEED
 
-ENDS = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGKILL)
-"""Signals that end the program."""
+ENDS = {signal.SIGTERM: 0, signal.SIGINT: 0, signal.SIGHUP: 0, signal.SIGKILL: -signal.SIGKILL}
+"""Signals that end the program, each with the exit status that it has to have then."""
 HELD_UP = 0.5
 """Time for which the program stands still or is starved, s of wall time."""
 BUSY = "import time; end = time.monotonic() + {:g}\nwhile time.monotonic() < end: pass"
@@ -59,7 +59,10 @@ def _starved(program: Program) -> None:
 
 
 PROCESS_KINDS: tuple[FaultKind, ...] = (
-    *(FaultKind(f"process: {number.name}", to_program=_sent(number), ends_program=True) for number in ENDS),
+    *(
+        FaultKind(f"process: {number.name}", to_program=_sent(number), ends_program=True, status=status)
+        for number, status in ENDS.items()
+    ),
     FaultKind("process: stopped and continued", to_program=_paused),
     FaultKind("process: starved", to_program=_starved),
 )
@@ -81,7 +84,8 @@ def tried(kind: FaultKind, stage: str, moment: float, arguments: Sequence[str]) 
     assert kind.to_program is not None
     arguments = [*arguments, "--set", f"plc.life_timeout={PATIENCE:g}"]
     with TemporaryDirectory() as name:
-        folder, seen, status = Path(name), Seen(), 0
+        folder, seen = Path(name), Seen()
+        status: int | None = None  # of a program that goes on, or does not end
         with served(folder, arguments) as program, closing(Peer(*program.address)) as peer:
             is_due = _lead_to(peer, stage, moment, seen)
             told, kept = seen.lives[-1][1] if seen.lives else 0, seen.scans_before(LAST)
@@ -104,7 +108,6 @@ def tried(kind: FaultKind, stage: str, moment: float, arguments: Sequence[str]) 
                 peer.connect()
                 back = _brought_back(peer)
         case = _on_record(row, folder, told, kept)
-        is_ended_well = status in (0, -signal.SIGKILL) and (status == 0) == (kind.name != "process: SIGKILL")
         assert seen.report is not None
         return replace(
             case,
@@ -115,7 +118,7 @@ def tried(kind: FaultKind, stage: str, moment: float, arguments: Sequence[str]) 
             state=State(seen.report.state).name,
             part=seen.part.name.lower(),
             part_untrue=kind.ends_program and now not in LEFT[seen.part.name.lower()],
-            record=case.record and (is_ended_well or not kind.ends_program),
+            record=case.record and status == kind.status,
             reset=back[0],
             actions=back[1],
             following=back[2],
