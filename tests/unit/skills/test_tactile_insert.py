@@ -11,7 +11,7 @@ from drivers.errors import SwitchUnknownError
 from drivers.frames import UP, angle_between, rotation_about
 from drivers.quantities import ImpedanceSetpoint, Pose, SwitchState, Vector
 from skills.catalogue import INSERT
-from skills.contract import Observation, Outcome, Reason
+from skills.contract import Interrupted, Observation, Outcome, Reason
 from skills.motion import STRAY, VALIDITY
 from skills.play import allowed_depth
 from skills.surface import Plane
@@ -160,10 +160,15 @@ def test_the_setpoint_gives_way_to_where_the_hole_keeps_the_tip_at_the_complianc
         np.testing.assert_allclose(setpoint.tip[:2], (HOLE + (1.0 - left) * step)[:2], atol=1e-9)
 
 
-def test_a_tip_that_strays_is_followed_no_further_than_a_hole_can_be(bench):
+@pytest.mark.parametrize(("diameter", "furthest"), [(0.004, STRAY), (0.012, 0.006)])
+def test_a_tip_that_strays_is_followed_no_further_than_a_hole_can_be_or_half_the_pegs_breadth(
+    tmp_path, diameter, furthest
+):
+    sizes = [f"peg.diameter={diameter}", f"hole.diameter={diameter + 1e-4}"]
+    bench = Bench(Rig(load(sets=sizes), tmp_path))
     bench.way = lambda time: hand(tip=HOLE - DIP * UP + (0.01 * SIDE if time > 1e-9 else 0.0))
     bench.insert(compliance_rate=1e3, forward=0.0)
-    assert bench.commanded[-1].tip[0] - HOLE[0] == pytest.approx(max(STRAY, PEG.part.thickness / 2))
+    assert bench.commanded[-1].tip[0] - HOLE[0] == pytest.approx(furthest)
 
 
 def test_the_hand_turns_after_a_peg_that_has_turned_in_it_at_the_follow_rate(bench):
@@ -197,6 +202,15 @@ def test_a_switch_that_closes_at_the_holes_depth_ends_an_insertion_well(bench):
     assert not bench.commanded
 
 
+def test_a_peg_that_the_hand_loses_ends_it_at_once_with_the_arm_halted(bench):
+    bench.rig.at(0.1, lambda: bench.rig.gripper.release(0.04))
+    with pytest.raises(Interrupted) as ended:
+        bench.insert()
+    assert ended.value.reason is Reason.LOST_GRASP
+    assert bench.rig.arm.is_halted
+    assert len(bench.commanded) == pytest.approx(0.1 / PERIOD, abs=1)
+
+
 def test_a_switch_that_does_not_answer_ends_it_with_its_name(bench):
     bench.rig.switch.state = SwitchState.UNKNOWN
     with pytest.raises(SwitchUnknownError, match="switch"):
@@ -223,7 +237,7 @@ def test_an_aligned_peg_is_handed_on_where_it_is_as_deep_as_its_lean_allows(benc
     bench.way = lambda time: hand(TILT if time < 0.1 else NEARLY, HOLE - depth * UP)
     ended = bench.insert(least_share=share)
     assert ended.reason is reason
-    assert (ended.outcome is Outcome.SUCCESS) == (reason is Reason.NONE)
+    assert ended.outcome is (Outcome.SUCCESS if reason is Reason.NONE else Outcome.FAILURE)
     assert (ended.elapsed, ended.first_phi, ended.phi) == pytest.approx((0.1, TILT, NEARLY), abs=PERIOD + 1e-9)
 
 
