@@ -9,19 +9,25 @@ import pytest
 from cell.config import load
 from cell.margins import inertias
 from drivers.arm.dynamics import critical_damping
-from drivers.frames import end_point, rotation_about
-from drivers.quantities import ArmState, InHandTip, Pose, Wrench
+from drivers.errors import SwitchDisagreesError
+from drivers.frames import UP, angle_between, end_point, rotation_about
+from drivers.quantities import ArmState, InHandTip, Pose, SwitchState, Wrench
 from skills.catalogue import ADJUST
-from skills.contract import Outcome, Reason
+from skills.contract import Interrupted, Outcome, Reason
 from skills.guided_peg import CREEP, MOST_SWEPT, SLIDING, SWEPT_BEYOND, Aim, Descent, Guide, Stall, TiltSweep
-from skills.seating import CLOSED_TOLERANCE, OPEN_TOLERANCE
-from skills.spiral_adjust import MOST_SWING_DAMPING, RAISED, Swing, given_up_after, run
+from skills.motion import VALIDITY, anchored, tilted_by
+from skills.paths import dither, spiral
+from skills.play import allowed_tilt
+from skills.seating import BORNE_FOR, CLOSED_TOLERANCE, OPEN_TOLERANCE
+from skills.spiral_adjust import ARRIVING, AT_BOTTOM, MOST_SWING_DAMPING, RAISED, Swing, given_up_after, run
+from skills.surface import Plane
 from tests.fakes import HAND_DOWN, Rig
+from tests.scripted import CELL, HOLE, SIDE, ScriptedHand, hand
 
 PARAMS = load().cell.params(ADJUST)
 PERIOD, LEAST = PARAMS.dither_period, PARAMS.jammed
 DEEP = PARAMS.guided_depth + 1e-6
-SIDE = np.array([0.0, 1.0, 0.0])
+ABOUT = np.array([0.0, 1.0, 0.0])
 
 
 def test_less_than_the_least_gain_is_no_gain():
@@ -71,7 +77,7 @@ def turning(rate, stamps):
     """Return the swing of a hand that turns at `rate`, rad/s, in states of the arm at these times, s."""
     swing = Swing(HAND_DOWN[:, 0], float(stamps[0]))
     for stamp in stamps:
-        tcp = Pose(np.zeros(3), rotation_about(SIDE, rate * stamp) @ HAND_DOWN)
+        tcp = Pose(np.zeros(3), rotation_about(ABOUT, rate * stamp) @ HAND_DOWN)
         swing = swing.after(ArmState(stamp, np.zeros(7), np.zeros(7), tcp, Wrench(np.zeros(3), np.zeros(3)), 2, 0.0))
     return swing
 
@@ -87,8 +93,8 @@ def test_a_state_of_the_arm_that_is_read_twice_tells_no_other_swing():
 
 
 def test_a_peg_is_let_down_the_more_gently_the_faster_the_hand_turns_and_as_ever_while_it_is_dithered():
-    dithered = Swing(SIDE, 0.0, PARAMS.dither_rate * PARAMS.dither_radius / load().cell.peg.length)
-    slow, fast = (Swing(SIDE, 0.0, rate) for rate in (0.5, 1.0))
+    dithered = Swing(ABOUT, 0.0, PARAMS.dither_rate * PARAMS.dither_radius / load().cell.peg.length)
+    slow, fast = (Swing(ABOUT, 0.0, rate) for rate in (0.5, 1.0))
     assert (dithered.damping, dithered.push) == (1.0, 1.0)
     assert 1.0 < slow.damping < fast.damping == MOST_SWING_DAMPING
     assert 1.0 > slow.push > fast.push > 0.3
@@ -211,3 +217,173 @@ def test_an_aim_that_is_kept_leaves_the_hand_as_it_is_turned():
     aim, tcp = Aim(InHandTip(0.1, 0.05, 0.0), np.array([0.0, 0.0, 1.0])), Pose(np.zeros(3), HAND_DOWN)
     _, axis = end_point(tcp, 0.1, 0.05)
     np.testing.assert_allclose(aim.kept(tcp).axis(np.zeros(2)), axis, atol=1e-12)
+
+
+class Bench(ScriptedHand):
+    """The adjustment over a hand whose peg stands upright at the hole's mouth unless the test says otherwise."""
+
+    def __init__(self, rig):
+        super().__init__(rig, lambda time: hand())
+
+    def adjust(self, plane=None, turns_freely=False, **changes):
+        """Run the adjustment with these parameters beside the shipped ones."""
+        self.move()
+        return run(PARAMS.model_copy(update={"timeout": 0.5, **changes}), self.ctx, plane, turns_freely)
+
+
+@pytest.fixture
+def bench(tmp_path):
+    return Bench(Rig(load(), tmp_path))
+
+
+def at_depth(depth):
+    """Return a way that stays at this depth, m."""
+    return lambda time: hand(HOLE - depth * UP)
+
+
+def test_before_the_hole_guides_the_finger_centre_follows_the_spiral_about_where_the_hole_was_found(bench):
+    beside = np.array([3e-3, 0.0, 0.0])
+    bench.way = lambda time: hand(HOLE + (beside if time > 1e-9 else 0.0))
+    ended = bench.adjust()
+    for scan, (seen, setpoint) in enumerate(zip(bench.seen, bench.commanded, strict=True)):
+        np.testing.assert_allclose(setpoint.tip, [*HOLE[:2], seen.tip[2] - PARAMS.push_offset], atol=1e-12)
+        offset = spiral(scan * 0.01, PARAMS.growth, PARAMS.turn_rate)
+        np.testing.assert_allclose(setpoint.axis, tilted_by(offset, CELL.peg.length), atol=1e-12)
+        after = tilted_by(spiral((scan + 1) * 0.01, PARAMS.growth, PARAMS.turn_rate), CELL.peg.length)
+        np.testing.assert_allclose(setpoint.twist.angular, np.cross(setpoint.axis, after) / 0.01, atol=1e-9)
+        np.testing.assert_array_equal(setpoint.twist.linear, np.zeros(3))
+    assert (ended.radius, ended.depth) == pytest.approx((0.49 * PARAMS.growth, 0.0), abs=1e-9)
+
+
+def test_the_spiral_leans_with_a_plate_that_is_felt_not_to_be_level(bench):
+    normal = rotation_about(SIDE, 0.04) @ UP
+    bench.adjust(Plane(HOLE, normal), timeout=0.015)
+    np.testing.assert_allclose(bench.commanded[0].axis, normal, atol=1e-9)
+
+
+def test_the_hole_guides_a_peg_whose_setpoint_then_follows_its_tip_as_far_as_a_hole_can_be(bench):
+    bench.way = lambda time: hand(HOLE - 2e-3 * UP + min(0.02 * time, 0.01) * SIDE)
+    bench.adjust(jammed=1e-12, dither_period=10.0)
+    for seen, setpoint in zip(bench.seen, bench.commanded, strict=True):
+        np.testing.assert_allclose(setpoint.tip[:2], anchored(seen.tip, bench.seen[0].tip)[:2], atol=1e-12)
+        offset = dither(seen.running, PARAMS.dither_radius, PARAMS.dither_rate, 10.0)
+        np.testing.assert_allclose(setpoint.axis, tilted_by(offset, CELL.peg.length), atol=1e-12)
+    assert bench.commanded[-1].tip[0] - HOLE[0] == pytest.approx(4e-3)
+
+
+def test_one_adjustment_is_one_motion_with_the_gains_of_its_recipe_and_theta_as_it_was(bench):
+    bench.skin.theta = 0.02
+    bench.rig.clock.at.append((0.1, lambda: setattr(bench.skin, "theta", 0.05)))
+    bench.adjust()
+    first = bench.seen[0]
+    assert len({setpoint.id for setpoint in bench.commanded}) == 1
+    for seen, setpoint in zip(bench.seen, bench.commanded, strict=True):
+        assert (setpoint.in_hand.theta, setpoint.in_hand.length) == (0.02, CELL.peg.length)
+        assert setpoint.valid_until == seen.stamp + VALIDITY
+        np.testing.assert_array_equal(setpoint.roll, first.arm.tcp.rotation[:, 2])
+        gains, push = PARAMS.gains, (PARAMS.push_stiffness, PARAMS.push_damping_ratio)
+        np.testing.assert_array_equal(
+            setpoint.stiffness, [gains.translation, gains.translation, push[0], *[gains.rotation] * 3]
+        )
+        np.testing.assert_array_equal(
+            setpoint.damping_ratio, [gains.damping_ratio] * 2 + [push[1]] + [gains.damping_ratio] * 3
+        )
+    assert bench.progress == pytest.approx([seen.running / 0.5 for seen in bench.seen])
+
+
+@pytest.mark.parametrize("turns_freely", [False, True])
+def test_the_yaw_of_the_hand_gives_way_only_where_walls_keep_the_pegs(bench, turns_freely):
+    bench.way = lambda time: Pose(hand().position, rotation_about(UP, 0.2 * time) @ hand().rotation)
+    bench.adjust(turns_freely=turns_freely)
+    for seen, setpoint in zip(bench.seen, bench.commanded, strict=True):
+        np.testing.assert_array_equal(setpoint.roll, (seen if turns_freely else bench.seen[0]).arm.tcp.rotation[:, 2])
+
+
+@pytest.mark.parametrize(("short", "factor"), [(1e-5, 1.0), (-1e-5, ARRIVING)])
+def test_a_peg_is_let_down_to_the_bottom_more_gently(bench, short, factor):
+    bench.way = at_depth(CELL.hole.depth - PARAMS.arrival - short)
+    bench.adjust(timeout=0.05)
+    assert bench.commanded[-1].damping_ratio[2] == pytest.approx(factor * PARAMS.push_damping_ratio)
+
+
+def test_a_hand_that_swings_pushes_less_and_damps_more_until_the_swing_is_over(bench):
+    rate = 0.5
+    bench.way = lambda time: hand(tilt=rate * time)
+    bench.adjust(swing_time=0.3)
+    swing = Swing(SIDE, 0.0, rate)
+    scans = list(zip(bench.seen, bench.commanded, strict=True))
+    for (seen, setpoint), expected in ((scans[25], swing), (scans[40], Swing(SIDE, 0.0, 0.0))):
+        tip = end_point(seen.arm.tcp, 0.0, CELL.peg.length)[0]
+        assert tip[2] - setpoint.tip[2] == pytest.approx(PARAMS.push_offset * expected.push, rel=1e-3)
+        assert setpoint.damping_ratio[2] == pytest.approx(PARAMS.push_damping_ratio * expected.damping, rel=1e-3)
+
+
+def test_an_adjustment_ends_well_where_the_switch_closes_at_the_holes_depth(bench):
+    bench.way = at_depth(CELL.hole.depth)
+    bench.rig.at(0.1, lambda: setattr(bench.rig.switch, "state", SwitchState.CLOSED))
+    ended = bench.adjust()
+    assert (ended.outcome, ended.reason) == (Outcome.SUCCESS, Reason.NONE)
+    assert (ended.elapsed, ended.depth) == pytest.approx((0.1, CELL.hole.depth), abs=1.1e-2)
+
+
+@pytest.mark.parametrize(("felt_short", "waits"), [(0.5e-3, False), (1.5e-3, True), (-3e-3, True)])
+def test_a_depth_that_leaves_it_open_whether_the_peg_is_seated_is_asked_of_the_bottom(bench, felt_short, waits):
+    bench.way = at_depth(CELL.hole.depth)
+    bench.rig.at(0.05, lambda: setattr(bench.rig.switch, "state", SwitchState.CLOSED))
+    ended = bench.adjust(Plane(HOLE - felt_short * UP, UP))
+    assert ended.outcome is Outcome.SUCCESS
+    assert ended.elapsed == pytest.approx(0.05 + (BORNE_FOR if waits else 0.0), abs=1.1e-2)
+
+
+def test_a_peg_that_goes_no_deeper_is_given_up_after_the_stall_timeout(bench):
+    bench.way = lambda time: hand(HOLE - min(0.01 * time, 1e-3) * UP)
+    ended = bench.adjust(stall_timeout=0.2, timeout=2.0)
+    assert (ended.outcome, ended.reason) == (Outcome.FAILURE, Reason.NOT_SEATED)
+    assert (ended.elapsed, ended.depth) == pytest.approx((0.3, 1e-3), abs=2.5e-2)
+
+
+def test_an_open_switch_at_the_bottom_disagrees_with_the_depth(bench):
+    bench.way = at_depth(CELL.hole.depth)
+    with pytest.raises(SwitchDisagreesError):
+        bench.adjust(stall_timeout=0.1, timeout=2.0)
+    assert bench.rig.clock.now() == pytest.approx(0.1 * AT_BOTTOM, abs=3e-2)
+
+
+def test_fingers_that_slide_down_the_peg_are_counted_on_for_less(bench):
+    bench.way = at_depth(CELL.hole.depth + PARAMS.most_deep + 1e-5)
+    assert bench.adjust().elapsed == 0.0
+    assert bench.ctx.grip_share == 0.5
+
+
+def test_a_jammed_peg_is_aimed_anew_by_what_the_skin_says_now_and_swept(bench):
+    """The first period of the dither ends in the 41st scan, without a gain."""
+    bench.way = at_depth(1.5e-3)
+    bench.rig.clock.at.append((0.1, lambda: setattr(bench.skin, "theta", 0.03)))
+    bench.adjust(dither_period=0.4, sweep_time=0.5, timeout=0.8)
+    before, after = bench.commanded[39], bench.commanded[42]
+    assert (before.in_hand.theta, after.in_hand.theta) == (0.0, 0.03)
+    resting = end_point(hand(), 0.03, CELL.peg.length)[1]
+    # From now on the finger centre swings about the axis along which the peg rests, across the closing axis.
+    widest = max(angle_between(each.axis, resting) for each in bench.commanded[41:])
+    allowed = allowed_tilt(1.5e-3, CELL.peg.part.thickness, CELL.hole.part.thickness) + SWEPT_BEYOND
+    assert widest == pytest.approx(min(allowed, MOST_SWEPT), rel=0.02)
+    # The depth is that of the tip by the theta that was read, and is no gain.
+    assert after.tip[2] == pytest.approx(
+        end_point(hand(HOLE - 1.5e-3 * UP), 0.03, CELL.peg.length)[0][2] - PARAMS.push_offset
+    )
+
+
+def test_a_swept_peg_that_slides_is_left_as_it_is_turned(bench):
+    """The peg goes down at 0.1 m/s once the sweep has turned the hand."""
+    bench.way = lambda time: hand(HOLE - (1.5e-3 + max(0.1 * (time - 0.55), 0.0)) * UP, tilt=0.02)
+    bench.adjust(dither_period=0.4, sweep_time=0.5, timeout=0.7)
+    last, resting = bench.commanded[-1], end_point(hand(tilt=0.02), 0.0, CELL.peg.length)[1]
+    np.testing.assert_allclose(last.axis, resting, atol=1e-3)
+
+
+def test_a_peg_that_the_hand_loses_ends_it_at_once_with_the_arm_halted(bench):
+    bench.rig.at(0.1, lambda: bench.rig.gripper.release(0.04))
+    with pytest.raises(Interrupted) as ended:
+        bench.adjust()
+    assert ended.value.reason is Reason.LOST_GRASP
+    assert bench.rig.arm.is_halted

@@ -1,7 +1,6 @@
 """What the insertion commands, scan by scan, and how it ends; the hand is where the test puts it, and the skin says what it is told."""
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -9,20 +8,18 @@ import pytest
 from cell.config import load
 from drivers.errors import SwitchUnknownError
 from drivers.frames import UP, angle_between, rotation_about
-from drivers.quantities import ImpedanceSetpoint, Pose, SwitchState, Vector
+from drivers.quantities import Pose, SwitchState, Vector
 from skills.catalogue import INSERT
-from skills.contract import Interrupted, Observation, Outcome, Reason
+from skills.contract import Interrupted, Outcome, Reason
 from skills.motion import STRAY, VALIDITY
 from skills.play import allowed_depth
 from skills.surface import Plane
-from skills.tactile.blend import Blend, Smoothing
 from skills.tactile_insert import MOST_LEAD, TactileInsertResult, run
-from tests.fakes import HAND_DOWN, PERIOD, Rig, ToldEstimator
+from tests import scripted
+from tests.fakes import PERIOD, Rig
+from tests.scripted import CELL, HOLE, SIDE, ScriptedHand
 
-CELL = load().cell
 PARAMS, PEG = CELL.params(INSERT), CELL.peg
-HOLE = np.array(CELL.hole.centre)
-SIDE = np.array([1.0, 0.0, 0.0])
 TILT = 0.5
 """Lean of a peg that the search has left in the hole's mouth, rad."""
 DIP = 1e-3
@@ -32,35 +29,20 @@ FELT = rotation_about(np.array([0.0, 1.0, 0.0]), 0.04) @ UP
 
 
 def hand(tilt: float = TILT, tip: Vector = HOLE - DIP * UP, about: Vector = SIDE) -> Pose:
-    """Return the hand whose straight peg leans by `tilt`, rad, about an axis, with its tip at `tip`, m."""
-    rotation = rotation_about(about, tilt) @ HAND_DOWN
-    return Pose(tip - PEG.length * rotation[:, 0], rotation)
+    """Return the hand whose peg leans by `tilt`, rad, about an axis, with its tip at `tip`, m."""
+    return scripted.hand(tip, tilt, about)
 
 
-class Bench:
-    """The insertion over a hand that is where `way` says at each time, s, and what it saw and commanded."""
+class Bench(ScriptedHand):
+    """The insertion over a hand whose peg stands in the hole's mouth unless the test says otherwise."""
 
     def __init__(self, rig: Rig) -> None:
-        self.rig, self.skin, self.ctx = rig, ToldEstimator(), rig.cell.context(1)
-        self.seen: list[Observation] = []
-        self.commanded: list[ImpedanceSetpoint] = []
-        self.progress: list[float] = []
-        self.way: Callable[[float], Pose] = lambda time: hand()
-        rig.gripper.grip(30.0)
-        rig.arm.is_blocked = True
-        rig.clock.every.append(self._move)
-        self.ctx.estimator, self.ctx.tracker = self.skin, Blend(Smoothing(jump=3.0))
-        self.ctx.progress, self.ctx.record = self.progress.append, lambda seen, held: self.seen.append(seen)
-        follow = rig.arm.follow
-        rig.arm.follow = lambda setpoint: (self.commanded.append(setpoint), follow(setpoint))
+        super().__init__(rig, lambda time: hand())
 
     def insert(self, plane: Plane | None = None, **changes: object) -> TactileInsertResult:
         """Run the insertion with these parameters beside the shipped ones."""
-        self._move()
+        self.move()
         return run(PARAMS.model_copy(update={"timeout": 0.5, **changes}), self.ctx, plane)
-
-    def _move(self) -> None:
-        self.rig.arm.tcp = self.way(self.rig.clock.now())
 
 
 @pytest.fixture

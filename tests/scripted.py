@@ -1,0 +1,47 @@
+"""A skill over a hand that is where the test puts it at each time, with a skin that says what it is told: for what a skill commands at each scan."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from cell.config import load
+from drivers.frames import rotation_about
+from drivers.quantities import ImpedanceSetpoint, Pose, Vector
+from skills.contract import Observation
+from skills.tactile.blend import Blend, Smoothing
+from tests.fakes import HAND_DOWN, Rig, ToldEstimator
+
+CELL = load().cell
+HOLE = np.array(CELL.hole.centre)
+SIDE = np.array([1.0, 0.0, 0.0])
+
+
+def hand(tip: Vector = HOLE, tilt: float = 0.0, about: Vector = SIDE) -> Pose:
+    """Return the hand whose straight peg has its tip there, m, and leans by `tilt`, rad, about an axis."""
+    rotation = rotation_about(about, tilt) @ HAND_DOWN
+    return Pose(tip - CELL.peg.length * rotation[:, 0], rotation)
+
+
+class ScriptedHand:
+    """A hand that grips a peg and is where `way` says at each time, s, and what a skill saw and commanded."""
+
+    def __init__(self, rig: Rig, way: Callable[[float], Pose]) -> None:
+        self.rig, self.way = rig, way
+        self.skin, self.ctx = ToldEstimator(), rig.cell.context(1)
+        self.seen: list[Observation] = []
+        self.commanded: list[ImpedanceSetpoint] = []
+        self.progress: list[float] = []
+        rig.gripper.grip(30.0)
+        rig.arm.is_blocked = True
+        rig.clock.every.append(self.move)
+        self.ctx.estimator, self.ctx.tracker = self.skin, Blend(Smoothing(jump=3.0))
+        self.ctx.progress, self.ctx.record = self.progress.append, lambda seen, held: self.seen.append(seen)
+        self._follow, rig.arm.follow = rig.arm.follow, self._followed
+
+    def move(self) -> None:
+        """Put the hand where it is now."""
+        self.rig.arm.tcp = self.way(self.rig.clock.now())
+
+    def _followed(self, setpoint: ImpedanceSetpoint) -> None:
+        self.commanded.append(setpoint)
+        self._follow(setpoint)
