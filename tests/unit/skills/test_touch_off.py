@@ -1,0 +1,121 @@
+"""How a peg is brought down on a surface to tell its height, and what it presses with."""
+
+import numpy as np
+import pytest
+
+from cell.config import load
+from drivers.frames import UP
+from drivers.quantities import Pose
+from skills.catalogue import GRASP
+from skills.contract import Interrupted, Reason
+from skills.grasp_from_rack import ACROSS_RACK
+from skills.motion import VALIDITY
+from skills.touch_off import CLEAR, DEEPEST, MOST, REST, SCANS, SPEED, TOUCH, touch_off
+from tests.fakes import HAND_DOWN, PERIOD, FakeArm, FakeClock, FakeGripper, context_of
+
+CELL = load().cell
+TRANSFER = CELL.params(GRASP).transfer
+LENGTH, STIFFNESS = CELL.peg.length, TRANSFER.gains.translation
+PLACE = np.array([0.5, 0.02, 0.1])
+OFFSET = 2.0
+"""Force along z that the arm reports where nothing touches it, N."""
+
+
+class Spring(FakeArm):
+    """An arm whose tip a surface stops, and that reports what its own stiffness presses with."""
+
+    def follow(self, setpoint):
+        super().follow(setpoint)
+        self.force = np.array([0.0, 0.0, OFFSET + max(STIFFNESS * (self.floor - setpoint.tip[2]), 0.0)])
+        self.told = [*getattr(self, "told", []), (self.clock.now(), setpoint)]
+
+
+@pytest.fixture
+def ctx():
+    clock = FakeClock()
+    arm, hand = Spring(clock), FakeGripper(CELL.peg.part.thickness)
+    arm.tcp = Pose(PLACE + (0.05 + LENGTH) * UP, HAND_DOWN)
+    arm.force = OFFSET * UP
+    hand.grip(30.0)
+    return context_of(CELL, arm, hand)
+
+
+def down(ctx):
+    """Return time and setpoint of each scan of the way down and of the rest: those that are not of a way through free space."""
+    return [(now, setpoint) for now, setpoint in ctx.arm.told if not setpoint.is_free]
+
+
+@pytest.mark.parametrize("height", [-0.008, 0.0, 0.005])
+def test_a_surface_is_told_where_it_is_and_not_where_it_is_stated(ctx, height):
+    ctx.arm.floor = PLACE[2] + height
+    np.testing.assert_allclose(touch_off(PLACE, TRANSFER, ctx), PLACE + height * UP, atol=1e-4)
+
+
+def test_the_peg_comes_down_slowly_and_is_fed_forward_until_the_surface_bears_it(ctx):
+    ctx.arm.floor = PLACE[2]
+    touch_off(PLACE, TRANSFER, ctx)
+    moving = [setpoint for _, setpoint in down(ctx) if setpoint.twist is not None]
+    steps = -np.diff([setpoint.tip[2] for setpoint in moving])
+    np.testing.assert_allclose(steps, SPEED * PERIOD, atol=1e-9)
+    assert moving[0].tip[2] == pytest.approx(PLACE[2] + CLEAR, abs=2 * SPEED * PERIOD)
+    assert all(setpoint.twist.linear == pytest.approx(-SPEED * UP) for setpoint in moving)
+    assert not any(setpoint.twist.angular.any() for setpoint in moving)
+
+
+def test_it_rests_with_the_setpoint_where_it_was_before_the_height_is_told(ctx):
+    ctx.arm.floor = PLACE[2]
+    touch_off(PLACE, TRANSFER, ctx)
+    resting = [(now, setpoint) for now, setpoint in down(ctx) if setpoint.twist is None]
+    assert len({setpoint.tip[2] for _, setpoint in resting}) == 1
+    assert resting[-1][0] - resting[0][0] == pytest.approx(REST, abs=3 * PERIOD)
+    # The mean force of the last scans was over the threshold, from what free air shows on, and hardly more.
+    press = STIFFNESS * (PLACE[2] - resting[0][1].tip[2])
+    assert TOUCH < press < TOUCH + (SCANS + 1) * STIFFNESS * SPEED * PERIOD < MOST
+
+
+def test_the_setpoint_leads_a_tip_that_friction_holds_by_no_more_than_the_bound_allows(ctx):
+    """The arm does not report what it presses with, as one whose joints take the force."""
+    ctx.arm.floor = PLACE[2]
+    follow = ctx.arm.follow
+    ctx.arm.follow = lambda setpoint: (follow(setpoint), setattr(ctx.arm, "force", OFFSET * UP))
+    assert touch_off(PLACE, TRANSFER, ctx) is None
+    assert min(setpoint.tip[2] for _, setpoint in down(ctx)) == pytest.approx(PLACE[2] - MOST / STIFFNESS)
+
+
+def test_where_there_is_no_surface_the_peg_turns_back(ctx):
+    assert touch_off(PLACE, TRANSFER, ctx) is None
+    assert min(setpoint.tip[2] for _, setpoint in down(ctx)) == pytest.approx(PLACE[2] - DEEPEST, abs=SPEED * PERIOD)
+    assert ctx.arm.tcp.position - LENGTH * UP == pytest.approx(PLACE + CLEAR * UP)
+
+
+def test_afterwards_the_peg_is_clear_of_what_it_touched_where_that_is_higher_than_stated(ctx):
+    ctx.arm.floor = PLACE[2] + 0.005
+    touch_off(PLACE, TRANSFER, ctx)
+    assert ctx.arm.tcp.position - LENGTH * UP == pytest.approx(PLACE + (0.005 + CLEAR) * UP, abs=1e-6)
+    up = [setpoint for now, setpoint in ctx.arm.told if now > down(ctx)[-1][0]]
+    assert max(setpoint.twist.linear[2] for setpoint in up) <= SPEED + 1e-9
+
+
+def test_one_upright_motion_with_the_gains_of_the_way(ctx):
+    ctx.arm.floor = PLACE[2]
+    touch_off(PLACE, TRANSFER, ctx)
+    assert len({setpoint.id for _, setpoint in down(ctx)}) == 1
+    for now, setpoint in down(ctx):
+        np.testing.assert_array_equal(setpoint.axis, UP)
+        np.testing.assert_array_equal(setpoint.roll, ACROSS_RACK)
+        np.testing.assert_array_equal(setpoint.stiffness, TRANSFER.gains.stiffness())
+        np.testing.assert_array_equal(setpoint.damping_ratio, TRANSFER.gains.damping_ratios())
+        np.testing.assert_array_equal(setpoint.tip[:2], PLACE[:2])
+        assert setpoint.valid_until == pytest.approx(now + VALIDITY)
+        assert setpoint.in_hand.length == LENGTH
+        assert setpoint.posture is not None
+
+
+def test_a_peg_that_is_lost_on_the_way_down_ends_it(ctx):
+    drop = lambda: setattr(ctx.gripper, "has_peg", False)  # noqa: E731
+    ctx.arm.floor = PLACE[2]
+    watch = ctx.record
+    ctx.record = lambda seen, held: (watch(seen, held), seen.tip[2] < PLACE[2] + 0.005 and drop())
+    with pytest.raises(Interrupted) as ended:
+        touch_off(PLACE, TRANSFER, ctx)
+    assert ended.value.reason is Reason.LOST_GRASP
