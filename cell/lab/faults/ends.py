@@ -20,11 +20,12 @@ from cell.lab.faults.bench import PATIENCE
 from cell.lab.faults.cases import SILENT, FaultCase, word
 from cell.lab.faults.contract import FaultKind
 from cell.lab.faults.kills import CYCLE, ENDING, LAST, LEFT, LONGEST, Seen
+from cell.lab.faults.operator import brought_back
 from cell.lab.faults.starts import Program, served
 from cell.samples import read_samples
 from cell.states import State
 from drivers.errors import CellError
-from plc_bridge.messages import Control, PartEvidence, PartPlace, Result
+from plc_bridge.messages import PartPlace, Result
 from plc_bridge.peer import Peer
 from skills.catalogue import CATALOGUE
 from skills.rest import REST_SPEED
@@ -36,7 +37,7 @@ HELD_UP = 0.5
 BUSY = "import time; end = time.monotonic() + {:g}\nwhile time.monotonic() < end: pass"
 BUSY_EACH = 8
 """Number of programs that starve the cell on each processor."""
-_INSERT, _RECOVER = CATALOGUE["insert_peg"].code, CATALOGUE["recover"].code
+_INSERT = CATALOGUE["insert_peg"].code
 
 
 def _sent(number: signal.Signals) -> Callable[[Program], None]:
@@ -95,7 +96,7 @@ def tried(kind: FaultKind, stage: str, moment: float, arguments: Sequence[str]) 
                     status = program.wait(ENDING)
             else:
                 _follow(peer, seen)
-                back = _brought_back(peer)
+                back = brought_back(peer)
         with Journal(folder) as journal:  # closes what the program left open, as its next start does
             row = journal.find(seen.run)
         now = seen.part.name.lower()
@@ -106,7 +107,8 @@ def tried(kind: FaultKind, stage: str, moment: float, arguments: Sequence[str]) 
             ):
                 now = PartPlace(peer.look().part).name.lower()
                 peer.connect()
-                back = _brought_back(peer)
+                peer.take()
+                back = brought_back(peer)
         case = _on_record(row, folder, told, kept)
         assert seen.report is not None
         return replace(
@@ -184,20 +186,3 @@ def _on_record(row: RunRow, folder: Path, told: int, kept: int) -> FaultCase:
         # Of a run that is killed in its first second nothing may be on record but its row.
         record=bool(row.ended) and row.outcome != RUNNING and stamps.size >= max(kept, row.outcome != LOST),
     )
-
-
-def _brought_back(peer: Peer) -> tuple[str, int, str]:
-    """Do as an operator does who reads what the PLC reads; return the result of the reset, the number of further actions, and the next result."""
-    reset, actions = "", 0
-    peer.take()
-    if peer.look().state in (State.ABORTED, State.STOPPED):
-        reset = word(peer.run(Control.RESET, timeout=LONGEST))
-    following = peer.run(_INSERT, timeout=LONGEST)
-    while (following.refusal or following.result in (Result.FAULT, Result.ABORTED)) and actions < 2:
-        actions += 1
-        if peer.look().state in (State.ABORTED, State.STOPPED):
-            peer.run(Control.RESET, timeout=LONGEST)
-        is_held = bool(following.part_evidence & PartEvidence.HAND_HOLDS)
-        peer.run(_RECOVER if is_held else Control.CLEARED, timeout=LONGEST)
-        following = peer.run(_INSERT, timeout=LONGEST)
-    return reset, actions, word(following)

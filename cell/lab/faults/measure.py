@@ -10,14 +10,15 @@ import numpy as np
 
 from cell.config import LoadedConfig
 from cell.lab.faults import ends
-from cell.lab.faults.bench import LIFE_TIMEOUT, LONGEST, PATIENCE, FaultBench, Sighting, bench
+from cell.lab.faults.bench import LIFE_TIMEOUT, PATIENCE, FaultBench, Sighting, bench
 from cell.lab.faults.cases import SILENT, FaultCase, Planned, word
 from cell.lab.faults.contract import FaultKind
+from cell.lab.faults.operator import brought_back
 from cell.part_state import IN_HOLE_DEPTH
 from cell.states import State
 from drivers.errors import CellError
 from plc_bridge.images import ReportImage
-from plc_bridge.messages import Control, PartPlace, Result
+from plc_bridge.messages import PartPlace
 from sim.situation import PegSituation
 from sim.truth import Truth
 from skills.catalogue import CATALOGUE
@@ -38,7 +39,7 @@ SEEN_ON = 1.5
 """Time for which the arm is looked at after the run, s."""
 MENDED = 0.5
 """Time between mending and the reset, s, in which a board is found again."""
-_INSERT, _RECOVER = CATALOGUE["insert_peg"].code, CATALOGUE["recover"].code
+_INSERT = CATALOGUE["insert_peg"].code
 
 
 def cases(kinds: Sequence[FaultKind]) -> list[Planned]:
@@ -213,23 +214,6 @@ def _is_on_record(tested: FaultBench, report: ReportImage, outcome: str, kind: F
 def bring_back(tested: FaultBench) -> tuple[str, int, str]:
     """Do as an operator does; return the result of the reset, the number of further actions, and the next result."""
     tested.let_pass(MENDED)
-    reset, actions = "", 0
     with suppress(CellError):
-        if tested.supervisor.state in (State.ABORTED, State.STOPPED):
-            reset = word(tested.peer.run(Control.RESET, timeout=LONGEST))
-        tested.let_pass(MENDED)
-        following = tested.peer.run(_INSERT, timeout=LONGEST)
-        while (following.refusal or following.result in (Result.FAULT, Result.ABORTED)) and actions < 2:
-            actions += 1
-            if tested.supervisor.state in (State.ABORTED, State.STOPPED):
-                tested.peer.run(Control.RESET, timeout=LONGEST)
-            tested.peer.run(_remedy(following, tested), timeout=LONGEST)
-            following = tested.peer.run(_INSERT, timeout=LONGEST)
-        return reset, actions, word(following)
-    return reset, actions, "silent"
-
-
-def _remedy(report: ReportImage, tested: FaultBench) -> int:
-    """Return the command that the report's place of the peg asks for: the hand lets go of what it holds, or a person acts."""
-    can_be_held = report.part in (PartPlace.IN_HAND, PartPlace.IN_HOLE, PartPlace.SEATED)
-    return _RECOVER if can_be_held and tested.gripper.gripper.read().is_gripping else Control.CLEARED
+        return brought_back(tested.peer, lambda: tested.let_pass(MENDED))
+    return "", 0, "silent"
