@@ -3,12 +3,12 @@ import pytest
 
 from cell.config import load
 from drivers.frames import UP
-from drivers.quantities import Pose
+from drivers.quantities import Pose, SwitchState
 from skills import grasp_from_rack
 from skills.catalogue import GRASP
 from skills.contract import Interrupted, Outcome, Reason, Request
 from skills.pull_out import SHARE, SPEED, pull_out
-from skills.recover import run
+from skills.recover import CLEAR, MARGIN, run
 from skills.surface import Plane
 from tests.fakes import HAND_DOWN, PERIOD, FakeArm, FakeClock, FakeGripper, context_of
 
@@ -87,3 +87,98 @@ def test_where_the_plate_was_felt_is_forgotten_with_the_next_grasp(ctx):
     ctx.arm.tcp = Pose(np.array([0.45, 0.0, 0.3]), HAND_DOWN)
     grasp_from_rack.run(CONFIG.params(GRASP), ctx)
     assert ctx.surface is None
+
+
+@pytest.fixture
+def free(ctx):
+    """Return the same context with an arm that goes where it is told, and the places at which the hand was told to open."""
+    ctx.arm.is_blocked = False
+    opened, release = [], ctx.gripper.release
+    ctx.gripper.release = lambda width: (opened.append((width, ctx.arm.tcp.position.copy())), release(width))
+    return ctx, opened
+
+
+def put(ctx, height):
+    """Put the end of the held peg so high above the plate, m."""
+    place = np.array([*CONFIG.hole.centre[:2], CONFIG.hole.centre[2] + CONFIG.peg.length + height])
+    ctx.arm.tcp = Pose(place, HAND_DOWN)
+    return place
+
+
+def test_a_held_peg_in_the_air_is_drawn_up_and_dropped_into_the_bin_and_nowhere_else(free):
+    ctx, opened = free
+    start = put(ctx, 0.1)
+    way = []
+    ctx.record = lambda seen, held: way.append(seen.arm.tcp)
+    result = run(PARAMS, ctx)
+    assert (result.outcome, result.reason, result.dropped) == (Outcome.SUCCESS, Reason.NONE, True)
+    assert result.elapsed == pytest.approx(ctx.clock.now())
+    assert [width for width, _ in opened] == [PARAMS.opening]
+    assert opened[0][1] == pytest.approx(PARAMS.bin, abs=1e-6)
+    assert -ctx.arm.tcp.rotation[:, 0] == pytest.approx(UP, abs=1e-6)
+    assert ctx.arm.tcp.rotation[:, 2] == pytest.approx(grasp_from_rack.ACROSS_RACK, abs=1e-6)
+    up = [tcp for tcp in way if tcp.position[:2] == pytest.approx(start[:2], abs=1e-9)]
+    assert up[-1].position[2] == pytest.approx(start[2] + PARAMS.height, abs=1e-3)
+
+
+@pytest.mark.parametrize(("height", "pulls"), [(0.9 * CLEAR, True), (1.1 * CLEAR, False)])
+def test_a_peg_whose_end_may_touch_the_plate_is_pulled_along_the_hole_first(free, height, pulls):
+    ctx, opened = free
+    put(ctx, height)
+    told, follow = [], ctx.arm.follow
+    ctx.arm.follow = lambda setpoint: (told.append(setpoint), follow(setpoint))
+    result = run(PARAMS, ctx)
+    assert (result.outcome, result.dropped) == (Outcome.SUCCESS, True)
+    assert any(setpoint.in_hand is not None for setpoint in told) == pulls
+    assert opened[0][1] == pytest.approx(PARAMS.bin, abs=1e-6)
+
+
+def test_a_seated_peg_is_let_go_where_it_is_and_left_there(free):
+    ctx, opened = free
+    start = put(ctx, -CONFIG.hole.depth)
+    ctx.switch.state = SwitchState.CLOSED
+    result = run(PARAMS, ctx)
+    assert (result.outcome, result.reason, result.dropped) == (Outcome.SUCCESS, Reason.NONE, False)
+    assert [width for width, _ in opened] == [PARAMS.opening] * 2
+    assert opened[0][1] == pytest.approx(start)
+    assert opened[1][1] == pytest.approx(PARAMS.bin, abs=1e-6)
+
+
+def test_an_arm_that_has_pulled_in_vain_holds_still_before_the_hand_lets_go(ctx):
+    states, release = [], ctx.gripper.release
+    ctx.gripper.release = lambda width: (states.append((ctx.arm.is_halted, ctx.held)), release(width))
+    ctx.arm.is_blocked = True
+    ctx.clock.every.append(lambda: setattr(ctx.arm, "is_blocked", not states))
+    result = run(PARAMS, ctx)
+    assert (result.outcome, result.reason, result.dropped) == (Outcome.FAILURE, Reason.JAMMED, False)
+    assert states[0] == (True, None)
+
+
+def test_an_empty_hand_is_drawn_up_and_opened_over_the_bin(free):
+    ctx, opened = free
+    put(ctx, -0.01)
+    ctx.gripper.has_peg, ctx.gripper.width = False, 0.0
+    result = run(PARAMS, ctx)
+    assert (result.outcome, result.reason, result.dropped) == (Outcome.SUCCESS, Reason.NONE, False)
+    assert len(opened) == 1
+
+
+@pytest.mark.parametrize("height", [0.1, -CONFIG.hole.depth])
+def test_a_hand_that_does_not_open_is_told_and_has_dropped_nothing(free, height):
+    ctx, _ = free
+    put(ctx, height)
+    ctx.switch.state = SwitchState.CLOSED if height < 0.0 else SwitchState.OPEN
+    ctx.gripper.release = lambda width: None
+    result = run(PARAMS, ctx)
+    assert (result.outcome, result.reason, result.dropped) == (Outcome.FAILURE, Reason.STILL_HELD, False)
+
+
+def test_the_hand_is_drawn_up_no_further_than_a_margin_within_the_workspace(free):
+    ctx, _ = free
+    top = ctx.limits.high[2]
+    ctx.arm.tcp = Pose(np.array([0.5, 0.0, top + 0.02]), HAND_DOWN)
+    way = []
+    ctx.record = lambda seen, held: way.append(seen.arm.tcp.position[2])
+    run(PARAMS, ctx)
+    assert way[-1] == pytest.approx(PARAMS.bin[2], abs=1e-6)
+    assert min(abs(height - (top - MARGIN)) for height in way) < 1e-3
