@@ -4,11 +4,14 @@ import numpy as np
 import pytest
 
 from cell.config import load
+from drivers.frames import UP, rotation_about
 from skills.catalogue import GRASP
-from skills.motion import STRAY, Goal, anchored, move
+from skills.contract import Interrupted, Reason
+from skills.motion import STRAY, VALIDITY, Goal, Trim, Way, anchored, move, spin_between
 from tests.fakes import FakeArm, FakeClock, FakeGripper, context_of
 
 CONFIG = load().cell
+SIDE = np.array([1.0, 0.0, 0.0])
 
 
 def test_a_hand_on_its_way_is_held_half_as_firmly_about_the_vertical():
@@ -35,3 +38,102 @@ def test_a_setpoint_follows_the_tip_as_far_as_a_leaning_peg_s_end_goes_while_it_
     for way, kept in ((0.5 * stray, 0.5 * stray), (3.0 * stray, stray)):
         tip = anchored(found + np.array([0.6 * way, -0.8 * way, -0.01]), found, breadth)
         assert tip == pytest.approx(found + np.array([0.6 * kept, -0.8 * kept, -0.01]))
+
+
+@pytest.fixture
+def ctx():
+    clock = FakeClock()
+    return context_of(CONFIG, FakeArm(clock), FakeGripper(0.008))
+
+
+TRANSFER = CONFIG.params(GRASP).transfer
+
+
+def moved(ctx, goal, in_hand=None, settle=0.3, limited=True):
+    """Go to a goal; return the time and the setpoint of each scan."""
+    told, follow = [], ctx.arm.follow
+    ctx.arm.follow = lambda setpoint: (told.append((ctx.clock.now(), setpoint)), follow(setpoint))
+    for _ in move(goal, TRANSFER, ctx, in_hand, settle, limited):
+        pass
+    return told
+
+
+def beside(ctx, way, turn=0.0):
+    """Return the goal that lies so far from where the hand is, m, turned by so much about the vertical, rad."""
+    tcp = ctx.arm.tcp
+    turned = rotation_about(UP, turn) @ tcp.rotation
+    return Goal(tcp.position + np.array(way), -turned[:, 0], turned[:, 2])
+
+
+@pytest.mark.parametrize(("way", "turn"), [((0.0, 0.06, 0.1), 0.0), ((0.0, 0.02, 0.0), 1.2), ((0.0, 0.0, 0.0), -0.4)])
+def test_a_move_gets_to_its_goal_within_the_speeds_of_its_transfer_fed_forward_by_its_own_rate(ctx, way, turn):
+    goal, start = beside(ctx, way, turn), ctx.arm.tcp
+    told = moved(ctx, goal)
+    last, tips = told[-1][1], np.array([each.tip for _, each in told])
+    rolls = np.array([each.roll for _, each in told])
+    assert last.tip == pytest.approx(goal.tip)
+    assert last.roll == pytest.approx(goal.roll)
+    assert max(np.linalg.norm(each.twist.linear) for _, each in told) <= TRANSFER.speed + 1e-9
+    assert max(np.linalg.norm(each.twist.angular) for _, each in told) <= TRANSFER.turn_speed + 1e-9
+    # What is fed forward is the rate at which the setpoint goes on.
+    for k in range(1, len(told) - 1):
+        assert told[k][1].twist.linear == pytest.approx((tips[k + 1] - tips[k - 1]) / 0.02, abs=3e-3)
+        turning = float(UP @ np.cross(rolls[k - 1], rolls[k + 1])) / 0.02
+        assert told[k][1].twist.angular[2] == pytest.approx(turning, abs=0.02)
+    assert tips[0] == pytest.approx(start.position)
+    assert len({each.id for _, each in told}) == 1
+    assert all(each.valid_until == pytest.approx(now + VALIDITY) and each.is_free for now, each in told)
+    assert last.id != moved(ctx, beside(ctx, (0.0, 0.01, 0.0)))[0][1].id
+
+
+@pytest.mark.parametrize("settle", [0.0, 0.3])
+def test_a_move_is_over_once_it_has_settled(ctx, settle):
+    way = Way(Goal(np.zeros(3), UP, SIDE), Goal(np.array([0.1, 0.0, 0.0]), UP, SIDE))
+    duration = 1.875 * 0.1 / TRANSFER.speed
+    assert way.duration(TRANSFER) == pytest.approx(duration)
+    goal = beside(ctx, (0.0, 0.1, 0.0))
+    assert moved(ctx, goal, settle=settle)[-1][0] == pytest.approx(duration + settle, abs=0.011)
+
+
+def test_the_axis_turns_about_one_line_and_back_through_any_other_from_one_end_to_the_opposite():
+    for start in (UP, SIDE, np.array([0.6, 0.0, 0.8])):
+        across = np.cross(start, np.array([0.0, 1.0, 0.0]))
+        way = Way(Goal(np.zeros(3), start, across), Goal(np.zeros(3), -start, across))
+        assert way.at(0.0)[0].axis == pytest.approx(start)
+        assert way.at(1.0)[0].axis == pytest.approx(-start, abs=1e-9)
+        assert float(way.at(0.5)[0].axis @ start) == pytest.approx(0.0, abs=1e-9)
+        assert way.at(1.0)[0].roll == pytest.approx(across, abs=1e-9)
+
+
+@pytest.mark.parametrize("limited", [True, False])
+def test_only_a_way_out_goes_without_the_limits(ctx, limited):
+    ctx.arm.force = np.array([0.0, 0.0, 1.1 * ctx.limits.force])
+    goal = beside(ctx, (0.0, 0.01, 0.0))
+    if not limited:
+        assert moved(ctx, goal, limited=False)
+        return
+    with pytest.raises(Interrupted) as ended:
+        moved(ctx, goal)
+    assert ended.value.reason is Reason.FORCE_LIMIT
+
+
+def test_a_peg_that_is_lost_on_the_way_ends_the_move_of_a_hand_that_holds_one(ctx):
+    ctx.gripper.grip(30.0)
+    goal = beside(ctx, (0.0, 0.1, 0.0))
+    ctx.clock.at.append((0.1, lambda: setattr(ctx.gripper, "has_peg", False)))
+    with pytest.raises(Interrupted) as ended:
+        moved(ctx, Goal(goal.tip - CONFIG.peg.length * UP, goal.axis, goal.roll), ctx.in_hand())
+    assert ended.value.reason is Reason.LOST_GRASP
+
+
+def test_a_trim_adds_up_what_is_missing_up_to_its_limit_on_either_side():
+    trim = Trim(rate=2.0, limit=0.01).after(0.1, 0.01).after(0.1, 0.01)
+    assert trim.value == pytest.approx(2 * 2.0 * 0.1 * 0.01)
+    assert trim.after(-0.2, 0.01).value == pytest.approx(0.0)
+    assert (trim.after(10.0, 1.0).value, trim.after(-10.0, 1.0).value) == (0.01, -0.01)
+
+
+@pytest.mark.parametrize("rate", [0.0, 0.7, -2.0])
+def test_the_spin_between_two_rotations_is_the_rate_at_which_one_becomes_the_other(rate):
+    before = rotation_about(SIDE, 0.4)
+    assert spin_between(before, rotation_about(UP, 0.01 * rate) @ before, 0.01) == pytest.approx(rate * UP, abs=1e-3)

@@ -2,12 +2,12 @@ import numpy as np
 import pytest
 
 from cell.config import load
-from drivers.frames import UP
+from drivers.frames import UP, angle_between, rotation_about
 from drivers.quantities import Pose, SwitchState
 from skills import grasp_from_rack
 from skills.catalogue import GRASP
 from skills.contract import Interrupted, Outcome, Reason, Request
-from skills.pull_out import SHARE, SPEED, pull_out
+from skills.pull_out import SHAKEN, SHARE, SPEED, pull_out
 from skills.recover import CLEAR, MARGIN, run
 from skills.surface import Plane
 from tests.fakes import HAND_DOWN, PERIOD, FakeArm, FakeClock, FakeGripper, context_of
@@ -182,3 +182,29 @@ def test_the_hand_is_drawn_up_no_further_than_a_margin_within_the_workspace(free
     run(PARAMS, ctx)
     assert way[-1] == pytest.approx(PARAMS.bin[2], abs=1e-6)
     assert min(abs(height - (top - MARGIN)) for height in way) < 1e-3
+
+
+@pytest.mark.parametrize("limited", [True, False])
+def test_only_a_pull_out_of_a_violation_goes_without_the_limits(ctx, limited):
+    ctx.arm.force = np.array([0.0, 0.0, -1.1 * ctx.limits.force])
+    if not limited:
+        assert pull_out(CONFIG.hole.centre[2], PARAMS.transfer.gains, ctx, limited=False) is not None
+        return
+    with pytest.raises(Interrupted) as ended:
+        pull_out(CONFIG.hole.centre[2], PARAMS.transfer.gains, ctx)
+    assert ended.value.reason is Reason.FORCE_LIMIT
+
+
+def test_a_leaning_peg_is_shaken_about_its_own_axis(ctx):
+    leaning = rotation_about(np.array([0.0, 1.0, 0.0]), 0.1) @ HAND_DOWN
+    ctx.arm.tcp = Pose(ctx.arm.tcp.position, leaning)
+    told, follow = [], ctx.arm.follow
+    ctx.arm.follow = lambda setpoint: (told.append(setpoint), follow(setpoint))
+    pull_out(CONFIG.hole.centre[2], PARAMS.transfer.gains, ctx)
+    axes = np.array([setpoint.axis for setpoint in told])
+    radius, _, _ = SHAKEN
+    assert angle_between(axes[0], -leaning[:, 0]) < 1e-6
+    widest = max(angle_between(axis, -leaning[:, 0]) for axis in axes)
+    assert widest == pytest.approx(radius / CONFIG.peg.length, rel=0.2)
+    assert all(setpoint.in_hand.length == CONFIG.peg.length for setpoint in told)
+    assert all(setpoint.roll == pytest.approx(leaning[:, 2]) for setpoint in told)

@@ -19,6 +19,7 @@ from skills.motion import VALIDITY, anchored, tilted_by
 from skills.paths import dither, spiral
 from skills.play import allowed_tilt
 from skills.seating import BORNE_FOR, CLOSED_TOLERANCE, OPEN_TOLERANCE
+from skills.signature import SHEAR, resistance
 from skills.spiral_adjust import ARRIVING, AT_BOTTOM, MOST_SWING_DAMPING, RAISED, Swing, given_up_after, run
 from skills.surface import Plane
 from tests.fakes import HAND_DOWN, Rig
@@ -370,6 +371,42 @@ def test_a_jammed_peg_is_aimed_anew_by_what_the_skin_says_now_and_swept(bench):
     # The depth is that of the tip by the theta that was read, and is no gain.
     assert after.tip[2] == pytest.approx(
         end_point(hand(HOLE - 1.5e-3 * UP), 0.03, CELL.peg.length)[0][2] - PARAMS.push_offset
+    )
+
+
+def test_after_a_second_jam_the_peg_is_pushed_along_the_plates_normal_again(bench):
+    """The first sweep begins after a period of 0.2 s and takes as long; the dither begins anew after it."""
+    bench.way = lambda time: hand(HOLE - 1.5e-3 * UP, tilt=0.02)
+    bench.adjust(dither_period=0.2, sweep_time=0.2, timeout=0.85, dither_radius=1e-9)
+    resting = end_point(hand(tilt=0.02), 0.0, CELL.peg.length)[1]
+    between, second = bench.commanded[42:57], bench.commanded[59:79]
+    assert max(angle_between(each.axis, resting) for each in between) < 1e-3
+    # A sweep goes to both sides of what the peg is pushed along, and the second one first to the other side.
+    assert angle_between(np.mean([each.axis for each in second], axis=0), UP) < 3e-3
+    assert bench.commanded[25].axis[0] == pytest.approx(-MOST_SWEPT, rel=0.02)
+    assert bench.commanded[64].axis[0] == pytest.approx(MOST_SWEPT, rel=0.02)
+
+
+@pytest.mark.parametrize("worn", [False, True])
+def test_a_latch_that_was_felt_on_the_way_down_seats_a_peg_where_there_is_no_switch(tmp_path, worn):
+    """The hand goes down at an even speed, and is drawn up where the peg's latch was not felt."""
+    keys = ["hole.evidence=force", "hole.latch.kind=detent", "hole.latch.force=5.0", "hole.latch.height=0.003"]
+    rig = Rig(load(sets=keys), tmp_path)
+    rig.switch.state = SwitchState.UNKNOWN
+    bench, latch = Bench(rig), load(sets=keys).cell.hole.latch
+
+    def way(time):
+        above = max(0.008 - 0.02 * time, 0.0)
+        force = 8.0 if above == 0.0 else float(resistance(np.array(above), latch)) * (not worn)
+        rig.arm.force = force * UP
+        return hand(HOLE - (CELL.hole.depth - above + SHEAR * force) * UP)
+
+    bench.way = way
+    ended = bench.adjust(timeout=1.5)
+    assert (ended.outcome is Outcome.SUCCESS) != worn
+    assert (
+        bool(max(each.tip[2] - seen.tip[2] for seen, each in zip(bench.seen, bench.commanded, strict=False)) > 0)
+        == worn
     )
 
 

@@ -111,11 +111,13 @@ def test_one_upright_motion_with_the_gains_of_the_way(ctx):
         assert setpoint.posture is not None
 
 
-def test_a_peg_that_is_lost_on_the_way_down_ends_it(ctx):
-    drop = lambda: setattr(ctx.gripper, "has_peg", False)  # noqa: E731
-    ctx.arm.floor = PLACE[2]
-    watch = ctx.record
-    ctx.record = lambda seen, held: (watch(seen, held), seen.tip[2] < PLACE[2] + 0.005 and drop())
+def test_a_peg_that_is_lost_on_the_way_down_ends_it_there(ctx):
+    def lose(seen, held):
+        if seen.tip[2] < PLACE[2] + 0.5 * CLEAR:
+            ctx.gripper.has_peg = False
+
+    ctx.arm.floor, ctx.record = PLACE[2], lose
     with pytest.raises(Interrupted) as ended:
         touch_off(PLACE, TRANSFER, ctx)
     assert ended.value.reason is Reason.LOST_GRASP
+    assert ctx.arm.tcp.position[2] - LENGTH > PLACE[2] + 0.4 * CLEAR
