@@ -9,9 +9,19 @@ from pathlib import Path
 
 from cell.journal import has_run
 from cell.kept_file import KeptFile
-from cell.part_state import PartState, PegEvidence, Places, after, after_run, at_start, proven, refusal_of
+from cell.part_state import (
+    PartState,
+    PegEvidence,
+    Places,
+    after,
+    after_run,
+    at_start,
+    by_hand_alone,
+    proven,
+    refusal_of,
+)
 from drivers.parts import Rack
-from drivers.quantities import SwitchState
+from drivers.quantities import GripperState, SwitchState
 from plc_bridge.messages import PartEvidence, PartPlace, Refusal
 
 logger = logging.getLogger(__name__)
@@ -45,6 +55,10 @@ class Custody:
             return self._become(after(self.part, seen, places, is_running))
         self._is_known = True
         return self._become(at_start(self._kept, seen, places))
+
+    def see_hand(self, hand: GripperState, switch: SwitchState, places: Places, is_running: bool) -> bool:
+        """Take one look while the arm does not tell where it is; return whether the peg's place has changed."""
+        return self._is_known and self._become(by_hand_alone(self.part, hand, switch, places, is_running))
 
     def end(self, seen: PegEvidence, places: Places) -> bool:
         """Take the look after a run; return whether the peg's place has changed."""

@@ -178,6 +178,22 @@ def _after(before: PartState, seen: PegEvidence, places: Places, is_running: boo
     return _left_alone(before, seen, places) if not is_running else before
 
 
+def by_hand_alone(
+    before: PartState, hand: GripperState, switch: SwitchState, places: Places, is_running: bool
+) -> PartState:
+    """Return where the peg is after a look while the arm does not tell where it is; `before` itself where nothing is new.
+
+    A hand that was closing goes on to close on its peg when the arm falls silent, and one that was opening lets go of it where the arm was last.
+    """
+    seen = PegEvidence(hand.width, hand.is_gripping, hand.is_moving, before.tip, 0.0, switch)
+    if not _is_between(seen, places):
+        return after(before, seen, places, is_running)
+    if before.is_held:
+        return before
+    told = f"hand grips {_mm(hand.width)}; the arm does not tell where"
+    return _shown(PartState(PartPlace.IN_HAND, told, is_held=True, tip=before.tip), seen, places)
+
+
 def proven(before: PartState, evidence: str) -> PartState:
     """Return where a peg is that the hand has let go in a hole without a switch, once the run's success is proven by other evidence."""
     return replace(

@@ -115,9 +115,11 @@ class PartWatch:
             raise SwitchDisagreesError("switch: closed before the hand holds a peg; open expected until it is seated")
 
     def look(self) -> None:
-        """Look at arm, hand and switch outside a run; whatever does not answer, the peg is where it was."""
-        with suppress(Exception):
+        """Look at arm, hand and switch outside a run; of what does not answer nothing is new."""
+        try:
             self._see_now(*self._devices())
+        except Exception:  # whatever it is, the run that needs the device says so
+            self._see_hand()
 
     def judge(self, claim: Claim, ending: Ending, records: Sequence[StageRecord]) -> Ending:
         """Return how the run under way ended by the evidence; the arm stands still.
@@ -138,8 +140,10 @@ class PartWatch:
     def end(self) -> None:
         """Note that the run has ended, in whatever way."""
         if self._is_running:
-            with suppress(Exception):
+            try:
                 self._end(*self._devices())
+            except Exception:  # the run has ended by it
+                self._see_hand()
             self._custody.keep(is_lasting=True)
         self._is_running = False
 
@@ -223,6 +227,15 @@ class PartWatch:
 
     def _devices(self) -> tuple[ArmState, GripperState, SwitchState]:
         return self._context.arm.read(), self._context.read_hand(), self._cell.switch.read()
+
+    def _see_hand(self) -> None:
+        """Look at hand and switch where the arm does not tell, or the switch does not; a silent hand tells nothing new."""
+        switch = SwitchState.UNKNOWN
+        with suppress(CellError):
+            switch = self._cell.switch.read()
+        with suppress(Exception):
+            hand = self._context.read_hand()
+            self._tell(self._custody.see_hand(hand, switch, self._places, self._is_running))
 
     def _see_now(self, arm: ArmState, hand: GripperState, switch: SwitchState) -> None:
         self._switch = switch

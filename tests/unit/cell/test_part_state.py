@@ -19,6 +19,7 @@ from cell.part_state import (
     after,
     after_run,
     at_start,
+    by_hand_alone,
     evidence_of,
     in_words,
     places_of,
@@ -27,7 +28,7 @@ from cell.part_state import (
     told,
 )
 from drivers.parts import Latch
-from drivers.quantities import WIDTH_TOLERANCE, SwitchState
+from drivers.quantities import WIDTH_TOLERANCE, GripperState, SwitchState
 from plc_bridge.messages import PartEvidence, PartPlace, Refusal
 from skills.seating import CLOSED_TOLERANCE
 
@@ -456,3 +457,45 @@ def test_the_bits_in_words_name_each_of_them_and_the_width():
     assert in_words(Bit.SWITCH_CLOSED, 0.008) == "the hand does not grip, switch closed, pads 8.0 mm apart"
     assert in_words(Bit.PERSON, 0.0) == "a person has taken the last peg away"
     assert in_words(Bit.NOTHING, 0.0) == ""
+
+
+def alone(before, places, *, gripping, moving=False, width=None, switch=OPEN, is_running=True):
+    """Return where the peg is after a look at the hand while the arm does not tell."""
+    wide = places.thickness if gripping else 0.04
+    return by_hand_alone(
+        before, GripperState(wide if width is None else width, gripping, moving), switch, places, is_running
+    )
+
+
+def test_a_hand_that_closes_on_its_peg_while_the_arm_does_not_tell_holds_it_wherever_that_is(places):
+    now = alone(EMPTY, places, gripping=True)
+    assert (now.place, now.is_held, now.depth) == (PartPlace.IN_HAND, True, 0.0)
+    assert "the arm does not tell where" in now.evidence
+    assert now.basis & PartEvidence.HAND_HOLDS
+    assert alone(EMPTY, places, gripping=True, width=places.thickness + 1.1 * WIDTH_TOLERANCE) is EMPTY
+
+
+@pytest.mark.parametrize("depth", [-0.05, 0.01, 0.02])
+def test_a_hand_that_goes_on_holding_its_peg_leaves_it_where_it_was(places, depth):
+    before = held_at(places, depth)
+    assert alone(before, places, gripping=True) is before
+    assert alone(before, places, gripping=False, moving=True) is before
+
+
+@pytest.mark.parametrize(
+    ("depth", "switch", "place"),
+    [(0.02, CLOSED, PartPlace.SEATED), (0.01, UNKNOWN, PartPlace.IN_HOLE), (-0.05, OPEN, PartPlace.ON_PLATE)],
+)
+def test_a_hand_that_opens_while_the_arm_does_not_tell_lets_go_of_its_peg_where_the_arm_was_last(
+    places, depth, switch, place
+):
+    now = alone(held_at(places, depth), places, gripping=False, switch=switch)
+    assert (now.place, now.is_held) == (place, False)
+
+
+def test_a_hand_that_is_opened_outside_a_run_while_the_arm_does_not_tell_leaves_nobody_knowing(places):
+    assert alone(held_at(places, -0.05), places, gripping=False, is_running=False).place is PartPlace.UNKNOWN
+
+
+def test_a_hand_that_holds_nothing_and_goes_on_holding_nothing_is_no_news(places):
+    assert alone(EMPTY, places, gripping=False) is EMPTY

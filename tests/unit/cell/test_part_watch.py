@@ -1,12 +1,13 @@
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from cell.part_watch import EARLY_SHARE, LONGEST_UNKNOWN, PROVEN_BY_SWITCH, PartWatch
-from drivers.errors import SkinSilentError, SwitchDisagreesError, SwitchUnknownError
+from drivers.errors import ArmSilentError, CellError, SkinSilentError, SwitchDisagreesError, SwitchUnknownError
 from drivers.quantities import SwitchState
-from plc_bridge.messages import PartEvidence, Report
+from plc_bridge.messages import PartEvidence, PartPlace, Report
 from skills.entry import Claim
 
 HOLE = (0.5, 0.01)
@@ -119,3 +120,33 @@ def test_a_skin_that_is_silent_or_not_to_be_trusted_is_no_evidence(rig, tmp_path
     rig.skin.fault = SkinSilentError("skin: silent")
     watch.look()
     assert watch.part.basis == PartEvidence.HAND_HOLDS | PartEvidence.SWITCH_OPEN
+
+
+def test_a_hand_that_closes_on_a_peg_after_the_arm_has_fallen_silent_holds_it(rig, tmp_path):
+    watch = PartWatch(rig.cell, rig.cell.context(0), tmp_path)
+    watch.look()
+    watch.begin(rig.loaded.cell, Claim.INSERTED)
+    rig.arm.fault = ArmSilentError("arm: silent")
+    watch.end()
+    assert watch.part.place is PartPlace.RACK
+    rig.gripper.grip(30.0)
+    watch.look()
+    assert (watch.part.place, watch.part.is_held) == (PartPlace.IN_HAND, True)
+    rig.gripper.fault = CellError("hand: silent")
+    rig.gripper.release(0.04)
+    watch.look()
+    assert watch.part.is_held
+
+
+def test_a_run_that_ends_by_a_silent_arm_keeps_what_its_hand_has_taken_since(rig, tmp_path):
+    watch = PartWatch(rig.cell, rig.cell.context(0), tmp_path)
+    watch.look()
+    watch.begin(rig.loaded.cell, Claim.INSERTED)
+    rig.arm.fault = ArmSilentError("arm: silent")
+    rig.gripper.grip(30.0)
+    watch.end()
+    watch.flush()
+    assert (
+        PartWatch(rig.cell, rig.cell.context(0), tmp_path).part.place is PartPlace.UNKNOWN
+    )  # nothing was looked at yet
+    assert json.loads((tmp_path / "part-sim.json").read_text())["place"] == "IN_HAND"
