@@ -148,7 +148,7 @@ class ForceProof:
             # What gives way was no bottom.
             return replace(self, curve=curve) if -BORNE_WITHIN <= risen <= LIFTED else ForceProof(self.latch, curve)
         found = curve.signature(self.latch, seen.stamp)
-        if found is None or not found.is_of(self.latch):
+        if found is None or not found.is_sure:
             return replace(self, curve=curve)
         return ForceProof(self.latch, curve, seen.tip.copy(), seen.arm.tcp.position.copy(), found)
 

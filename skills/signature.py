@@ -1,15 +1,18 @@
 """Tell a part that went through its latch to the bottom by the force that it took at each depth; pure.
 
-    hand's height, force along z            least absolute deviations         thresholds
-    of the scans in which the peg   -->  F f((y - s) / h) + c, y above  -->  F, s, and what is left  -->  Signature.is_of
-    goes deeper than ever before         the place where it rests            over
+    hand's height, force along z            deviation from F f((y - s) / h) + c          share of the likelihood of all F and s
+    of the scans in which the peg   -->  for every F and s, y above the place   -->  where no latch as stated lies, over all ways  -->  Signature.is_of
+    goes deeper than ever before              where it rests                           down to that place
 
 The hole guides the peg, so that the hand's height tells differences of the end's without theta, and at one attitude. What the arm reports as a
-force errs by some newtons that stay as they are over a few millimetres; the constant c takes them out.
+force errs by some newtons that stay as they are over a few millimetres; the constant c takes them out. A peg that leans rubs at the walls by as
+much as the latch resists, at other heights on each way; that is why a way tells how far it deviates itself, and why all ways count.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -24,7 +27,7 @@ LIFTED = 0.002
 """Height above its deepest place from which a held peg counts as drawn out again, m."""
 BEFORE = 0.0015
 """Way above the latch that tells what the arm reports where nothing resists, m."""
-GRID = 5e-5
+GRID = 1e-4
 """Distance between the heights at which curve and latch are compared, m."""
 FLOOR = 2e-4
 """Height above the resting place from which the curve counts, m: below it the bottom bears the push already."""
@@ -40,16 +43,22 @@ one as stated.
 """
 PLACE = 0.0005
 """Largest difference between the measured height of the latch above the bottom and the stated one, m: halfway to a bottom that is 1 mm higher."""
-MISFIT = 0.7
-"""Largest deviation of the curve, by its median, as a share of the swing of the latch itself, fraction: but for outliers its shape explains two thirds
-of the variance. The noise of an arm that reports a force to 1 N is half of the swing of a latch of 4 N.
+DOUBT = 1e-3
+"""Largest share of the likelihood that a latch with another force or place may have, fraction: of as many parts as are seated and are not, each
+known no better than that, one in a thousand of those that are told is none.
 """
-ROUNDS = 12
-"""Rounds of reweighting by which the deviations are made least."""
+HANGING = 3.5e-4
+"""Way over which the deviations of a curve from its latch hang together, m; measured by `cell study seating`, see decision 0114: a leaning peg rubs
+for some tenths of a millimetre, so that a way of 4.3 mm has the weight of twelve independent readings and not that of its scans.
+"""
+MOST_FORCE = 3.0
+"""Largest force of a latch that is considered, as a share of the stated one: beyond what a latch as stated can have by as much as that has itself."""
+FORCE_STEP = 0.1
+"""Distance between the forces that are considered, as a share of the stated one."""
 EXACT = 0.1
-"""Deviation below which all weigh the same, N."""
-DEVIATION = 1.4826
-"""Standard deviation of normal noise over the median of its size."""
+"""Least mean deviation that a curve is taken to have, N; no arm reports a force better."""
+MOST_WAYS = 8
+"""Number of the last ways down that are kept; a skill looks three times."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,49 +69,32 @@ class Signature:
     """Force of the latch, N."""
     offset: float
     """Height of the latch over the stated one, m."""
-    misfit: float
-    """Deviation of the curve from it over the latch's swing at that force, ratio."""
+    doubt: float
+    """Share of the likelihood that a latch with another force or at another place has, fraction."""
 
-    def is_of(self, latch: Latch) -> bool:
-        """Return whether this is the latch as the recipe states it, with the bottom where it should be."""
-        share = self.force / latch.force
-        return FORCE_SHARE <= share <= 1.0 / FORCE_SHARE and abs(self.offset) <= PLACE and self.misfit <= MISFIT
+    @property
+    def is_sure(self) -> bool:
+        """Whether this is the latch as the recipe states it, with the bottom where it should be."""
+        return self.doubt <= DOUBT
+
+    @property
+    def is_refuted(self) -> bool:
+        """Whether this is surely another latch, or another bottom."""
+        return self.doubt >= 1.0 - DOUBT
 
 
 @dataclass(frozen=True, slots=True)
-class Curve:
-    """Force against height of a held peg on its way down, and whether something bears it now."""
+class Way:
+    """One way down to where something bears the peg."""
 
-    heights: tuple[float, ...] = ()
+    heights: tuple[float, ...]
     """Heights of the hand, falling, m, base frame."""
-    forces: tuple[float, ...] = ()
+    forces: tuple[float, ...]
     """Force on the hand along z at each, N."""
-    footing: Footing = field(default_factory=Footing)
-    """Rest of the peg on what bears it."""
 
-    def after(self, seen: Observation, setpoint: ImpedanceSetpoint | None, latch: Latch) -> "Curve":
-        """Return the curve after one more scan with the setpoint that was followed in it; a peg that is not held or drawn out again ends it.
-
-        While something bears the peg the curve stays as it is: what goes on are fingers that slide down the peg.
-        """
-        height, force = float(seen.arm.tcp.position[2]), float(seen.arm.wrench.force[2])
-        if not seen.gripper.is_gripping or not math.isfinite(height + force):
-            return Curve()
-        deepest = self.heights[-1] if self.heights else math.inf
-        is_rising = len(self.heights) == 1 and height > deepest
-        if math.isfinite(deepest) and (is_rising or height > deepest + LIFTED):
-            return Curve((height,), (force,))
-        footing = self.footing.after(seen, setpoint)
-        if height > deepest - STEP or footing.is_firm(seen.stamp):
-            return replace(self, footing=footing)
-        # The latch may be met at once and a half its height above where the peg now is, and what is before it counts as well.
-        reach = height + 1.5 * latch.height + BEFORE
-        first = next((at for at, above in enumerate(self.heights) if above <= reach), len(self.heights))
-        return Curve((*self.heights[first:], height), (*self.forces[first:], force), footing)
-
-    def signature(self, latch: Latch, now: float) -> Signature | None:
-        """Return what the curve says of the latch, where the peg rests at the time `now`, s, after a way that shows it; else None."""
-        if not self.footing.is_firm(now) or len(self.heights) < LEAST_POINTS:
+    def profile(self, latch: Latch) -> tuple[Vector, Vector] | None:
+        """Return heights above the bottom, m, at even distances, and the force at each, N; None of a way that does not show the latch."""
+        if len(self.heights) < LEAST_POINTS:
             return None
         force = np.array(self.forces[::-1])
         # The end is where the hand is, but for the pads, which give way under the force.
@@ -115,37 +107,103 @@ class Curve:
         if above[-1] < latch.height + BEFORE / 2:
             return None
         grid = np.arange(FLOOR, min(above[-1], latch.height + BEFORE), GRID)
-        return fitted(grid, np.interp(grid, above, force), latch)
+        return grid, np.interp(grid, above, force)
 
 
-def fitted(above: Vector, force: Vector, latch: Latch) -> Signature:
-    """Return the latch that explains a curve best, by least absolute deviations: where the hole wedges the peg for some tenths of a
-    millimetre the force rises by as much as at the latch, and squares would follow it.
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """Force against height of a held peg on its way down, and whether something bears it now."""
 
-    Args:
-        above: Heights above the place where the peg rests, shape (n,), m.
-        force: Force at each, shape (n,), N, but for a constant.
-        latch: The latch as the recipe states it.
+    heights: tuple[float, ...] = ()
+    """Heights of the hand, falling, m, base frame."""
+    forces: tuple[float, ...] = ()
+    """Force on the hand along z at each, N."""
+    footing: Footing = field(default_factory=Footing)
+    """Rest of the peg on what bears it."""
+    has_rested: bool = False
+    """Whether something has borne the peg at the end of this way for long enough."""
+    earlier: tuple[Way, ...] = ()
+    """Ways down of the same held peg that ended in a rest, before it was drawn up."""
+
+    def after(self, seen: Observation, setpoint: ImpedanceSetpoint | None, latch: Latch) -> "Curve":
+        """Return the curve after one more scan with the setpoint that was followed in it; a peg that is not held ends it, and one that is
+        drawn up begins another way.
+
+        While something bears the peg the curve stays as it is: what goes on are fingers that slide down the peg.
+        """
+        height, force = float(seen.arm.tcp.position[2]), float(seen.arm.wrench.force[2])
+        if not seen.gripper.is_gripping or not math.isfinite(height + force):
+            return Curve()
+        deepest = self.heights[-1] if self.heights else math.inf
+        is_rising = len(self.heights) == 1 and height > deepest
+        if math.isfinite(deepest) and (is_rising or height > deepest + LIFTED):
+            over = (Way(self.heights, self.forces),) if self.has_rested else ()
+            return Curve((height,), (force,), earlier=(*self.earlier, *over)[-MOST_WAYS:])
+        footing = self.footing.after(seen, setpoint)
+        if height > deepest - STEP or footing.is_firm(seen.stamp):
+            return replace(self, footing=footing, has_rested=self.has_rested or footing.is_firm(seen.stamp))
+        # The latch may be met at once and a half its height above where the peg now is, and what is before it counts as well.
+        reach = height + 1.5 * latch.height + BEFORE
+        first = next((at for at, above in enumerate(self.heights) if above <= reach), len(self.heights))
+        heights, forces = (*self.heights[first:], height), (*self.forces[first:], force)
+        # What gave way was no bottom.
+        return Curve(heights, forces, footing, earlier=self.earlier)
+
+    def signature(self, latch: Latch, now: float) -> Signature | None:
+        """Return what the curve and the earlier ways that ended at this height say of the latch, where the peg rests at the time `now`, s,
+        after a way that shows it; else None.
+        """
+        if not self.footing.is_firm(now) or unlikelihood(Way(self.heights, self.forces), latch) is None:
+            return None
+        near = [way for way in self.earlier if abs(way.heights[-1] - self.heights[-1]) <= PLACE]
+        return told_by([*near, Way(self.heights, self.forces)], latch)
+
+
+def told_by(ways: Sequence[Way], latch: Latch) -> Signature:
+    """Return what several ways down to one bottom say of its latch together; those that do not show it count for nothing.
+
+    The likelihoods of independent ways multiply, for every force and place before one is chosen: a way on which the peg rubbed tells little,
+    and takes nothing from one that went smoothly. Of parts that are not seated no more than `DOUBT` are ever told, however often one looks.
     """
-    offsets = np.arange(-latch.height / 2, latch.height / 2 + GRID / 2, GRID)
-    shapes = resistance(above[None, :] - offsets[:, None], latch) / latch.force
-    weights, rest = np.ones_like(shapes), np.zeros_like(shapes)
-    found = np.zeros(len(offsets))
-    for _ in range(ROUNDS):
-        total = weights.sum(axis=1, keepdims=True)
-        swings = shapes - (weights * shapes).sum(axis=1, keepdims=True) / total
-        around = force - (weights * force).sum(axis=1, keepdims=True) / total
-        found = (weights * swings * around).sum(axis=1) / np.maximum((weights * swings * swings).sum(axis=1), 1e-9)
-        rest = np.abs(around - found[:, None] * swings)
-        weights = 1.0 / np.maximum(rest, EXACT)
-    # A curve that falls where the latch rises is not explained by it.
-    best = int(np.argmin(np.where(found > 0.0, rest.sum(axis=1), math.inf)))
-    if found[best] <= 0.0:
-        return Signature(0.0, 0.0, math.inf)
-    swing = float(found[best] * shapes[best].std())
+    tables = [table for way in ways if (table := unlikelihood(way, latch)) is not None]
+    shares, offsets = considered(latch)
+    total = np.sum(tables, axis=0) if tables else np.zeros((len(shares), len(offsets)))
+    likely = np.exp(total.min() - total)
+    is_stated = (np.abs(offsets) <= PLACE + GRID / 2) & (shares >= FORCE_SHARE) & (shares <= 1.0 / FORCE_SHARE)
+    force, offset = np.unravel_index(int(total.argmin()), total.shape)
     return Signature(
-        float(found[best]), float(offsets[best]), DEVIATION * float(np.median(rest[best])) / max(swing, 1e-9)
+        float(shares[force, 0]) * latch.force, float(offsets[0, offset]), float(likely[~is_stated].sum() / likely.sum())
     )
+
+
+def considered(latch: Latch) -> tuple[Vector, Vector]:
+    """Return the forces of a latch that are considered, as shares of the stated one, shape (n, 1), and its heights over the stated one,
+    shape (1, m), m.
+    """
+    shares = FORCE_STEP * np.arange(round(MOST_FORCE / FORCE_STEP) + 1, dtype=np.float64)
+    most = round(latch.height / 2 / GRID)
+    return shares[:, None], GRID * np.arange(-most, most + 1, dtype=np.float64)[None, :]
+
+
+@lru_cache(maxsize=2 * MOST_WAYS)
+def unlikelihood(way: Way, latch: Latch) -> Vector | None:
+    """Return the negative logarithm of the likelihood of every force and place of the latch that are considered, but for a constant,
+    shape (n, m); None for a way that does not show it.
+
+    Deviations r have the density exp(-|r| / b) / (2 b), which bumps of a peg that rubs on the way do not lead astray, with an unknown b of the
+    way's own, of which every order of magnitude is as likely. Over b, n independent ones have the likelihood (sum of |r|) ** -n.
+    """
+    profile = way.profile(latch)
+    if profile is None:
+        return None
+    above, force = profile
+    shares, offsets = considered(latch)
+    shapes = resistance(above[None, :] - offsets.T, latch)
+    rest = force - shares[:, :, None] * shapes[None]
+    mean = np.abs(rest - np.median(rest, axis=2, keepdims=True)).mean(axis=2)
+    table = len(above) * GRID / HANGING * np.log(np.maximum(mean, EXACT))
+    table.setflags(write=False)
+    return np.asarray(table)
 
 
 def resistance(above: Vector, latch: Latch) -> Vector:
