@@ -1,12 +1,12 @@
 """Tell a part that went through its latch to the bottom by the force that it took at each depth; pure.
 
-    hand's height, force along z            deviation from F f((y - s) / h) + c          share of the likelihood of all F and s
+    hand's height, force along z            likelihood of F f((y - s) / h) + c           share of the likelihood of all F and s
     of the scans in which the peg   -->  for every F and s, y above the place   -->  where no latch as stated lies, over all ways  -->  Signature.is_of
     goes deeper than ever before              where it rests                           down to that place
 
 The hole guides the peg, so that the hand's height tells differences of the end's without theta, and at one attitude. What the arm reports as a
 force errs by some newtons that stay as they are over a few millimetres; the constant c takes them out. A peg that leans rubs at the walls by as
-much as the latch resists, at other heights on each way; that is why a way tells how far it deviates itself, and why all ways count.
+much as the latch resists, at other heights on each way, and is only held back by them; that is why all ways count, each by how far it deviates.
 """
 
 import math
@@ -56,7 +56,7 @@ MOST_FORCE = 3.0
 FORCE_STEP = 0.1
 """Distance between the forces that are considered, as a share of the stated one."""
 EXACT = 0.1
-"""Least mean deviation that a curve is taken to have, N; no arm reports a force better."""
+"""Least sum of the sizes of a curve's deviations up and down, N; no arm reports a force better."""
 MOST_WAYS = 8
 """Number of the last ways down that are kept; a skill looks three times."""
 
@@ -190,8 +190,11 @@ def unlikelihood(way: Way, latch: Latch) -> Vector | None:
     """Return the negative logarithm of the likelihood of every force and place of the latch that are considered, but for a constant,
     shape (n, m); None for a way that does not show it.
 
-    Deviations r have the density exp(-|r| / b) / (2 b), which bumps of a peg that rubs on the way do not lead astray, with an unknown b of the
-    way's own, of which every order of magnitude is as likely. Over b, n independent ones have the likelihood (sum of |r|) ** -n.
+    A wall that a peg rubs at only holds it back. Deviations upwards are therefore as large as they are on this way, b, and those downwards have
+    a size a of their own, at most b: the density is exp(-r / b) / (a + b) above the latch and exp(r / a) / (a + b) below it. Where the likelihood is
+    largest, the mean p of what is above and the mean m of what is below give a + b = (sqrt(p) + sqrt(m))², so that n independent ones
+    have (sqrt(p) + sqrt(m)) ** (-2 n); for a = b it is the law of least absolute deviations. The constant c is one of the deviations
+    themselves, since it is largest there.
     """
     profile = way.profile(latch)
     if profile is None:
@@ -199,9 +202,14 @@ def unlikelihood(way: Way, latch: Latch) -> Vector | None:
     above, force = profile
     shares, offsets = considered(latch)
     shapes = resistance(above[None, :] - offsets.T, latch)
-    rest = force - shares[:, :, None] * shapes[None]
-    mean = np.abs(rest - np.median(rest, axis=2, keepdims=True)).mean(axis=2)
-    table = len(above) * GRID / HANGING * np.log(np.maximum(mean, EXACT))
+    rest = np.sort(force - shares[:, :, None] * shapes[None], axis=2)
+    sums, count = np.cumsum(rest, axis=2), len(above)
+    number = np.arange(1, count + 1)
+    less = (number * rest - sums) / count
+    more = (sums[:, :, -1:] - sums - (count - number) * rest) / count
+    sizes = (np.sqrt(np.maximum(less, EXACT / 4)) + np.sqrt(np.maximum(more, EXACT / 4))) ** 2
+    # No more of the curve lies below the latch than above it.
+    table = count * GRID / HANGING * np.log(sizes[:, :, : (count + 1) // 2].min(axis=2))
     table.setflags(write=False)
     return np.asarray(table)
 
