@@ -58,7 +58,7 @@ FORCE_STEP = 0.1
 EXACT = 0.1
 """Least sum of the sizes of a curve's deviations up and down, N; no arm reports a force better."""
 MOST_WAYS = 8
-"""Number of the last ways down that are kept; a skill looks three times."""
+"""Number of the last ways down that are kept; a skill takes fewer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,7 +167,7 @@ def told_by(ways: Sequence[Way], latch: Latch) -> Signature:
     """
     tables = [table for way in ways if (table := unlikelihood(way, latch)) is not None]
     shares, offsets = considered(latch)
-    total = np.sum(tables, axis=0) if tables else np.zeros((len(shares), len(offsets)))
+    total = np.sum(tables, axis=0) if tables else np.zeros((shares.size, offsets.size))
     likely = np.exp(total.min() - total)
     is_stated = (np.abs(offsets) <= PLACE + GRID / 2) & (shares >= FORCE_SHARE) & (shares <= 1.0 / FORCE_SHARE)
     force, offset = np.unravel_index(int(total.argmin()), total.shape)
