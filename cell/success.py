@@ -16,8 +16,9 @@ from plc_bridge.messages import PartPlace
 from skills.contract import Observation, Outcome, Reason
 from skills.entry import Claim
 from skills.flow import StageRecord
+from skills.latch_likelihood import Signature
 from skills.seating import BORNE_WITHIN, CLOSED_TOLERANCE, DOUBTED, MOST_DEEP, MOST_SHALLOW, Footing
-from skills.signature import LIFTED, Curve, Signature
+from skills.signature import LIFTED, Curve
 from skills.surface import Plane, nominal
 
 PLANE_TOLERANCE = 0.005

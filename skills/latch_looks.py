@@ -14,8 +14,9 @@ from dataclasses import dataclass, field, replace
 from drivers.parts import Latch
 from drivers.quantities import ImpedanceSetpoint
 from skills.contract import Observation
+from skills.latch_likelihood import BEFORE, Signature
 from skills.seating import BORNE_FOR, DOUBTED
-from skills.signature import BEFORE, Curve, Signature
+from skills.signature import Curve
 
 MOST_LOOKS = 5
 """Ways down after which a peg whose latch they have not shown is given up: in cells whose force scatters and wanders by 1 N three leave one seated

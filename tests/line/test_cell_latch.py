@@ -6,7 +6,7 @@ import pytest
 from cell.config import load
 from cell.lab.seating import charts, drawn, measure
 from drivers.errors import ConfigError
-from skills.signature import GRID, SHEAR, Way, resistance
+from skills.latch_likelihood import GRID, SHEAR, Way, resistance
 
 CONFIG = load().cell
 CASES = {case.name: case for case in measure.CASES}

@@ -7,8 +7,8 @@ import numpy as np
 
 from drivers.parts import Latch
 from drivers.quantities import Vector
+from skills.latch_likelihood import SHEAR, Way, resistance, told_by
 from skills.latch_looks import MOST_LOOKS, is_enough
-from skills.signature import SHEAR, Way, resistance, told_by
 
 NOISES = ((0.3, 0.3), (1.0, 0.5), (1.0, 1.0))
 """Noise of the force from scan to scan, N, up to the largest of `arm.wrench_noise`, and root mean square of what friction adds that wanders along the way,

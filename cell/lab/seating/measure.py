@@ -29,7 +29,8 @@ from skills.catalogue import ADJUST, CATALOGUE, GRASP, INSERT, SEARCH
 from skills.contract import Observation, Outcome, Reason, SkillContext
 from skills.entry import Claim
 from skills.flow import StageRecord
-from skills.signature import GRID, Curve, Signature, Way, resistance, told_by
+from skills.latch_likelihood import GRID, Signature, Way, resistance, told_by
+from skills.signature import Curve
 
 if TYPE_CHECKING:
     from sim.truth import Truth

@@ -17,8 +17,9 @@ from plc_bridge.messages import PartPlace
 from skills.contract import Outcome, Reason
 from skills.entry import Claim
 from skills.flow import StageRecord
+from skills.latch_likelihood import Signature
 from skills.seating import BORNE_WITHIN, DOUBTED, MOST_DEEP
-from skills.signature import LIFTED, Curve, Signature
+from skills.signature import LIFTED, Curve
 from skills.spray_search import SpraySearchResult
 from skills.surface import Plane
 from tests.fakes import Rig

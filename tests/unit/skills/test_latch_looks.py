@@ -8,9 +8,9 @@ import pytest
 
 from cell.config import load
 from drivers.frames import UP
+from skills.latch_likelihood import BEFORE, DOUBT, FORCE_SHARE, SHEAR, Signature, resistance
 from skills.latch_looks import LEAST_LOOKS, MOST_LOOKS, TURNING_BACK, Looks, is_enough
 from skills.seating import DOUBTED
-from skills.signature import BEFORE, DOUBT, FORCE_SHARE, SHEAR, Signature, resistance
 from tests.fakes import Rig
 from tests.unit.skills.test_signature import LATCH, PERIOD, SPEED, pushing, scan
 

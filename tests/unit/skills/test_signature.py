@@ -9,16 +9,12 @@ from cell.config import load
 from drivers.frames import UP
 from drivers.parts import Latch
 from drivers.quantities import GripperState, ImpedanceSetpoint, Wrench
-from skills.seating import LEAST_PUSH
-from skills.signature import (
+from skills.latch_likelihood import (
     DOUBT,
     FORCE_SHARE,
     GRID,
-    LIFTED,
-    MOST_WAYS,
     PLACE,
     SHEAR,
-    Curve,
     Signature,
     Way,
     considered,
@@ -26,6 +22,8 @@ from skills.signature import (
     told_by,
     unlikelihood,
 )
+from skills.seating import LEAST_PUSH
+from skills.signature import LIFTED, MOST_WAYS, Curve
 from tests.fakes import Rig
 
 LATCH = Latch(kind="detent", force=5.0, height=0.003)
