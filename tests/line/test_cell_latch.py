@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
+from cell.assembly import assemble, opened
 from cell.config import load
 from cell.lab.seating import charts, drawn, measure
 from drivers.errors import ConfigError
+from skills.catalogue import GRASP
 from skills.latch_likelihood import GRID, SHEAR, Way, resistance
 
 CONFIG = load().cell
@@ -60,3 +62,12 @@ def test_deviations_that_last_longer_hang_together_over_a_longer_way():
 
     assert GRID <= length(4e-4) < length(1.6e-3)
     assert measure.hanging(Way((), ()), latch) is None
+
+
+def test_ways_down_of_another_peg_are_forgotten_at_the_next_grasp():
+    cell = assemble(CONFIG.model_copy(update={"sim": CONFIG.sim.model_copy(update={"pace": "max"})}))
+    with opened(cell):
+        ctx = cell.context(1)
+        ctx.ways = (Way((0.1,), (0.0,)),)
+        GRASP.run(CONFIG.skill_set(), ctx)
+    assert ctx.ways == ()

@@ -115,6 +115,7 @@ def drawn_up(curve, seen, now, height=1.1 * LIFTED):
 def test_a_way_down_that_ended_in_a_rest_is_kept_where_the_peg_is_drawn_up_and_not_where_it_is_let_go(seen):
     curve, now = lowered(seen)
     up = drawn_up(curve, seen, now)
+    assert up.earlier == up.ways == curve.ways
     assert [way.heights for way in up.earlier] == [curve.heights]
     assert up.after(scan(seen, 0.003, 0.0, now, EMPTY), None, LATCH).earlier == ()
 

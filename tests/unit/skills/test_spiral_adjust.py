@@ -17,6 +17,7 @@ from skills.guided_peg import CREEP, MOST_SWEPT, SLIDING, SWEPT_BEYOND, Aim, Des
 from skills.seating import CLOSED_TOLERANCE, OPEN_TOLERANCE
 from skills.spiral_adjust import MOST_SWING_DAMPING, RAISED, Swing, given_up_after, run
 from tests.fakes import HAND_DOWN, Rig
+from tests.unit.skills.test_latch_likelihood import way_down
 
 PARAMS = load().cell.params(ADJUST)
 PERIOD, LEAST = PARAMS.dither_period, PARAMS.jammed
@@ -173,6 +174,16 @@ def test_the_spiral_is_fed_forward_where_it_is_asked_for(tmp_path, feeds_forward
     run(PARAMS.model_copy(update={"push_offset": 0.0, "timeout": 0.5, "feeds_forward": feeds_forward}), ctx)
     assert ctx.held is not None
     assert (ctx.held.twist is not None) == feeds_forward
+
+
+def test_ways_down_of_earlier_attempts_are_handed_on_while_the_peg_is_held(tmp_path):
+    rig = Rig(load(sets=("hole.latch={kind='detent',force=5.0,height=0.003}", "hole.evidence=force")), tmp_path)
+    ctx, way = rig.cell.context(1), way_down()
+    ctx.ways = (way,)
+    rig.gripper.grip(30.0)
+    rig.arm.tcp = Pose(np.array([*ctx.job.hole.centre[:2], ctx.job.hole.centre[2] + ctx.length]), HAND_DOWN)
+    run(PARAMS.model_copy(update={"push_offset": 0.0, "timeout": 0.5}), ctx)
+    assert ctx.ways == (way,)
 
 
 def swept(tilt, last=None, elapsed=1.0):
