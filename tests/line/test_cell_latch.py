@@ -43,7 +43,7 @@ def test_a_case_that_does_not_exist_is_refused_by_name():
 def test_lines_count_what_was_missed_and_what_was_false():
     def row(case, is_seated, is_told, is_believed):
         return measure.SeatingRow(
-            "detent", case, 1, "", "", 0.02, is_seated, is_told, is_believed, None, None, None, None, 0.0, False
+            "detent", case, 1, "", "", 0.02, is_seated, is_told, is_believed, None, None, None, None, 1, 0.0, False
         )
 
     rows = [row("seated", True, True, True), row("seated", True, False, False), row("worn latch", False, False, True)]

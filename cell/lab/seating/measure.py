@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, fields
 from functools import partial
 from itertools import takewhile
 from pathlib import Path
-from statistics import median
+from statistics import fmean, median
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -97,6 +97,8 @@ class SeatingRow:
     """Share of the likelihood of another force or place, of that curve and the ways before it, fraction."""
     hanging: float | None
     """Integral length of the deviations of that curve from its own latch, m."""
+    ways: int
+    """Number of ways down that ended in a rest."""
     max_penetration: float
     is_void: bool
 
@@ -116,6 +118,8 @@ class SeatingLine:
     """Parts that were called seated, by the cell or by its gate beside a skill that lies, and were not."""
     hanging: float
     """Median integral length of the deviations of the last curves, m."""
+    ways: float
+    """Mean number of ways down."""
     low: float
     high: float
     """Wilson 95 % interval of the errors of this case: missed of seated ones, or false of all others."""
@@ -207,6 +211,7 @@ def run_trial(config: CellConfig, kind: str, case: Case, seed: int) -> tuple[Sea
         offset=None if said is None else said.offset,
         doubt=None if said is None else said.doubt,
         hanging=None if said is None else hanging(Way(shown.heights, shown.forces), latch),
+        ways=len(shown.ways),
         max_penetration=truth.max_penetration,
         is_void=truth.is_void,
     )
@@ -304,8 +309,8 @@ def lines_of(rows: Sequence[SeatingRow]) -> list[SeatingLine]:
         false = sum((row.is_told or row.is_believed) and not row.is_seated for row in own)
         wrong, of = (missed, len(seated)) if seated else (false, len(own))
         lengths = [row.hanging for row in own if row.hanging is not None]
-        length = median(lengths) if lengths else math.nan
-        lines.append(SeatingLine(kind, case, len(own), len(seated), missed, false, length, *wilson(wrong, of)))
+        length, ways = median(lengths) if lengths else math.nan, fmean(row.ways for row in own)
+        lines.append(SeatingLine(kind, case, len(own), len(seated), missed, false, length, ways, *wilson(wrong, of)))
     return lines
 
 
