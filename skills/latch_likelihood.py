@@ -115,9 +115,8 @@ def told_by(ways: Sequence[Way], latch: Latch) -> Signature:
     likely = np.exp(total.min() - total)
     is_stated = (np.abs(offsets) <= PLACE + GRID / 2) & (shares >= FORCE_SHARE) & (shares <= 1.0 / FORCE_SHARE)
     force, offset = np.unravel_index(int(total.argmin()), total.shape)
-    return Signature(
-        float(shares[force, 0]) * latch.force, float(offsets[0, offset]), float(likely[~is_stated].sum() / likely.sum())
-    )
+    doubt = min(float(likely[~is_stated].sum() / likely.sum()), 1.0)
+    return Signature(float(shares[force, 0]) * latch.force, float(offsets[0, offset]), doubt)
 
 
 def considered(latch: Latch) -> tuple[Vector, Vector]:
@@ -125,7 +124,8 @@ def considered(latch: Latch) -> tuple[Vector, Vector]:
     shape (1, m), m.
     """
     shares = FORCE_STEP * np.arange(round(MOST_FORCE / FORCE_STEP) + 1, dtype=np.float64)
-    most = round(latch.height / 2 / GRID)
+    # A bottom that is far enough off to be told must be among them where the latch is low.
+    most = round(max(latch.height / 2, 3.0 * PLACE) / GRID)
     return shares[:, None], GRID * np.arange(-most, most + 1, dtype=np.float64)[None, :]
 
 

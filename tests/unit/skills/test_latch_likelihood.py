@@ -109,3 +109,9 @@ def test_the_likelihood_is_that_of_every_force_and_place_that_are_considered():
     best = np.unravel_index(table.argmin(), table.shape)
     assert shares[best[0], 0] == pytest.approx(1.0)
     assert offsets[0, best[1]] == pytest.approx(0.0, abs=GRID / 2)
+
+
+@pytest.mark.parametrize("height", [0.0015, 0.003, 0.01])
+def test_a_bottom_that_is_1_mm_off_is_considered_whatever_the_height_of_the_latch(height):
+    _, offsets = considered(LATCH.model_copy(update={"height": height}))
+    assert offsets.max() == -offsets.min() >= max(2.0 * PLACE, height / 2)
