@@ -19,8 +19,8 @@ from skills.seating import BORNE_FOR, DOUBTED
 from skills.signature import Curve
 
 MOST_LOOKS = 5
-"""Ways down after which a peg whose latch they have not shown is given up: in cells whose force scatters and wanders by 1 N three leave one seated
-peg in twenty in doubt, by drawn curves. Source: decision 0114.
+"""Ways down after which a peg whose latch they have not shown is given up; chosen, not measured: looks add up, and each takes two seconds.
+Source: decision 0114.
 """
 LEAST_LOOKS = 2
 """Ways down before a peg is given up, however sure the first is: the peg may have been wedged just above the bottom. Source: decision 0114."""
