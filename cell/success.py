@@ -16,8 +16,9 @@ from plc_bridge.messages import PartPlace
 from skills.contract import Observation, Outcome, Reason
 from skills.entry import Claim
 from skills.flow import StageRecord
+from skills.latch_likelihood import Signature
 from skills.seating import BORNE_WITHIN, CLOSED_TOLERANCE, DOUBTED, MOST_DEEP, MOST_SHALLOW, Footing
-from skills.signature import LIFTED, Curve, Signature
+from skills.signature import LIFTED, Curve
 from skills.surface import Plane, nominal
 
 PLANE_TOLERANCE = 0.005
@@ -148,7 +149,7 @@ class ForceProof:
             # What gives way was no bottom.
             return replace(self, curve=curve) if -BORNE_WITHIN <= risen <= LIFTED else ForceProof(self.latch, curve)
         found = curve.signature(self.latch, seen.stamp)
-        if found is None or not found.is_of(self.latch):
+        if found is None or not found.is_sure:
             return replace(self, curve=curve)
         return ForceProof(self.latch, curve, seen.tip.copy(), seen.arm.tcp.position.copy(), found)
 

@@ -24,6 +24,7 @@ from drivers.quantities import (
     Vector,
     Wrench,
 )
+from skills.latch_likelihood import Way
 from skills.passivity import SOFTENED, STOP, PassivityGuard, PassivityVerdict
 from skills.rest import Rest
 from skills.scan_guards import (
@@ -196,6 +197,8 @@ class SkillContext:
     """Share of the believed grip that is left after the peg in the hand has slipped, fraction."""
     surface: Plane | None = field(default=None, init=False)
     """Plate's surface as the last search that found the hole has felt it; None where none has since the grasp."""
+    ways: tuple[Way, ...] = field(default=(), init=False)
+    """Ways down of the peg in the hand to where something bore it, over all attempts since the grasp."""
     is_length_known: bool = field(default=False, init=False)
     """Whether the peg in the hand has touched the plate since it was grasped."""
     _peg: PegPose = field(default=NO_PEG, init=False)

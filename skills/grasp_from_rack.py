@@ -93,7 +93,7 @@ def run(params: GraspFromRackParams, ctx: SkillContext) -> GraspFromRackResult:
 
     ctx.gripper.release(params.opening)
     ctx.set_excess(None)
-    ctx.surface = None
+    ctx.surface, ctx.ways = None, ()
     above = Goal(grip_at + UP * params.clearance, UP, ACROSS_RACK)
     _rise(above.tip[2], params, ctx)
     for _ in move(above, params.transfer, ctx, None):

@@ -1,10 +1,11 @@
 """Look for the latch of a hole without a switch on several ways down to the bottom; pure.
 
-    way down -> rest -> the curve shows the latch: seated
-                    `-> it does not: draw the peg up through the latch, push again, and look once more
+    way down -> rest -> all ways so far show the latch: seated
+                    |-> they do not yet: draw the peg up through the latch, push again, and look once more
+                    `-> surely another latch or bottom, or there have been enough: given up
 
-Each way down is judged once, where the peg first rests at the bottom. A curve that went on while a hand shakes a peg at the bottom would be judged
-until it passes.
+Each way down counts once, where the peg first rests at the bottom, and is judged together with those before it. A peg that is judged anew on each way until
+it passes is judged too often, and so is a curve that goes on while a hand shakes the peg at the bottom.
 """
 
 import math
@@ -13,11 +14,16 @@ from dataclasses import dataclass, field, replace
 from drivers.parts import Latch
 from drivers.quantities import ImpedanceSetpoint
 from skills.contract import Observation
+from skills.latch_likelihood import BEFORE, Signature
 from skills.seating import BORNE_FOR, DOUBTED
-from skills.signature import BEFORE, Curve
+from skills.signature import Curve
 
-MOST_LOOKS = 3
-"""Ways down after which a peg whose latch none has shown is given up. Source: decision 0104."""
+MOST_LOOKS = 5
+"""Ways down after which a peg whose latch they have not shown is given up; chosen, not measured: looks add up, and each takes two seconds.
+Source: decision 0114.
+"""
+LEAST_LOOKS = 2
+"""Ways down before a peg is given up, however sure the first is: the peg may have been wedged just above the bottom. Source: decision 0114."""
 TURNING_BACK = 0.05
 """Speed at which the setpoint goes from push to pull and back, m/s."""
 
@@ -29,18 +35,15 @@ class Looks:
     curve: Curve = field(default_factory=Curve)
     """Force against height on the way down that goes on."""
     missed: int = 0
-    """Number of ways down that have shown no latch."""
+    """Number of ways down to the bottom after which the latch was not shown."""
+    is_over: bool = False
+    """Whether there have been enough of them."""
     is_shown: bool = False
-    """Whether a way down has shown the latch, with the bottom behind it."""
+    """Whether the ways down have shown the latch, with the bottom behind it."""
     top: float = -math.inf
     """Height of the hand up to which the peg is drawn up, m, base frame; lower than any while it is pushed."""
     pull: float = -math.inf
     """Height of the setpoint over the tip at the last scan, m, negative for a push; lower than any before the first look is over."""
-
-    @property
-    def is_over(self) -> bool:
-        """Whether there have been enough ways down that have shown no latch."""
-        return self.missed >= MOST_LOOKS
 
     @property
     def is_lifting(self) -> bool:
@@ -64,9 +67,11 @@ class Looks:
         told = curve.signature(latch, seen.stamp - BORNE_FOR)
         if told is None or abs(beyond) > DOUBTED:
             return replace(self, curve=curve)
-        if told.is_of(latch):
+        if told.is_sure:
             return replace(self, curve=curve, is_shown=True)
-        return replace(self, curve=curve, missed=self.missed + 1, top=height + latch.height + BEFORE)
+        missed = self.missed + 1
+        top = height + latch.height + BEFORE
+        return replace(self, curve=curve, missed=missed, is_over=is_enough(missed, told), top=top)
 
     def pulling(self, push: float, period: float) -> "Looks":
         """Return the looks with the pull of the scan that begins now.
@@ -79,3 +84,8 @@ class Looks:
             return replace(self, pull=-push)
         goal, most = push if self.is_lifting else -push, TURNING_BACK * period
         return replace(self, pull=self.pull + min(max(goal - self.pull, -most), most))
+
+
+def is_enough(ways: int, told: Signature) -> bool:
+    """Return whether so many ways down, which have not shown the latch, are enough to give the peg up."""
+    return ways >= (LEAST_LOOKS if told.is_refuted else MOST_LOOKS)

@@ -1,10 +1,14 @@
 """Whole insertions into a hole without a switch, on honest cells: seated ones pass, and what may be taken for one does not."""
 
+import numpy as np
 import pytest
 
+from cell.assembly import assemble, opened
 from cell.config import load
 from cell.lab.seating import charts, drawn, measure
 from drivers.errors import ConfigError
+from skills.catalogue import GRASP
+from skills.latch_likelihood import GRID, SHEAR, Way, resistance
 
 CONFIG = load().cell
 CASES = {case.name: case for case in measure.CASES}
@@ -39,10 +43,31 @@ def test_a_case_that_does_not_exist_is_refused_by_name():
 def test_lines_count_what_was_missed_and_what_was_false():
     def row(case, is_seated, is_told, is_believed):
         return measure.SeatingRow(
-            "detent", case, 1, "", "", 0.02, is_seated, is_told, is_believed, None, None, None, 0.0, False
+            "detent", case, 1, "", "", 0.02, is_seated, is_told, is_believed, None, None, None, None, 1, 0.0, False
         )
 
     rows = [row("seated", True, True, True), row("seated", True, False, False), row("worn latch", False, False, True)]
     seated, worn = measure.lines_of(rows)
     assert (seated.trials, seated.seated, seated.missed, seated.false) == (2, 2, 1, 0)
     assert (worn.trials, worn.seated, worn.missed, worn.false) == (1, 0, 0, 1)
+
+
+def test_deviations_that_last_longer_hang_together_over_a_longer_way():
+    latch, above = measure.LATCHES["detent"], np.concatenate([np.arange(0.006, 0.0, -1e-4), [0.0]])
+
+    def length(period):
+        force = resistance(above, latch) + 0.5 * np.sin(2.0 * np.pi * above / period)
+        force[-1] = drawn.PUSH
+        return measure.hanging(Way(tuple((above - SHEAR * force).tolist()), tuple(force.tolist())), latch)
+
+    assert GRID <= length(4e-4) < length(1.6e-3)
+    assert measure.hanging(Way((), ()), latch) is None
+
+
+def test_ways_down_of_another_peg_are_forgotten_at_the_next_grasp():
+    cell = assemble(CONFIG.model_copy(update={"sim": CONFIG.sim.model_copy(update={"pace": "max"})}))
+    with opened(cell):
+        ctx = cell.context(1)
+        ctx.ways = (Way((0.1,), (0.0,)),)
+        GRASP.run(CONFIG.skill_set(), ctx)
+    assert ctx.ways == ()

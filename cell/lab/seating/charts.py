@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from cell.lab.seating.measure import CASES, LATCHES, Curves
 from cell.plots import COLOURS
-from skills.signature import resistance
+from skills.latch_likelihood import resistance
 
 CHART = "seating.png"
 SHOWN = 6

@@ -7,7 +7,8 @@ import numpy as np
 
 from drivers.parts import Latch
 from drivers.quantities import Vector
-from skills.signature import BEFORE, FLOOR, GRID, fitted, resistance
+from skills.latch_likelihood import SHEAR, Way, resistance, told_by
+from skills.latch_looks import MOST_LOOKS, is_enough
 
 NOISES = ((0.3, 0.3), (1.0, 0.5), (1.0, 1.0))
 """Noise of the force from scan to scan, N, up to the largest of `arm.wrench_noise`, and root mean square of what friction adds that wanders along the way,
@@ -15,6 +16,8 @@ N; assumed, up to as much again.
 """
 SCANS, WAY = 70, 0.006
 """Number of scans on the way, and its length, m, as in simulated insertions."""
+PUSH = 11.0
+"""Force of the bottom that bears the shipped push, N."""
 SPREAD, PLACE = 1.2, 1e-4
 """Largest factor of the latch's force, and deviation of its place, m: `latch.force` and `latch.place` of config/reality.toml."""
 ENDS = (
@@ -49,11 +52,18 @@ def drawn(latch: Latch, curves: int, seed: int, done: Callable[[], None] = lambd
 
 
 def _is_told(latch: Latch, shallow: float, wear: float, noise: tuple[float, float], rng: np.random.Generator) -> bool:
+    """Return whether a part passes for seated on one of the ways down that a skill takes."""
     place = float(np.clip(rng.normal(0.0, PLACE), -3.0 * PLACE, 3.0 * PLACE))
-    height = np.sort(np.concatenate([[0.0, WAY], rng.uniform(0.0, WAY, SCANS)]))
-    force = (1.0 - wear) * SPREAD ** rng.uniform(-1.0, 1.0) * resistance(height + shallow - place, latch)
-    grid = np.arange(FLOOR, latch.height + BEFORE, GRID)
-    return fitted(grid, np.interp(grid, height, force + _noise(noise, height.size, rng)), latch).is_of(latch)
+    share, ways = (1.0 - wear) * SPREAD ** rng.uniform(-1.0, 1.0), []
+    for looks in range(1, MOST_LOOKS + 1):
+        height = np.sort(np.concatenate([[0.0, WAY], rng.uniform(0.0, WAY, SCANS)]))
+        force = share * resistance(height + shallow - place, latch) + _noise(noise, height.size, rng)
+        force[0] = PUSH
+        ways.append(Way(tuple((height - SHEAR * force)[::-1].tolist()), tuple(force[::-1].tolist())))
+        told = told_by(ways, latch)
+        if told.is_sure or is_enough(looks, told):
+            return told.is_sure
+    return False
 
 
 def _noise(noise: tuple[float, float], count: int, rng: np.random.Generator) -> Vector:

@@ -6,8 +6,12 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields
 from functools import partial
+from itertools import takewhile
 from pathlib import Path
+from statistics import fmean, median
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from cell.assembly import assemble, opened
 from cell.cell_config import CellConfig
@@ -25,7 +29,8 @@ from skills.catalogue import ADJUST, CATALOGUE, GRASP, INSERT, SEARCH
 from skills.contract import Observation, Outcome, Reason, SkillContext
 from skills.entry import Claim
 from skills.flow import StageRecord
-from skills.signature import Curve, Signature
+from skills.latch_likelihood import GRID, Signature, Way, resistance, told_by
+from skills.signature import Curve
 
 if TYPE_CHECKING:
     from sim.truth import Truth
@@ -88,8 +93,12 @@ class SeatingRow:
     """Force of the latch by the last curve that ended at rest, N."""
     offset: float | None
     """Its height over the stated one, m."""
-    misfit: float | None
-    """Remainder of that curve over the latch's swing, ratio."""
+    doubt: float | None
+    """Share of the likelihood of another force or place, of that curve and the ways before it, fraction."""
+    hanging: float | None
+    """Integral length of the deviations of that curve from its own latch, m."""
+    ways: int
+    """Number of ways down that ended in a rest."""
     max_penetration: float
     is_void: bool
 
@@ -107,6 +116,10 @@ class SeatingLine:
     """Truly seated parts that the cell did not call so."""
     false: int
     """Parts that were called seated, by the cell or by its gate beside a skill that lies, and were not."""
+    hanging: float
+    """Median integral length of the deviations of the last curves, m."""
+    ways: float
+    """Mean number of ways down."""
     low: float
     high: float
     """Wilson 95 % interval of the errors of this case: missed of seated ones, or false of all others."""
@@ -196,7 +209,9 @@ def run_trial(config: CellConfig, kind: str, case: Case, seed: int) -> tuple[Sea
         is_believed=any(_is_believed(proof, records, look, ctx) for proof in recorder.proofs),
         force=None if said is None else said.force,
         offset=None if said is None else said.offset,
-        misfit=None if said is None else said.misfit,
+        doubt=None if said is None else said.doubt,
+        hanging=None if said is None else hanging(Way(shown.heights, shown.forces), latch),
+        ways=len(shown.ways),
         max_penetration=truth.max_penetration,
         is_void=truth.is_void,
     )
@@ -219,6 +234,22 @@ def _is_believed(proof: Evidence, records: Sequence[StageRecord], look: LastLook
     except CellError:
         return False
     return True
+
+
+def hanging(way: Way, latch: Latch) -> float | None:
+    """Return the way over which the deviations of a curve from the latch that explains it best hang together, m: the integral of their
+    autocorrelation to its first zero, both ways; None of a way that does not show the latch.
+    """
+    profile = way.profile(latch)
+    if profile is None:
+        return None
+    above, force = profile
+    best = told_by([way], latch)
+    rest = force - best.force / latch.force * resistance(above - best.offset, latch)
+    rest = rest - rest.mean()
+    size = float(np.mean(rest * rest))
+    likeness = [float(np.mean(rest[lag:] * rest[: len(rest) - lag])) / size for lag in range(1, len(rest) // 2)]
+    return GRID * (1.0 + 2.0 * sum(takewhile(lambda share: share > 0.0, likeness)))
 
 
 def case_names(asked: Sequence[str]) -> list[str]:
@@ -277,7 +308,9 @@ def lines_of(rows: Sequence[SeatingRow]) -> list[SeatingLine]:
         missed = sum(not row.is_told for row in seated)
         false = sum((row.is_told or row.is_believed) and not row.is_seated for row in own)
         wrong, of = (missed, len(seated)) if seated else (false, len(own))
-        lines.append(SeatingLine(kind, case, len(own), len(seated), missed, false, *wilson(wrong, of)))
+        lengths = [row.hanging for row in own if row.hanging is not None]
+        length, ways = median(lengths) if lengths else math.nan, fmean(row.ways for row in own)
+        lines.append(SeatingLine(kind, case, len(own), len(seated), missed, false, length, ways, *wilson(wrong, of)))
     return lines
 
 

@@ -10,14 +10,20 @@ from cell.lab.seating.measure import SeatingLine
 
 def seating(lines: Sequence[SeatingLine], title: str) -> Table:
     """Return what was missed and what was falsely called seated, case by case."""
-    caption = "false: called seated, or let pass by the gate had the skill said so, and not seated; interval of the case's own error"
+    caption = "false: called seated, or let pass by the gate had the skill said so, and not seated; interval of the case's own error; "
+    caption += "ways: mean number of ways down; hanging: median way over which deviations from the latch hang together"
     table = Table(title=title, caption=caption)
-    for name in ("latch", "case", "trials", "seated", "missed", "false", "Wilson 95 %"):
+    for name in ("latch", "case", "trials", "seated", "missed", "false", "Wilson 95 %", "ways", "hanging (mm)"):
         table.add_column(name, justify="left" if name in ("latch", "case") else "right")
     for line in lines:
         counts = (line.trials, line.seated, line.missed, line.false)
+        interval = f"{100 * line.low:.1f} to {100 * line.high:.1f} %"
         table.add_row(
-            line.kind, line.case, *(str(count) for count in counts), f"{100 * line.low:.1f} to {100 * line.high:.1f} %"
+            line.kind,
+            line.case,
+            *(str(count) for count in counts),
+            interval,
+            *(f"{line.ways:.1f}", f"{1e3 * line.hanging:.2f}"),
         )
     return table
 

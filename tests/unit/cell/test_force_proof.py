@@ -17,8 +17,9 @@ from plc_bridge.messages import PartPlace
 from skills.contract import Outcome, Reason
 from skills.entry import Claim
 from skills.flow import StageRecord
+from skills.latch_likelihood import Signature
 from skills.seating import BORNE_WITHIN, DOUBTED, MOST_DEEP
-from skills.signature import LIFTED, Curve, Signature
+from skills.signature import LIFTED, Curve
 from skills.spray_search import SpraySearchResult
 from skills.surface import Plane
 from tests.fakes import Rig
@@ -41,7 +42,7 @@ def seen(tmp_path):
 
 def proven(job, depth=0.02):
     tip = np.array(job.hole.centre) - depth * UP
-    return ForceProof(LATCH, Curve(), tip, tip + job.peg.length * UP, Signature(5.0, 0.0, 0.1))
+    return ForceProof(LATCH, Curve(), tip, tip + job.peg.length * UP, Signature(5.0, 0.0, 1e-6))
 
 
 def judge(job, proof, away=0.08, hand=WIDE, claim=Claim.INSERTED):
@@ -180,3 +181,13 @@ def test_a_latch_that_did_not_show_is_told_in_whole_words(job):
     words = "success is not proven: force against depth did not show the latch with the bottom behind it while the hand held the peg"
     with pytest.raises(SuccessUnprovenError, match=f"^{words}$"):
         judge(job, ForceProof(LATCH))
+
+
+def test_the_gate_counts_a_way_down_that_denied_the_bottom_after_the_peg_was_drawn_up(seen):
+    denied, now = lowered(seen, shallow=0.001)
+    proof = ForceProof(LATCH, denied).after(scan(seen, 2.0 * LIFTED, 0.0, now))
+    shown, later = lowered(seen)
+    again = replace(shown, earlier=proof.curve.earlier)
+    resting = scan(seen, 0.0, 11.0, later)
+    assert ForceProof(LATCH, again).after(resting, pushing(seen)).seated_hand is None
+    assert ForceProof(LATCH, shown).after(resting, pushing(seen)).seated_hand is not None

@@ -7,7 +7,7 @@ from drivers.parts import Latch
 from sim import latch
 from sim.peg_distances import PegView
 from sim.plate import Plate
-from skills.signature import resistance
+from skills.latch_likelihood import resistance
 
 BOTTOM = 0.02
 DETENT = Latch(kind="detent", force=6.0, height=0.003)

@@ -8,9 +8,9 @@ import pytest
 
 from cell.config import load
 from drivers.frames import UP
-from skills.latch_looks import MOST_LOOKS, TURNING_BACK, Looks
+from skills.latch_likelihood import BEFORE, DOUBT, FORCE_SHARE, SHEAR, Signature, resistance
+from skills.latch_looks import LEAST_LOOKS, MOST_LOOKS, TURNING_BACK, Looks, is_enough
 from skills.seating import DOUBTED
-from skills.signature import BEFORE, SHEAR, resistance
 from tests.fakes import Rig
 from tests.unit.skills.test_signature import LATCH, PERIOD, SPEED, pushing, scan
 
@@ -24,12 +24,14 @@ def seen(tmp_path):
     return Rig(load(), tmp_path).cell.context(0).observe()
 
 
-def lowered(looks, seen, stamp, *, wear=0.0, above=0.006, beyond=0.0, rest=50):
+def lowered(looks, seen, stamp, *, wear=0.0, above=0.006, beyond=0.0, rest=50, held_back=0.0, shallow=0.0):
     """Return the looks after a way down at an even speed and a rest, and the time after it, s."""
     for height in np.concatenate([np.arange(above, 0.0, -SPEED * PERIOD), np.zeros(rest)]):
         if looks.is_shown or looks.is_lifting:
             break
-        force = (1.0 - wear) * float(resistance(np.array(height), LATCH)) if height > 0.0 else REST
+        # Walls that a leaning peg rubs at hold it back behind the latch.
+        rub = held_back if height < LATCH.height / 2 else 0.0
+        force = (1.0 - wear) * float(resistance(np.array(height + shallow), LATCH)) + rub if height > 0.0 else REST
         now = scan(seen, height - SHEAR * force, force, stamp)
         looks = looks.after(now, pushing(now), LATCH, beyond).pulling(PUSH, PERIOD)
         stamp += PERIOD
@@ -53,24 +55,46 @@ def test_a_way_down_that_shows_the_latch_is_enough(seen):
     assert looks.missed == 0
 
 
-def test_a_peg_whose_latch_was_not_felt_is_drawn_up_through_it_and_looked_at_again(seen):
-    looks, stamp = lowered(Looks(), seen, 0.0, wear=1.0)
-    assert (looks.is_shown, looks.is_lifting, looks.missed) == (False, True, 1)
+def test_a_peg_whose_latch_was_hidden_is_drawn_up_through_it_and_looked_at_again(seen):
+    looks, stamp = lowered(Looks(), seen, 0.0, held_back=5.0)
+    assert (looks.is_shown, looks.is_lifting, looks.missed, looks.is_over) == (False, True, 1, False)
     looks, stamp, height = lifted(looks, seen, stamp)
     assert height == pytest.approx(LATCH.height + BEFORE, abs=2.0 * SPEED * PERIOD)
     looks, _ = lowered(looks, seen, stamp)
     assert looks.is_shown
 
 
-def test_a_peg_whose_latch_is_never_felt_is_given_up(seen):
+def given_up_after(seen, **way):
+    """Return the number of equal ways down after which a peg is given up, and whether it was told."""
     looks, stamp = Looks(), 0.0
-    for _ in range(MOST_LOOKS):
-        assert not looks.is_over
-        looks, stamp = lowered(looks, seen, stamp, wear=1.0)
-        if not looks.is_over:
-            looks, stamp, _ = lifted(looks, seen, stamp)
-    assert looks.is_over
+    for count in range(1, MOST_LOOKS + 1):
+        looks, stamp = lowered(looks, seen, stamp, **way)
+        if looks.is_over or looks.is_shown:
+            return count, looks.is_shown
+        looks, stamp, _ = lifted(looks, seen, stamp)
+    return MOST_LOOKS + 1, False
+
+
+@pytest.mark.parametrize("way", [{"wear": 1.0}, {"shallow": 0.001}])
+def test_a_peg_that_is_surely_not_seated_is_looked_at_once_more_and_given_up(seen, way):
+    assert given_up_after(seen, **way) == (LEAST_LOOKS, False)
+
+
+def test_a_peg_that_stays_in_doubt_is_given_up_after_the_last_look(seen):
+    assert given_up_after(seen, wear=1.05 - FORCE_SHARE) == (MOST_LOOKS, False)
+
+
+def test_a_peg_whose_first_way_denies_the_bottom_is_not_told_by_the_next_one(seen):
+    looks, stamp = lowered(Looks(), seen, 0.0, shallow=0.001)
+    looks, stamp, _ = lifted(looks, seen, stamp)
+    looks, _ = lowered(looks, seen, stamp)
     assert not looks.is_shown
+
+
+def test_how_many_ways_are_enough_depends_on_how_sure_they_are():
+    open_, sure = Signature(5.0, 0.0, 0.5), Signature(5.0, 0.0, 1.0 - DOUBT / 2)
+    assert [is_enough(LEAST_LOOKS - 1, sure), is_enough(LEAST_LOOKS, sure)] == [False, True]
+    assert [is_enough(MOST_LOOKS - 1, open_), is_enough(MOST_LOOKS, open_)] == [False, True]
 
 
 def test_a_rest_away_from_the_bottom_is_no_look(seen):

@@ -7,14 +7,20 @@ import pytest
 
 from cell.config import load
 from drivers.frames import UP
-from drivers.parts import Latch
 from drivers.quantities import GripperState, ImpedanceSetpoint, Wrench
+from skills.latch_likelihood import (
+    GRID,
+    PLACE,
+    SHEAR,
+    Way,
+    resistance,
+)
 from skills.seating import LEAST_PUSH
-from skills.signature import FORCE_SHARE, GRID, PLACE, SHEAR, Curve, Signature, fitted, resistance
+from skills.signature import LIFTED, MOST_WAYS, Curve
 from tests.fakes import Rig
+from tests.unit.skills.test_latch_likelihood import BIAS, LATCH, way_down
 
-LATCH = Latch(kind="detent", force=5.0, height=0.003)
-PERIOD, SPEED, BIAS = 0.01, 0.01, 3.0
+PERIOD, SPEED = 0.01, 0.01
 HELD, EMPTY = GripperState(0.008, True, False), GripperState(0.0, False, False)
 
 
@@ -49,7 +55,7 @@ def lowered(seen, latch=LATCH, *, shallow=0.0, wear=0.0, noise=0.0, above=0.006,
 
 def shows(curve, now):
     found = curve.signature(LATCH, now)
-    return found is not None and found.is_of(LATCH)
+    return found is not None and found.is_sure
 
 
 def test_a_peg_that_went_through_its_latch_to_the_bottom_shows_force_and_place(seen):
@@ -102,17 +108,61 @@ def test_a_way_that_begins_in_the_latch_does_not_show_it(seen):
     assert curve.signature(LATCH, now) is None
 
 
-def test_a_curve_without_any_force_is_no_latch():
-    above = np.arange(0.0, 0.0045, GRID)
-    assert not fitted(above, np.zeros(len(above)), LATCH).is_of(LATCH)
-    assert not fitted(above, -resistance(above, LATCH), LATCH).is_of(LATCH)
+def drawn_up(curve, seen, now, height=1.1 * LIFTED):
+    return curve.after(scan(seen, height, 0.0, now), None, LATCH)
 
 
-@pytest.mark.parametrize(("factor", "is_of"), [(0.99, False), (1.01, True)])
-def test_force_and_place_are_judged_at_their_limits(factor, is_of):
-    assert Signature(factor * FORCE_SHARE * LATCH.force, 0.0, 0.1).is_of(LATCH) is is_of
-    assert Signature(LATCH.force / FORCE_SHARE / factor, 0.0, 0.1).is_of(LATCH) is is_of
-    assert Signature(LATCH.force, PLACE / factor, 0.1).is_of(LATCH) is is_of
+def test_a_way_down_that_ended_in_a_rest_is_kept_where_the_peg_is_drawn_up_and_not_where_it_is_let_go(seen):
+    curve, now = lowered(seen)
+    up = drawn_up(curve, seen, now)
+    assert up.earlier == up.ways == curve.ways
+    assert [way.heights for way in up.earlier] == [curve.heights]
+    assert up.after(scan(seen, 0.003, 0.0, now, EMPTY), None, LATCH).earlier == ()
+
+
+def test_a_way_that_ended_in_no_rest_is_not_kept(seen):
+    curve = Curve()
+    for n, height in enumerate(np.arange(0.006, 0.0, -SPEED * PERIOD)):
+        curve = curve.after(scan(seen, height, 0.0, n * PERIOD), None, LATCH)
+    assert drawn_up(curve, seen, 1.0).earlier == ()
+
+
+def test_what_gave_way_was_no_bottom_and_is_not_kept(seen):
+    curve, now = lowered(seen)
+    assert curve.has_rested
+    deeper = curve.after(scan(seen, -0.001, 0.0, now), pushing(scan(seen, -0.001, 0.0, now)), LATCH)
+    assert not deeper.has_rested
+    assert drawn_up(deeper, seen, now).earlier == ()
+
+
+@pytest.mark.parametrize(
+    ("rest", "counts"), [(0.9 * PLACE, True), (-0.9 * PLACE, True), (1.1 * PLACE, False), (-1.1 * PLACE, False)]
+)
+def test_ways_count_together_where_they_ended_at_the_same_height(seen, rest, counts):
+    curve, now = lowered(seen)
+    here, force = float(curve.heights[-1]), curve.forces[-1]
+    denied = way_down(shallow=0.001)
+    lift = (
+        here
+        + SHEAR * force
+        + rest
+        - SHEAR * (force - denied.forces[-1])
+        - denied.heights[-1]
+        - SHEAR * denied.forces[-1]
+    )
+    denied = Way(tuple(height + lift for height in denied.heights), denied.forces)
+    assert denied.heights[-1] - here == pytest.approx(rest, abs=1e-9)
+    alone = curve.signature(LATCH, now)
+    assert alone.is_sure
+    assert (replace(curve, earlier=(denied,)).signature(LATCH, now) != alone) is counts
+
+
+def test_no_more_ways_are_kept_than_are_needed(seen):
+    curve, now = lowered(seen)
+    many = replace(curve, earlier=tuple(way_down() for _ in range(MOST_WAYS)))
+    up = drawn_up(many, seen, now)
+    assert len(up.earlier) == MOST_WAYS
+    assert up.earlier[-1].heights == curve.heights
 
 
 def test_a_push_too_weak_to_tell_a_bottom_shows_none(seen):

@@ -15,15 +15,16 @@ from drivers.quantities import ArmState, InHandTip, Pose, SwitchState, Wrench
 from skills.catalogue import ADJUST
 from skills.contract import Interrupted, Outcome, Reason
 from skills.guided_peg import CREEP, MOST_SWEPT, SLIDING, SWEPT_BEYOND, Aim, Descent, Guide, Stall, TiltSweep
+from skills.latch_likelihood import SHEAR, resistance
 from skills.motion import VALIDITY, anchored, tilted_by
 from skills.paths import dither, spiral
 from skills.play import allowed_tilt
 from skills.seating import BORNE_FOR, CLOSED_TOLERANCE, OPEN_TOLERANCE
-from skills.signature import SHEAR, resistance
 from skills.spiral_adjust import ARRIVING, AT_BOTTOM, MOST_SWING_DAMPING, RAISED, Swing, given_up_after, run
 from skills.surface import Plane
 from tests.fakes import HAND_DOWN, Rig
 from tests.scripted import CELL, HOLE, SIDE, ScriptedHand, hand
+from tests.unit.skills.test_latch_likelihood import way_down
 
 PARAMS = load().cell.params(ADJUST)
 PERIOD, LEAST = PARAMS.dither_period, PARAMS.jammed
@@ -180,6 +181,16 @@ def test_the_spiral_is_fed_forward_where_it_is_asked_for(tmp_path, feeds_forward
     run(PARAMS.model_copy(update={"push_offset": 0.0, "timeout": 0.5, "feeds_forward": feeds_forward}), ctx)
     assert ctx.held is not None
     assert (ctx.held.twist is not None) == feeds_forward
+
+
+def test_ways_down_of_earlier_attempts_are_handed_on_while_the_peg_is_held(tmp_path):
+    rig = Rig(load(sets=("hole.latch={kind='detent',force=5.0,height=0.003}", "hole.evidence=force")), tmp_path)
+    ctx, way = rig.cell.context(1), way_down()
+    ctx.ways = (way,)
+    rig.gripper.grip(30.0)
+    rig.arm.tcp = Pose(np.array([*ctx.job.hole.centre[:2], ctx.job.hole.centre[2] + ctx.length]), HAND_DOWN)
+    run(PARAMS.model_copy(update={"push_offset": 0.0, "timeout": 0.5}), ctx)
+    assert ctx.ways == (way,)
 
 
 def swept(tilt, last=None, elapsed=1.0):
