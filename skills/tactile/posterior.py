@@ -29,6 +29,8 @@ AMOUNTS = 6
 """Number of fitted quantities: four loads, angle and offset."""
 HOPELESS = 20.0
 """Difference of log posterior to the best beyond which an angle is not refined."""
+OTHER_LOAD = 0.1
+"""Probability that the load is any other than the expected one, fraction: a hand that still closes, another grip."""
 NEVER = -1e30
 """Log likelihood of an impossible template."""
 
@@ -86,17 +88,27 @@ def _evidence(weights, weighed, even, rising, tightness, solution):  # type: ign
 
 
 @njit(cache=True)
-def _at(i, j, w, weights, weighed, prior, even, rising, tightness, solution):  # type: ignore[no-untyped-def]
+def _whole(borne, solution):  # type: ignore[no-untyped-def]
+    """Return the logarithm of the load of one pad, mean of both fingers, counts·m, under the amounts of `_evidence`."""
+    return math.log(max(solution[0] * borne[0] + solution[2] * borne[1], 1e-9))
+
+
+@njit(cache=True)
+def _at(i, j, w, weights, weighed, prior, even, rising, borne, load, tightness, solution):  # type: ignore[no-untyped-def]
     """Return the log posterior at angle i, which may exceed either end of the grid, offset j and print w."""
     n, m = even.shape[1], even.shape[2]
     if i < 0 or i >= n:
         # After half a turn the same axis has the opposite offset.
         i, j = i % n, m - 1 - j
-    return _evidence(weights, weighed, even[w, i, j], rising[w, i, j], tightness, solution) - prior[w, j]
+    found = _evidence(weights, weighed, even[w, i, j], rising[w, i, j], tightness, solution) - prior[w, j]
+    if load[1] > 0.0 and found > NEVER:
+        away = _whole(borne[w, i, j], solution) - load[0]
+        found += math.log(OTHER_LOAD + (1.0 - OTHER_LOAD) * math.exp(-0.5 * load[1] * away * away))
+    return found
 
 
 @njit(cache=True)
-def _row(i, j, w, weights, weighed, prior, even, rising, tightness, solution):  # type: ignore[no-untyped-def]
+def _row(i, j, w, weights, weighed, prior, even, rising, borne, load, tightness, solution):  # type: ignore[no-untyped-def]
     """Climb along the prints and offsets of angle i from j and w.
 
     Returns the log posterior with the offset integrated out and the print at its best, the mean and the best place of
@@ -106,31 +118,31 @@ def _row(i, j, w, weights, weighed, prior, even, rising, tightness, solution):  
     j = min(max(j, 1), m - 2)
     if last > 0:
         w = min(max(w, 1), last - 1)
-    here = _at(i, j, w, weights, weighed, prior, even, rising, tightness, solution)
+    here = _at(i, j, w, weights, weighed, prior, even, rising, borne, load, tightness, solution)
     more = between = surety = 0.0
     if last > 0:
-        low = _at(i, j, w - 1, weights, weighed, prior, even, rising, tightness, solution)
-        high = _at(i, j, w + 1, weights, weighed, prior, even, rising, tightness, solution)
+        low = _at(i, j, w - 1, weights, weighed, prior, even, rising, borne, load, tightness, solution)
+        high = _at(i, j, w + 1, weights, weighed, prior, even, rising, borne, load, tightness, solution)
         while low > here and w > 1:
             w, high, here = w - 1, here, low
-            low = _at(i, j, w - 1, weights, weighed, prior, even, rising, tightness, solution)
+            low = _at(i, j, w - 1, weights, weighed, prior, even, rising, borne, load, tightness, solution)
         while high > here and w < last - 1:
             w, low, here = w + 1, here, high
-            high = _at(i, j, w + 1, weights, weighed, prior, even, rising, tightness, solution)
+            high = _at(i, j, w + 1, weights, weighed, prior, even, rising, borne, load, tightness, solution)
         bend, lean = 2.0 * here - low - high, 0.5 * (high - low)
         if bend < -0.5 * NEVER:
             # Both neighbours are possible.
             surety = max(bend, 0.0)
             between = lean / max(surety, abs(lean), 1e-9)
             more = lean * between - 0.5 * surety * between * between
-    low = _at(i, j - 1, w, weights, weighed, prior, even, rising, tightness, solution)
-    high = _at(i, j + 1, w, weights, weighed, prior, even, rising, tightness, solution)
+    low = _at(i, j - 1, w, weights, weighed, prior, even, rising, borne, load, tightness, solution)
+    high = _at(i, j + 1, w, weights, weighed, prior, even, rising, borne, load, tightness, solution)
     while low > here and j > 1:
         j, high, here = j - 1, here, low
-        low = _at(i, j - 1, w, weights, weighed, prior, even, rising, tightness, solution)
+        low = _at(i, j - 1, w, weights, weighed, prior, even, rising, borne, load, tightness, solution)
     while high > here and j < m - 2:
         j, low, here = j + 1, here, high
-        high = _at(i, j + 1, w, weights, weighed, prior, even, rising, tightness, solution)
+        high = _at(i, j + 1, w, weights, weighed, prior, even, rising, borne, load, tightness, solution)
     bend, lean, middle = 2.0 * here - low - high, 0.5 * (high - low), float(j)
     if 0.0 < bend < -NEVER and low <= here and high <= here:
         # The parabola through the three log posteriors gives the area of a Gaussian.
@@ -141,7 +153,7 @@ def _row(i, j, w, weights, weighed, prior, even, rising, tightness, solution):  
 
 @njit(cache=True)
 def posterior(  # type: ignore[no-untyped-def] # noqa: C901, PLR0915  compiled loops that share one scratch in registers
-    is_wide, place, surety, values, weights, beside, tightness, theta, offset, even, rising, left
+    is_wide, place, surety, values, weights, beside, tightness, theta, offset, even, rising, borne, load, left
 ):
     """Compare one frame with the templates; return the fields of `Found` and fill the residuals."""
     n, m = theta.size, offset.size
@@ -164,7 +176,7 @@ def posterior(  # type: ignore[no-untyped-def] # noqa: C901, PLR0915  compiled l
             for way in (1, -1):
                 for k in range(int(way < 0), reach + 1):
                     j = middle + way * k * COARSE_OFFSET
-                    value = _at(a * COARSE_THETA, j, w, narrow, weighed, prior, even, rising, tightness, solution)
+                    value = _at(a * COARSE_THETA, j, w, narrow, weighed, prior, even, rising, borne, load, tightness, solution)
                     if value > coarse[a]:
                         coarse[a], nearest[a], likeliest[a] = value, j, w
                     if value > highest:
@@ -185,7 +197,7 @@ def posterior(  # type: ignore[no-untyped-def] # noqa: C901, PLR0915  compiled l
             for b in range(int(way < 0), FINE + 1):
                 i = a * COARSE_THETA + way * b
                 rows[count], about[count], j, w, breadths[count], sureties[count] = _row(
-                    i, j, w, narrow, weighed, prior, even, rising, tightness, solution
+                    i, j, w, narrow, weighed, prior, even, rising, borne, load, tightness, solution
                 )
                 turns[count], places[count], prints[count] = i, j, w
                 count += 1
@@ -195,12 +207,13 @@ def posterior(  # type: ignore[no-untyped-def] # noqa: C901, PLR0915  compiled l
             coarse[(a + b) % coarse.size] = NEVER
     if count == 0:
         left[:] = 0.0
-        return 0.0, 0.0, math.pi / 2, 0.0, -NEVER, 1.0, NEVER, place, 0.0
+        return 0.0, 0.0, math.pi / 2, 0.0, -NEVER, 1.0, NEVER, place, 0.0, 0.0
     best = np.argmax(rows[:count])
     i, j, w = turns[best], places[best], prints[best]
     if not 0 <= i < n:
         i, j = i % n, m - 1 - j
     _evidence(narrow, weighed, even[w, i, j], rising[w, i, j], tightness, solution)
+    whole = _whole(borne[w, i, j], solution)
     misfit = missed = power = seen = 0.0
     for k in range(values.size):
         side = 1.0 if k < TAXELS else -1.0
@@ -239,4 +252,5 @@ def posterior(  # type: ignore[no-untyped-def] # noqa: C901, PLR0915  compiled l
         rows[best],
         breadths[best],
         sureties[best],
+        whole,
     )
