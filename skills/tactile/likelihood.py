@@ -123,7 +123,7 @@ class Bank:
         tightness: Vector = np.array([params.imbalance, params.common_rise, params.rise]) ** -2.0
         self._middle = (float(len(templates.even) // 2), 0.0)
         self._arguments = (prior, tightness, templates.theta, templates.offset, templates.even, templates.rising)
-        self._borne = templates.borne
+        self._places = (templates.along, templates.borne)
         self.left: Vector = np.zeros(FINGERS * TAXELS)
         """Residuals of the last comparison over their standard deviations, shape (40,)."""
         # The first call compiles the comparison or fetches it from the cache; it must not happen in the first scan.
@@ -149,7 +149,7 @@ class Bank:
         from skills.tactile.posterior import posterior  # imports the compiler, which only a comparison needs
 
         expected = believed or self._middle
-        return Found(*posterior(is_wide, *expected, values, weights, *self._arguments, self._borne, load, self.left))
+        return Found(*posterior(is_wide, *expected, values, weights, *self._arguments, *self._places, load, self.left))
 
 
 def weights_of(params: LikelihoodParams, values: Vector, trusted: Mask) -> Vector:
