@@ -176,7 +176,9 @@ def _at(i, j, w, is_fine, weights, weighed, prior, even, rising, along, borne, l
         # After half a turn the same axis has the opposite offset.
         i, j = i % n, m - 1 - j
     middle = _middle(borne[w, i, j]) if is_fine else math.nan
-    found = _evidence(weights, weighed, even[w, i, j], rising[w, i, j], along[i], middle, tightness, solution) - prior[w, j]
+    found = (
+        _evidence(weights, weighed, even[w, i, j], rising[w, i, j], along[i], middle, tightness, solution) - prior[w, j]
+    )
     if load[1] > 0.0 and found > NEVER:
         away = _whole(borne[w, i, j], solution) - load[0]
         found += math.log(OTHER_LOAD + (1.0 - OTHER_LOAD) * math.exp(-0.5 * load[1] * away * away))
@@ -204,10 +206,12 @@ def _row(i, j, w, weights, weighed, prior, even, rising, along, borne, load, tig
             low = _at(i, j, w - 1, True, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
         while high > here and w < last - 1:
             w, low, here = w + 1, here, high
-            high = _at(i, j, w + 1, True, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
+            high = _at(
+                i, j, w + 1, True, weights, weighed, prior, even, rising, along, borne, load, tightness, solution
+            )
         bend, lean = 2.0 * here - low - high, 0.5 * (high - low)
-        if bend < -0.5 * NEVER:
-            # Both neighbours are possible.
+        if here > 0.5 * NEVER and bend < -0.5 * NEVER:
+            # It and both neighbours are possible.
             surety = max(bend, 0.0)
             between = lean / max(surety, abs(lean), 1e-9)
             more = lean * between - 0.5 * surety * between * between
@@ -252,7 +256,22 @@ def posterior(  # type: ignore[no-untyped-def] # noqa: C901, PLR0915  compiled l
             for way in (1, -1):
                 for k in range(int(way < 0), reach + 1):
                     j = middle + way * k * COARSE_OFFSET
-                    value = _at(a * COARSE_THETA, j, w, False, narrow, weighed, prior, even, rising, along, borne, load, tightness, solution)
+                    value = _at(
+                        a * COARSE_THETA,
+                        j,
+                        w,
+                        False,
+                        narrow,
+                        weighed,
+                        prior,
+                        even,
+                        rising,
+                        along,
+                        borne,
+                        load,
+                        tightness,
+                        solution,
+                    )
                     if value > coarse[a]:
                         coarse[a], nearest[a], likeliest[a] = value, j, w
                     if value > highest:
