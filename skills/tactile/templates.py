@@ -136,7 +136,8 @@ def _make(layout: Layout, peg: Peg, params: TemplateParams, overhangs: tuple[flo
             tables[load, own, 1:, :, :TAXELS] = made[:0:-1, ::-1]
             tables[load, own, 0, :, :TAXELS] = _beside(left[load, place], face, whole)[0, ::-1]
     borne = _borne(theta, offset, (length / 2, width / 2), peg.length, overhangs)
-    return Templates(theta, offset, *tables, _along(theta, layout), borne)
+    even, rising = tables
+    return Templates(theta, offset, even, rising, _along(theta, layout), borne)
 
 
 def _along(theta: Vector, layout: Layout) -> NDArray[np.float32]:
