@@ -40,11 +40,11 @@ BOUNDED = tuple(condition for condition in CONDITIONS if condition.name in ("fir
 LOADS = {"load known": True, "load unknown": False}
 """What is known of the load, by its name in the table."""
 STEP = math.radians(0.5)
-OFFSETS = np.arange(-5, 6) * 4e-4
+OFFSETS = np.arange(-10, 11) * 2e-4
 """Offsets of the grid, m."""
-PUSHES = np.linspace(-PUSH, PUSH, 5)
+PUSHES = np.linspace(-PUSH, PUSH, 7)
 """Pushes of the grid, N."""
-ENDS = 5
+ENDS = 9
 """Number of places of the peg's end that are tried, where it is not known."""
 BEYOND = math.radians(10.0)
 """Angle by which the grid goes beyond the angles of the frames, rad."""
@@ -114,13 +114,16 @@ def bounds(config: CellConfig, is_quick: bool, done: Callable[[], None]) -> list
 
     Args:
         config: Config of a cell with a simulated skin.
-        is_quick: Whether to take a tenth of the frames.
+        is_quick: Whether to take a tenth of the frames, and only those of a peg whose end is known.
         done: Called after every kind of frames.
     """
     skin, count = simulated_skin(config), QUICK_FRAMES if is_quick else FRAMES
     lines = []
     for layout in LAYOUTS:
         for condition in BOUNDED:
+            if is_quick and condition.reach_back:
+                done()
+                continue
             back = config.peg.overhang
             bound = Bound(skin, layout, config, condition.reach_back or (back, back))
             frames = list(made(skin, layout, "springs", condition, count, config))
