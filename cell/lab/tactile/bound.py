@@ -34,7 +34,7 @@ from sim.config import SimSkinConfig
 from sim.pads import PadLoad, Pads
 from skills.tactile.pose import PegPose
 
-FRAMES, QUICK_FRAMES = 200, 20
+FRAMES, QUICK_FRAMES = 100, 20
 BOUNDED = tuple(condition for condition in CONDITIONS if condition.name in ("first frame", "half contact"))
 """Conditions whose bound is computed."""
 LOADS = {"load known": True, "load unknown": False}
@@ -114,7 +114,7 @@ def bounds(config: CellConfig, is_quick: bool, done: Callable[[], None]) -> list
 
     Args:
         config: Config of a cell with a simulated skin.
-        is_quick: Whether to take a tenth of the frames, and only those of a peg whose end is known.
+        is_quick: Whether to take a fifth of the frames, and only those of a peg whose end is known.
         done: Called after every kind of frames.
     """
     skin, count = simulated_skin(config), QUICK_FRAMES if is_quick else FRAMES
