@@ -34,7 +34,7 @@ from sim.config import SimSkinConfig
 from sim.pads import PadLoad, Pads
 from skills.tactile.pose import PegPose
 
-FRAMES, QUICK_FRAMES = 100, 20
+FRAMES, QUICK_FRAMES = 200, 20
 BOUNDED = tuple(condition for condition in CONDITIONS if condition.name in ("first frame", "half contact"))
 """Conditions whose bound is computed."""
 LOADS = {"load known": True, "load unknown": False}
@@ -78,6 +78,7 @@ class Bound:
             np.float32,
         ) * np.float32(skin.sensitivity * (1.0 - late))
         """Readings, counts, shape (n, k, 40)."""
+        self._squares = self._readings**2
         self._prior: Vector = -0.5 * (np.array([offset for offset, _, _ in poses]) / OFFSET) ** 2
         self._gains = skin.gain_spread
         # Noise of the frame and of the baseline, and the drift up to the middle of a skin's frames.
@@ -86,15 +87,13 @@ class Bound:
 
     def estimate(self, frame: TaxelFrame, *, is_load_known: bool) -> PegPose:
         """Return mean and spread of the posterior over the angle; the offset is not told."""
-        known = frame.trusted.ravel()
-        values = frame.values.ravel()[known].astype(np.float32)
-        expected = self._readings[..., known]
-        if not is_load_known:
-            weights = 1.0 / (self._variance + (self._gains * np.maximum(values, 0.0)) ** 2)
-            fit = (expected @ (weights * values)) / np.maximum(expected**2 @ weights, 1e-9)
-            expected = expected * np.maximum(fit, 1e-3)[..., None].astype(np.float32)
-        variance = self._variance + (self._gains * expected) ** 2
-        chances = self._prior - 0.5 * ((values - expected) ** 2 / variance + np.log(variance)).sum(axis=-1)
+        values = frame.values.ravel()
+        weights = frame.trusted.ravel() / (self._variance + (self._gains * np.maximum(values, 0.0)) ** 2)
+        likeness = self._readings @ (weights * values).astype(np.float32)
+        power = self._squares @ weights.astype(np.float32)
+        # Where the load is unknown it is the one that fits best, likeness / power of the known one.
+        told = likeness - power / 2 if is_load_known else np.maximum(likeness, 0.0) ** 2 / np.maximum(2 * power, 1e-9)
+        chances = self._prior + told.astype(np.float64)
         shares = np.exp(chances - chances.max()).sum(axis=-1)
         shares /= shares.sum()
         best = self._theta[chances.max(axis=-1).argmax()]
@@ -114,7 +113,7 @@ def bounds(config: CellConfig, is_quick: bool, done: Callable[[], None]) -> list
 
     Args:
         config: Config of a cell with a simulated skin.
-        is_quick: Whether to take a fifth of the frames, and only those of a peg whose end is known.
+        is_quick: Whether to take a tenth of the frames, and only those of a peg whose end is known.
         done: Called after every kind of frames.
     """
     skin, count = simulated_skin(config), QUICK_FRAMES if is_quick else FRAMES
