@@ -103,6 +103,12 @@ class Found(NamedTuple):
     """Position of the print among those of the bank, 0 for the first; a fraction lies between two prints."""
     surety: float
     """Precision of `place`, one over its variance, with the prior belief included."""
+    whole: float
+    """Logarithm of the load of one pad, mean of both fingers, along all of the peg that lies in it, counts·m."""
+
+
+UNKNOWN_LOAD = (0.0, 0.0)
+"""Expected `Found.whole` and one over its variance where no load is expected."""
 
 
 class Bank:
@@ -117,13 +123,19 @@ class Bank:
         tightness: Vector = np.array([params.imbalance, params.common_rise, params.rise]) ** -2.0
         self._middle = (float(len(templates.even) // 2), 0.0)
         self._arguments = (prior, tightness, templates.theta, templates.offset, templates.even, templates.rising)
+        self._places = (templates.along, templates.borne)
         self.left: Vector = np.zeros(FINGERS * TAXELS)
         """Residuals of the last comparison over their standard deviations, shape (40,)."""
         # The first call compiles the comparison or fetches it from the cache; it must not happen in the first scan.
         self.compare(np.ones(FINGERS * TAXELS), np.ones(FINGERS * TAXELS))
 
     def compare(
-        self, values: Vector, weights: Vector, is_wide: bool = False, believed: tuple[float, float] | None = None
+        self,
+        values: Vector,
+        weights: Vector,
+        is_wide: bool = False,
+        believed: tuple[float, float] | None = None,
+        load: tuple[float, float] = UNKNOWN_LOAD,
     ) -> Found:
         """Compare a frame with the templates of all angles.
 
@@ -132,10 +144,12 @@ class Bank:
             weights: One over the readings' expected variance, 0 where not trusted, shape (40,).
             is_wide: Try all offsets and not only those near the finger centre.
             believed: Expected print, as place and surety of `Found`; None for no expectation.
+            load: Expected load, as `Found.whole` and one over its variance.
         """
         from skills.tactile.posterior import posterior  # imports the compiler, which only a comparison needs
 
-        return Found(*posterior(is_wide, *(believed or self._middle), values, weights, *self._arguments, self.left))
+        expected = believed or self._middle
+        return Found(*posterior(is_wide, *expected, values, weights, *self._arguments, *self._places, load, self.left))
 
 
 def weights_of(params: LikelihoodParams, values: Vector, trusted: Mask) -> Vector:

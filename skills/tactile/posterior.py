@@ -29,6 +29,18 @@ AMOUNTS = 6
 """Number of fitted quantities: four loads, angle and offset."""
 HOPELESS = 20.0
 """Difference of log posterior to the best beyond which an angle is not refined."""
+STIFFENING = 0.4
+"""Curvature of the load along a peg that is pushed across the pads, ratio c·a/b² where the load is a + b·s + c·s² at s along the peg.
+
+A pad that answers with k·d/(1 - d/t) to a depth d = d0 + p·s has a = k·d0/(1 - d0/t), b = k·p/(1 - d0/t)² and c = b²/a·(d0/t), and a hand presses
+30 N to about 0.45 of the thickness t; an answer that grows as a power n of the depth has (n - 1)/(2n), 0.25 for a square.
+"""
+LEAST_TURN = 0.15
+"""Smallest rise over 20 mm from which on the curvature of the load is considered, fraction of the load; with less it is below 1 %."""
+FAINT = 0.01
+"""Reading below which a taxel tells nothing of the curvature, fraction of that right under the peg."""
+OTHER_LOAD = 0.1
+"""Probability that the load is any other than the expected one, fraction: a hand that still closes, another grip."""
 NEVER = -1e30
 """Log likelihood of an impossible template."""
 
@@ -48,15 +60,13 @@ def _sums(weights, weighed, even, rising, first):  # type: ignore[no-untyped-def
 
 
 @njit(cache=True)
-def _evidence(weights, weighed, even, rising, tightness, solution):  # type: ignore[no-untyped-def]
-    """Return the log likelihood of one template with the loads integrated out; `solution` gets the loads' amounts.
+def _solve(left, right, tightness, solution):  # type: ignore[no-untyped-def]
+    """Return the log likelihood with the loads integrated out from both fingers' `_sums`; `solution` gets the loads' amounts.
 
     The amounts are the mean load, half the difference (left less right), the common rise and the opposite rise.
     """
-    lee, ler, lrr, lye, lyr = _sums(weights, weighed, even, rising, 0)
-    ree, rer, rrr, rye, ryr = _sums(weights, weighed, even, rising, TAXELS)
-    # The differences of near-equal sums that follow need double precision.
-    lee, ler, lrr, lye, lyr = float(lee), float(ler), float(lrr), float(lye), float(lyr)
+    lee, ler, lrr, lye, lyr = left
+    ree, rer, rrr, rye, ryr = right
     ee, er, rr, dee, der, drr = lee + ree, ler + rer, lrr + rrr, lee - ree, ler - rer, lrr - rrr
     y0, y1, y2, y3 = lye + rye, lye - rye, lyr + ryr, lyr - ryr
     if ee <= 0.0 or y0 <= 0.0:
@@ -86,17 +96,97 @@ def _evidence(weights, weighed, even, rising, tightness, solution):  # type: ign
 
 
 @njit(cache=True)
-def _at(i, j, w, weights, weighed, prior, even, rising, tightness, solution):  # type: ignore[no-untyped-def]
+def _bend(mean, rise, along):  # type: ignore[no-untyped-def]
+    """Return by how much a pad that stiffens bears more than a load that rises evenly, counts, see `STIFFENING`.
+
+    Args:
+        mean: Load at the middle of the contact, counts.
+        rise: Rise of the load over 20 mm, counts.
+        along: Distance from the middle of the contact, in units of 20 mm.
+    """
+    if mean <= 0.0:
+        return 0.0
+    turn, lowest = rise * along / mean, -0.5 / STIFFENING
+    if turn < lowest:
+        # Beyond its lowest point the parabola would rise again where the peg is lifted off the pad.
+        return mean * (STIFFENING * lowest * lowest + lowest - turn)
+    return mean * STIFFENING * turn * turn
+
+
+@njit(cache=True)
+def _bent(weights, weighed, even, rising, along, first, middle, mean, rise):  # type: ignore[no-untyped-def]
+    """Return one finger's sums of what `_bend` adds, times even and rising, and the log likelihood that taking it off the readings adds."""
+    by_even = by_rising = gain = 0.0
+    at_middle = mean + rise * middle
+    for k in range(first, first + TAXELS):
+        if even[k] > FAINT:
+            more = even[k] * _bend(at_middle, rise, along[k] - middle)
+            weighted = weights[k] * more
+            by_even += weighted * even[k]
+            by_rising += weighted * rising[k]
+            gain += weighed[k] * more - 0.5 * weighted * more
+    return by_even, by_rising, gain
+
+
+@njit(cache=True)
+def _evidence(weights, weighed, even, rising, along, middle, tightness, solution):  # type: ignore[no-untyped-def]
+    """Return the log likelihood of one template with the loads integrated out; `solution` gets the amounts of `_solve`.
+
+    The curvature of the loads follows from their rise. `middle` is the middle of the contact, in units of 20 mm, or NaN for loads that rise evenly.
+    """
+    lee, ler, lrr, lye, lyr = _sums(weights, weighed, even, rising, 0)
+    ree, rer, rrr, rye, ryr = _sums(weights, weighed, even, rising, TAXELS)
+    # The differences of near-equal sums that follow need double precision.
+    left = (float(lee), float(ler), float(lrr), float(lye), float(lyr))
+    right = (float(ree), float(rer), float(rrr), float(rye), float(ryr))
+    found = _solve(left, right, tightness, solution)
+    if math.isnan(middle) or found == NEVER or not _is_tilted(solution):
+        return found
+    a, b, c, d = solution[0], solution[1], solution[2], solution[3]
+    le, lr, lgain = _bent(weights, weighed, even, rising, along, 0, middle, a + b, c + d)
+    re, rr, rgain = _bent(weights, weighed, even, rising, along, TAXELS, middle, a - b, c - d)
+    left = (left[0], left[1], left[2], left[3] - le, left[4] - lr)
+    right = (right[0], right[1], right[2], right[3] - re, right[4] - rr)
+    return _solve(left, right, tightness, solution) + lgain + rgain
+
+
+@njit(cache=True)
+def _is_tilted(solution):  # type: ignore[no-untyped-def]
+    """Return whether the loads rise so much along the peg that their curvature counts."""
+    return abs(solution[2]) + abs(solution[3]) > LEAST_TURN * solution[0]
+
+
+@njit(cache=True)
+def _middle(borne):  # type: ignore[no-untyped-def]
+    """Return the middle of the contact, in units of 20 mm from the finger centre towards the tip."""
+    return borne[1] / borne[0] if borne[0] > 0.0 else math.nan
+
+
+@njit(cache=True)
+def _whole(borne, solution):  # type: ignore[no-untyped-def]
+    """Return the logarithm of the load of one pad, mean of both fingers, counts·m, under the amounts of `_evidence`."""
+    return math.log(max(solution[0] * borne[0] + solution[2] * borne[1], 1e-9))
+
+
+@njit(cache=True)
+def _at(i, j, w, is_fine, weights, weighed, prior, even, rising, along, borne, load, tightness, solution):  # type: ignore[no-untyped-def]
     """Return the log posterior at angle i, which may exceed either end of the grid, offset j and print w."""
     n, m = even.shape[1], even.shape[2]
     if i < 0 or i >= n:
         # After half a turn the same axis has the opposite offset.
         i, j = i % n, m - 1 - j
-    return _evidence(weights, weighed, even[w, i, j], rising[w, i, j], tightness, solution) - prior[w, j]
+    middle = _middle(borne[w, i, j]) if is_fine else math.nan
+    found = (
+        _evidence(weights, weighed, even[w, i, j], rising[w, i, j], along[i], middle, tightness, solution) - prior[w, j]
+    )
+    if load[1] > 0.0 and found > NEVER:
+        away = _whole(borne[w, i, j], solution) - load[0]
+        found += math.log(OTHER_LOAD + (1.0 - OTHER_LOAD) * math.exp(-0.5 * load[1] * away * away))
+    return found
 
 
 @njit(cache=True)
-def _row(i, j, w, weights, weighed, prior, even, rising, tightness, solution):  # type: ignore[no-untyped-def]
+def _row(i, j, w, weights, weighed, prior, even, rising, along, borne, load, tightness, solution):  # type: ignore[no-untyped-def]
     """Climb along the prints and offsets of angle i from j and w.
 
     Returns the log posterior with the offset integrated out and the print at its best, the mean and the best place of
@@ -106,31 +196,33 @@ def _row(i, j, w, weights, weighed, prior, even, rising, tightness, solution):  
     j = min(max(j, 1), m - 2)
     if last > 0:
         w = min(max(w, 1), last - 1)
-    here = _at(i, j, w, weights, weighed, prior, even, rising, tightness, solution)
+    here = _at(i, j, w, True, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
     more = between = surety = 0.0
     if last > 0:
-        low = _at(i, j, w - 1, weights, weighed, prior, even, rising, tightness, solution)
-        high = _at(i, j, w + 1, weights, weighed, prior, even, rising, tightness, solution)
+        low = _at(i, j, w - 1, True, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
+        high = _at(i, j, w + 1, True, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
         while low > here and w > 1:
             w, high, here = w - 1, here, low
-            low = _at(i, j, w - 1, weights, weighed, prior, even, rising, tightness, solution)
+            low = _at(i, j, w - 1, True, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
         while high > here and w < last - 1:
             w, low, here = w + 1, here, high
-            high = _at(i, j, w + 1, weights, weighed, prior, even, rising, tightness, solution)
+            high = _at(
+                i, j, w + 1, True, weights, weighed, prior, even, rising, along, borne, load, tightness, solution
+            )
         bend, lean = 2.0 * here - low - high, 0.5 * (high - low)
-        if bend < -0.5 * NEVER:
-            # Both neighbours are possible.
+        if here > 0.5 * NEVER and bend < -0.5 * NEVER:
+            # It and both neighbours are possible.
             surety = max(bend, 0.0)
             between = lean / max(surety, abs(lean), 1e-9)
             more = lean * between - 0.5 * surety * between * between
-    low = _at(i, j - 1, w, weights, weighed, prior, even, rising, tightness, solution)
-    high = _at(i, j + 1, w, weights, weighed, prior, even, rising, tightness, solution)
+    low = _at(i, j - 1, w, True, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
+    high = _at(i, j + 1, w, True, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
     while low > here and j > 1:
         j, high, here = j - 1, here, low
-        low = _at(i, j - 1, w, weights, weighed, prior, even, rising, tightness, solution)
+        low = _at(i, j - 1, w, True, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
     while high > here and j < m - 2:
         j, low, here = j + 1, here, high
-        high = _at(i, j + 1, w, weights, weighed, prior, even, rising, tightness, solution)
+        high = _at(i, j + 1, w, True, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
     bend, lean, middle = 2.0 * here - low - high, 0.5 * (high - low), float(j)
     if 0.0 < bend < -NEVER and low <= here and high <= here:
         # The parabola through the three log posteriors gives the area of a Gaussian.
@@ -141,7 +233,7 @@ def _row(i, j, w, weights, weighed, prior, even, rising, tightness, solution):  
 
 @njit(cache=True)
 def posterior(  # type: ignore[no-untyped-def] # noqa: C901, PLR0915  compiled loops that share one scratch in registers
-    is_wide, place, surety, values, weights, beside, tightness, theta, offset, even, rising, left
+    is_wide, place, surety, values, weights, beside, tightness, theta, offset, even, rising, along, borne, load, left
 ):
     """Compare one frame with the templates; return the fields of `Found` and fill the residuals."""
     n, m = theta.size, offset.size
@@ -164,7 +256,22 @@ def posterior(  # type: ignore[no-untyped-def] # noqa: C901, PLR0915  compiled l
             for way in (1, -1):
                 for k in range(int(way < 0), reach + 1):
                     j = middle + way * k * COARSE_OFFSET
-                    value = _at(a * COARSE_THETA, j, w, narrow, weighed, prior, even, rising, tightness, solution)
+                    value = _at(
+                        a * COARSE_THETA,
+                        j,
+                        w,
+                        False,
+                        narrow,
+                        weighed,
+                        prior,
+                        even,
+                        rising,
+                        along,
+                        borne,
+                        load,
+                        tightness,
+                        solution,
+                    )
                     if value > coarse[a]:
                         coarse[a], nearest[a], likeliest[a] = value, j, w
                     if value > highest:
@@ -185,7 +292,7 @@ def posterior(  # type: ignore[no-untyped-def] # noqa: C901, PLR0915  compiled l
             for b in range(int(way < 0), FINE + 1):
                 i = a * COARSE_THETA + way * b
                 rows[count], about[count], j, w, breadths[count], sureties[count] = _row(
-                    i, j, w, narrow, weighed, prior, even, rising, tightness, solution
+                    i, j, w, narrow, weighed, prior, even, rising, along, borne, load, tightness, solution
                 )
                 turns[count], places[count], prints[count] = i, j, w
                 count += 1
@@ -195,18 +302,21 @@ def posterior(  # type: ignore[no-untyped-def] # noqa: C901, PLR0915  compiled l
             coarse[(a + b) % coarse.size] = NEVER
     if count == 0:
         left[:] = 0.0
-        return 0.0, 0.0, math.pi / 2, 0.0, -NEVER, 1.0, NEVER, place, 0.0
+        return 0.0, 0.0, math.pi / 2, 0.0, -NEVER, 1.0, NEVER, place, 0.0, 0.0
     best = np.argmax(rows[:count])
     i, j, w = turns[best], places[best], prints[best]
     if not 0 <= i < n:
         i, j = i % n, m - 1 - j
-    _evidence(narrow, weighed, even[w, i, j], rising[w, i, j], tightness, solution)
+    centre = _middle(borne[w, i, j])
+    _evidence(narrow, weighed, even[w, i, j], rising[w, i, j], along[i], centre, tightness, solution)
+    whole = _whole(borne[w, i, j], solution)
+    is_bent = _is_tilted(solution) and not math.isnan(centre)
     misfit = missed = power = seen = 0.0
     for k in range(values.size):
         side = 1.0 if k < TAXELS else -1.0
-        fit = (solution[0] + side * solution[1]) * even[w, i, j, k] + (solution[2] + side * solution[3]) * rising[
-            w, i, j, k
-        ]
+        mean, rise = solution[0] + side * solution[1], solution[2] + side * solution[3]
+        bend = _bend(mean + rise * centre, rise, along[i, k] - centre) if is_bent else 0.0
+        fit = (mean + bend) * even[w, i, j, k] + rise * rising[w, i, j, k]
         left[k] = (values[k] - fit) * math.sqrt(weights[k])
         if weights[k] > 0.0:
             misfit += left[k] ** 2
@@ -239,4 +349,5 @@ def posterior(  # type: ignore[no-untyped-def] # noqa: C901, PLR0915  compiled l
         rows[best],
         breadths[best],
         sureties[best],
+        whole,
     )

@@ -11,7 +11,8 @@ stands out of the hand changes the print as well: pegs that reach further or les
 """
 
 import math
-from typing import Annotated, Literal
+from copy import copy
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import Field
@@ -19,7 +20,7 @@ from pydantic import Field
 from drivers.parts import Peg
 from drivers.quantities import Mask, TaxelFrame, Vector
 from drivers.skin.layout import MODULE_EXCHANGES, MODULE_OF, Layout
-from skills.tactile.likelihood import Bank, Found, LikelihoodParams, pose_of, weights_of
+from skills.tactile.likelihood import UNKNOWN_LOAD, Bank, Found, LikelihoodParams, pose_of, weights_of
 from skills.tactile.pose import PegPose
 from skills.tactile.templates import Templates, broad_templates, reaching_templates
 
@@ -38,6 +39,12 @@ TURNED = math.radians(5.0)
 """Smallest turn of the peg since the last frame that updated the belief about the breadth, rad; frames of one angle err alike."""
 LEARNING = 0.5
 """Share of such a frame's information on the breadth that is used, fraction; templates err as well."""
+LOAD_SPREAD, LOAD_FRAMES = 0.15, 4
+"""Standard deviation of the logarithm of a pad's load as expected beforehand, and the number of frames that this counts as."""
+MOST_FRAMES = 20
+"""Largest number of frames that the belief about the load counts as; another grip is learnt in as many."""
+SURE = math.radians(1.5)
+"""Largest sigma of an angle whose frame updates the belief about the load, rad; where two angles look alike their loads differ."""
 OVERHANGS = tuple(1e-3 * k for k in range(-4, 9))
 """Lengths of the peg beyond the finger centre that are tried instead of the stated one, m, with prints of the
 configured breadth.
@@ -85,10 +92,12 @@ class UsualPrints:
         self.left = self._breadths.left
         """Residuals of the likelier of the two, over their standard deviations, shape (40,)."""
 
-    def compare(self, values: Vector, weights: Vector, is_wide: bool = False) -> Found:
+    def compare(
+        self, values: Vector, weights: Vector, is_wide: bool = False, load: tuple[float, float] = UNKNOWN_LOAD
+    ) -> Found:
         """Compare a frame with all of them; theta is the mean of both families by their odds."""
-        broad = self._breadths.compare(values, weights, is_wide, self._believed)
-        reaching = self._reaches.compare(values, weights, is_wide, self._as_stated)
+        broad = self._breadths.compare(values, weights, is_wide, self._believed, load)
+        reaching = self._reaches.compare(values, weights, is_wide, self._as_stated, load)
         # Noise may be stronger than configured; both log likelihoods then shrink alike.
         scale = max(1.0, min(broad.misfit, reaching.misfit))
         # A peg that reaches further or less far is compared with the configured breadth alone, which may no longer be believed.
@@ -125,6 +134,36 @@ def _evidence(found: Found, believed: tuple[float, float]) -> float:
     return found.chance - 0.5 * math.log(max(found.surety, believed[1]) / believed[1])
 
 
+class Load:
+    """Belief about the load that a pad bears, learnt from frame to frame; only its constancy is known beforehand.
+
+    The logarithm of the load is normal with unknown mean and variance. The variance has a scaled inverse chi-squared prior.
+    """
+
+    def __init__(self) -> None:
+        """Begin without any expectation."""
+        self._mean, self._count, self._squares, self._taught = 0.0, 0, 0.0, math.nan
+
+    @property
+    def expected(self) -> tuple[float, float]:
+        """Expected `Found.whole` of the next frame, and one over its variance; 0 before the first frame that taught."""
+        if self._count == 0:
+            return UNKNOWN_LOAD
+        variance = (LOAD_FRAMES * LOAD_SPREAD**2 + self._squares) / (LOAD_FRAMES + self._count - 1)
+        return self._mean, 1.0 / (variance * (1.0 + 1.0 / self._count))
+
+    def learn(self, found: Found) -> None:
+        """Update the belief by one frame that is sure of its angle and whose peg has turned since the last."""
+        if found.sigma > SURE or abs(math.remainder(found.theta - self._taught, math.pi)) < TURNED:
+            return
+        if self._count == MOST_FRAMES:
+            self._squares *= 1.0 - 1.0 / MOST_FRAMES
+        self._count, self._taught = min(self._count + 1, MOST_FRAMES), found.theta
+        away = found.whole - self._mean
+        self._mean += away / self._count
+        self._squares += (1.0 - 1.0 / self._count) * away * away
+
+
 Prints = Bank | UsualPrints
 
 
@@ -143,6 +182,13 @@ class RobustEstimator:
         self._short = Bank(steep, reaching.part(len(near), len(near) + len(short)))
         self._against_short = params.rarity + math.log(max(len(short), 1))
         """Log odds against a peg that ends between the pads, at any one of the lengths that are tried."""
+        self._load = Load()
+
+    def __copy__(self) -> Self:
+        """Return an estimator with the same templates that has learnt the same and goes on to learn for itself."""
+        other = object.__new__(type(self))
+        other.__dict__ |= self.__dict__ | {"_usual": copy(self._usual), "_load": copy(self._load)}
+        return other
 
     def estimate(self, frame: TaxelFrame) -> PegPose:
         """Return the pose of the peg in `frame`; see `skills.tactile.pose.Estimator`."""
@@ -154,14 +200,16 @@ class RobustEstimator:
         if not is_loud.any():
             return PegPose(0.0, 0.0, math.pi / 2, 1.0, False, frame.stamp)
         bank: Prints = self._usual
-        found = bank.compare(values, weights)
+        found = bank.compare(values, weights, load=self._load.expected)
         silent = self._silent(is_loud, weights)
         if found.misfit > params.doubt or silent:
             found, bank, weights = self._think_again(values, weights, silent, found)
         seen = TaxelFrame(frame.values, (weights > 0.0).reshape(frame.trusted.shape), frame.stamp, 0)
         pose = pose_of(params, found, seen)
-        if pose.healthy and bank is self._usual:
-            self._usual.learn(found)
+        if pose.healthy:
+            self._load.learn(found)
+            if bank is self._usual:
+                self._usual.learn(found)
         return pose
 
     def order_odds(self, frame: TaxelFrame) -> Vector:
@@ -189,16 +237,16 @@ class RobustEstimator:
         self, values: Vector, weights: Vector, silent: list[int], usual: Found
     ) -> tuple[Found, Prints, Vector]:
         """Return the likeliest explanation of the frame, its bank and the weights that it leaves."""
-        params = self._params
+        params, load = self._params, self._load.expected
         tried: list[tuple[float, Found, Prints, Vector]] = [(0.0, usual, self._usual, weights)]
         if usual.misfit > params.wide_misfit:
-            tried.append((0.0, self._usual.compare(values, weights, True), self._usual, weights))
+            tried.append((0.0, self._usual.compare(values, weights, True, load=load), self._usual, weights))
         for module in silent:
             without = np.where(module == _MODULE, 0.0, weights)
-            tried.append((params.rarity, self._usual.compare(values, without), self._usual, without))
+            tried.append((params.rarity, self._usual.compare(values, without, load=load), self._usual, without))
             both = params.rarity + self._against_short
-            tried.append((both, self._short.compare(values, without), self._short, without))
-        tried.append((self._against_short, self._short.compare(values, weights), self._short, weights))
+            tried.append((both, self._short.compare(values, without, load=load), self._short, without))
+        tried.append((self._against_short, self._short.compare(values, weights, load=load), self._short, weights))
         # Noise may be stronger than configured; all log likelihoods then shrink alike.
         scale = max(1.0, min(found.misfit for _, found, _, _ in tried))
         odds = np.array([found.chance / scale - against for against, found, _, _ in tried])
@@ -211,8 +259,8 @@ class RobustEstimator:
 
     def _without_outliers(self, values: Vector, weights: Vector, found: Found, bank: Prints) -> tuple[Found, Vector]:
         """Leave out readings that do not fit, the worst first, until none is left or `most_outliers` are left out."""
-        is_wide = found.misfit > self._params.wide_misfit
-        found = bank.compare(values, weights, is_wide)
+        is_wide, load = found.misfit > self._params.wide_misfit, self._load.expected
+        found = bank.compare(values, weights, is_wide, load=load)
         for _ in range(self._params.most_outliers):
             away = np.abs(bank.left)
             usual = max(1.0, float(np.median(away[weights > 0.0])) / MEDIAN_OF_NORMAL) if weights.any() else math.inf
@@ -220,5 +268,5 @@ class RobustEstimator:
             if away[worst] < self._params.outlier * usual:
                 break
             weights = np.where(np.arange(weights.size) == worst, 0.0, weights)
-            found = bank.compare(values, weights, is_wide)
+            found = bank.compare(values, weights, is_wide, load=load)
         return found, weights

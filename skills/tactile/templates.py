@@ -58,15 +58,20 @@ class Templates:
     """Readings for a load of 1 along the whole peg, shape (p, n, m, 40); a taxel under an endless peg reads 1."""
     rising: NDArray[np.float32]
     """Readings for a load that rises from 0 at the finger centre to 1 at `HALF_LINE` towards the tip, shape (p, n, m, 40)."""
+    along: NDArray[np.float32]
+    """Places of the taxels along the peg, from the finger centre towards the tip, in units of `HALF_LINE`, shape (n, 40)."""
+    borne: NDArray[np.float32]
+    """Whole load of one pad under a load of 1 along the peg, and under one that rises as above, shape (p, n, m, 2), m."""
 
     def __post_init__(self) -> None:
         """Forbid writing: estimators share the tables."""
-        for array in (self.theta, self.offset, self.even, self.rising):
+        for array in (self.theta, self.offset, self.even, self.rising, self.along, self.borne):
             array.flags.writeable = False
 
     def part(self, first: int, last: int) -> "Templates":
         """Return the prints from `first` to before `last`; the tables are shared."""
-        return Templates(self.theta, self.offset, self.even[first:last], self.rising[first:last])
+        even, rising, borne = (table[first:last] for table in (self.even, self.rising, self.borne))
+        return Templates(self.theta, self.offset, even, rising, self.along, borne)
 
 
 def make_templates(layout: Layout, peg: Peg, params: TemplateParams) -> Templates:
@@ -78,8 +83,10 @@ def make_templates(layout: Layout, peg: Peg, params: TemplateParams) -> Template
 def broad_templates(layout: Layout, peg: Peg, params: TemplateParams, factors: tuple[float, ...]) -> Templates:
     """Return the templates of prints that are broader by each of `factors`."""
     made = [_make(layout, peg, params.broader(factor), (peg.overhang,)) for factor in factors]
-    even, rising = (np.concatenate([getattr(each, load) for each in made]) for load in ("even", "rising"))
-    return Templates(made[0].theta, made[0].offset, even, rising)
+    even, rising, borne = (
+        np.concatenate([getattr(each, table) for each in made]) for table in ("even", "rising", "borne")
+    )
+    return Templates(made[0].theta, made[0].offset, even, rising, made[0].along, borne)
 
 
 @lru_cache(maxsize=4)
@@ -128,7 +135,42 @@ def _make(layout: Layout, peg: Peg, params: TemplateParams, overhangs: tuple[flo
             tables[load, own, ..., TAXELS:] = made
             tables[load, own, 1:, :, :TAXELS] = made[:0:-1, ::-1]
             tables[load, own, 0, :, :TAXELS] = _beside(left[load, place], face, whole)[0, ::-1]
-    return Templates(theta, offset, *tables)
+    borne = _borne(theta, offset, (length / 2, width / 2), peg.length, overhangs)
+    even, rising = tables
+    return Templates(theta, offset, even, rising, _along(theta, layout), borne)
+
+
+def _along(theta: Vector, layout: Layout) -> NDArray[np.float32]:
+    """Return how far along the peg the taxels lie, see `Templates.along`, for angles, shape (n,), rad."""
+    from skills.tactile.template_fill import HALF_LINE  # imports the compiler as well
+
+    along = np.column_stack([np.cos(theta), np.sin(theta)]) @ finger_positions(layout).reshape(-1, 2).T
+    return (along / HALF_LINE).astype(np.float32)
+
+
+def _borne(
+    theta: Vector, offset: Vector, half: tuple[float, float], tip: float, overhangs: tuple[float, ...]
+) -> NDArray[np.float32]:
+    """Return what one pad bears under loads along the peg's axis, see `Templates.borne`.
+
+    Args:
+        theta: Angles, shape (n,), rad.
+        offset: Offsets, shape (m,), m.
+        half: Half the length and half the width of a pad, m.
+        tip: Length of the peg from the finger centre to its tip, m.
+        overhangs: Lengths of the peg beyond the finger centre, shape (p,), m.
+    """
+    from skills.tactile.template_fill import HALF_LINE  # imports the compiler as well
+
+    c, s = np.cos(theta)[:, None], np.sin(theta)[:, None]
+    low = -np.array(overhangs)[:, None, None]
+    high = np.full_like(low, tip)
+    for start, step, edge in ((-offset * s, c, half[0]), (offset * c, s, half[1])):
+        along = np.where(np.abs(step) < 1e-9, 1e-9, step)
+        low = np.maximum(low, -start / along - np.abs(edge / along))
+        high = np.minimum(high, -start / along + np.abs(edge / along))
+    length = np.maximum(high - low, 0.0)
+    return np.stack([length, length * (high + low) / (2.0 * HALF_LINE)], axis=-1).astype(np.float32)
 
 
 def _beside(lines: Vector, face: Vector, whole: float) -> NDArray[np.float32]:

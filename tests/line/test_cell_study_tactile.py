@@ -57,3 +57,26 @@ def test_pads_that_the_templates_were_not_made_for_are_learnt(study, layout):
     found, _ = study
     robust, plain = (_line(found, layout, "nominal", name, "layer")["rmse"] for name in ("robust", "ml"))
     assert robust < 0.8 * plain
+
+
+def _bound(found, layout, condition, knows):
+    return next(
+        line
+        for line in found["bounds"]
+        if (line["layout"], line["condition"], line["estimator"]) == (layout, condition, knows)
+    )
+
+
+def test_a_known_load_bounds_the_error_below_five_degrees_on_both_layouts(study):
+    found, _ = study
+    for layout in LAYOUTS:
+        bound = _bound(found, layout, "first frame", "load known")
+        assert bound["rmse"] < 0.8
+        assert bound["worst"] < 5.0
+
+
+def test_layout_d_tells_less_than_layout_p_where_the_load_is_unknown(study):
+    found, _ = study
+    told = [_bound(found, layout, "first frame", "load unknown")["rmse"] for layout in LAYOUTS]
+    assert LAYOUTS[0] == "parallelogram"
+    assert told[0] < told[1]

@@ -170,7 +170,7 @@ def study(config: CellConfig, is_quick: bool, done: Callable[[], None]) -> Tacti
                 copy(estimator).estimate(frames[0][1])
                 reader = copy(estimator)
                 reads = [
-                    _read((copy(estimator) if condition.forgets else reader).estimate, theta, frame)
+                    read((copy(estimator) if condition.forgets else reader).estimate, theta, frame)
                     for theta, frame in frames
                 ]
                 lines.append(summed(layout, model, condition.name, name, reads))
@@ -271,7 +271,8 @@ def depths_of(peg: Peg, layout: Layout) -> tuple[float, float]:
     return low * GRIP / load, high * GRIP / load
 
 
-def _read(estimate: Callable[[TaxelFrame], PegPose], theta: float, frame: TaxelFrame) -> Read:
+def read(estimate: Callable[[TaxelFrame], PegPose], theta: float, frame: TaxelFrame) -> Read:
+    """Return how an estimator reads a frame of a peg held at `theta`, rad."""
     started = time.perf_counter()
     pose = estimate(frame)
     spent = time.perf_counter() - started

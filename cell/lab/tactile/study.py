@@ -1,6 +1,7 @@
 """`cell study tactile`: how well and how fast each estimator reads the peg's angle from the taxels."""
 
 import argparse
+from dataclasses import asdict
 
 from cell.arguments import out_folder
 from cell.lab.arguments import add_study, load_simulated
@@ -17,13 +18,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> StudyReport:
     """Read frames of every kind, write the table, draw the charts."""
-    from cell.lab.tactile import charts, measure, tables
+    from cell.lab.tactile import bound, charts, measure, tables
 
     config, folder = load_simulated(args, "study tactile", pace=None).cell, out_folder(args.out)
     with progress() as bars:
-        bar = bars.add_task("frames", total=measure.parts())
+        bar = bars.add_task("frames", total=measure.parts() + bound.parts())
         found = measure.study(config, args.quick, lambda: bars.advance(bar))
+        bounds = bound.bounds(config, args.quick, lambda: bars.advance(bar))
     files = [folder / "tactile.csv"]
     measure.write_lines(found.lines, files[0])
     files += charts.draw(found.lines, found.nominal, folder)
-    return StudyReport([tables.tactile(found)], found.as_data() | {"files": [str(path) for path in files]}, files)
+    data = found.as_data() | {"bounds": [asdict(line) for line in bounds], "files": [str(path) for path in files]}
+    return StudyReport([tables.tactile(found), tables.bounds(bounds)], data, files)

@@ -1,9 +1,11 @@
 """Tables of the estimators."""
 
+from collections.abc import Sequence
+
 from rich.console import Group
 from rich.table import Table
 
-from cell.lab.tactile.measure import TactileStudy
+from cell.lab.tactile.measure import TactileLine, TactileStudy
 
 
 def tactile(found: TactileStudy) -> Group:
@@ -23,3 +25,12 @@ def tactile(found: TactileStudy) -> Group:
     for item in found.fidelity:
         missed.add_row(item.layout, item.what, f"{100 * item.size:.1f} %")
     return Group(table, missed)
+
+
+def bounds(lines: Sequence[TactileLine]) -> Table:
+    """Return what the frames tell somebody who knows the pads."""
+    table = Table("layout", "frames", "the pads known, and the", "RMSE (deg)", "p95", "worst", "in 1.96 sigma")
+    for line in lines:
+        figures = (f"{value:.2f}" for value in (line.rmse, line.p95, line.worst, line.covered))
+        table.add_row(line.layout, f"{line.condition}, n = {line.frames}", line.estimator, *figures)
+    return table

@@ -131,3 +131,15 @@ def test_theta_follows_a_square_peg_by_the_print_of_its_faces(layout, rms, worst
     assert np.degrees(np.abs(error).max()) < worst
     assert np.mean(np.abs(error) < 1.96 * sigma) > 0.9
     assert offset.std() < 0.25e-3
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_what_a_pad_bears_is_the_load_along_the_line_that_lies_in_it(layout):
+    peg, (length, width) = shipped().peg, pad_size(layout)
+    templates = make_templates(layout, peg, TemplateParams())
+    for i, j in ((0, 40), (37, 12), (180, 44), (250, 70)):
+        load = replace(LOAD, theta=templates.theta[i], offset=templates.offset[j])
+        low, high = contact_span(load, length, width)
+        even, rising = templates.borne[0, i, j]
+        assert even == pytest.approx(high - low, abs=1e-6)
+        assert rising == pytest.approx((high**2 - low**2) / 2 / HALF_LINE, abs=1e-6)

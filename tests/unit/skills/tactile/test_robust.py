@@ -10,8 +10,9 @@ from drivers.part.round import Round
 from drivers.skin.layout import LAYOUTS, MODULE_OF
 from sim.config import PadConfig
 from sim.pads import Pads
-from skills.tactile.likelihood import LikelihoodEstimator, LikelihoodParams
-from skills.tactile.robust import RobustEstimator, RobustParams
+from skills.tactile.likelihood import UNKNOWN_LOAD, Found, LikelihoodEstimator, LikelihoodParams, weights_of
+from skills.tactile.posterior import NEVER
+from skills.tactile.robust import LOAD_SPREAD, MOST_FRAMES, Load, RobustEstimator, RobustParams
 from tests.pegs import ALL, LOAD, SKIN, folded, framed, pushed, readings, rms_degrees, shipped, swept
 
 
@@ -22,9 +23,7 @@ def _made(layout):
 
 def _estimator(layout):
     """Return one that has learnt nothing yet."""
-    estimator = copy(_made(layout))
-    estimator._usual = copy(estimator._usual)
-    return estimator
+    return copy(_made(layout))
 
 
 @lru_cache
@@ -98,8 +97,8 @@ def _read(estimator, pressure):
     return np.array(errors)
 
 
-def _springs(blur):
-    pads = Pads(PadConfig(blur=blur), "parallelogram")
+def _springs(blur, layout="parallelogram"):
+    pads = Pads(PadConfig(blur=blur), layout)
     return lambda theta, offset: pads.pressure(replace(LOAD, theta=theta, offset=offset))
 
 
@@ -182,3 +181,81 @@ def test_a_peg_that_stands_two_millimetres_elsewhere_in_the_hand_is_read_as_well
     )
     assert robust < 0.8
     assert robust < 0.9 * plain
+
+
+def test_a_copy_learns_for_itself():
+    taught = _estimator("base_to_base")
+    _read(taught, _springs(0.8e-3, "base_to_base"))
+    frame = framed(readings("base_to_base", replace(LOAD, theta=0.6), np.random.default_rng(4)))
+    assert taught.estimate(frame) != _estimator("base_to_base").estimate(frame)
+    assert copy(taught).estimate(frame) == copy(taught).estimate(frame)
+
+
+def _ambiguous(estimator, taught):
+    """Return errors, rad, and sigmas on layout D at angles whose prints differ in little but their height; each frame is read by a copy."""
+    rng, rows = np.random.default_rng(21), []
+    if taught:
+        swept(estimator, "base_to_base", count=81, seed=22)
+    for theta in np.radians(rng.choice([-1.0, 1.0], 200) * rng.uniform(28.0, 44.0, 200)):
+        values = readings("base_to_base", pushed(rng, theta, rng.normal(0.0, 0.7e-3)), rng)
+        pose = copy(estimator).estimate(framed(values))
+        rows.append((folded(pose.theta - theta), pose.sigma))
+    return np.array(rows).T
+
+
+def test_angles_of_one_print_are_told_by_the_load_that_was_learnt():
+    first, _ = _ambiguous(_estimator("base_to_base"), taught=False)
+    later, sigma = _ambiguous(_estimator("base_to_base"), taught=True)
+    assert rms_degrees(later) < 0.8 * rms_degrees(first)
+    assert np.mean(np.abs(later) < 1.96 * sigma) > 0.93
+
+
+def test_sigma_of_a_first_frame_covers_the_other_angle_of_its_print():
+    error, sigma = _ambiguous(_estimator("base_to_base"), taught=False)
+    assert np.mean(np.abs(error) < 1.96 * sigma) > 0.93
+
+
+@pytest.mark.parametrize(("across", "bound"), [(0.0, 0.25), (7.0, 0.55)])
+def test_a_push_that_tilts_the_peg_in_its_pads_hardly_turns_what_is_read(across, bound):
+    """Noise-free: what is left are the errors of the templates."""
+    estimator, errors = _estimator("parallelogram"), []
+    for theta in np.radians(np.arange(-80.0, 81.0, 2.0)):
+        load = replace(LOAD, theta=theta, across=across, tilting=0.045 * across)
+        errors.append(folded(copy(estimator).estimate(framed(readings("parallelogram", load))).theta - theta))
+    assert rms_degrees(errors) < bound
+
+
+def _found(whole, theta, sigma=0.01):
+    return Found(theta, 0.0, sigma, 8000.0, 1.0, 0.0, 0.0, 3.0, 8.0, whole)
+
+
+def test_no_load_is_expected_before_a_frame_is_sure_of_its_angle():
+    load = Load()
+    assert load.expected == UNKNOWN_LOAD
+    load.learn(_found(5.7, 0.1, sigma=0.1))
+    assert load.expected == UNKNOWN_LOAD
+
+
+def test_load_of_a_peg_that_does_not_turn_is_learnt_once():
+    load = Load()
+    load.learn(_found(5.7, 0.1))
+    once = load.expected
+    load.learn(_found(6.7, 0.12))
+    assert load.expected == once == (5.7, pytest.approx(1.0 / (2.0 * LOAD_SPREAD**2), rel=0.4))
+
+
+def test_load_of_another_grip_is_learnt():
+    load = Load()
+    for number in range(6 * MOST_FRAMES):
+        load.learn(_found(5.7 if number < 2 * MOST_FRAMES else 5.0, number % 2))
+    mean, precision = load.expected
+    assert mean == pytest.approx(5.0, abs=0.02)
+    assert precision**-0.5 < LOAD_SPREAD
+
+
+def test_prints_of_which_some_are_impossible_have_no_endless_chance():
+    """A module is dead and the peg ends between the pads, so that few taxels are left and broad prints fit with no load at all."""
+    values = readings("parallelogram", replace(LOAD, theta=np.radians(45.0), reach_back=4e-3)).ravel()
+    weights = np.where(MODULE_OF.ravel() == 3, 0.0, weights_of(RobustParams(), values, ALL.ravel()))
+    bank = _made("parallelogram")._usual._breadths
+    assert bank.compare(values, weights, believed=(3.0, 1.0)).chance < -1e-6 * NEVER
