@@ -1,5 +1,7 @@
 """What the setpoints of several skills have in common."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,7 @@ from cell.config import load
 from drivers.frames import UP, rotation_about
 from skills.catalogue import GRASP
 from skills.contract import Interrupted, Reason
-from skills.motion import STRAY, VALIDITY, Goal, Trim, Way, anchored, move, spin_between
+from skills.motion import STRAY, VALIDITY, Goal, Trim, Way, anchored, between, move, spin_between
 from tests.fakes import FakeArm, FakeClock, FakeGripper, context_of
 
 CONFIG = load().cell
@@ -137,3 +139,8 @@ def test_a_trim_adds_up_what_is_missing_up_to_its_limit_on_either_side():
 def test_the_spin_between_two_rotations_is_the_rate_at_which_one_becomes_the_other(rate):
     before = rotation_about(SIDE, 0.4)
     assert spin_between(before, rotation_about(UP, 0.01 * rate) @ before, 0.01) == pytest.approx(rate * UP, abs=1e-3)
+
+
+@pytest.mark.parametrize(("share", "angle"), [(0.0, 0.0), (0.5, math.pi / 4), (1.0, math.pi / 2)])
+def test_a_direction_between_two_is_of_unit_length_and_nearer_to_what_weighs_more(share, angle):
+    assert between(SIDE, UP, share) == pytest.approx(math.cos(angle) * SIDE + math.sin(angle) * UP)

@@ -57,6 +57,17 @@ def test_a_period_in_which_the_peg_creeps_is_a_jam(gain, is_jammed):
     assert guide.after(5e-3 + gain * LEAST, 1.0 + 1.01 * PERIOD, PARAMS).is_jammed is is_jammed
 
 
+def test_each_period_is_judged_once_by_what_it_brought_alone():
+    guide = replace(Guide().after(DEEP, 1.0, PARAMS), reached=5e-3)
+    jams, depth = [], 5e-3
+    for scan in range(1, round(4 * PERIOD / 0.01) + 2):
+        depth += 2.0 * CREEP * LEAST * 0.01 / PERIOD if scan * 0.01 < 2 * PERIOD else 0.0
+        guide = guide.after(depth, 1.0 + scan * 0.01, PARAMS)
+        if guide.is_jammed:
+            jams.append(scan * 0.01 / PERIOD)
+    assert jams == pytest.approx([3.0, 4.0], abs=0.03)
+
+
 def test_the_spiral_grows_and_the_guided_circles_fade():
     free = [np.linalg.norm(Guide().offset(time, PARAMS, 1.0)) for time in (1.0, 2.0)]
     guided = [np.linalg.norm(Guide(began=1.0).offset(1.0 + share * PERIOD, PARAMS, 1.0)) for share in (0.1, 0.9)]
