@@ -119,9 +119,9 @@ def _read(path: Path) -> tuple[PartState | None, int]:
         x, y, z = (float(value) for value in data.pop("tip"))
         place = PartPlace[data.pop("place")]
         kept = PartState(place, str(data["evidence"]), bool(data["is_held"]), float(data["depth"]), (x, y, z))
-        # Files of earlier versions have neither bits nor a width.
+        # Files of earlier versions have neither bits nor a width, nor how far the hand has slid down the peg.
         basis, width = PartEvidence(int(data.get("basis", 0))), float(data.get("width", 0.0))
-        return replace(kept, basis=basis, width=width), emptied
+        return replace(kept, basis=basis, width=width, slid=float(data.get("slid", 0.0))), emptied
     except FileNotFoundError:
         return None, 0
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:

@@ -55,6 +55,8 @@ class PegEvidence:
     """Angle between a peg in the hand and the vertical, by arm and skin, rad."""
     is_felt: bool | None = None
     """Whether the skin shows a peg; None where it gave no frame to be trusted."""
+    push: float = 0.0
+    """Force on the hand along the peg, away from its end, N: what bears the peg presses it along the fingers with that."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +78,8 @@ class PartState:
     """Evidence of the place in bits, as the buses carry it."""
     width: float = 0.0
     """Distance between the pads in the look that the place follows from, m."""
+    slid: float = 0.0
+    """Way that the hand went down the held peg at the most, m: under more than the pads bear a peg may stay where it is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,14 +92,16 @@ class Places:
     slots: tuple[Point, ...]
     """Middle of each slot on the rack's surface, m, base frame."""
     bin: Point
+    bears: float = math.inf
+    """Largest force along the fingers that the pads surely bear, N."""
 
 
-def places_of(job: Job, bin_at: Point) -> Places:
-    """Return the places of a job; `bin_at` is the place above the reject bin, m, base frame."""
+def places_of(job: Job, bin_at: Point, bears: float = math.inf) -> Places:
+    """Return the places of a job; `bin_at` is the place above the reject bin, m, base frame, and `bears` what the pads surely bear, N."""
     rack = job.rack
     x, y, z = rack.first
     slots = tuple((x, y + rack.pitch * number, z) for number in range(rack.slots))
-    return Places(job.peg.part.thickness, job.hole, slots, bin_at)
+    return Places(job.peg.part.thickness, job.hole, slots, bin_at, bears)
 
 
 def evidence_of(
@@ -114,8 +120,11 @@ def evidence_of(
     where = arm.tcp.position if not np.isfinite(tip).all() else tip
     x, y, z = (float(value) for value in where)
     along = arm.tcp.position - where
-    tilt = math.atan2(math.hypot(along[0], along[1]), along[2]) if along.any() else math.pi / 2
-    return PegEvidence(hand.width, hand.is_gripping, hand.is_moving, (x, y, z), theta, switch, tilt, is_felt)
+    if not along.any():
+        return PegEvidence(hand.width, hand.is_gripping, hand.is_moving, (x, y, z), theta, switch, is_felt=is_felt)
+    tilt = math.atan2(math.hypot(along[0], along[1]), along[2])
+    push = float(arm.wrench.force @ along) / math.hypot(*along)
+    return PegEvidence(hand.width, hand.is_gripping, hand.is_moving, (x, y, z), theta, switch, tilt, is_felt, push)
 
 
 def at_start(kept: PartState | None, seen: PegEvidence, places: Places) -> PartState:
@@ -127,7 +136,7 @@ def at_start(kept: PartState | None, seen: PegEvidence, places: Places) -> PartS
         places: Places where a peg can be.
     """
     if _is_between(seen, places):
-        return _shown(_held(seen, places), seen, places)
+        return _shown(_held(seen, places, kept.slid if kept is not None and kept.is_held else 0.0), seen, places)
     if kept is None:
         place = PartPlace.SEATED if seen.switch is SwitchState.CLOSED else PartPlace.RACK
         return _shown(PartState(place, f"no record of a peg; hand empty, switch {seen.switch}"), seen, places)
@@ -159,7 +168,7 @@ def after(before: PartState, seen: PegEvidence, places: Places, is_running: bool
 def _after(before: PartState, seen: PegEvidence, places: Places, is_running: bool) -> PartState:
     """Return where the peg is after one more look, without the bits of the evidence; `before` itself where nothing is new."""
     if _is_between(seen, places):
-        now = _held(seen, places)
+        now = _held(seen, places, _slid(before, seen, places))
         was_in_hole = now.place in IN_THE_HOLE or _stands_at_hole(seen, places)
         return replace(now, was_in_hole=was_in_hole or (before.is_held and before.was_in_hole))
     if before.is_held:
@@ -240,15 +249,24 @@ def _is_slack(seen: PegEvidence, places: Places) -> bool:
     return not seen.is_gripping and abs(seen.width - places.thickness) <= WIDTH_TOLERANCE
 
 
-def _held(seen: PegEvidence, places: Places) -> PartState:
-    """Return the state of a peg between the pads."""
+def _slid(before: PartState, seen: PegEvidence, places: Places) -> float:
+    """Return how far the hand has gone down the held peg at the most, m, after one more look."""
+    if not before.is_held or seen.push <= places.bears:
+        return before.slid if before.is_held else 0.0
+    return max(before.slid + before.tip[2] - seen.tip[2], 0.0)
+
+
+def _held(seen: PegEvidence, places: Places, slid: float) -> PartState:
+    """Return the state of a peg between the pads, along which the hand may have slid so far, m."""
     depth = depth_of(np.array(seen.tip), places.hole)
     hand = f"hand grips {_mm(seen.width)}"
-    if depth < IN_HOLE_DEPTH or not _is_over_hole(seen.tip, places.hole):
-        return PartState(PartPlace.IN_HAND, f"{hand}, switch {seen.switch}", True, 0.0, seen.tip)
+    if depth - slid < IN_HOLE_DEPTH or not _is_over_hole(seen.tip, places.hole):
+        return PartState(PartPlace.IN_HAND, f"{hand}, switch {seen.switch}", True, 0.0, seen.tip, slid=slid)
     is_seated = seen.switch is SwitchState.CLOSED and abs(depth - places.hole.depth) <= CLOSED_TOLERANCE
     place = PartPlace.SEATED if is_seated else PartPlace.IN_HOLE
-    return PartState(place, f"{hand}, its end {_mm(depth)} deep, switch {seen.switch}", True, depth, seen.tip)
+    return PartState(
+        place, f"{hand}, its end {_mm(depth)} deep, switch {seen.switch}", True, depth, seen.tip, slid=slid
+    )
 
 
 def _let_go(before: PartState, seen: PegEvidence, places: Places, is_running: bool) -> PartState:

@@ -23,6 +23,7 @@ from skills.catalogue import GRASP, RECOVER, SEARCH
 from skills.contract import LEAST_TRUSTED, Observation, Outcome, SkillContext
 from skills.entry import Claim, Entry
 from skills.flow import StageRecord
+from skills.grip import grip_of
 from skills.scan_guards import require_finite_skin
 from skills.seating import depth_of
 
@@ -273,4 +274,4 @@ class PartWatch:
 
 
 def _places(config: CellConfig) -> Places:
-    return places_of(config.job(), config.params(RECOVER).bin)
+    return places_of(config.job(), config.params(RECOVER).bin, grip_of(config.params(GRASP)).bears)

@@ -151,3 +151,16 @@ def test_a_person_who_clears_is_believed_until_the_hand_says_otherwise(tmp_path,
     assert custody.part.place is PartPlace.RACK
     custody.see(holding(places), places, is_running=False)
     assert custody.part.place is PartPlace.IN_HAND
+
+
+def test_the_next_program_knows_how_far_the_hand_has_slid_down_the_peg(tmp_path, places):
+    places, (x, y, z) = replace(places, bears=12.5), places.hole.centre
+    first = Custody(tmp_path, "sim")
+    for depth in (0.0, 0.006):
+        pressed = replace(holding(places), tip=(x, y, z - depth), push=20.0)
+        first.see(pressed, places, is_running=True)
+    first.end(pressed, places)
+    assert first.flush()
+    second = Custody(tmp_path, "sim")
+    second.see(replace(pressed, push=0.0), places, is_running=False)
+    assert (second.part.place, second.part.slid) == (PartPlace.IN_HAND, pytest.approx(0.006))

@@ -28,7 +28,7 @@ from cell.part_state import (
     told,
 )
 from drivers.parts import Latch
-from drivers.quantities import WIDTH_TOLERANCE, GripperState, SwitchState
+from drivers.quantities import WIDTH_TOLERANCE, GripperState, SwitchState, Wrench
 from plc_bridge.messages import PartEvidence, PartPlace, Refusal
 from skills.seating import CLOSED_TOLERANCE
 
@@ -499,3 +499,61 @@ def test_a_hand_that_is_opened_outside_a_run_while_the_arm_does_not_tell_leaves_
 
 def test_a_hand_that_holds_nothing_and_goes_on_holding_nothing_is_no_news(places):
     assert alone(EMPTY, places, gripping=False) is EMPTY
+
+
+BEARS = 12.5
+"""What the pads surely bear in these tests, N."""
+
+
+def pressed(places, depths, push):
+    """Return the state of a peg at the hole whose believed end goes through these depths, m, while so much presses it along the fingers, N."""
+    part = held_at(places, depths[0])
+    for depth in depths[1:]:
+        part = after(part, replace(seen(places, at_depth(places, depth)), push=push), places, is_running=True)
+    return part
+
+
+@pytest.mark.parametrize(
+    ("push", "place"), [(BEARS - 0.1, PartPlace.IN_HOLE), (BEARS + 0.1, PartPlace.IN_HAND), (60.0, PartPlace.IN_HAND)]
+)
+def test_a_peg_that_is_pressed_harder_than_the_pads_bear_may_have_slid_up_instead_of_gone_in(places, push, place):
+    places = replace(places, bears=BEARS)
+    part = pressed(places, np.arange(0.0, 0.0105, 0.001), push)
+    assert part.place is place
+    assert part.slid == pytest.approx(0.01 if place is PartPlace.IN_HAND else 0.0)
+
+
+def test_what_the_hand_has_slid_is_missing_from_the_way_into_the_hole_and_no_more(places):
+    places = replace(places, bears=BEARS)
+    slid = pressed(places, [0.0, 0.003], 2.0 * BEARS)
+    for deeper, place in ((0.99, PartPlace.IN_HAND), (1.01, PartPlace.IN_HOLE)):
+        now = after(slid, seen(places, at_depth(places, 0.003 + deeper * IN_HOLE_DEPTH)), places, is_running=True)
+        assert (now.place, now.slid) == (place, pytest.approx(0.003))
+
+
+def test_a_peg_that_is_pushed_back_by_a_hand_that_rises_has_slid_nowhere(places):
+    places = replace(places, bears=BEARS)
+    assert pressed(places, [0.0, 0.003, -0.002], 2.0 * BEARS).slid == 0.0
+
+
+def test_a_peg_that_is_let_go_has_slid_in_no_hand(places):
+    places = replace(places, bears=BEARS)
+    free = after(pressed(places, [0.0, 0.003], 20.0), seen(places, (0.3, 0.3, 0.3), gripping=False), places, True)
+    taken = after(free, replace(seen(places, at_depth(places, -0.05)), push=20.0), places, is_running=True)
+    assert taken.slid == 0.0
+
+
+def test_a_program_that_begins_again_remembers_how_far_the_hand_has_slid(places):
+    places = replace(places, bears=BEARS)
+    kept = pressed(places, np.arange(0.0, 0.0065, 0.001), 20.0)
+    again = at_start(kept, seen(places, at_depth(places, 0.006)), places)
+    assert (again.place, again.slid) == (PartPlace.IN_HAND, pytest.approx(0.006))
+
+
+def test_the_push_is_the_force_on_the_hand_along_the_peg(rig):
+    rig.gripper.grip(30.0)
+    arm = replace(rig.arm.read(), wrench=Wrench(np.array([5.0, -3.0, 9.0]), np.zeros(3)))
+    leaning = arm.tcp.position - 0.05 * np.array([0.6, 0.0, 0.8])
+    found = evidence_of(arm, rig.gripper.read(), OPEN, leaning, 0.0, True)
+    assert found.push == pytest.approx(0.6 * 5.0 + 0.8 * 9.0)
+    assert evidence_of(arm, rig.gripper.read(), OPEN, np.full(3, math.nan), 0.0, True).push == 0.0
