@@ -118,7 +118,7 @@ class Slide(Board):
         """Put the hand above the first point of a course along lanes, and begin."""
         self.params = PARAMS.model_copy(update={"trim_rate": 0.0, **keys})
         self.ctx.set_excess(0.0 if known else None)
-        self.course = course = make_course(self.params, JOB, np.random.default_rng(1))
+        self.course = course = make_course(self.params, self.ctx.job, np.random.default_rng(1))
         frame = np.column_stack([-course.axis, np.cross(course.closing, -course.axis), course.closing])
         self.rig.arm.tcp = Pose(course.first + self.length * course.axis, frame)
         evidence = Evidence(self.params, SurfaceEstimate(), HoleEvent(self.params.event, 9.0), PERIOD)
@@ -195,7 +195,9 @@ def test_one_slide_is_one_motion_with_the_gains_of_its_recipe_and_the_peg_as_it_
     assert seen.peg.theta == 0.1
 
 
-def test_the_edge_is_the_lowest_point_of_the_peg_in_the_newest_scan(slide):
+@pytest.mark.parametrize("shape", ["round", "square"])
+def test_the_edge_is_the_lowest_point_of_the_peg_in_the_newest_scan(tmp_path, shape):
+    slide = Slide(Rig(load(sets=[f"peg.shape={shape}"]), tmp_path))
     slide.slide(1.5)
     seen = slide.seen[-1]
     lowest = slide.part.lowest(seen.tip, seen.axis, seen.arm.tcp.rotation[:, 2])
@@ -219,11 +221,12 @@ def test_a_slip_in_the_hand_takes_back_push_and_pace_alike_and_leaves_the_hand_a
 
 
 def test_a_dent_stops_the_hand_itself_which_rests_where_it_was_still_pushing(slide):
-    slide.begin()
+    gains = PARAMS.gains.model_copy(update={"damping_ratio": 1.2})
+    slide.begin(gains=gains)
     slide.dig(*slide.ahead(0.6), 3e-3, 0.5e-3)
     slide.go_on(DOWN + 1.0)
     rest = stopped(slide)
-    hand, gains = rest[0][0].arm.tcp, PARAMS.gains
+    hand = rest[0][0].arm.tcp
     assert len(rest) * PERIOD == pytest.approx(PARAMS.rest, abs=0.11)
     for seen, setpoint in rest:
         np.testing.assert_allclose(setpoint.tip, hand.position - PARAMS.push_offset * UP, atol=1e-12)
@@ -261,6 +264,21 @@ def test_after_a_rest_in_vain_the_place_is_probed_on_a_spiral_and_the_path_goes_
     assert slide.sweep.left.since == pytest.approx((slid + again) * PERIOD - PARAMS.run_up, abs=3 * PERIOD)
     path = slide.course.middle + slide.course.path.at(slide.sweep.left.since)[0]
     assert math.dist(slide.seen[-1].tip[:2], path) < 2.5 * PARAMS.speed * PERIOD
+
+
+def test_a_plate_that_seems_lower_on_the_lanes_back_is_no_edge(slide):
+    """Friction tilts the hand a little, the other way on the way back."""
+    slide.begin()
+    base = slide.level
+
+    def tilt():
+        way = slide.commanded[-1].twist.linear[1] if slide.commanded else 0.0
+        slide.level = base + math.copysign(0.2e-3, way)
+
+    slide.rig.clock.every.append(tilt)
+    slide.go_on(DOWN + 4.0)
+    assert (slide.sweep.rests, slide.found) == (0, None)
+    assert {each.twist.linear[1] > 0.0 for each in slide.commanded[-80:]} == {True, False}
 
 
 def test_where_all_of_the_plate_seems_lower_after_a_probe_it_is_felt_anew(slide):
@@ -314,6 +332,7 @@ def test_a_peg_that_rests_time_and_again_in_one_place_as_deep_as_in_a_hole_is_in
         ((0.0, 0.9e-3, 1.8e-3), 1e-3, (False, False, True)),
         ((0.0, 0.0, 1.1e-3, 0.0, 0.0), 1e-3, (False, False, False, False, False)),
         ((0.0, 1.1e-3, 1.1e-3, 1.1e-3), 1e-3, (False, False, False, True)),
+        ((0.0, 0.0, 0.0), PARAMS.fall, (False, False, True)),
         ((0.0, 0.0, 0.0), 0.99 * PARAMS.fall, (False, False, False)),
     ],
 )
