@@ -12,7 +12,9 @@ from skills.tactile.blend import Blend, Smoothing
 from tests.fakes import HAND_DOWN, Rig, ToldEstimator
 
 CELL = load().cell
-SQUARE = load(sets=["peg.shape=square"])
+LIGHT = "insert.estimator=image"
+"""Setting with which a rig is made at once: the skin says what it is told, and its own estimator is not asked."""
+SQUARE = load(sets=["peg.shape=square", LIGHT])
 """The cell with a square peg."""
 HOLE = np.array(CELL.hole.centre)
 SIDE = np.array([1.0, 0.0, 0.0])

@@ -19,7 +19,7 @@ from skills.search.size import DIP, PUSH, STATED
 from skills.spiral_adjust import SpiralAdjustResult
 from skills.surface import Plane
 from tests.fakes import PERIOD, Rig
-from tests.scripted import CELL, HOLE, SIDE, SQUARE, ScriptedHand, corner_hand, hand
+from tests.scripted import CELL, HOLE, LIGHT, SIDE, SQUARE, ScriptedHand, corner_hand, hand
 
 WEAK = 0.2
 """Share of the shipped grip that bears none of the shipped pushes, fraction."""
@@ -104,7 +104,7 @@ class Bench(ScriptedHand):
 
 @pytest.fixture
 def bench(tmp_path):
-    return Bench(Rig(load(), tmp_path))
+    return Bench(Rig(load(sets=[LIGHT]), tmp_path))
 
 
 @pytest.fixture

@@ -175,3 +175,11 @@ def test_a_next_attempt_looks_where_the_hole_was_and_goes_on_with_what_is_left()
     begin = abs(course.path.at(0.0)[0][1])
     first, others = begin + GATE * 1e-3 + WIDTH / 2, 2 * GATE * 1e-3 + WIDTH
     assert course.likely_until == pytest.approx((first + 2 * others) / PARAMS.speed)
+
+
+def test_how_well_a_place_is_known_across_the_lanes_alone_tells_whether_one_stroke_is_enough():
+    x, y = CELL.hole.centre[:2]
+    course = course_of(belief=Belief(Likely((x, y), (5e-4, 3.5e-3))))
+    begin = course.path.at(0.0)[0]
+    after = -np.sign(begin[1]) * points(course, course.likely_until + 0.2, course.likely_until)[:, 1]
+    assert after.max() > 0.019  # it goes on to the border, and not back to where it began

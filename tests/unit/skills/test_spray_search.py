@@ -21,8 +21,9 @@ from skills.surface import SurfaceEstimate
 from skills.tactile.hole_event import HoleEvent
 from tests.board import Board
 from tests.fakes import HAND_DOWN, PERIOD, Rig
+from tests.scripted import LIGHT
 
-LOADED = load(sets=["hole.area=[0.02, 0.02]"])
+LOADED = load(sets=["hole.area=[0.02, 0.02]", LIGHT])
 CELL, PARAMS = LOADED.cell, LOADED.cell.params(SEARCH)
 HOLE, RADIUS = np.array(CELL.hole.centre), CELL.hole.part.inscribed / 2
 

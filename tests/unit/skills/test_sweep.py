@@ -20,8 +20,10 @@ from skills.surface import SurfaceEstimate
 from skills.tactile.hole_event import HoleEvent
 from tests.board import Board
 from tests.fakes import PERIOD, Rig
-from tests.scripted import SIDE
+from tests.scripted import LIGHT, SIDE
 
+LOADED = load(sets=[LIGHT])
+PARAMS, JOB = LOADED.cell.params(SEARCH), LOADED.cell.job()
 TURN = 0.2
 
 
@@ -30,7 +32,7 @@ def sweeping(tmp_path):
     """Return a function that begins a search above the plate, and its first observation; the hand is as the course asks for."""
 
     def begin(**keys):
-        rig = Rig(load(), tmp_path)
+        rig = Rig(LOADED, tmp_path)
         params = rig.loaded.cell.params(SEARCH).model_copy(update=keys)
         ctx = rig.cell.context(1)
         course = make_course(params, ctx.job, np.random.default_rng(1))
@@ -105,10 +107,6 @@ def test_a_tip_that_a_wall_holds_back_stops_the_path(sweeping, lag, rests):
     sweep.setpoint(held)
     sweep.finds(held)
     assert sweep.rests == rests
-
-
-LOADED = load()
-PARAMS, JOB = LOADED.cell.params(SEARCH), LOADED.cell.job()
 
 
 class Slide(Board):
@@ -197,7 +195,7 @@ def test_one_slide_is_one_motion_with_the_gains_of_its_recipe_and_the_peg_as_it_
 
 @pytest.mark.parametrize("shape", ["round", "square"])
 def test_the_edge_is_the_lowest_point_of_the_peg_in_the_newest_scan(tmp_path, shape):
-    slide = Slide(Rig(load(sets=[f"peg.shape={shape}"]), tmp_path))
+    slide = Slide(Rig(load(sets=[f"peg.shape={shape}", LIGHT]), tmp_path))
     slide.slide(1.5)
     seen = slide.seen[-1]
     lowest = slide.part.lowest(seen.tip, seen.axis, seen.arm.tcp.rotation[:, 2])
