@@ -5,13 +5,17 @@ from collections.abc import Callable
 import numpy as np
 
 from cell.config import load
-from drivers.frames import rotation_about
+from drivers.frames import UP, rotation_about
 from drivers.quantities import ImpedanceSetpoint, Pose, Vector
 from skills.contract import Observation
 from skills.tactile.blend import Blend, Smoothing
 from tests.fakes import HAND_DOWN, Rig, ToldEstimator
 
 CELL = load().cell
+LIGHT = "insert.estimator=image"
+"""Setting with which a rig is made at once: the skin says what it is told, and its own estimator is not asked."""
+SQUARE = load(sets=["peg.shape=square", LIGHT])
+"""The cell with a square peg."""
 HOLE = np.array(CELL.hole.centre)
 SIDE = np.array([1.0, 0.0, 0.0])
 
@@ -20,6 +24,31 @@ def hand(tip: Vector = HOLE, tilt: float = 0.0, about: Vector = SIDE) -> Pose:
     """Return the hand whose straight peg has its tip there, m, and leans by `tilt`, rad, about an axis."""
     rotation = rotation_about(about, tilt) @ HAND_DOWN
     return Pose(tip - CELL.peg.length * rotation[:, 0], rotation)
+
+
+def corner_hand(
+    tip: Vector,
+    tilt: float,
+    direction: float = 0.0,
+    yaw: float = 0.0,
+    theta: float = 0.0,
+    is_turned_round: bool = False,
+) -> Pose:
+    """Return the hand whose square peg has its tip there, m, and leans by `tilt`, rad, over its corner, all turned by `yaw`, rad.
+
+    Args:
+        tip: End point of the peg, shape (3,), m, base frame.
+        tilt: Tilt of the peg, rad.
+        direction: Azimuth of the hand's closing axis before the yaw, rad; the corner lies an eighth of a turn further.
+        yaw: Turn of all of it about the vertical, rad.
+        theta: In-hand angle of the peg, rad.
+        is_turned_round: Whether the fingers have changed sides.
+    """
+    axis, closing = SQUARE.cell.peg.part.leaning(direction, tilt)
+    closing = -closing if is_turned_round else closing
+    straight = np.column_stack([-axis, np.cross(closing, -axis), closing])
+    turned = rotation_about(UP, yaw)
+    return Pose(tip + SQUARE.cell.peg.length * turned @ axis, turned @ rotation_about(closing, -theta) @ straight)
 
 
 class ScriptedHand:

@@ -10,6 +10,7 @@ from cell.config import load
 from drivers.frames import UP, rotation_about
 from drivers.part.rectangular import Rectangular
 from drivers.quantities import InHandTip
+from skills.catalogue import SEARCH
 from skills.corner_adjust import STANDS_FOR, STRAYED_FOR, Entry, Watch
 from skills.corner_insert import (
     Raised,
@@ -25,6 +26,7 @@ from skills.corner_insert import (
 )
 
 SIDE = 0.008
+CELL = load().cell
 SQUARE = Rectangular(SIDE, SIDE)
 
 
@@ -190,3 +192,33 @@ def test_a_peg_that_the_walls_have_caught_and_that_stands_is_between_them() -> N
     assert not shallow.is_caught(1.0 + 1.1 * STANDS_FOR, params)
     sinking = caught.after(1.5, 1.6 * params.caught, 0.0, params)
     assert not sinking.is_caught(1.0 + 1.1 * STANDS_FOR, params)
+
+
+def test_a_search_with_a_corner_has_the_keys_of_its_section_and_otherwise_those_of_a_round_peg() -> None:
+    corner = CELL.corner
+    stated = CELL.params(SEARCH).model_copy(update={"edge_leads": False, "fast_axis": "y", "tilt_azimuth": 0.0})
+    search = corner.searching(stated)
+    own = {key: getattr(corner, key) for key in ("tilt", "speed", "pitch", "dip_threshold", "lag", "fall")}
+    assert search == stated.model_copy(update={**own, "edge_leads": True, "fast_axis": "x"})
+    assert all(getattr(stated, key) != value for key, value in own.items())
+
+
+@pytest.mark.parametrize(
+    ("azimuth", "fast"),
+    [
+        (0.0, "x"),
+        (0.78, "x"),
+        (0.79, "y"),
+        (1.57, "y"),
+        (2.35, "y"),
+        (2.36, "x"),
+        (3.14, "x"),
+        (-0.79, "y"),
+        (-3.0, "x"),
+    ],
+)
+def test_a_peg_with_corners_is_swept_along_the_axis_that_is_nearest_to_its_closing_axis(
+    azimuth: float, fast: str
+) -> None:
+    stated = CELL.params(SEARCH).model_copy(update={"tilt_azimuth": azimuth})
+    assert CELL.corner.searching(stated).fast_axis == fast

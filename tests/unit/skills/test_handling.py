@@ -1,8 +1,53 @@
-"""What differs between the attempts of one insertion."""
+"""What each kind of part is searched with, aligned and seated with, and what differs between the attempts of one insertion."""
 
+import math
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
-from skills.handling import FIRST_STALL, stall_share
+from cell.config import load
+from drivers.frames import UP, angle_between, rotation_about
+from drivers.quantities import SwitchState
+from skills.catalogue import ADJUST, GRASP, INSERT, SEARCH
+from skills.contract import Outcome, Reason
+from skills.corner_adjust import CornerAdjustResult
+from skills.grip import grip_of
+from skills.handling import FIRST_STALL, Sections, handling, stall_share
+from skills.play import allowed_depth
+from skills.search.size import DIP, PUSH, STATED
+from skills.spiral_adjust import SpiralAdjustResult
+from skills.surface import Plane
+from tests.fakes import PERIOD, Rig
+from tests.scripted import CELL, HOLE, LIGHT, SIDE, SQUARE, ScriptedHand, corner_hand, hand
+
+WEAK = 0.2
+"""Share of the shipped grip that bears none of the shipped pushes, fraction."""
+RETRIES = 3
+LOWER = Plane(HOLE - 0.02 * UP, UP)
+"""Plate that was felt 20 mm below where the job has it, so that the peg is far out of its hole."""
+FELT = Plane(HOLE, rotation_about(SIDE, 0.04) @ UP)
+"""Plate that was felt not to be level."""
+
+
+def sections(cell=CELL, grip_share=1.0, force=None, inserting=60.0, **adjust):
+    """Return the sections of a cell's file, but for the grip, the longest insertion, s, and these parameters of the adjustment."""
+    grasp, insert, corner = cell.params(GRASP), cell.params(INSERT), cell.corner
+    brief = corner.insert.model_copy(update={"timeout": min(inserting, corner.insert.timeout)})
+    return Sections(
+        search=cell.params(SEARCH),
+        insert=insert.model_copy(update={"timeout": inserting}),
+        adjust=cell.params(ADJUST).model_copy(update=adjust),
+        corner=corner.model_copy(update={"insert": brief}),
+        retries=RETRIES,
+        grasp=grasp if force is None else grasp.model_copy(update={"force": force}),
+        grip_share=grip_share,
+    )
+
+
+def made(cell=CELL, **changes):
+    """Return how the part of a cell is handled."""
+    return handling(cell.peg.part, sections(cell, **changes))
 
 
 @pytest.mark.parametrize(
@@ -10,3 +55,199 @@ from skills.handling import FIRST_STALL, stall_share
 )
 def test_a_jam_is_given_up_sooner_where_a_first_attempt_is_not_the_last(attempt, retries, share):
     assert stall_share(attempt, retries) == share < 1.01
+
+
+@pytest.mark.parametrize("cell", [CELL, SQUARE.cell])
+def test_a_weak_grip_searches_with_what_the_pads_bear_and_as_much_slower(cell):
+    firm, weak = made(cell).search, made(cell, grip_share=WEAK).search
+    bears = grip_of(cell.params(GRASP), WEAK).bears_over_plate(weak.tilt, weak.dip_threshold)
+    assert weak.push_stiffness * weak.push_offset == pytest.approx(bears)
+    assert weak.speed / firm.speed == pytest.approx(weak.push_stiffness / firm.push_stiffness)
+
+
+def test_a_thin_peg_is_pushed_harder_and_told_by_a_shallower_fall():
+    thin = load(sets=["peg.diameter=0.004", "hole.diameter=0.0041"]).cell
+    search, stated = made(thin, force=200.0).search, thin.params(SEARCH)
+    assert (
+        search.push_stiffness * search.push_offset == pytest.approx(PUSH) != stated.push_stiffness * stated.push_offset
+    )
+    assert (search.dip_threshold, search.drop) == pytest.approx((DIP * 0.004, DIP * 0.004))
+    assert search.fall == pytest.approx(stated.fall * 0.004 / STATED)
+
+
+def test_a_round_peg_is_searched_again_as_often_as_its_recipe_says_and_steered_by_the_insertion_alone():
+    round_peg = made()
+    assert (round_peg.retries, dict(round_peg.steered), round_peg.blend) == (RETRIES, {}, None)
+
+
+def test_a_peg_with_corners_is_searched_again_and_steered_as_its_own_section_says():
+    square, corner = made(SQUARE.cell), SQUARE.cell.corner
+    assert (square.retries, square.blend) == (corner.retries, corner.blend)
+    assert square.steered == {
+        "corner.insert.gains": corner.insert.gains,
+        "corner.adjust.gains": corner.adjust.gains,
+    }
+    assert (square.search.tilt, square.search.lag) == (corner.tilt, corner.lag)
+
+
+class Bench(ScriptedHand):
+    """A round peg that leans in the hole's mouth unless the test says otherwise."""
+
+    def __init__(self, rig):
+        super().__init__(rig, lambda time: hand(HOLE - 1e-3 * UP, 0.5))
+
+    @property
+    def pushes(self):
+        """Stiffness along z of each setpoint, N/m."""
+        return np.array([setpoint.stiffness[2] for setpoint in self.commanded])
+
+
+@pytest.fixture
+def bench(tmp_path):
+    return Bench(Rig(load(sets=[LIGHT]), tmp_path))
+
+
+@pytest.fixture
+def square(tmp_path):
+    bench = Bench(Rig(SQUARE, tmp_path))
+    bench.way = lambda time: corner_hand(HOLE, SQUARE.cell.corner.tilt)
+    return bench
+
+
+@pytest.mark.parametrize(("attempt", "is_enough"), [(0, False), (1, True), (2, True)])
+def test_only_the_first_insertion_judges_an_aligned_peg_by_its_depth(bench, attempt, is_enough):
+    lean, params = 0.09, CELL.params(INSERT)
+    least = params.least_share * allowed_depth(params.aligned, CELL.peg.part.thickness, CELL.hole.part.thickness)
+    bench.way = lambda time: hand(HOLE - (least - CELL.peg.part.reach * math.sin(lean) - 1e-5) * UP, lean)
+    bench.move()
+    ended = made().insert(bench.ctx, None, attempt)
+    assert ended.outcome is (Outcome.SUCCESS if is_enough else Outcome.FAILURE)
+    assert ended.elapsed == 0.0
+
+
+@pytest.mark.parametrize("attempt", [0, 1])
+@pytest.mark.parametrize("kind", ["bench", "square"])
+def test_an_insertion_counts_from_the_plate_that_was_felt(request, kind, attempt):
+    bench = request.getfixturevalue(kind)
+    bench.move()
+    ended = made(bench.rig.cell.config).insert(bench.ctx, LOWER, attempt)
+    assert (ended.reason, ended.elapsed) == (Reason.NOT_ALIGNED, 0.0)
+
+
+@pytest.mark.parametrize("attempt", [0, 1])
+@pytest.mark.parametrize("kind", ["bench", "square"])
+def test_a_weak_grip_inserts_with_a_weaker_push(request, kind, attempt):
+    bench = request.getfixturevalue(kind)
+    cell = bench.rig.cell.config
+    bench.move()
+    made(cell, grip_share=WEAK, inserting=0.05).insert(bench.ctx, None, attempt)
+    bears = grip_of(cell.params(GRASP), WEAK).bears
+    assert bench.pushes.max() * cell.params(INSERT).push_offset < 1.001 * bears
+
+
+@pytest.mark.parametrize(("attempt", "share"), [(0, FIRST_STALL), (1, 1.0)])
+def test_the_first_adjustment_of_several_gives_a_jam_up_sooner(bench, attempt, share):
+    bench.way = lambda time: hand(HOLE - 1e-3 * UP)
+    bench.move()
+    ended = made(stall_timeout=0.5).adjust(bench.ctx, None, attempt)
+    assert (ended.outcome, ended.reason) == (Outcome.FAILURE, Reason.NOT_SEATED)
+    assert ended.elapsed == pytest.approx(share * 0.5, abs=2.5 * PERIOD)
+
+
+def test_the_only_adjustment_is_as_patient_as_its_recipe(bench):
+    bench.way = lambda time: hand(HOLE - 1e-3 * UP)
+    bench.move()
+    only = handling(CELL.peg.part, replace(sections(stall_timeout=0.5), retries=0))
+    assert only.adjust(bench.ctx, None, 0).elapsed == pytest.approx(0.5, abs=2.5 * PERIOD)
+
+
+def test_an_adjustment_goes_by_the_plate_that_was_felt(bench):
+    bench.way = lambda time: hand()
+    bench.move()
+    made(timeout=0.05).adjust(bench.ctx, FELT, 0)
+    np.testing.assert_allclose(bench.commanded[0].axis, FELT.normal, atol=1e-9)
+
+
+def test_a_weak_grip_adjusts_with_a_weaker_push(bench):
+    bench.way = lambda time: hand()
+    bench.move()
+    made(timeout=0.05, grip_share=WEAK).adjust(bench.ctx, None, 0)
+    assert bench.pushes[0] * CELL.params(ADJUST).push_offset < grip_of(CELL.params(GRASP), WEAK).bears
+
+
+SETTLED = (
+    (SQUARE.cell.corner.tilt - SQUARE.cell.corner.insert.tilt) / SQUARE.cell.corner.insert.raise_rate
+    + SQUARE.cell.corner.insert.raise_stop / 2.0
+    + SQUARE.cell.corner.insert.settle
+)
+"""Time at which a peg that leans over its corner is raised, and has settled, s."""
+
+
+@pytest.mark.parametrize(("attempt", "later"), [(0, True), (1, False)])
+def test_each_attempt_to_insert_a_peg_with_corners_sweeps_about_another_middle(square, attempt, later):
+    """A hand that does not turn lags by more than is felt at once, where the middle is so far off, or later."""
+    insert = SQUARE.cell.corner.insert
+    square.way = lambda time: corner_hand(HOLE, SQUARE.cell.corner.tilt if time < 0.5 else insert.tilt)
+    square.move()
+    ended = made(SQUARE.cell).insert(square.ctx, None, attempt)
+    assert ended.outcome is Outcome.SUCCESS
+    sweeping = insert.felt / insert.turn_rate if later else 0.0
+    assert ended.elapsed == pytest.approx(SETTLED + sweeping, abs=3 * PERIOD)
+
+
+ENTERED = 0.1
+"""Time at which a peg with corners has sunk between the walls, s."""
+
+
+def entering(time):
+    """Return the hand whose peg sinks between the walls, stands upright there, and turns about the vertical from then on."""
+    corner = SQUARE.cell.corner
+    if time < ENTERED - 1e-9:
+        return corner_hand(HOLE, corner.insert.tilt)
+    deep = 1.1 * corner.adjust.entered if time < 0.3 - 1e-9 else SQUARE.cell.hole.depth
+    return corner_hand(HOLE - deep * UP, 0.0, yaw=0.2 * (time - ENTERED))
+
+
+def test_a_peg_with_corners_is_seated_once_it_is_between_the_walls_and_turns_as_they_have_it(square):
+    square.way = entering
+    square.rig.at(0.3, lambda: setattr(square.rig.switch, "state", SwitchState.CLOSED))
+    square.move()
+    ended = made(SQUARE.cell).adjust(square.ctx, None, 0)
+    assert isinstance(ended, SpiralAdjustResult)
+    assert (ended.outcome, ended.elapsed) == (Outcome.SUCCESS, pytest.approx(0.3, abs=1.1 * PERIOD))
+    seating = [each for each in square.commanded if each.id == square.commanded[-1].id]
+    last = square.seen[len(square.seen) - 2]
+    np.testing.assert_allclose(seating[-1].roll, last.arm.tcp.rotation[:, 2], atol=1e-12)
+    assert angle_between(seating[0].roll, seating[-1].roll) > 0.02
+
+
+def test_a_peg_with_corners_that_does_not_get_between_the_walls_is_not_seated(square):
+    strays = 1.1 * SQUARE.cell.corner.adjust.strayed
+    square.way = lambda time: corner_hand(HOLE + (strays * SIDE if time > 0.05 else 0.0), 0.12)
+    square.move()
+    ended = made(SQUARE.cell).adjust(square.ctx, None, 0)
+    assert isinstance(ended, CornerAdjustResult)
+    assert (ended.outcome, ended.reason) == (Outcome.FAILURE, Reason.NOT_SEATED)
+    assert len({each.id for each in square.commanded}) == 1
+
+
+def test_both_parts_of_the_adjustment_of_a_peg_with_corners_go_by_the_plate_that_was_felt(square):
+    square.way = entering
+    square.move()
+    made(SQUARE.cell, timeout=0.05).adjust(square.ctx, FELT, 0)
+    first, then = square.commanded[0], square.commanded[-1]
+    assert first.id != then.id
+    assert angle_between(first.axis, square.seen[0].axis) < 1e-3
+    assert angle_between(then.axis, FELT.normal) < 2.0 * angle_between(then.axis, UP)
+    np.testing.assert_allclose(
+        next(each for each in square.commanded if each.id == then.id).axis, FELT.normal, atol=1e-9
+    )
+
+
+def test_a_weak_grip_brings_a_peg_with_corners_in_and_seats_it_with_weaker_pushes(square):
+    square.way = entering
+    square.move()
+    made(SQUARE.cell, timeout=0.05, grip_share=WEAK).adjust(square.ctx, None, 0)
+    bears, adjust = grip_of(SQUARE.cell.params(GRASP), WEAK).bears, SQUARE.cell.corner.adjust
+    assert square.pushes[0] * adjust.push_offset < bears
+    assert square.pushes[-1] * SQUARE.cell.params(ADJUST).push_offset < bears

@@ -1,11 +1,17 @@
 """Where a course leads the peg over the area."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from skills.search.course import leading
+from cell.config import load
+from skills.catalogue import SEARCH
+from skills.paths import TURN_TIME, Lanes
+from skills.search.belief import Belief
+from skills.search.course import ANYWHERE, CROSSINGS, OUTSIDE, fastest, leading, make_course
+from skills.search.tour import GATE, Left, Likely
 
 RIM = np.linspace(-math.pi, math.pi, 2001)
 """Angles about the axis of the peg's end, from its lowest point, rad."""
@@ -31,3 +37,149 @@ def test_the_band_in_which_a_peg_falls_lies_evenly_about_its_lanes(tilt, fall):
     off = 4e-3 * math.cos(tilt) - leading(4e-3, tilt, fall)
     places = [place for place in np.arange(-5e-3, 5e-3, 0.02e-3) if falls(place, tilt, fall)]
     assert (min(places) + max(places)) / 2 == pytest.approx(off, abs=0.1e-3)
+
+
+CELL = load().cell
+PARAMS = CELL.params(SEARCH)
+AREA = (0.06, 0.04)
+WIDTH = CELL.hole.part.inscribed
+SEEDS = range(16)
+
+
+def course_of(seed=0, belief=ANYWHERE, is_length_known=True, chamfer=0.0, **keys):
+    """Return a course over an oblong area, with these parameters beside the shipped ones."""
+    hole = CELL.hole.model_copy(update={"area": AREA, "chamfer": chamfer})
+    job = CELL.job().model_copy(update={"hole": hole})
+    params = PARAMS.model_copy(update=keys)
+    return make_course(params, job, np.random.default_rng(seed), belief, is_length_known)
+
+
+def points(course, end, start=0.0):
+    """Return the points of its path from the middle of the area, shape (n, 2), m."""
+    return np.array([course.path.at(time)[0] for time in np.arange(start, end, 0.005)])
+
+
+def likely(across=0.0, deviation=5e-4, fast=1):
+    """Return the belief that the hole is about a place beside the middle of the area, across the lanes."""
+    place = np.array(CELL.hole.centre[:2])
+    place[1 - fast] += across
+    return Belief(Likely((float(place[0]), float(place[1])), (deviation, deviation)))
+
+
+@pytest.mark.parametrize("chamfer", [0.0, 1e-3])
+@pytest.mark.parametrize(("axis", "fast"), [("x", 0), ("y", 1)])
+def test_lanes_begin_so_far_beside_the_area_that_the_peg_comes_down_in_no_hole(axis, fast, chamfer):
+    begun = [course_of(seed, fast_axis=axis, chamfer=chamfer) for seed in SEEDS]
+    starts = np.array([each.path.at(0.0)[0] for each in begun])
+    beyond = np.abs(starts[:, fast]) - AREA[fast] / 2 - WIDTH / 2 - chamfer
+    assert (beyond.min(), beyond.max()) == pytest.approx((OUTSIDE[0], OUTSIDE[1]), abs=0.5e-3)
+    assert OUTSIDE[0] <= beyond.min() <= beyond.max() <= OUTSIDE[1]
+    assert {(x > 0.0, y > 0.0) for x, y in starts} == {(a, b) for a in (True, False) for b in (True, False)}
+    for each, start in zip(begun, starts, strict=True):
+        assert each.fast == fast
+        assert each.path.at(0.0)[1][fast] * start[fast] < 0.0
+
+
+@pytest.mark.parametrize(("axis", "fast"), [("x", 0), ("y", 1)])
+def test_lanes_reach_beyond_the_area_by_their_margins_and_lie_a_pitch_apart_at_most(axis, fast):
+    course = course_of(fast_axis=axis, margin=(2e-3, 5e-4), pitch=0.6)
+    assert isinstance(course.path, Lanes)
+    swept = np.abs(points(course, course.path.cover - TURN_TIME, start=0.6))
+    half = AREA[1 - fast] / 2 + 5e-4
+    lanes = math.ceil(2 * half / (0.6 * WIDTH))
+    assert swept[:, fast].max() == pytest.approx(AREA[fast] / 2 + 2e-3, abs=2e-4)
+    assert course.path.lanes == lanes
+    assert swept[:, 1 - fast].max() == pytest.approx(half * (1.0 - 1.0 / lanes), abs=2e-4)
+
+
+@pytest.mark.parametrize(("dip", "share"), [(3e-4, 1.0), (6e-4, 1.0), (0.75e-4, 2.0)])
+def test_a_peg_crosses_so_much_of_the_hole_while_it_falls_by_the_dip_threshold(dip, share):
+    """Under a constant push a quarter of the fall takes half the time."""
+    most = CROSSINGS * WIDTH * share
+    assert fastest(dip, WIDTH) == pytest.approx(most)
+    for speed in (0.9 * most, 1.1 * most):
+        path = course_of(speed=speed, dip_threshold=dip).path
+        assert abs(path.at(0.1)[1][1]) == pytest.approx(min(speed, most))
+
+
+def test_sinusoids_begin_anywhere_in_the_area_at_the_speed_that_is_asked_for():
+    paths = [course_of(seed, path="sinusoids", speed=0.4).path for seed in range(40)]
+    starts = np.array([path.at(0.0)[0] for path in paths]) / AREA
+    assert np.abs(starts).max() < 0.5
+    np.testing.assert_array_less(starts.min(axis=0), -0.35)
+    np.testing.assert_array_less(-starts.max(axis=0), -0.35)
+    speeds = np.array([np.abs(paths[0].at(time)[1][1]) for time in np.arange(0.0, 2.0, 0.005)])
+    assert speeds.max() == pytest.approx(0.4, rel=1e-2)
+
+
+@pytest.mark.parametrize("azimuth", [0.0, 2.0])
+@pytest.mark.parametrize("leads", [True, False])
+def test_the_peg_is_held_as_it_shall_lean_with_its_edge_or_its_end_on_the_path(azimuth, leads):
+    course = course_of(tilt_azimuth=azimuth, edge_leads=leads)
+    lean = np.array([math.cos(azimuth), math.sin(azimuth)])
+    np.testing.assert_allclose(course.axis, [*(math.sin(PARAMS.tilt) * lean), math.cos(PARAMS.tilt)])
+    np.testing.assert_allclose(course.closing, [*(math.cos(PARAMS.tilt) * lean), -math.sin(PARAMS.tilt)])
+    ahead = leading(CELL.peg.part.reach, PARAMS.tilt, PARAMS.fall) * lean if leads else np.zeros(2)
+    np.testing.assert_allclose(course.middle + ahead, CELL.hole.centre[:2])
+    np.testing.assert_allclose(course.first[:2], course.middle + course.path.at(0.0)[0])
+
+
+@pytest.mark.parametrize("is_known", [True, False])
+def test_the_course_begins_at_the_height_that_what_is_known_of_the_length_asks_for(is_known):
+    course = course_of(is_length_known=is_known)
+    height = PARAMS.height if is_known else PARAMS.first_height(CELL.peg.part.reach)
+    assert (course.height, course.first[2] - CELL.hole.centre[2]) == pytest.approx((height, height))
+
+
+def test_a_search_that_knows_nothing_comes_by_no_likely_place():
+    assert course_of().likely_until == 0.0
+
+
+@pytest.mark.parametrize("across", [0.0, 8e-3])
+def test_one_stroke_over_a_place_that_is_known_well_is_the_beginning_of_a_whole_lane(across):
+    course = course_of(belief=likely(across))
+    begin = course.path.at(0.0)[0]
+    # It ends half a hole beyond three deviations behind the most likely place.
+    length = abs(begin[1]) + GATE * 5e-4 + WIDTH / 2
+    assert course.likely_until == pytest.approx(length / PARAMS.speed)
+    np.testing.assert_allclose(points(course, course.likely_until)[:, 0], across, atol=1e-9)
+    after = -np.sign(begin[1]) * points(course, course.likely_until + 0.25, course.likely_until)[:, 1]
+    assert after.min() > 0.0
+    assert after.max() > GATE * 5e-4 + WIDTH
+
+
+def test_the_lane_over_a_place_that_is_known_less_well_is_swept_from_where_the_stroke_began():
+    course = course_of(belief=likely(deviation=3.5e-3))
+    begin = course.path.at(0.0)[0]
+    assert course.likely_until == pytest.approx((abs(begin[1]) + GATE * 3.5e-3 + WIDTH / 2) / PARAMS.speed)
+    after = points(course, course.likely_until + 1.2, course.likely_until)
+    assert np.abs(after[:, 1] - begin[1]).min() < 1e-3
+
+
+def test_a_place_that_is_known_badly_has_no_stroke_of_its_own():
+    assert course_of(belief=likely(deviation=8e-3)).likely_until == 0.0
+
+
+def test_what_the_strokes_have_missed_is_swept_by_the_second_cover():
+    course, plain = course_of(seed=3, belief=likely()), course_of(seed=3)
+    assert course.path.then.since == plain.path.cover
+    sinusoids = course_of(seed=3, belief=likely(), path="sinusoids")
+    assert sinusoids.path.then.since == 0.0
+
+
+def test_a_next_attempt_looks_where_the_hole_was_and_goes_on_with_what_is_left():
+    left = Left(course_of(seed=3).path, 1.5)
+    belief = replace(likely(deviation=1e-3), left=left)
+    course = course_of(belief=belief)
+    assert course.path.then == left
+    begin = abs(course.path.at(0.0)[0][1])
+    first, others = begin + GATE * 1e-3 + WIDTH / 2, 2 * GATE * 1e-3 + WIDTH
+    assert course.likely_until == pytest.approx((first + 2 * others) / PARAMS.speed)
+
+
+def test_how_well_a_place_is_known_across_the_lanes_alone_tells_whether_one_stroke_is_enough():
+    x, y = CELL.hole.centre[:2]
+    course = course_of(belief=Belief(Likely((x, y), (5e-4, 3.5e-3))))
+    begin = course.path.at(0.0)[0]
+    after = -np.sign(begin[1]) * points(course, course.likely_until + 0.2, course.likely_until)[:, 1]
+    assert after.max() > 0.019  # it goes on to the border, and not back to where it began

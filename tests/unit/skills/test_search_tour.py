@@ -9,7 +9,7 @@ from cell.config import load
 from skills.paths import TURN_TIME
 from skills.search.belief import TRIES, Belief
 from skills.search.course import ANYWHERE, make_course
-from skills.search.tour import Left, Likely, Tour, tour
+from skills.search.tour import Left, Leg, Likely, Rows, Tour, beside, first_look, outwards, tour
 
 CONFIG = load().cell
 JOB, PARAMS = CONFIG.job(), CONFIG.handling().search
@@ -112,3 +112,139 @@ def test_strokes_far_apart_are_joined_by_a_stop_and_a_start():
 def tour_end() -> Tour:
     """Return a way that stays at the middle."""
     return tour([((0.0, 0.0), (0.0, 0.0))], 0.1, Left(make_course(PARAMS, JOB, np.random.default_rng(1)).path, 0.0))
+
+
+ROWS = Rows(half=(0.03, 0.02), fast=1, pitch=0.01, speed=0.1)
+"""Six strokes along y, 10 mm apart."""
+HERE = (0.5, 0.1)
+"""Middle of their area, m, base frame."""
+
+
+def about(across: float, along: float = 0.0, deviation: float = 1e-3) -> Likely:
+    """Return the belief that the hole is about a place, given across and along the strokes from the middle, m."""
+    return Likely((HERE[0] + across, HERE[1] + along), (deviation, deviation))
+
+
+@pytest.mark.parametrize(
+    ("across", "near", "order"),
+    [
+        (0.006, 0, (5, 15, 25, -5, -15, -25)),
+        (0.006, 1, (5, 15, -5, 25, -15, -25)),
+        (-0.006, 1, (-5, 5, -15, -25, 15, 25)),
+        (-0.006, 0, (-5, -15, -25, 5, 15, 25)),
+        (-0.006, 2, (-5, 5, -15, 15, -25, 25)),
+        (0.024, 2, (25, 15, 5, -5, -15, -25)),
+        (0.03, 0, (25, 15, 5, -5, -15, -25)),
+        (-0.03, 0, (-25, -15, -5, 5, 15, 25)),
+        (1.0, 0, (25, 15, 5, -5, -15, -25)),
+    ],
+)
+def test_strokes_go_from_the_likely_one_to_its_neighbours_to_the_nearer_border_and_to_the_other(across, near, order):
+    assert ROWS.order(across, near) == pytest.approx([place * 1e-3 for place in order])
+
+
+def test_strokes_lie_a_pitch_apart_at_most_and_half_as_far_from_the_borders():
+    wide = Rows((0.03, 0.02), fast=0, pitch=0.0131, speed=0.1)
+    assert wide.order(0.0, 0) == pytest.approx([0.005, 0.015, -0.005, -0.015])
+    assert Rows((0.03, 0.001), fast=0, pitch=0.0131, speed=0.1).order(0.0, 0) == [0.0]
+
+
+@pytest.mark.parametrize(("deviation", "others"), [(1e-4, 0), (1.66e-3, 0), (1.67e-3, 1), (4.99e-3, 1), (5.01e-3, 2)])
+def test_as_many_strokes_lie_on_either_side_as_three_deviations_ask_for(deviation, others):
+    assert beside(Likely((0.0, 0.0), (deviation, 9.0)), ROWS) == others
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_the_first_look_goes_there_and_back_over_three_deviations_from_outside_of_the_hole(way):
+    """Along y 3 mm about the place on either side, and half a hole; x one pitch after the other."""
+    strokes = first_look(about(0.004, 0.005, 2e-3), HERE, ROWS, width=8e-3, outside=7e-3, way=way)
+    begin, end, near, far = 0.005 - way * 0.013, 0.005 + way * 0.010, 0.005 + way * 0.010, 0.005 - way * 0.010
+    expected = [
+        ((0.004, begin), (0.004, end)),
+        ((0.014, near), (0.014, far)),
+        ((-0.006, far), (-0.006, near)),
+    ]
+    assert np.array(strokes) == pytest.approx(np.array(expected))
+
+
+def test_the_first_look_ends_at_the_border_and_begins_no_further_outside_than_the_peg_has_to():
+    strokes = first_look(about(0.028, 0.019, 2e-3), HERE, ROWS, width=8e-3, outside=7e-3, way=1.0)
+    expected = [((0.028, 0.006), (0.028, 0.02)), ((0.018, 0.024), (0.018, 0.009))]
+    assert np.array(strokes) == pytest.approx(np.array(expected))
+    wide = first_look(about(0.0, 0.0, 0.011), HERE, ROWS, width=8e-3, outside=7e-3, way=1.0)
+    assert wide[0] == ((0.0, pytest.approx(-0.027)), (0.0, pytest.approx(0.02)))
+    assert wide[1] == ((0.01, pytest.approx(0.024)), (0.01, pytest.approx(-0.02)))
+
+
+def test_a_place_outside_of_the_area_is_looked_for_at_its_border():
+    strokes = first_look(about(0.09, -0.09, 1e-4), HERE, ROWS, width=8e-3, outside=7e-3, way=1.0)
+    assert np.array(strokes) == pytest.approx(np.array([((0.03, -0.027), (0.03, -0.0157))]))
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_the_strokes_over_the_area_turn_at_its_borders_and_what_lies_before_the_first_comes_last(way):
+    strokes = outwards(about(0.006), HERE, ROWS, start=way * -0.012, way=way)
+    assert [begin[0] for begin, _ in strokes] == pytest.approx([0.005, 0.015, 0.025, -0.005, -0.015, -0.025, 0.005])
+    along = [(way * begin[1], way * end[1]) for begin, end in strokes]
+    there, back = (-0.02, 0.02), (0.02, -0.02)
+    expected = [(-0.012, 0.02), back, there, back, there, back, (-0.02, -0.012)]
+    assert np.array(along) == pytest.approx(np.array(expected))
+
+
+def test_a_first_stroke_from_the_border_or_from_outside_has_nothing_before_it():
+    for start in (-0.02, -0.025):
+        strokes = outwards(about(0.006), HERE, ROWS, start=start, way=1.0)
+        assert len(strokes) == 6
+        assert strokes[0] == ((pytest.approx(0.005), start), (pytest.approx(0.005), 0.02))
+
+
+def test_a_first_stroke_that_would_begin_beyond_the_far_border_is_left_out():
+    strokes = outwards(about(0.006), HERE, ROWS, start=0.03, way=1.0)
+    assert len(strokes) == 6
+    assert strokes[0][0] == pytest.approx((0.015, 0.02))
+    assert np.array(strokes[-1]) == pytest.approx(np.array([(0.005, -0.02), (0.005, 0.02)]))
+
+
+def test_a_leg_goes_from_point_to_point_with_the_velocities_that_it_is_given():
+    leg = Leg(1.0, 0.5, ((0.0, 0.0), (0.1, -0.2)), ((0.3, 0.1), (-0.2, 0.4)))
+    assert leg.at(1.0) == (pytest.approx((0.0, 0.0)), pytest.approx((0.3, 0.1)))
+    assert leg.at(1.5) == (pytest.approx((0.1, -0.2)), pytest.approx((-0.2, 0.4)))
+    for time in (1.1, 1.25, 1.4):
+        rate = (leg.at(time + 1e-6)[0] - leg.at(time - 1e-6)[0]) / 2e-6
+        assert leg.at(time)[1] == pytest.approx(rate, abs=1e-6)
+
+
+def test_strokes_take_the_time_of_their_length_and_are_joined_by_one_turn_where_they_are_near():
+    """The turn is 12 mm wide: a time and a half of what it takes at full speed. Where the path behind goes on, no turn is left."""
+    onward = tour([((0.01, 0.0), (0.01, 0.05))], 0.1, Left(tour_end(), 0.0))
+    way = tour([((0.0, 0.0), (0.0, 0.03)), ((0.012, 0.03), (0.012, 0.0))], 0.1, Left(tour_end(), 0.0))
+    assert [leg.duration for leg in way.legs[:3]] == pytest.approx([0.3, 0.18, 0.3])
+    assert [leg.began for leg in way.legs[:3]] == pytest.approx([0.0, 0.3, 0.48])
+    assert way.legs[1].velocities == (pytest.approx((0.0, 0.1)), pytest.approx((0.0, -0.1)))
+    close = tour([((0.0, 0.0), (0.0, 0.03)), ((1e-3, 0.03), (1e-3, 0.0))], 0.1, Left(tour_end(), 0.0))
+    assert close.legs[1].duration == pytest.approx(TURN_TIME)
+    through = tour([((0.01, -0.02), (0.01, 0.0)), ((0.01, 0.0), (0.01, 0.05))], 0.1, Left(onward, 0.0))
+    assert [leg.duration for leg in through.legs[:2]] == pytest.approx([0.2, 0.5])
+
+
+def test_far_apart_there_is_a_stop_a_straight_line_and_a_start():
+    way = tour([((0.0, 0.0), (0.0, 0.03)), ((0.08, 0.0), (0.08, 0.03))], 0.1, Left(tour_end(), 0.0))
+    stop, line, start = way.legs[1:4]
+    assert (stop.duration, start.duration) == pytest.approx((TURN_TIME / 2, TURN_TIME / 2))
+    assert stop.points == (pytest.approx((0.0, 0.03)), pytest.approx((0.0, 0.0325)))
+    assert line.points == (pytest.approx((0.0, 0.0325)), pytest.approx((0.08, -0.0025)))
+    assert start.points == (pytest.approx((0.08, -0.0025)), pytest.approx((0.08, 0.0)))
+    assert line.duration == pytest.approx(1.5 * math.hypot(0.08, 0.035) / 0.1)
+    assert line.velocities == ((0.0, 0.0), (0.0, 0.0))
+    assert [leg.began for leg in way.legs[1:5]] == pytest.approx([0.3, 0.35, 0.35 + line.duration, 0.4 + line.duration])
+
+
+def test_behind_the_strokes_the_rest_of_the_other_path_follows_without_a_jump():
+    rest = Left(make_course(PARAMS, JOB, np.random.default_rng(7)).path, 1.3)
+    way = tour([((0.0, 0.0), (0.0, 0.03))], 0.1, rest)
+    place, rate = rest.path.at(1.3)
+    before, after = way.at(way.duration - 1e-9), way.at(way.duration)
+    assert (before[0], before[1]) == (pytest.approx(place, abs=1e-7), pytest.approx(rate, abs=1e-6))
+    assert (after[0], after[1]) == (pytest.approx(place), pytest.approx(rate))
+    assert way.at(way.duration + 0.4)[0] == pytest.approx(rest.path.at(1.7)[0])
+    assert tour([], 0.1, rest).duration == 0.0

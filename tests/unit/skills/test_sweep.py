@@ -1,5 +1,6 @@
 """The hand on its way over the plate, while the peg turns in it."""
 
+import itertools
 import math
 from dataclasses import replace
 
@@ -7,16 +8,22 @@ import numpy as np
 import pytest
 
 from cell.config import load
-from drivers.frames import angle_between, end_point
+from drivers.frames import UP, angle_between, end_point
+from drivers.quantities import Pose
 from skills.catalogue import SEARCH
+from skills.motion import VALIDITY
 from skills.search.course import make_course
 from skills.search.feel import Evidence
-from skills.search.phases import Sliding
-from skills.search.sweep import Sweep
+from skills.search.phases import Detour, Sliding
+from skills.search.sweep import REST_DAMPING, STUCK_AFTER, STUCK_WITHIN, TRIMMED_BELOW, USUAL_TIME, Sweep
 from skills.surface import SurfaceEstimate
 from skills.tactile.hole_event import HoleEvent
-from tests.fakes import Rig
+from tests.board import Board
+from tests.fakes import PERIOD, Rig
+from tests.scripted import LIGHT, SIDE
 
+LOADED = load(sets=[LIGHT])
+PARAMS, JOB = LOADED.cell.params(SEARCH), LOADED.cell.job()
 TURN = 0.2
 
 
@@ -25,7 +32,7 @@ def sweeping(tmp_path):
     """Return a function that begins a search above the plate, and its first observation; the hand is as the course asks for."""
 
     def begin(**keys):
-        rig = Rig(load(), tmp_path)
+        rig = Rig(LOADED, tmp_path)
         params = rig.loaded.cell.params(SEARCH).model_copy(update=keys)
         ctx = rig.cell.context(1)
         course = make_course(params, ctx.job, np.random.default_rng(1))
@@ -100,3 +107,329 @@ def test_a_tip_that_a_wall_holds_back_stops_the_path(sweeping, lag, rests):
     sweep.setpoint(held)
     sweep.finds(held)
     assert sweep.rests == rests
+
+
+class Slide(Board):
+    """A search from above its first point on, over a plate on which the hand is at once where it shall be."""
+
+    def begin(self, known=False, **keys):
+        """Put the hand above the first point of a course along lanes, and begin."""
+        self.params = PARAMS.model_copy(update={"trim_rate": 0.0, **keys})
+        self.ctx.set_excess(0.0 if known else None)
+        self.course = course = make_course(self.params, self.ctx.job, np.random.default_rng(1))
+        frame = np.column_stack([-course.axis, np.cross(course.closing, -course.axis), course.closing])
+        self.rig.arm.tcp = Pose(course.first + self.length * course.axis, frame)
+        evidence = Evidence(self.params, SurfaceEstimate(), HoleEvent(self.params.event, 9.0), PERIOD)
+        self.ctx.observe()
+        self.sweep = Sweep(self.params, self.ctx, course, evidence)
+        self.found = None
+
+    def slide(self, time, known=False, **keys):
+        """Begin, and search for so long, s, or until the peg is in the hole."""
+        self.begin(known, **keys)
+        self.go_on(time)
+
+    def go_on(self, time):
+        """Search on for so long, s, or until the peg is in the hole."""
+        for seen in self.ctx.scan(time, holding=True):
+            if self.sweep.finds(seen):
+                self.found = seen
+                return
+            self.ctx.follow(self.sweep.setpoint(seen))
+
+    def scans(self):
+        """Return each observation with the setpoint that followed on it."""
+        return list(zip(self.seen, self.commanded, strict=False))
+
+    def ahead(self, time):
+        """Return the middle of a place, m, from that of the area, over which the path comes at a time along it, s."""
+        place = self.course.middle + self.course.path.at(time)[0]
+        return self.part.lowest(np.array([*place, 0.0]), self.course.axis, self.course.closing)[:2] - self.middle
+
+
+DOWN = math.ceil((PARAMS.height + PARAMS.push_offset) / PARAMS.descent / PERIOD) * PERIOD
+"""Time in which the setpoint comes down, s, in whole scans; the path then begins, for the plate has borne the push for a while."""
+
+
+@pytest.fixture
+def slide(tmp_path):
+    return Slide(Rig(LOADED, tmp_path))
+
+
+def stopped(slide):
+    """Return the observations and setpoints of the scans in which the hand rested."""
+    return [(seen, each) for seen, each in slide.scans() if each.in_hand is None]
+
+
+def test_the_peg_comes_down_at_its_speed_and_then_goes_along_the_course_that_it_runs_up_to(slide):
+    slide.slide(3.0)
+    along, first = 0.0, slide.course.first
+    for seen, setpoint in slide.scans():
+        height = max(first[2] - PARAMS.descent * seen.running, slide.level - PARAMS.push_offset)
+        pace = min(max(seen.running - DOWN, 0.0) / PARAMS.run_up, 1.0)
+        point, velocity = slide.course.path.at(along)
+        np.testing.assert_allclose(setpoint.tip, [*(slide.course.middle + point), height], atol=1e-9)
+        np.testing.assert_allclose(setpoint.twist.linear, [*(pace * velocity), 0.0], atol=1e-9)
+        np.testing.assert_array_equal(setpoint.twist.angular, np.zeros(3))
+        np.testing.assert_allclose(setpoint.axis, slide.course.axis, atol=1e-9)
+        np.testing.assert_allclose(setpoint.roll, slide.course.closing, atol=1e-9)
+        along += pace * PERIOD
+    assert slide.sweep.left.since == pytest.approx(along)
+    assert slide.sweep.left.path is slide.course.path
+    assert slide.sweep.rests == 0
+
+
+def test_one_slide_is_one_motion_with_the_gains_of_its_recipe_and_the_peg_as_it_lies_in_the_hand(slide):
+    slide.skin.theta = 0.1
+    slide.slide(1.5)
+    gains = PARAMS.gains
+    assert len({setpoint.id for setpoint in slide.commanded}) == 1
+    for seen, setpoint in slide.scans():
+        stiffness = [gains.translation] * 2 + [PARAMS.push_stiffness] + [gains.rotation] * 3
+        np.testing.assert_array_equal(setpoint.stiffness, stiffness)
+        np.testing.assert_array_equal(setpoint.damping_ratio, np.full(6, gains.damping_ratio))
+        assert setpoint.valid_until == seen.stamp + VALIDITY
+        assert (setpoint.in_hand.theta, setpoint.in_hand.length) == (seen.peg.theta, slide.ctx.length)
+    assert seen.peg.theta == 0.1
+
+
+@pytest.mark.parametrize("shape", ["round", "square"])
+def test_the_edge_is_the_lowest_point_of_the_peg_in_the_newest_scan(tmp_path, shape):
+    slide = Slide(Rig(load(sets=[f"peg.shape={shape}", LIGHT]), tmp_path))
+    slide.slide(1.5)
+    seen = slide.seen[-1]
+    lowest = slide.part.lowest(seen.tip, seen.axis, seen.arm.tcp.rotation[:, 2])
+    assert slide.sweep.edge == pytest.approx(tuple(lowest[:2]))
+    assert lowest[2] == pytest.approx(slide.level)
+    np.testing.assert_array_equal(slide.sweep.axis, slide.course.axis)
+
+
+@pytest.mark.parametrize("sense", [-1.0, 1.0])
+def test_a_slip_in_the_hand_takes_back_push_and_pace_alike_and_leaves_the_hand_as_it_is(slide, sense):
+    slide.begin()
+    slide.at(1.5, 0.12 * sense)
+    slide.go_on(2.0)
+    before, after = slide.commanded[140], slide.commanded[-1]
+    assert after.stiffness[2] == pytest.approx(PARAMS.push_back * before.stiffness[2])
+    speeds = [float(np.linalg.norm(each.twist.linear)) for each in (before, after)]
+    assert speeds[1] == pytest.approx(PARAMS.push_back * speeds[0], rel=1e-6)
+    turned = angle_between(after.axis, before.axis)
+    assert turned == pytest.approx(0.12)
+    np.testing.assert_allclose(slide.seen[-1].arm.tcp.rotation, slide.seen[0].arm.tcp.rotation, atol=1e-9)
+
+
+def test_a_dent_stops_the_hand_itself_which_rests_where_it_was_still_pushing(slide):
+    gains = PARAMS.gains.model_copy(update={"damping_ratio": 1.2})
+    slide.begin(gains=gains)
+    slide.dig(*slide.ahead(0.6), 3e-3, 0.5e-3)
+    slide.go_on(DOWN + 1.0)
+    rest = stopped(slide)
+    hand = rest[0][0].arm.tcp
+    assert len(rest) * PERIOD == pytest.approx(PARAMS.rest, abs=0.11)
+    for seen, setpoint in rest:
+        np.testing.assert_allclose(setpoint.tip, hand.position - PARAMS.push_offset * UP, atol=1e-12)
+        np.testing.assert_allclose(setpoint.axis, -hand.rotation[:, 0], atol=1e-12)
+        np.testing.assert_allclose(setpoint.roll, hand.rotation[:, 2], atol=1e-12)
+        stiffness = [gains.translation] * 2 + [PARAMS.push_stiffness] + [gains.rotation] * 3
+        np.testing.assert_array_equal(setpoint.stiffness, stiffness)
+        damping = np.array([REST_DAMPING] * 3 + [1.0] * 3) * gains.damping_ratio
+        np.testing.assert_array_equal(setpoint.damping_ratio, damping)
+        assert setpoint.valid_until == seen.stamp + VALIDITY
+    assert {setpoint.id for _, setpoint in rest} == {slide.commanded[0].id}
+    assert slide.sweep.rests == 1
+
+
+def test_after_a_rest_in_vain_the_place_is_probed_on_a_spiral_and_the_path_goes_on_without_a_jump(slide):
+    slide.begin()
+    slide.dig(*slide.ahead(0.6), 3e-3, 0.5e-3)
+    slide.rig.at(DOWN + 0.9, slide.dents.clear)
+    slide.go_on(DOWN + 2.5)
+    scans = slide.scans()
+    rest = [scan for scan, (_, setpoint) in enumerate(scans) if setpoint.in_hand is None]
+    place, slid = scans[rest[0]][0].tip[:2], rest[0] - round(DOWN / PERIOD)
+    probing = [each for _, each in scans[rest[-1] + 1 :] if not each.twist.linear.any()]
+    away = [math.dist(each.tip[:2], place) for each in probing]
+    assert max(away) == pytest.approx(PARAMS.probe_radius, rel=0.05)
+    steps = [math.dist(one.tip[:2], other.tip[:2]) for one, other in itertools.pairwise(probing)]
+    assert np.mean(steps[10:]) == pytest.approx(PARAMS.probe_speed * PERIOD, rel=0.2)
+    for seen, setpoint in scans:
+        if setpoint.in_hand is not None and seen.running > DOWN:
+            assert math.dist(setpoint.tip[:2], seen.tip[:2]) < 1.3 * PARAMS.speed * PERIOD
+            assert setpoint.tip[2] == pytest.approx(slide.level - PARAMS.push_offset)
+    assert (slide.sweep.rests, slide.found) == (1, None)
+    again = len(scans) - rest[-1] - 1 - len(probing)
+    # Each time the path runs up, at half its pace in the mean.
+    assert slide.sweep.left.since == pytest.approx((slid + again) * PERIOD - PARAMS.run_up, abs=3 * PERIOD)
+    path = slide.course.middle + slide.course.path.at(slide.sweep.left.since)[0]
+    assert math.dist(slide.seen[-1].tip[:2], path) < 2.5 * PARAMS.speed * PERIOD
+
+
+def test_a_plate_that_seems_lower_on_the_lanes_back_is_no_edge(slide):
+    """Friction tilts the hand a little, the other way on the way back."""
+    slide.begin()
+    base = slide.level
+
+    def tilt():
+        way = slide.commanded[-1].twist.linear[1] if slide.commanded else 0.0
+        slide.level = base + math.copysign(0.2e-3, way)
+
+    slide.rig.clock.every.append(tilt)
+    slide.go_on(DOWN + 4.0)
+    assert (slide.sweep.rests, slide.found) == (0, None)
+    assert {each.twist.linear[1] > 0.0 for each in slide.commanded[-80:]} == {True, False}
+
+
+def test_where_all_of_the_plate_seems_lower_after_a_probe_it_is_felt_anew(slide):
+    """As where theta jumps, and with it the tip."""
+    slide.begin()
+    slide.rig.at(DOWN + 1.0, lambda: setattr(slide, "level", slide.level - 0.5e-3))
+    slide.go_on(DOWN + 5.0)
+    assert (slide.sweep.rests, slide.found) == (1, None)
+
+
+@pytest.mark.parametrize(("turn", "is_found"), [(0.0, True), (0.09, False), (-0.09, False)])
+def test_a_turn_of_the_peg_in_the_hand_explains_a_part_of_its_drop(slide, turn, is_found):
+    """A dent of 0.8 mm is deeper than a fall by 0.2 mm; a turn by 0.09 rad explains 0.45 mm."""
+    slide.begin(slip_drop=5e-3)
+    slide.dig(*slide.ahead(0.6), 3e-3, 0.8e-3)
+    slide.at(DOWN + 0.75, turn)
+    slide.go_on(DOWN + 1.3)
+    assert (slide.found is not None) == is_found
+    assert slide.sweep.rests == 1
+
+
+@pytest.mark.parametrize(("earlier", "is_found"), [(2.5 * USUAL_TIME, True), (0.5 * USUAL_TIME, False)])
+def test_a_turn_that_was_long_before_the_drop_explains_none_of_it(slide, earlier, is_found):
+    slide.begin(slip_drop=5e-3)
+    slide.dig(*slide.ahead(1.8), 3e-3, 0.8e-3)
+    slide.at(DOWN + 1.95 - earlier, 0.09)
+    slide.go_on(DOWN + 2.5)
+    assert slide.sweep.rests == 1
+    assert (slide.found is not None) == is_found
+
+
+def test_a_peg_that_rests_time_and_again_in_one_place_as_deep_as_in_a_hole_is_in_it(slide):
+    """Its turn in the hand would explain the drop, but a peg that has only slipped would slide on."""
+    slide.begin(slip_drop=0.1)
+    slide.dig(*slide.ahead(0.6), 3e-3, 1.2e-3)
+    slide.at(DOWN + 0.75, 0.09)
+    slide.go_on(DOWN + 4.0)
+    assert slide.found is not None
+    at_rest = [each.in_hand is None for each in slide.commanded]
+    begun = [n for n, (before, now) in enumerate(zip([False, *at_rest], at_rest, strict=False)) if now and not before]
+    places = [slide.seen[n].tip[:2] for n in begun]
+    near = [math.dist(one, other) <= STUCK_WITHIN for one, other in itertools.pairwise(places)]
+    assert near[1 - STUCK_AFTER :] == [True] * (STUCK_AFTER - 1)
+    assert len(near) == STUCK_AFTER - 1 or not near[-STUCK_AFTER]
+
+
+@pytest.mark.parametrize(
+    ("places", "below", "found"),
+    [
+        ((0.0, 0.0, 0.0), 1e-3, (False, False, True)),
+        ((0.0, 0.9e-3, 1.8e-3), 1e-3, (False, False, True)),
+        ((0.0, 0.0, 1.1e-3, 0.0, 0.0), 1e-3, (False, False, False, False, False)),
+        ((0.0, 1.1e-3, 1.1e-3, 1.1e-3), 1e-3, (False, False, False, True)),
+        ((0.0, 0.0, 0.0), PARAMS.fall, (False, False, True)),
+        ((0.0, 0.0, 0.0), 0.99 * PARAMS.fall, (False, False, False)),
+    ],
+)
+def test_it_takes_three_rests_in_one_place_as_deep_as_a_fall_of_a_peg_that_has_turned(
+    sweeping, monkeypatch, places, below, found
+):
+    sweep, seen, _ = sweeping(slip_drop=0.1, rest=0.1)
+    monkeypatch.setattr(Evidence, "update", lambda *args: (below, True))
+    told = []
+    for number, place in enumerate(places):
+        sweep._phase = Sliding(Detour(0.0, np.zeros(2), seen.axis, seen.arm.tcp.rotation[:, 2]))
+        for late in (0.0, 0.2):
+            stamp = 1.0 + number + late
+            peg = replace(seen.peg, theta=0.3, stamp=stamp)
+            is_found = sweep.finds(replace(seen, stamp=stamp, peg=peg, tip=seen.tip + place * SIDE))
+        told.append(is_found)
+    assert tuple(told) == found
+
+
+@pytest.mark.parametrize("longer", [0.003, -0.003])
+def test_the_first_touch_down_tells_the_length_of_the_peg_and_where_it_touched(slide, longer):
+    slide.longer = longer
+    slide.slide(DOWN + 0.5)
+    assert (slide.ctx.excess, slide.ctx.is_length_known, slide.ctx.grip_share) == (pytest.approx(longer), True, 1.0)
+    assert slide.sweep.touched[2] == pytest.approx(slide.level)
+    edge = slide.part.lowest(slide.course.first, slide.course.axis, slide.course.closing)
+    np.testing.assert_allclose(
+        slide.sweep.touched[:2], edge[:2] - longer * slide.course.axis[:2] + longer * slide.course.axis[:2], atol=3e-3
+    )
+
+
+def test_a_peg_that_has_touched_before_and_is_shorter_has_slipped(slide):
+    slide.longer = -0.008
+    slide.slide(DOWN + 0.5, known=True, touch_down=2.0)
+    assert (slide.ctx.excess, slide.ctx.grip_share) == (pytest.approx(-0.008), 0.5)
+
+
+def test_a_peg_as_long_as_it_was_has_not_slipped(slide):
+    slide.slide(DOWN + 0.5, known=True)
+    assert (slide.ctx.excess, slide.ctx.is_length_known, slide.ctx.grip_share) == (0.0, True, 1.0)
+    assert slide.sweep.touched[2] == pytest.approx(slide.level)
+
+
+def test_a_length_beyond_the_bound_is_not_believed(slide, caplog):
+    slide.longer = -0.007
+    slide.slide(DOWN + 0.5)
+    assert (slide.ctx.excess, slide.ctx.is_length_known) == (0.0, True)
+    assert slide.sweep.touched[2] == pytest.approx(slide.level - 0.007 * slide.course.axis[2])
+    assert "expected -4.9 mm above" in caplog.text
+    assert "within 6.0 mm believed" in caplog.text
+
+
+def test_a_bound_of_nothing_leaves_the_length_unmeasured(slide):
+    slide.longer = 0.003
+    slide.slide(DOWN + 0.5, length_bound=0.0)
+    assert (slide.ctx.excess, slide.ctx.is_length_known, slide.sweep.touched) == (0.0, False, None)
+
+
+def test_a_plate_that_is_not_felt_tells_no_length(slide):
+    slide.level -= 0.03
+    slide.slide(PARAMS.touch_down + 0.2)
+    assert slide.commanded[-1].twist.linear.any()
+    assert (slide.ctx.is_length_known, slide.sweep.touched) == (False, None)
+
+
+@pytest.mark.parametrize(("limit", "moved"), [(1.0, 12.0 * 2e-3 * 20 * PERIOD), (1e-3, 1e-3)])
+def test_the_setpoint_across_the_lanes_is_moved_against_a_standing_error_of_the_tip(sweeping, limit, moved):
+    """The hand stands 2 mm beside the lane; the setpoint is down, and the path stands still."""
+    sweep, seen, _ = sweeping(trim_rate=12.0, trim_limit=limit)
+    for sense in (1.0, -1.0):
+        sweep.hold_anew()
+        aside = replace(seen, elapsed=DOWN, step=PERIOD, tip=seen.tip - 2e-3 * sense * SIDE)
+        setpoints = [sweep.setpoint(aside) for _ in range(20)]
+        assert setpoints[-1].tip[0] - seen.tip[0] == pytest.approx(sense * moved)
+        assert setpoints[-1].tip[1] == pytest.approx(seen.tip[1])
+
+
+@pytest.mark.parametrize(("more", "is_trimmed"), [(1e-5, False), (-1e-5, True)])
+def test_in_the_air_nothing_is_trimmed(sweeping, more, is_trimmed):
+    sweep, seen, _ = sweeping(trim_rate=12.0)
+    elapsed = (sweep._course.first[2] - JOB.hole.centre[2] - TRIMMED_BELOW - more) / PARAMS.descent
+    high = replace(seen, elapsed=elapsed, step=PERIOD, tip=seen.tip + 2e-3 * SIDE)
+    assert (abs(sweep.setpoint(high).tip[0] - seen.tip[0]) > 1e-5) == is_trimmed
+
+
+def test_a_peg_that_is_held_anew_is_another_motion_that_pushes_as_it_last_did_and_feels_the_plate_anew(slide):
+    slide.begin()
+    slide.at(DOWN + 0.5, 0.12)
+    slide.go_on(DOWN + 0.7)
+    course = slide.sweep.begin_anew()
+    assert course.first[:2] == pytest.approx(slide.course.middle + slide.course.path.at(slide.sweep.left.since)[0])
+    assert course.first[2] == slide.course.first[2]
+    slide.sweep.hold_anew()
+    slide.level -= 0.6e-3
+    before = len(slide.commanded)
+    slide.go_on(DOWN + 1.0)
+    again = slide.commanded[before:]
+    assert slide.commanded[0].id not in {each.id for each in again}
+    assert slide.sweep.rests == 0
+    np.testing.assert_allclose(again[0].tip, course.first, atol=1e-9)
+    assert {each.stiffness[2] for each in again} == {PARAMS.push_back * PARAMS.push_stiffness}
+    np.testing.assert_allclose(again[0].axis, course.axis, atol=1e-9)
