@@ -149,7 +149,7 @@ class Guide:
     """Whether the hole guides the peg, and how much deeper each period of the dither brought it; pure."""
 
     began: float = math.inf
-    """Time at which the peg was first deep enough to be guided, as time of running, s; None before."""
+    """Time at which the peg was first deep enough to be guided, as time of running, s; infinite before."""
     periods: int = 0
     """Number of periods of the dither that are over."""
     reached: float = 0.0

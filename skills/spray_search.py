@@ -81,7 +81,9 @@ def run(
     while found is None and spent < params.timeout:
         lifted = ctx.clock.now()
         if (stuck := _approach(params, ctx, sweep.begin_anew())) is not None:
-            return SpraySearchResult(Outcome.FAILURE, Reason.NOT_SEATED, LONGEST, _point(stuck), start, 0, 0, None)
+            spent += ctx.clock.now() - lifted
+            counted = (evidence.events, sweep.rests)
+            return SpraySearchResult(Outcome.FAILURE, Reason.NOT_SEATED, spent, _point(stuck), start, *counted, None)
         sweep.hold_anew()
         found, spent = _slide(params, ctx, sweep, spent + ctx.clock.now() - lifted)
     if found is None:
