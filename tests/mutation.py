@@ -1,4 +1,4 @@
-"""`python -m tests.mutation`: small faults in the modules that guard, drawn with a seed, and how many the tests notice.
+"""`python -m tests.mutation`: small faults in the modules that guard or command, drawn with a seed, and how many the tests notice.
 
 mutmut makes the faults, as `[tool.mutmut]` in pyproject.toml says, and runs for each the tests beside the modules that reach
 it. Names of faults after the options try these alone.
