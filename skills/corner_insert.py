@@ -131,7 +131,7 @@ class Raised:
     along: Vector
     """Direction in the plate along the closing axis towards the hole's own corner before any yaw, unit, shape (3,), base frame."""
     swing: float
-    """Angle by which the peg is raised, rad."""
+    """Angle by which the peg is raised, rad; negative where it is lowered to the tilt that it shall have."""
     risen: float
     """Time of running at which the peg's setpoint is raised, s."""
     settled: float
@@ -208,20 +208,23 @@ def raise_from(seen: Observation, normal: Vector, params: CornerInsertParams) ->
     about /= max(float(np.linalg.norm(about)), 1e-9)
     turn = rotation_about(about, params.tilt - angle_between(normal, seen.axis))
     axis, roll = turn @ seen.axis, turn @ seen.arm.tcp.rotation[:, 2]
-    swing, ahead = angle_between(seen.axis, axis), np.cross(about, normal)
+    size, ahead = angle_between(seen.axis, axis), np.cross(about, normal)
     lead, along = lead_to(ahead, roll, normal, params.lead), lead_to(ahead, roll, normal, (1.0, 0.0))
-    risen = swing / params.raise_rate + params.raise_stop / 2.0
+    risen = size / params.raise_rate + params.raise_stop / 2.0
+    swing = math.copysign(size, angle_between(normal, seen.axis) - params.tilt)
     return Raised(normal, about, axis, roll, lead, along, swing, risen, risen + params.settle)
 
 
 def left_to_raise(params: CornerInsertParams, raised: Raised, elapsed: float) -> float:
     """Return the angle that the setpoint is still to be raised by after `elapsed` seconds, rad: at a constant rate, which fades to nothing
-    within the time of the stop.
+    within the time of the stop. It is negative where the peg leans by less than it shall, and has to be lowered.
     """
     left = max(raised.risen - elapsed, 0.0)
     if left >= params.raise_stop:
-        return min(params.raise_rate * (left - params.raise_stop / 2.0), raised.swing)
-    return min(params.raise_rate * left * left / (2.0 * params.raise_stop), raised.swing)
+        size = params.raise_rate * (left - params.raise_stop / 2.0)
+    else:
+        size = params.raise_rate * left * left / (2.0 * params.raise_stop)
+    return math.copysign(min(size, abs(raised.swing)), raised.swing)
 
 
 def lead_at(params: CornerInsertParams, raised: Raised, elapsed: float) -> Vector:

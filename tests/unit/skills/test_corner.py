@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cell.config import load
-from drivers.frames import UP, rotation_about
+from drivers.frames import UP, angle_between, rotation_about
 from drivers.part.rectangular import Rectangular
 from drivers.quantities import InHandTip
 from skills.catalogue import SEARCH
@@ -152,6 +152,17 @@ def test_a_peg_is_raised_at_its_rate_and_comes_to_a_stand_without_a_jump_of_it()
     assert rates.max() == pytest.approx(params.raise_rate)
     assert np.abs(np.diff(rates)).max() <= 1.01 * params.raise_rate / params.raise_stop * step
     assert way.risen == pytest.approx(way.swing / params.raise_rate + params.raise_stop / 2.0)
+
+
+@pytest.mark.parametrize("tilt", [0.05, 0.5])
+def test_a_peg_begins_where_it_leans_and_goes_to_its_tilt_from_either_side(tilt) -> None:
+    params, way = load().cell.corner.insert, raised(tilt)
+    leans = [
+        angle_between(UP, rotation_about(way.about, left_to_raise(params, way, time)) @ way.axis)
+        for time in np.linspace(0.0, way.risen, 20)
+    ]
+    assert (leans[0], leans[-1]) == pytest.approx((tilt, params.tilt))
+    assert np.all(np.diff(leans) * (params.tilt - tilt) >= -1e-12)
 
 
 def test_a_stop_of_no_time_ends_the_raise_at_once() -> None:
