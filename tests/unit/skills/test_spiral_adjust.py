@@ -23,7 +23,7 @@ from skills.seating import BORNE_FOR, CLOSED_TOLERANCE, OPEN_TOLERANCE
 from skills.spiral_adjust import ARRIVING, AT_BOTTOM, MOST_SWING_DAMPING, RAISED, Swing, given_up_after, run
 from skills.surface import Plane
 from tests.fakes import HAND_DOWN, Rig
-from tests.scripted import CELL, HOLE, SIDE, ScriptedHand, hand
+from tests.scripted import CELL, HOLE, LIGHT, SIDE, ScriptedHand, hand
 from tests.unit.skills.test_latch_likelihood import way_down
 
 PARAMS = load().cell.params(ADJUST)
@@ -256,7 +256,7 @@ class Bench(ScriptedHand):
 
 @pytest.fixture
 def bench(tmp_path):
-    return Bench(Rig(load(), tmp_path))
+    return Bench(Rig(load(sets=[LIGHT]), tmp_path))
 
 
 def at_depth(depth):

@@ -17,7 +17,7 @@ from skills.surface import Plane
 from skills.tactile_insert import MOST_LEAD, TactileInsertResult, run
 from tests import scripted
 from tests.fakes import PERIOD, Rig
-from tests.scripted import CELL, HOLE, SIDE, ScriptedHand
+from tests.scripted import CELL, HOLE, LIGHT, SIDE, ScriptedHand
 
 PARAMS, PEG = CELL.params(INSERT), CELL.peg
 TILT = 0.5
@@ -47,7 +47,7 @@ class Bench(ScriptedHand):
 
 @pytest.fixture
 def bench(tmp_path):
-    return Bench(Rig(load(), tmp_path))
+    return Bench(Rig(load(sets=[LIGHT]), tmp_path))
 
 
 @pytest.mark.parametrize("normal", [UP, FELT])
@@ -147,7 +147,7 @@ def test_a_tip_that_strays_is_followed_no_further_than_a_hole_can_be_or_half_the
     tmp_path, diameter, furthest
 ):
     sizes = [f"peg.diameter={diameter}", f"hole.diameter={diameter + 1e-4}"]
-    bench = Bench(Rig(load(sets=sizes), tmp_path))
+    bench = Bench(Rig(load(sets=[LIGHT, *sizes]), tmp_path))
     bench.way = lambda time: hand(tip=HOLE - DIP * UP + (0.01 * SIDE if time > 1e-9 else 0.0))
     bench.insert(compliance_rate=1e3, forward=0.0)
     assert bench.commanded[-1].tip[0] - HOLE[0] == pytest.approx(furthest)
@@ -224,7 +224,7 @@ def test_an_aligned_peg_is_handed_on_where_it_is_as_deep_as_its_lean_allows(benc
 
 
 def test_a_hole_that_is_shallower_than_the_lean_allows_asks_for_no_more_than_its_depth(tmp_path):
-    bench = Bench(Rig(load(sets=["hole.depth=0.002", "hole.diameter=0.009"]), tmp_path))
+    bench = Bench(Rig(load(sets=[LIGHT, "hole.depth=0.002", "hole.diameter=0.009"]), tmp_path))
     bench.way = lambda time: hand(NEARLY, HOLE - (PARAMS.least_share * 0.002 - BELOW + 1e-5) * UP)
     assert bench.insert().outcome is Outcome.SUCCESS
 
