@@ -30,6 +30,9 @@ SLOT_REACH = 0.01
 BIN_REACH = 0.05
 """Distance from the middle of the reject bin within which a peg that is let go falls into it, m."""
 
+CAME_ALONG = "was seated and let go; the switch is open now"
+"""Evidence of a peg that came along with the hand, or jumped out of the hole."""
+
 UNRESOLVED = (PartPlace.UNKNOWN, PartPlace.IN_HAND, PartPlace.ON_PLATE, PartPlace.IN_HOLE)
 """Places that a peg must leave before the next one can be taken."""
 IN_THE_HOLE = (PartPlace.IN_HOLE, PartPlace.SEATED)
@@ -215,13 +218,17 @@ def proven(before: PartState, evidence: str) -> PartState:
 
 
 def after_run(before: PartState, seen: PegEvidence, places: Places) -> PartState:
-    """Return where the peg is when a run has ended: a seated peg whose switch has opened since came along or jumped out."""
+    """Return where the peg is when a run has ended: a seated peg whose switch has opened since came along or jumped out.
+
+    One whose switch does not answer is still seated; what the switch says once it answers decides, see `_left_alone`.
+    """
     now = after(before, seen, places, is_running=True)
-    if places.hole.evidence != "switch":
+    if places.hole.evidence != "switch" or now.place is not PartPlace.SEATED or now.is_held:
         return now
-    if now.place is PartPlace.SEATED and not now.is_held and seen.switch is not SwitchState.CLOSED:
-        evidence = f"was seated and let go; the switch is {seen.switch} now"
-        return _shown(replace(now, place=PartPlace.UNKNOWN, evidence=evidence), seen, places)
+    if seen.switch is SwitchState.OPEN:
+        return _shown(replace(now, place=PartPlace.UNKNOWN, evidence=CAME_ALONG), seen, places)
+    if seen.switch is SwitchState.UNKNOWN and now.basis & PartEvidence.SWITCH_CLOSED:
+        return _shown(replace(now, evidence=f"{now.evidence}; the switch does not answer now"), seen, places)
     return now
 
 
@@ -295,10 +302,19 @@ def _let_go(before: PartState, seen: PegEvidence, places: Places, is_running: bo
 
 
 def _left_alone(before: PartState, seen: PegEvidence, places: Places) -> PartState:
-    """Return the state of a peg that nobody holds while the cell waits: whoever takes a seated one away opens the switch, where there is one."""
-    has_switch = places.hole.evidence == "switch"
-    if has_switch and before.place is PartPlace.SEATED and seen.switch is SwitchState.OPEN:
+    """Return the state of a peg that nobody holds while the cell waits: whoever takes a seated one away opens the switch, where there is one.
+
+    A switch that has fallen silent in the run, and is open when it answers again, may have been open all the while.
+    """
+    if places.hole.evidence != "switch" or before.place is not PartPlace.SEATED:
+        return before
+    is_doubted = bool(before.basis) and not before.basis & PartEvidence.SWITCH_CLOSED
+    if seen.switch is SwitchState.OPEN and is_doubted:
+        return _shown(replace(before, place=PartPlace.UNKNOWN, evidence=CAME_ALONG), seen, places)
+    if seen.switch is SwitchState.OPEN:
         return PartState(PartPlace.RACK, "the seated peg was taken away: the switch is open")
+    if seen.switch is SwitchState.CLOSED and is_doubted:
+        return _shown(replace(before, evidence="let go, and the switch is closed again"), seen, places)
     return before
 
 

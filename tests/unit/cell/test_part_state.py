@@ -169,6 +169,23 @@ def test_a_seated_peg_whose_switch_has_opened_when_the_run_ends_came_along(place
 
 
 @pytest.mark.parametrize(
+    ("answer", "place"), [(CLOSED, PartPlace.SEATED), (OPEN, PartPlace.UNKNOWN), (UNKNOWN, PartPlace.SEATED)]
+)
+def test_a_seated_peg_whose_switch_falls_silent_is_where_the_switch_says_once_it_answers(places, answer, place):
+    held = held_at(places, places.hole.depth, CLOSED)
+    gone = seen(places, (0.0, 0.0, 0.5), gripping=False, switch=CLOSED)
+    silent = after_run(after(held, gone, places, is_running=True), replace(gone, switch=UNKNOWN), places)
+    assert (silent.place, silent.is_held) == (PartPlace.SEATED, False)
+    assert "the switch does not answer now" in silent.evidence
+    assert not silent.basis & PartEvidence.SWITCH_CLOSED
+    now = after(silent, replace(gone, switch=answer), places, is_running=False)
+    assert now.place is place
+    # Whoever takes a peg away opens a switch that has told since that it is seated, and no other.
+    later = after(now, replace(gone, switch=OPEN), places, is_running=False)
+    assert later.place is (PartPlace.RACK if answer is CLOSED else PartPlace.UNKNOWN)
+
+
+@pytest.mark.parametrize(
     ("kept", "gripping", "switch", "place"),
     [
         (None, False, OPEN, PartPlace.RACK),
@@ -440,7 +457,7 @@ def test_a_place_that_only_the_record_tells_says_so_and_one_that_the_sensors_tel
     kept = PartState(PartPlace.IN_HOLE, "let go 12.0 mm deep", depth=0.012, basis=Bit.HAND_EMPTY | Bit.TIP_IN_HOLE)
     look = seen(places, (0.45, 0.0, 0.3), gripping=False)
     assert at_start(kept, look, places).basis == Bit.HAND_EMPTY | Bit.TIP_IN_HOLE | Bit.RECORD
-    seated = replace(kept, place=PartPlace.SEATED)
+    seated = replace(kept, place=PartPlace.SEATED, basis=kept.basis | Bit.SWITCH_CLOSED)
     assert at_start(seated, look, places).basis == Bit.HAND_EMPTY | Bit.SWITCH_OPEN
 
 

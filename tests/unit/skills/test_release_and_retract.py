@@ -77,6 +77,15 @@ def test_a_peg_that_came_along_with_the_hand_was_not_left_seated(make, when, rea
     )
 
 
+@pytest.mark.parametrize(("after", "reason"), [(0.4, Reason.NONE), (2.0, Reason.NOT_SEATED)])
+def test_a_switch_that_does_not_answer_at_the_end_is_waited_for(make, after, reason):
+    ctx = make()
+    ctx.switch.state = SwitchState.UNKNOWN
+    drawn_back = 1.0  # s, more than the way takes
+    ctx.clock.at.append((drawn_back + after, lambda: setattr(ctx.switch, "state", SwitchState.CLOSED)))
+    assert run(PARAMS, ctx).reason is reason
+
+
 def test_a_hole_without_a_switch_asks_none(make):
     ctx = make()
     force = load(
