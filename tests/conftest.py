@@ -62,8 +62,14 @@ def _level_of_the_log() -> Iterator[None]:
 
 
 @pytest.fixture
-def rig(loaded: LoadedConfig, tmp_path: Path) -> Iterator[Rig]:
-    """Yield a cell of fakes with a PLC."""
-    made = Rig(loaded, tmp_path / "journal")
-    yield made
-    made.journal.close()
+def rig(loaded: LoadedConfig, tmp_path: Path) -> Rig:
+    """Return a cell of fakes with a PLC."""
+    return Rig(loaded, tmp_path / "journal")
+
+
+@pytest.fixture(autouse=True)
+def closed_rigs() -> Iterator[None]:
+    """Close the journals of all cells of fakes that a test has made, whose files and threads would outlive it."""
+    yield
+    while Rig.made:
+        Rig.made.pop().journal.close()

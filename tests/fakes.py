@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
@@ -257,7 +258,10 @@ class FakePlc:
 
 @dataclass
 class Rig:
-    """A whole cell of fakes, with a PLC."""
+    """A whole cell of fakes, with a PLC; its journal is closed when the test is over."""
+
+    made: ClassVar[list["Rig"]] = []
+    """Cells of the test under way."""
 
     loaded: LoadedConfig
     folder: Path
@@ -276,6 +280,7 @@ class Rig:
         self.plc = FakePlc(self.bridge, self.clock)
         self.supervisor = Supervisor(self.cell, self.loaded, self.bridge, self.journal)
         self.journal.open()
+        self.made.append(self)
 
     def scan(self, times: int = 3) -> ReportImage:
         """Scan, outside a program so many times, and return what the PLC reads then."""
