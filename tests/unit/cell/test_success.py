@@ -10,12 +10,12 @@ from cell.record import Ending
 from cell.success import AWAY, PLANE_TOLERANCE, LastLook, Proof, judged
 from drivers.errors import SuccessUnprovenError, SwitchDisagreesError
 from drivers.frames import UP
-from drivers.quantities import WIDTH_TOLERANCE, GripperState, SwitchState
+from drivers.quantities import WIDTH_TOLERANCE, GripperState, ImpedanceSetpoint, SwitchState
 from plc_bridge.messages import PartPlace
 from skills.contract import Outcome, Reason
 from skills.entry import Claim
 from skills.flow import StageRecord
-from skills.seating import CLOSED_TOLERANCE, DOUBTED, MOST_DEEP, MOST_SHALLOW
+from skills.seating import BORNE_FOR, CLOSED_TOLERANCE, DOUBTED, LEAST_PUSH, MOST_DEEP, MOST_SHALLOW
 from skills.spray_search import SpraySearchResult
 from skills.surface import Plane
 
@@ -300,3 +300,34 @@ def test_a_cell_that_is_not_freed_is_a_failure_of_the_stage_that_ended_it(job, h
     left = PartState(PartPlace.ON_PLATE, "")
     ending = judge(job, claim=Claim.FREED, part=left, look=away(proven(job), hand=hand))
     assert ending.stage == SUCCESS.stage
+
+
+def pushed_down(rig, heights, push=2.0 * LEAST_PUSH):
+    """Return the proof of a held, pushed peg whose switch closes after the first scan, after scans with its end so high, m, 0.01 s apart."""
+    rig.gripper.grip(30.0)
+    first, proof = rig.cell.context(0).observe(), Proof()
+    for number, height in enumerate(heights):
+        tip = first.tip + height * UP
+        setpoint = ImpedanceSetpoint(1, tip - push / 1e3 * UP, UP, np.full(6, 1e3), np.ones(6), 1.0)
+        switch = OPEN if number == 0 else CLOSED
+        proof = proof.after(replace(first, stamp=0.01 * number, tip=tip, switch=switch), setpoint)
+    return proof, first.tip[2]
+
+
+BORNE_SCANS = round(BORNE_FOR / 0.01) + 3
+"""Number of scans, with the first one of an open switch and one to spare, after which a peg that rests is borne."""
+
+
+@pytest.mark.parametrize(("scans", "is_borne"), [(BORNE_SCANS - 2, False), (BORNE_SCANS, True)])
+def test_a_peg_is_borne_where_it_has_rested_for_long_enough_under_a_push(rig, scans, is_borne):
+    proof, ground = pushed_down(rig, [0.0] * scans)
+    assert proof.seated_tip[2] == ground
+    assert (proof.borne_tip is not None) == is_borne
+    assert pushed_down(rig, [0.0] * scans, push=0.5 * LEAST_PUSH)[0].borne_tip is None
+
+
+def test_what_bore_the_peg_first_is_its_bottom(rig):
+    down = [0.0, *(-1e-3 for _ in range(BORNE_SCANS)), *(-3e-3 for _ in range(2 * BORNE_SCANS))]
+    proof, ground = pushed_down(rig, down)
+    assert proof.seated_tip[2] - ground == pytest.approx(-1e-3)
+    assert proof.borne_tip[2] - ground == pytest.approx(-1e-3)
