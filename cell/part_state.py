@@ -267,9 +267,10 @@ def _held(seen: PegEvidence, places: Places, slid: float) -> PartState:
     """Return the state of a peg between the pads, along which the hand may have slid so far, m."""
     depth = depth_of(np.array(seen.tip), places.hole)
     hand = f"hand grips {_mm(seen.width)}"
-    if depth - slid < IN_HOLE_DEPTH or not _is_over_hole(seen.tip, places.hole):
+    is_over = _is_over_hole(seen.tip, places.hole)
+    is_seated = is_over and seen.switch is SwitchState.CLOSED and abs(depth - places.hole.depth) <= CLOSED_TOLERANCE
+    if not is_seated and (depth - slid < IN_HOLE_DEPTH or not is_over):
         return PartState(PartPlace.IN_HAND, f"{hand}, switch {seen.switch}", True, 0.0, seen.tip, slid=slid)
-    is_seated = seen.switch is SwitchState.CLOSED and abs(depth - places.hole.depth) <= CLOSED_TOLERANCE
     place = PartPlace.SEATED if is_seated else PartPlace.IN_HOLE
     return PartState(
         place, f"{hand}, its end {_mm(depth)} deep, switch {seen.switch}", True, depth, seen.tip, slid=slid

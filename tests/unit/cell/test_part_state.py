@@ -553,6 +553,18 @@ def test_a_peg_that_is_pushed_back_by_a_hand_that_rises_has_slid_nowhere(places)
     assert pressed(places, [0.0, 0.003, -0.002], 2.0 * BEARS).slid == 0.0
 
 
+def test_a_peg_on_its_switch_is_seated_whatever_the_arm_reports_as_its_push(places):
+    """An arm whose wrench is off reports a push all the while."""
+    places, depth = replace(places, bears=BEARS), places.hole.depth
+    pushed = pressed(places, np.linspace(0.0, depth, 20), 2.0 * BEARS)
+    assert pushed.place is PartPlace.IN_HAND
+    look = replace(seen(places, at_depth(places, depth), switch=CLOSED), push=2.0 * BEARS)
+    seated = after(pushed, look, places, is_running=True)
+    assert (seated.place, seated.depth) == (PartPlace.SEATED, pytest.approx(depth))
+    gone = seen(places, (0.0, 0.0, 0.5), gripping=False, switch=CLOSED)
+    assert after(seated, gone, places, is_running=True).place is PartPlace.SEATED
+
+
 def test_a_peg_that_is_let_go_has_slid_in_no_hand(places):
     places = replace(places, bears=BEARS)
     free = after(pressed(places, [0.0, 0.003], 20.0), seen(places, (0.3, 0.3, 0.3), gripping=False), places, True)
