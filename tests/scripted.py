@@ -3,11 +3,12 @@
 from collections.abc import Callable
 
 import numpy as np
+import pytest
 
 from cell.config import load
 from drivers.frames import UP, rotation_about
 from drivers.quantities import ImpedanceSetpoint, Pose, Vector
-from skills.contract import Observation
+from skills.contract import Interrupted, Observation, Reason
 from skills.tactile.blend import Blend, Smoothing
 from tests.fakes import HAND_DOWN, Rig, ToldEstimator
 
@@ -70,6 +71,14 @@ class ScriptedHand:
     def move(self) -> None:
         """Put the hand where it is now."""
         self.rig.arm.tcp = self.way(self.rig.clock.now())
+
+    def lost_in(self, skill: Callable[[], object]) -> Reason:
+        """Let the hand lose its peg 0.1 s after a skill begins; return why that was interrupted, with the arm halted."""
+        self.rig.at(0.1, lambda: self.rig.gripper.release(0.04))
+        with pytest.raises(Interrupted) as ended:
+            skill()
+        assert self.rig.arm.is_halted
+        return ended.value.reason
 
     def _followed(self, setpoint: ImpedanceSetpoint) -> None:
         self.commanded.append(setpoint)

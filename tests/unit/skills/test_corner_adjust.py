@@ -8,7 +8,7 @@ import pytest
 from drivers.errors import SwitchDisagreesError
 from drivers.frames import UP, angle_between, end_point, rotation_about
 from drivers.quantities import SwitchState
-from skills.contract import Interrupted, Outcome, Reason
+from skills.contract import Outcome, Reason
 from skills.corner_adjust import SINKS, STANDS_FOR, STRAYED_FOR, TURNED, Entry, Watch, run
 from skills.corner_insert import to_and_fro, turned_by
 from skills.motion import VALIDITY
@@ -225,11 +225,7 @@ def test_a_switch_that_closes_at_the_surface_disagrees_with_the_depth(bench):
 
 
 def test_a_peg_that_the_hand_loses_ends_it_at_once_with_the_arm_halted(bench):
-    bench.rig.at(0.1, lambda: bench.rig.gripper.release(0.04))
-    with pytest.raises(Interrupted) as ended:
-        bench.adjust()
-    assert ended.value.reason is Reason.LOST_GRASP
-    assert bench.rig.arm.is_halted
+    assert bench.lost_in(bench.adjust) is Reason.LOST_GRASP
 
 
 def test_without_a_felt_plate_the_vertical_is_its_normal(bench):

@@ -10,7 +10,7 @@ from drivers.errors import SwitchUnknownError
 from drivers.frames import UP, angle_between, rotation_about
 from drivers.quantities import Pose, SwitchState, Vector
 from skills.catalogue import INSERT
-from skills.contract import Interrupted, Outcome, Reason
+from skills.contract import Outcome, Reason
 from skills.motion import STRAY, VALIDITY
 from skills.play import allowed_depth
 from skills.surface import Plane
@@ -185,11 +185,7 @@ def test_a_switch_that_closes_at_the_holes_depth_ends_an_insertion_well(bench):
 
 
 def test_a_peg_that_the_hand_loses_ends_it_at_once_with_the_arm_halted(bench):
-    bench.rig.at(0.1, lambda: bench.rig.gripper.release(0.04))
-    with pytest.raises(Interrupted) as ended:
-        bench.insert()
-    assert ended.value.reason is Reason.LOST_GRASP
-    assert bench.rig.arm.is_halted
+    assert bench.lost_in(bench.insert) is Reason.LOST_GRASP
     assert len(bench.commanded) == pytest.approx(0.1 / PERIOD, abs=1)
 
 
