@@ -20,6 +20,7 @@ import numpy as np
 import pylibfranka
 
 from drivers import impedance
+from drivers.arm.franka_wire import wrench_on_hand
 from drivers.arm.link import CYCLES_KEPT, TEXT, LoopLink, LoopPhase, holding_words
 from drivers.arm.model import JOINTS
 from drivers.quantities import Vector
@@ -154,21 +155,14 @@ class TorqueLoop:
 
     def _publish(self, state: Any, q: Vector, dq: Vector) -> None:
         link = self._link
-        # The external wrench is about the stiffness frame K; the cell wants it about its own finger frame.
-        ee, k, wrench = state.O_T_EE, state.EE_T_K, state.O_F_ext_hat_K
         tcp, _, _, _ = impedance.forward(self._figures, q)
-        arm = [ee[12 + i] + ee[i] * k[12] + ee[4 + i] * k[13] + ee[8 + i] * k[14] - tcp[i] for i in range(3)]
+        force, torque = wrench_on_hand(state.O_F_ext_hat_K, state.O_T_EE, state.EE_T_K, tcp)
         link.begin("state_sequence")
         link["time"][0] = self._time
         link["q"][0], link["dq"][0] = q, dq
         link["commanded"][0] = impedance.commanded(self._law)
         link["unexplained"][0] = impedance.unexplained(self._law)
-        link["force"][0] = wrench[:3]
-        link["torque"][0] = (
-            wrench[3] + arm[1] * wrench[2] - arm[2] * wrench[1],
-            wrench[4] + arm[2] * wrench[0] - arm[0] * wrench[2],
-            wrench[5] + arm[0] * wrench[1] - arm[1] * wrench[0],
-        )
+        link["force"][0], link["torque"][0] = force, torque
         link.end("state_sequence")
 
     def _fail(self, phase: LoopPhase, error: Exception) -> None:

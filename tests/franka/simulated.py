@@ -130,7 +130,8 @@ class Arm:
             "O_T_EE": pose.T.flatten(),
             "O_dP_EE": np.zeros(3),
             "O_J_EE": np.eye(6, 7),
-            "O_F_ext_hat_K": [*force, *torque],
+            # The wrench of the robot on the environment: robot_state.h of libfranka.
+            "O_F_ext_hat_K": [*-force, *-torque],
             "self_collision": None,
         }
 
