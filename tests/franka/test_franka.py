@@ -4,6 +4,7 @@ import math
 import os
 import signal
 import time
+from datetime import date
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ pytest.importorskip(
     "franka_sim", reason="needs the packages that tests/franka/simulated.py names", exc_type=ImportError
 )
 
+from cell.calibrate_places import measured_places
 from cell.config import load
 from drivers.arm.franka import FrankaArm
 from drivers.arm.franka_config import FrankaArmConfig
@@ -21,11 +23,13 @@ from drivers.errors import ArmReflexError, ArmSilentError, ArmStoppedError, Devi
 from drivers.gripper.franka import FrankaGripper
 from drivers.gripper.franka_config import FrankaGripperConfig
 from drivers.quantities import ImpedanceSetpoint
-from tests.franka.insertion import inserted
+from tests.franka.insertion import inserted, opened
 from tests.franka.simulated import address, served
 
 HOST = address(1)
 FIGURES = load(sets=["reality.scale=0.0"]).cell.arm_model()
+DEPTH = load().cell.hole.depth
+"""m."""
 LONGEST = 20.0
 """s."""
 
@@ -213,11 +217,25 @@ def test_a_kernel_that_is_not_real_time_is_told(simulated):
         FrankaArm(config, world.world.arm, world).open()
 
 
-def test_a_whole_insertion_runs_through_the_clients(simulated):
-    told = inserted(address(4), 2, ["hole.area=[0.01, 0.01]"])
+FORCE = ["hole.latch={kind='detent',force=5.0,height=0.003}", "hole.evidence=force"]
+"""A hole without a switch: the force alone proves a seated peg."""
+
+
+@pytest.mark.parametrize("sets", [[], FORCE], ids=["switch", "force"])
+def test_a_whole_insertion_runs_through_the_clients(simulated, sets):
+    told = inserted(address(4), 2, ["hole.area=[0.01, 0.01]", *sets])
     assert told["fault"] == ""
     assert told["outcome"] == "success"
-    assert told["switch_closed"]
+    assert told["depth"] == pytest.approx(DEPTH, abs=2e-3)
     assert not told["is_void"]
     assert told["loop"]["missed"] == 0
     assert told["largest_torque_rate"] < FIGURES.joints.torque_rate[0]
+
+
+@pytest.mark.by_hand
+def test_plate_and_rack_are_touched_off_through_the_clients():
+    config = load(sets=["sim.pace=max", "reality.scale=0.0", "insert.estimator=pca"]).cell
+    with opened(config, address(4)) as wired:
+        found = measured_places(wired.cell, date.today(), lambda done, of: None, pegs=2)
+    assert found.height == pytest.approx(config.hole.centre[2], abs=5e-4)
+    assert found.rack == pytest.approx((0.0, 0.0), abs=2e-3)
