@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from drivers.arm.franka_wire import wrench_on_hand
+from drivers.frames import UP
 
 IDENTITY = np.eye(4).T.flatten()
 AT = np.array([0.5, 0.1, 0.3])
@@ -32,7 +33,7 @@ def test_the_torque_is_taken_about_the_tool_centre_point():
     turned = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     k_in_ee = np.array([0.02, 0.0, 0.05])
     reported = np.array([4.0, -3.0, -10.0, 0.5, 0.2, -0.1])
-    force, torque = wrench_on_hand(reported, pose(AT, turned), pose(k_in_ee), AT + [0.0, 0.0, 0.1])
-    lever = turned @ k_in_ee - [0.0, 0.0, 0.1]
+    force, torque = wrench_on_hand(reported, pose(AT, turned), pose(k_in_ee), AT + 0.1 * UP)
+    lever = turned @ k_in_ee - 0.1 * UP
     assert force == pytest.approx(-reported[:3])
     assert torque == pytest.approx(-reported[3:] + np.cross(lever, -reported[:3]))
