@@ -14,12 +14,15 @@ pytest.importorskip(
     "franka_sim", reason="needs the packages that tests/franka/simulated.py names", exc_type=ImportError
 )
 
+from franka_sim.control_modes import ControlMode
+
 from cell.calibrate_places import measured_places
 from cell.config import load
+from drivers.arm import franka as module
 from drivers.arm.franka import FrankaArm
 from drivers.arm.franka_config import FrankaArmConfig
 from drivers.arm.link import LoopPhase
-from drivers.errors import ArmReflexError, ArmSilentError, ArmStoppedError, DeviceNotOpenedError
+from drivers.errors import ArmReflexError, ArmSilentError, ArmStoppedError, CellError, DeviceNotOpenedError
 from drivers.gripper.franka import FrankaGripper
 from drivers.gripper.franka_config import FrankaGripperConfig
 from drivers.quantities import ImpedanceSetpoint
@@ -98,12 +101,12 @@ def comes_to(condition):
     return condition()
 
 
-def raises(arm, error):
+def raises(arm, error, text=""):
     def does():
         try:
             arm.read()
-        except error:
-            return True
+        except CellError as told:
+            return isinstance(told, error) and text in str(told)
         return False
 
     return does
@@ -166,6 +169,70 @@ def test_a_pressed_stop_is_told_apart_from_a_reflex(simulated, arm):
     assert until(world, raises(arm, ArmStoppedError))
     arm.reset()
     assert arm.read().setpoint_age == math.inf
+
+
+def test_thresholds_refused_by_a_pressed_stop_are_set_after_a_reset(simulated, arm):
+    _, server = simulated
+    arm.close()
+    server.is_stopped, server.thresholds_set = True, 0
+    arm.open()
+    server.is_stopped = False
+    with pytest.raises(ArmStoppedError):
+        arm.read()
+    assert server.thresholds_set == 0
+    arm.reset()
+    assert (server.thresholds_set, arm.phase) == (1, LoopPhase.RUNNING)
+
+
+def test_a_recovery_that_outlasts_its_reset_starts_no_motion(simulated, arm, monkeypatch):
+    world, server = simulated
+    server.press_stop()
+    assert until(world, raises(arm, ArmStoppedError))
+    monkeypatch.setattr(module, "RESET_TIME", 0.2)
+    server.may_recover.clear()
+    with pytest.raises(ArmStoppedError):
+        arm.reset()
+    server.may_recover.set()
+    assert comes_to(raises(arm, ArmReflexError, "reset again"))
+    assert world.mode is not ControlMode.TORQUE
+    monkeypatch.undo()
+    arm.reset()
+    assert arm.phase is LoopPhase.RUNNING
+
+
+@pytest.mark.parametrize("loss", [0.01, 0.05])
+def test_lost_torques_never_exceed_the_permitted_rate(simulated, arm, loss):
+    world, server = simulated
+    wanted = moved(world, arm, 0.05)
+    world.largest_rate, server.loss = 0.0, loss
+    try:
+        assert until(world, lambda: np.linalg.norm(arm.read().tcp.position - wanted.tip) < 0.004)
+    finally:
+        server.loss = 0.0
+    assert 0.0 < world.largest_rate < FIGURES.joints.torque_rate[0]
+
+
+def test_a_killed_cell_ends_the_motion_of_an_arm_that_stands_still(simulated, arm):
+    world, _ = simulated
+    moved(world, arm, 0.05)
+    assert until(world, lambda: np.abs(arm.read().dq).max() > 0.1)
+    world.speed_at_end = math.inf
+    arm.close()  # What the loop sees is its standard input, which ends with the cell.
+    assert world.speed_at_end < 0.02
+
+
+def test_a_system_of_another_version_is_named_with_the_one_that_is_needed(simulated, arm):
+    _, server = simulated
+    arm.close()
+    server.system = 9
+    try:
+        with pytest.raises(
+            DeviceNotOpenedError,
+            match=r"^arm at [^\n]*server version: 9[^\n]*10[^\n]*needs system 5\.9 or later[^\n]*$",
+        ):
+            arm.open()
+    finally:
+        server.system = 10
 
 
 def test_a_lost_connection_is_a_silent_arm_until_a_reset_connects_again(simulated, arm):
