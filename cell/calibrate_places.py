@@ -124,21 +124,26 @@ def calibrate_places(config: CellConfig, today: date, done: Callable[[int, int],
     if config.is_simulated and config.sim is not None:
         config = config.model_copy(update={"sim": config.sim.model_copy(update={"pace": "max"})})
     with opened(assemble(config)) as cell:
-        ctx = cell.context(0)
-        ctx.limits = config.limits.model_copy(update={"force": min(config.limits.force, MOST_FORCE)})
-        ctx.stage = "calibrate places"
-        try:
-            if ctx.observe().gripper.is_gripping:
-                raise NotCalibratedError("calibrate places: the hand holds something; `cell run recover` first")
-            touched = [_touches(cell, ctx, slot, pegs, done) for slot in range(pegs)]
-        except Interrupted as interruption:
-            raise NotCalibratedError(
-                f"calibrate places: {interruption.reason.name} at {ctx.limits.force:g} N allowed; see what the hand touched"
-                " and where the peg is, then `cell run recover`"
-            ) from None
-        finally:
-            with suppress(CellError):
-                ctx.rest.wait(ctx.clock, ctx.scan_period)
+        return measured_places(cell, today, done, pegs)
+
+
+def measured_places(cell: Cell, today: date, done: Callable[[int, int], None], pegs: int = PEGS) -> Places:
+    """Do what `calibrate_places` does with a cell that is open."""
+    config, ctx = cell.config, cell.context(0)
+    ctx.limits = config.limits.model_copy(update={"force": min(config.limits.force, MOST_FORCE)})
+    ctx.stage = "calibrate places"
+    try:
+        if ctx.observe().gripper.is_gripping:
+            raise NotCalibratedError("calibrate places: the hand holds something; `cell run recover` first")
+        touched = [_touches(cell, ctx, slot, pegs, done) for slot in range(pegs)]
+    except Interrupted as interruption:
+        raise NotCalibratedError(
+            f"calibrate places: {interruption.reason.name} at {ctx.limits.force:g} N allowed; see what the hand touched"
+            " and where the peg is, then `cell run recover`"
+        ) from None
+    finally:
+        with suppress(CellError):
+            ctx.rest.wait(ctx.clock, ctx.scan_period)
     found = places_of(touched, config, today)
     if (why := implausible(found, config)) is not None:
         raise NotCalibratedError(f"calibrate places: {why}")

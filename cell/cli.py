@@ -102,6 +102,7 @@ COMMANDS = {
     "trials": "cell.lab.commands.trials",
     "tune": "cell.lab.commands.tune",
     "skin": "cell.commands.skin",
+    "where": "cell.commands.where",
     "calibrate": "cell.commands.calibrate",
     "study": "cell.lab.commands.study",
     "learned": "cell.commands.learned",

@@ -25,6 +25,7 @@ class FaultCode(IntEnum):
     SWITCH_DISAGREES = 3001
     SUCCESS_UNPROVEN = 3002
     WRENCH_OFFSET = 3003
+    WRENCH_REVERSED = 3004
     SIMULATION_UNSTABLE = 4001
     SCAN_OVERRUN = 4002
     SOFTWARE = 4003
@@ -126,6 +127,11 @@ FAULTS: dict[FaultCode, FaultText] = {
         "the force that the arm reports where nothing touches is implausible",
         "something touches hand or peg, or the arm's controller knows a wrong payload",
         "free the hand; set the payload of hand and peg at the arm's controller",
+    ),
+    FaultCode.WRENCH_REVERSED: FaultText(
+        "the arm reports a force along its push where the plate bears the push",
+        "the arm's software reports its external wrench with another sign than its driver expects",
+        "stop using this arm; report the versions of its software and of the driver",
     ),
     FaultCode.SIMULATION_UNSTABLE: FaultText(
         "the simulated physics diverged",
@@ -254,6 +260,12 @@ class WrenchOffsetError(CellError):
     """The external wrench that the arm reports where nothing touches is not that of free air."""
 
     code = FaultCode.WRENCH_OFFSET
+
+
+class WrenchReversedError(CellError):
+    """The external wrench that the arm reports points along the push on a surface instead of against it."""
+
+    code = FaultCode.WRENCH_REVERSED
 
 
 class PlcLostError(CellError):

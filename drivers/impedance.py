@@ -248,7 +248,7 @@ def torque(  # noqa: C901, PLR0915  the whole law at 1 kHz, compiled as one: a c
 ) -> Vector:  # pragma: no cover
     """Return the joint torques of one control step, within the arm's limits of torque and torque rate.
 
-    The robot's own controller adds the torques of gravity and Coriolis forces, as on the real arm.
+    The arm's own controller adds the torques of gravity and friction; its driver adds those of Coriolis forces.
 
     Args:
         arm: Figures of the arm, from `figures`.

@@ -36,7 +36,7 @@ class Arm(Device, Protocol):
         """Follow `setpoint` until the next one comes or its validity ends."""
 
     def read(self) -> ArmState:
-        """Return the newest state.
+        """Return the newest state; its wrench is the one that the environment exerts on the hand.
 
         Raises:
             ArmStoppedError: An emergency or protective stop holds the arm.

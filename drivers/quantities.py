@@ -78,7 +78,7 @@ class ArmState:
     along the closing axis.
     """
     wrench: Wrench
-    """Estimated external wrench on the arm at the TCP, base frame."""
+    """Estimated wrench of the environment on the hand, at the TCP, base frame: a hand that presses down reports a force along +z."""
     elbow: int
     """Index in `q` of the joint that turns the elbow."""
     setpoint_age: float

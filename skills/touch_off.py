@@ -39,6 +39,7 @@ def touch_off(place: Vector, transfer: Transfer, ctx: SkillContext) -> Vector | 
 
     Raises:
         Interrupted: Stop request, a force beyond the limit, or the peg was lost.
+        WrenchReversedError: The arm reports that it is pulled down while it presses down.
     """
     above = Goal(place + CLEAR * UP, UP, ACROSS_RACK)
     for _ in move(above, transfer, ctx, ctx.in_hand()):
@@ -71,7 +72,7 @@ def _come_down(place: Vector, transfer: Transfer, ctx: SkillContext) -> Vector |
         if is_moving:
             tip = np.array([*place[:2], max(tip[2] - SPEED * seen.step, seen.tip[2] - lead)])
         if tip[2] < place[2] - DEEPEST:
-            return None
+            break
         ctx.follow(
             ImpedanceSetpoint(
                 id=identity,
@@ -86,4 +87,5 @@ def _come_down(place: Vector, transfer: Transfer, ctx: SkillContext) -> Vector |
                 twist=Twist(-SPEED * UP, np.zeros(3)) if is_moving else None,
             )
         )
+    ctx.zero.require_sense(forces, TOUCH)
     return None

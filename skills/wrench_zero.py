@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import Field
 
 from drivers.config_model import ConfigModel
-from drivers.errors import WrenchOffsetError
+from drivers.errors import WrenchOffsetError, WrenchReversedError
 from drivers.quantities import ArmState, Vector, Wrench
 
 SCANS = 20
@@ -55,6 +55,23 @@ class WrenchZero:
     def guarded(self, threshold: float, scans: int) -> float:
         """Return the threshold, N, for the mean of so many readings: not less than their noise leaves room for."""
         return max(threshold, GUARD * self.noise / math.sqrt(scans))
+
+    def require_sense(self, forces: Sequence[float], push: float) -> None:
+        """Make sure that the reported wrench is the one on the hand, by what it was while a surface should have borne a push.
+
+        Args:
+            forces: Force along z in the last scans of the push, N; upwards is positive.
+            push: Force from which on the surface would have counted as touched, N.
+
+        Raises:
+            WrenchReversedError: The mean force is as large, and points down.
+        """
+        mean = sum(forces) / len(forces)
+        if mean < -self.guarded(push, len(forces)):
+            raise WrenchReversedError(
+                f"arm: reports {-mean:.0f} N downwards while it presses down; a force upwards expected: the sign of its"
+                " external wrench is reversed"
+            )
 
 
 def zero_of(wrenches: Sequence[Wrench], config: WrenchConfig) -> WrenchZero:

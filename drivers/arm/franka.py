@@ -29,13 +29,18 @@ SILENT = 0.1
 CONNECT_TIME = 20.0
 """Longest time until the loop runs, s of wall time: the interpreter, the compiled law, the network."""
 RESET_TIME = 5.0
-"""Longest time for the arm's own error recovery, s of wall time."""
+"""Longest time for the arm's own error recovery, s of wall time; one that takes longer ends without motion and asks for another reset."""
+START_TIME = 1.0
+"""Longest time from the end of that to the first cycle of torque control, s of wall time."""
+END_TIME = 5.0
+"""Longest time for the loop to brake the arm and to end, s of wall time."""
 POLL_PERIOD = 0.005
 """Time between two looks at the shared block while something is awaited, s of wall time."""
 _ERRORS: dict[LoopPhase, type[CellError]] = {
     LoopPhase.REFLEX: ArmReflexError,
     LoopPhase.STOPPED: ArmStoppedError,
     LoopPhase.LOST: ArmSilentError,
+    LoopPhase.REFUSED: DeviceNotOpenedError,
 }
 
 
@@ -88,6 +93,7 @@ class FrankaArm:
         try:
             os.ftruncate(handle, SIZE)
             self._link = LoopLink(handle)
+            self._link["start_by"][0] = time.monotonic() + CONNECT_TIME
             self._process = subprocess.Popen(
                 [sys.executable, "-P", "-m", "drivers.arm.loop", str(handle), json.dumps(options)],
                 stdin=subprocess.PIPE,
@@ -96,11 +102,14 @@ class FrankaArm:
         finally:
             os.close(handle)
         self._wait_while(LoopPhase.CONNECTING, CONNECT_TIME)
-        if self.phase in (LoopPhase.CONNECTING, LoopPhase.LOST):
+        phase, where = self.phase, f"arm at {self._config.host}"
+        if phase in (LoopPhase.CONNECTING, LoopPhase.LOST, LoopPhase.REFUSED):
             text = self._text() or "no answer"
             self._end()
+            if phase is LoopPhase.REFUSED:
+                raise DeviceNotOpenedError(f"{where}: {text}")
             raise DeviceNotOpenedError(
-                f"arm at {self._config.host}: {text}; check address, cable, its control interface, "
+                f"{where}: {text}; check address, cable, its control interface, "
                 "and that this computer runs a real-time kernel"
             )
 
@@ -114,7 +123,7 @@ class FrankaArm:
             assert self._process.stdin is not None
             self._process.stdin.close()
             try:
-                self._process.wait(timeout=RESET_TIME)
+                self._process.wait(timeout=END_TIME)
             except subprocess.TimeoutExpired:
                 self._process.kill()
                 self._process.wait()
@@ -142,9 +151,10 @@ class FrankaArm:
         self.halt()
         before = self.phase
         if before is not LoopPhase.RUNNING:
+            start_by = time.monotonic() + RESET_TIME
+            link["start_by"][0] = start_by
             link["resets"][0] += 1
-            end = time.monotonic() + RESET_TIME
-            while time.monotonic() < end and self._is_alive():
+            while time.monotonic() < start_by + START_TIME and self._is_alive():
                 if link["resets_done"][0] == link["resets"][0] and self.phase is LoopPhase.RUNNING:
                     break
                 time.sleep(POLL_PERIOD)

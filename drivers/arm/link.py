@@ -20,6 +20,7 @@ _LAYOUT = np.dtype(
         ("setpoint_sequence", np.int64),
         ("words", np.float64, impedance.WORDS),
         ("resets", np.int64),
+        ("start_by", np.float64),
         ("state_sequence", np.int64),
         ("time", np.float64),
         ("q", np.float64, 7),
@@ -53,6 +54,8 @@ class LoopPhase(IntEnum):
     """Emergency stop, protective stop, or somebody guides the arm by hand."""
     LOST = 4
     """The connection is gone; a reset connects again."""
+    REFUSED = 5
+    """The arm's system and the maker's library do not fit together."""
 
 
 def holding_words() -> Vector:

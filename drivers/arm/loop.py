@@ -9,6 +9,7 @@ import ctypes
 import gc
 import json
 import logging
+import math
 import os
 import select
 import sys
@@ -20,6 +21,7 @@ import numpy as np
 import pylibfranka
 
 from drivers import impedance
+from drivers.arm.franka_wire import wrench_on_hand
 from drivers.arm.link import CYCLES_KEPT, TEXT, LoopLink, LoopPhase, holding_words
 from drivers.arm.model import JOINTS
 from drivers.quantities import Vector
@@ -32,6 +34,12 @@ LOOK_EVERY = 50
 """Cycles between looks at the standard input."""
 RATE_USED = 0.98
 """Share of the permitted torque rate that is used: at the limit itself, rounding would be a violation."""
+NEEDED_SYSTEM = "pylibfranka 0.21.3 needs system 5.9 or later: update the arm's system in Desk, or install the pylibfranka that fits it"
+"""Source: compatibility_matrix.rst of the library, for the version that `constraints.txt` pins."""
+BRAKED_SPEED = 0.01
+"""Speed of the fastest joint below which a motion may end, rad/s."""
+LONGEST_BRAKE = 1.0
+"""Longest time for which the arm is braked before its motion ends, s of the arm's time."""
 RECONNECT_PERIOD = 0.1
 """Time between two attempts to connect while the connection is gone, s."""
 
@@ -67,7 +75,10 @@ class TorqueLoop:
         self._figures, self._period = np.array(figures), period
         rates = self._figures[impedance.TORQUE_RATE : impedance.TORQUE_RATE + JOINTS]
         self._step = RATE_USED * rates * period
+        self._most = self._figures[impedance.TORQUE_MAX : impedance.TORQUE_MAX + JOINTS]
         self._robot: Any = None
+        self._model: Any = None
+        self._sent = np.zeros(JOINTS)
         self._time = 0.0
         self._taken = -1
         self._words = holding_words()
@@ -81,11 +92,14 @@ class TorqueLoop:
                 if self._robot is None:
                     self._connect()
                 self._control()
+            except pylibfranka.FrankaException as error:  # apart from the library's other errors
+                self._robot = None
+                self._fail(LoopPhase.REFUSED, f"{str(error).partition(').')[0]}); {NEEDED_SYSTEM}")
             except pylibfranka.NetworkException as error:
                 self._robot = None
-                self._fail(LoopPhase.LOST, error)
-            except RuntimeError as error:  # base of what the library raises
-                self._fail(self._phase_of_stop(), error)
+                self._fail(LoopPhase.LOST, str(error))
+            except RuntimeError as error:  # base of what else the library raises
+                self._fail(self._phase_of_stop(), str(error))
             else:
                 return
             if not self._wait_for_reset():
@@ -99,32 +113,39 @@ class TorqueLoop:
     def _connect(self) -> None:
         config = pylibfranka.RealtimeConfig
         self._robot = pylibfranka.Robot(self._host, config.kEnforce if self._realtime == "enforce" else config.kIgnore)
-        torque, force = self._collision
-        self._robot.set_collision_behavior(torque, torque, force, force)
+        self._model = self._robot.load_model()
 
     def _control(self) -> None:
-        """Run cycles until the standard input ends; torques begin at zero and grow at the permitted rate."""
+        """Run cycles until the standard input ends and the arm is braked.
+
+        Raises:
+            RuntimeError: The arm ended the motion or refuses one, or the time for a start has passed.
+        """
         link = self._link
         impedance.restart(self._law)
-        control = self._robot.start_torque_control()
-        q, dq, last, count = np.empty(JOINTS), np.empty(JOINTS), time.monotonic(), 0
+        # In a reflex or a user stop the arm refuses thresholds: they are set before every start.
+        torque, force = self._collision
+        self._robot.set_collision_behavior(torque, torque, force, force)
+        if time.monotonic() > link["start_by"][0]:
+            raise RuntimeError("the arm recovered after its reset had expired: reset again")
+        control, self._sent = self._robot.start_torque_control(), np.zeros(JOINTS)
+        q, dq, last, count, end = np.empty(JOINTS), np.empty(JOINTS), time.monotonic(), 0, math.inf
         while True:
             state, passed = control.readOnce()
             woke = time.monotonic()
             self._time += passed.to_sec()
             q[:], dq[:] = state.q, state.dq
-            self._take()
-            before = self._law[impedance.TORQUE : impedance.TORQUE + JOINTS].copy()
-            tau = impedance.torque(self._figures, self._words, self._law, q, dq, self._time, self._period)
-            tau = np.clip(tau, before - self._step, before + self._step)
-            self._law[impedance.TORQUE : impedance.TORQUE + JOINTS] = tau
-            command = pylibfranka.Torques(tau.tolist())
+            if count % LOOK_EVERY == 0 and end == math.inf and _is_over():
+                end = self._time + LONGEST_BRAKE
+                self._words[:] = holding_words()
+            if end == math.inf:
+                self._take()
+            command = pylibfranka.Torques(self._torques(state, q, dq))
             count += 1
-            if count % LOOK_EVERY == 0 and _is_over():
-                command.motion_finished = True
-                control.writeOnce(command)
-                return
+            command.motion_finished = end < math.inf and (np.abs(dq).max() < BRAKED_SPEED or self._time > end)
             control.writeOnce(command)
+            if command.motion_finished:
+                return
             done = time.monotonic()
             place = int(link["cycles"][0]) % CYCLES_KEPT
             link["busy"][0, place], link["spacing"][0, place] = done - woke, woke - last
@@ -136,6 +157,19 @@ class TorqueLoop:
             self._publish(state, q, dq)
             # Only now is there a state to read.
             link["phase"][0] = LoopPhase.RUNNING
+
+    def _torques(self, state: Any, q: Vector, dq: Vector) -> list[float]:
+        """Return the torques of one cycle, N·m: the law's and those of Coriolis, which the arm does not add, within its limits."""
+        own, coriolis = slice(impedance.TORQUE, impedance.TORQUE + JOINTS), np.array(self._model.coriolis(state))
+        applied, sent, step = np.array(state.tau_J_d), self._sent, self._step
+        self._law[own] = applied - coriolis
+        tau = impedance.torque(self._figures, self._words, self._law, q, dq, self._time, self._period) + coriolis
+        tau = np.clip(tau, -self._most, self._most)
+        # |tau - sent| <= step and |tau - tau_J_d| <= step: whether the last command arrives late or was lost.
+        tau = np.clip(np.clip(tau, sent - step, sent + step), applied - step, applied + step)
+        self._law[own], self._sent = tau - coriolis, tau
+        torques: list[float] = tau.tolist()
+        return torques
 
     def _take(self) -> None:
         """Take a new setpoint over, unless it is being written just now: then it comes a cycle later."""
@@ -154,25 +188,18 @@ class TorqueLoop:
 
     def _publish(self, state: Any, q: Vector, dq: Vector) -> None:
         link = self._link
-        # The external wrench is about the stiffness frame K; the cell wants it about its own finger frame.
-        ee, k, wrench = state.O_T_EE, state.EE_T_K, state.O_F_ext_hat_K
         tcp, _, _, _ = impedance.forward(self._figures, q)
-        arm = [ee[12 + i] + ee[i] * k[12] + ee[4 + i] * k[13] + ee[8 + i] * k[14] - tcp[i] for i in range(3)]
+        force, torque = wrench_on_hand(state.O_F_ext_hat_K, state.O_T_EE, state.EE_T_K, tcp)
         link.begin("state_sequence")
         link["time"][0] = self._time
         link["q"][0], link["dq"][0] = q, dq
         link["commanded"][0] = impedance.commanded(self._law)
         link["unexplained"][0] = impedance.unexplained(self._law)
-        link["force"][0] = wrench[:3]
-        link["torque"][0] = (
-            wrench[3] + arm[1] * wrench[2] - arm[2] * wrench[1],
-            wrench[4] + arm[2] * wrench[0] - arm[0] * wrench[2],
-            wrench[5] + arm[0] * wrench[1] - arm[1] * wrench[0],
-        )
+        link["force"][0], link["torque"][0] = force, torque
         link.end("state_sequence")
 
-    def _fail(self, phase: LoopPhase, error: Exception) -> None:
-        self._link["text"][0] = str(error).replace("\n", " ").encode("ascii", "replace")[:TEXT]
+    def _fail(self, phase: LoopPhase, text: str) -> None:
+        self._link["text"][0] = text.replace("\n", " ").encode("ascii", "replace")[:TEXT]
         self._link["phase"][0] = phase
 
     def _phase_of_stop(self) -> LoopPhase:
@@ -215,7 +242,7 @@ class TorqueLoop:
             action()
         except pylibfranka.NetworkException as error:
             self._robot = None
-            self._fail(LoopPhase.LOST, error)
+            self._fail(LoopPhase.LOST, str(error))
         except RuntimeError as error:
             logger.info("%s", error)
 

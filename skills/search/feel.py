@@ -71,6 +71,14 @@ class Bearing:
         is_full = len(forces) == forces.maxlen
         return is_full and sum(forces) / len(forces) > self._zero.guarded(TOUCHED * push, len(forces))
 
+    def require_sense(self, push: float) -> None:
+        """Make sure that a plate which did not bear the push, N, does not seem to pull instead.
+
+        Raises:
+            WrenchReversedError: The sign of the reported wrench is reversed.
+        """
+        self._zero.require_sense(self._forces, TOUCHED * push)
+
 
 LONGEST_SLIP = 0.02
 """Largest slip of the peg up into the hand since it last touched the plate, m: half of what the pads are long. Nothing but a slip makes a peg

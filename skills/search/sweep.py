@@ -83,8 +83,11 @@ class Sweep:
         felt = self._felt(seen, *self._evidence.update(seen, edge, sense, self._along < course.likely_until))
         before = self._phase
         self._enter(next_phase(before, felt, params, course, point), felt)
-        if isinstance(before, ComingDown) and isinstance(self._phase, Sliding) and felt.is_pressed:
-            self._measure_length(edge, felt)
+        if isinstance(before, ComingDown) and isinstance(self._phase, Sliding):
+            if felt.is_pressed:
+                self._measure_length(edge, felt)
+            else:
+                self._bearing.require_sense(self._push.stiffness * params.push_offset)
         if isinstance(before, Sliding) and self._phase is before:
             self._evidence.learn(edge, sense)
             self._usual += min(seen.step / USUAL_TIME, 1.0) * (seen.peg.theta - self._usual)

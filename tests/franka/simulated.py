@@ -20,7 +20,7 @@ from typing import Any, ParamSpec
 
 import numpy as np
 from franka_sim.control_modes import ControlMode
-from franka_sim.franka_protocol import RobotMode
+from franka_sim.franka_protocol import Command, ConnectStatus, MessageHeader, RobotMode
 from franka_sim.franka_sim_server import FrankaSimServer
 from franka_sim.gripper.backend import GripperBackend, GripperStateData
 
@@ -79,6 +79,8 @@ class Arm:
     stopped: threading.Event = field(default_factory=threading.Event)
     largest_rate: float = 0.0
     """Largest change of a torque command within one millisecond so far, N·m/s."""
+    speed_at_end: float = 0.0
+    """Speed of the fastest joint when torque control last ended, rad/s."""
 
     def __post_init__(self) -> None:
         self.figures = impedance.figures(self.world.arm)
@@ -97,6 +99,8 @@ class Arm:
         self.stopped.set()
 
     def set_control_mode(self, mode: ControlMode) -> None:
+        if self.mode is ControlMode.TORQUE and mode is not ControlMode.TORQUE:
+            self.speed_at_end = float(np.abs(self.world.dq).max())
         self.mode = mode
 
     def update_torques(self, torques: Any) -> None:
@@ -130,7 +134,8 @@ class Arm:
             "O_T_EE": pose.T.flatten(),
             "O_dP_EE": np.zeros(3),
             "O_J_EE": np.eye(6, 7),
-            "O_F_ext_hat_K": [*force, *torque],
+            # The wrench of the robot on the environment: robot_state.h of libfranka.
+            "O_F_ext_hat_K": [*-force, *-torque],
             "self_collision": None,
         }
 
@@ -244,6 +249,55 @@ class Server(FrankaSimServer):  # type: ignore[misc]  # no hints
 
     is_patient = True
     """Wait for the client's torques however busy the machine is; False counts a late answer as lost, as the arm does."""
+    system = 10
+    """Version of the control interface that the arm's system speaks; a client of another one is refused."""
+    is_stopped = False
+    """The stop button is pressed while a client connects."""
+    loss = 0.0
+    """Share of the client's torques that do not arrive."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**options)
+        self.may_recover = threading.Event()
+        """Set while the arm's error recovery can end."""
+        self.may_recover.set()
+        self.thresholds_set = 0
+        """Number of collision thresholds that the arm has accepted."""
+        self._draws = np.random.default_rng(1)
+
+    def reset_state(self) -> None:
+        super().reset_state()
+        if self.is_stopped:
+            self.robot_state.state["robot_mode"] = RobotMode.kUserStopped.value
+
+    def send_response(self, client_socket: Any, command: int, command_id: int, status: Any, version: int) -> None:
+        is_refused = self.system != version
+        super().send_response(
+            client_socket,
+            command,
+            command_id,
+            ConnectStatus.kIncompatibleLibraryVersion if is_refused else status,
+            self.system,
+        )
+
+    def handle_automatic_error_recovery_command(self, client_socket: Any, header: Any, payload: bytes) -> None:
+        self.may_recover.wait()
+        super().handle_automatic_error_recovery_command(client_socket, header, payload)
+
+    def handle_set_collision_behavior_command(self, client_socket: Any, header: Any, payload: bytes) -> None:
+        """Refuse thresholds in a reflex or a pressed stop, as the arm does."""
+        if self.robot_state.state["robot_mode"] in (RobotMode.kReflex, RobotMode.kUserStopped):
+            answer = MessageHeader(Command.kSetCollisionBehavior, header.command_id, 16).to_bytes()
+            self._send_tcp(client_socket, answer + bytes([2, 0, 0, 0]))
+            return
+        self.thresholds_set += 1
+        super().handle_set_collision_behavior_command(client_socket, header, payload)
+
+    def _absorb_within_motion_limits(self, command: Any, *, fresh: bool) -> bool:
+        if self.loss and self._draws.random() < self.loss:
+            return False
+        absorbed: bool = super()._absorb_within_motion_limits(command, fresh=fresh)
+        return absorbed
 
     def press_stop(self) -> None:
         """Stop the motion as the stop button does: no error, and a mode of its own."""

@@ -4,6 +4,7 @@ import math
 import os
 import signal
 import time
+from datetime import date
 from pathlib import Path
 
 import numpy as np
@@ -13,19 +14,25 @@ pytest.importorskip(
     "franka_sim", reason="needs the packages that tests/franka/simulated.py names", exc_type=ImportError
 )
 
+from franka_sim.control_modes import ControlMode
+
+from cell.calibrate_places import measured_places
 from cell.config import load
+from drivers.arm import franka as module
 from drivers.arm.franka import FrankaArm
 from drivers.arm.franka_config import FrankaArmConfig
 from drivers.arm.link import LoopPhase
-from drivers.errors import ArmReflexError, ArmSilentError, ArmStoppedError, DeviceNotOpenedError
+from drivers.errors import ArmReflexError, ArmSilentError, ArmStoppedError, CellError, DeviceNotOpenedError
 from drivers.gripper.franka import FrankaGripper
 from drivers.gripper.franka_config import FrankaGripperConfig
 from drivers.quantities import ImpedanceSetpoint
-from tests.franka.insertion import inserted
+from tests.franka.insertion import inserted, opened
 from tests.franka.simulated import address, served
 
 HOST = address(1)
 FIGURES = load(sets=["reality.scale=0.0"]).cell.arm_model()
+DEPTH = load().cell.hole.depth
+"""m."""
 LONGEST = 20.0
 """s."""
 
@@ -94,12 +101,12 @@ def comes_to(condition):
     return condition()
 
 
-def raises(arm, error):
+def raises(arm, error, text=""):
     def does():
         try:
             arm.read()
-        except error:
-            return True
+        except CellError as told:
+            return isinstance(told, error) and text in str(told)
         return False
 
     return does
@@ -164,6 +171,70 @@ def test_a_pressed_stop_is_told_apart_from_a_reflex(simulated, arm):
     assert arm.read().setpoint_age == math.inf
 
 
+def test_thresholds_refused_by_a_pressed_stop_are_set_after_a_reset(simulated, arm):
+    _, server = simulated
+    arm.close()
+    server.is_stopped, server.thresholds_set = True, 0
+    arm.open()
+    server.is_stopped = False
+    with pytest.raises(ArmStoppedError):
+        arm.read()
+    assert server.thresholds_set == 0
+    arm.reset()
+    assert (server.thresholds_set, arm.phase) == (1, LoopPhase.RUNNING)
+
+
+def test_a_recovery_that_outlasts_its_reset_starts_no_motion(simulated, arm, monkeypatch):
+    world, server = simulated
+    server.press_stop()
+    assert until(world, raises(arm, ArmStoppedError))
+    monkeypatch.setattr(module, "RESET_TIME", 0.2)
+    server.may_recover.clear()
+    with pytest.raises(ArmStoppedError):
+        arm.reset()
+    server.may_recover.set()
+    assert comes_to(raises(arm, ArmReflexError, "reset again"))
+    assert world.mode is not ControlMode.TORQUE
+    monkeypatch.undo()
+    arm.reset()
+    assert arm.phase is LoopPhase.RUNNING
+
+
+@pytest.mark.parametrize("loss", [0.01, 0.05])
+def test_lost_torques_never_exceed_the_permitted_rate(simulated, arm, loss):
+    world, server = simulated
+    wanted = moved(world, arm, 0.05)
+    world.largest_rate, server.loss = 0.0, loss
+    try:
+        assert until(world, lambda: np.linalg.norm(arm.read().tcp.position - wanted.tip) < 0.004)
+    finally:
+        server.loss = 0.0
+    assert 0.0 < world.largest_rate < FIGURES.joints.torque_rate[0]
+
+
+def test_a_killed_cell_ends_the_motion_of_an_arm_that_stands_still(simulated, arm):
+    world, _ = simulated
+    moved(world, arm, 0.05)
+    assert until(world, lambda: np.abs(arm.read().dq).max() > 0.1)
+    world.speed_at_end = math.inf
+    arm.close()  # What the loop sees is its standard input, which ends with the cell.
+    assert world.speed_at_end < 0.02
+
+
+def test_a_system_of_another_version_is_named_with_the_one_that_is_needed(simulated, arm):
+    _, server = simulated
+    arm.close()
+    server.system = 9
+    try:
+        with pytest.raises(
+            DeviceNotOpenedError,
+            match=r"^arm at [^\n]*server version: 9[^\n]*10[^\n]*needs system 5\.9 or later[^\n]*$",
+        ):
+            arm.open()
+    finally:
+        server.system = 10
+
+
 def test_a_lost_connection_is_a_silent_arm_until_a_reset_connects_again(simulated, arm):
     _, server = simulated
     server.cut()
@@ -213,11 +284,25 @@ def test_a_kernel_that_is_not_real_time_is_told(simulated):
         FrankaArm(config, world.world.arm, world).open()
 
 
-def test_a_whole_insertion_runs_through_the_clients(simulated):
-    told = inserted(address(4), 2, ["hole.area=[0.01, 0.01]"])
+FORCE = ["hole.latch={kind='detent',force=5.0,height=0.003}", "hole.evidence=force"]
+"""A hole without a switch: the force alone proves a seated peg."""
+
+
+@pytest.mark.parametrize("sets", [[], FORCE], ids=["switch", "force"])
+def test_a_whole_insertion_runs_through_the_clients(simulated, sets):
+    told = inserted(address(4), 2, ["hole.area=[0.01, 0.01]", *sets])
     assert told["fault"] == ""
     assert told["outcome"] == "success"
-    assert told["switch_closed"]
+    assert told["depth"] == pytest.approx(DEPTH, abs=2e-3)
     assert not told["is_void"]
     assert told["loop"]["missed"] == 0
     assert told["largest_torque_rate"] < FIGURES.joints.torque_rate[0]
+
+
+@pytest.mark.by_hand
+def test_plate_and_rack_are_touched_off_through_the_clients():
+    config = load(sets=["sim.pace=max", "reality.scale=0.0", "insert.estimator=pca"]).cell
+    with opened(config, address(4)) as wired:
+        found = measured_places(wired.cell, date.today(), lambda done, of: None, pegs=2)
+    assert found.height == pytest.approx(config.hole.centre[2], abs=5e-4)
+    assert found.rack == pytest.approx((0.0, 0.0), abs=2e-3)

@@ -38,7 +38,7 @@ from skills.grasp_from_rack import ACROSS_RACK
 from skills.motion import Goal, move
 from tests.fakes import HAND_DOWN
 
-GRASP, ADJUST = 101, 104
+GRASP, SEARCH, ADJUST = 101, 102, 104
 
 
 def faulty(rig, device, error):
@@ -62,6 +62,22 @@ def creep(rig):
     rig.at(0.5, rig.plc.stop)
 
 
+def reverse_wrench(rig):
+    """Let a held peg come down on a plate, and the arm report that it is pulled down."""
+    config = rig.loaded.cell
+    rig.gripper.grip(config.grasp.force)
+    rig.arm.floor = config.hole.centre[2]
+    rig.arm.tcp = Pose(np.array(config.hole.centre) + np.array([0.0, 0.0, 0.05 + config.peg.length]), HAND_DOWN)
+
+    follow = rig.arm.follow
+
+    def press(setpoint):
+        follow(setpoint)
+        rig.arm.force[2] = -8.0 if setpoint.tip[2] < rig.arm.floor else 0.0
+
+    rig.arm.follow = press
+
+
 PROVOKE = {
     FaultCode.SKIN_SILENT: (GRASP, lambda rig: faulty(rig, rig.skin, SkinSilentError("skin: silent"))),
     FaultCode.SKIN_UNTRUSTED: (GRASP, lambda rig: faulty(rig, rig.skin, SkinUntrustedError("skin: 3 taxels"))),
@@ -73,6 +89,7 @@ PROVOKE = {
     FaultCode.ARM_RESTLESS: (GRASP, creep),
     FaultCode.NOT_FINITE: (GRASP, lambda rig: rig.at(0.5, lambda: rig.arm.force.__setitem__(1, math.nan))),
     FaultCode.WRENCH_OFFSET: (GRASP, lambda rig: rig.at(0.5, lambda: rig.arm.force.__setitem__(2, 45.0))),
+    FaultCode.WRENCH_REVERSED: (SEARCH, reverse_wrench),
     FaultCode.SCAN_OVERRUN: (GRASP, lambda rig: rig.at(0.5, lambda: setattr(rig.clock, "lag", 0.02))),
     FaultCode.NOT_PASSIVE: (GRASP, lambda rig: faulty(rig, rig.arm, NotPassiveError("arm: pumped"))),
     FaultCode.SOFTWARE: (GRASP, lambda rig: faulty(rig, rig.arm, ZeroDivisionError("a\ndefect"))),
@@ -105,7 +122,7 @@ def test_after_a_fault_clear_and_reset_re_arm(rig, code):
     assert rig.command(Control.CLEAR).state == State.STOPPED
     assert rig.command(Control.RESET).state == State.IDLE
     assert rig.arm.resets >= 1
-    if command == ADJUST or code is FaultCode.WRENCH_OFFSET:
+    if command != GRASP or code is FaultCode.WRENCH_OFFSET:
         assert rig.put_away().part == PartPlace.BIN  # the hand held the peg all the while
     assert rig.command(GRASP).result == Result.SUCCESS
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from cell.config import load
+from drivers.errors import WrenchReversedError
 from drivers.frames import UP
 from drivers.quantities import Pose
 from skills.catalogue import GRASP
@@ -80,6 +81,14 @@ def test_the_setpoint_leads_a_tip_that_friction_holds_by_no_more_than_the_bound_
     ctx.arm.follow = lambda setpoint: (follow(setpoint), setattr(ctx.arm, "force", OFFSET * UP))
     assert touch_off(PLACE, TRANSFER, ctx) is None
     assert min(setpoint.tip[2] for _, setpoint in down(ctx)) == pytest.approx(PLACE[2] - MOST / STIFFNESS)
+
+
+def test_a_wrench_of_reversed_sign_ends_the_touch(ctx):
+    ctx.arm.floor = PLACE[2]
+    follow = ctx.arm.follow
+    ctx.arm.follow = lambda setpoint: (follow(setpoint), setattr(ctx.arm, "force", 2.0 * OFFSET * UP - ctx.arm.force))
+    with pytest.raises(WrenchReversedError, match=r"^arm: reports \d+ N downwards while it presses down"):
+        touch_off(PLACE, TRANSFER, ctx)
 
 
 def test_where_there_is_no_surface_the_peg_turns_back(ctx):

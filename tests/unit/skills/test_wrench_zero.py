@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cell.config import load
-from drivers.errors import WrenchOffsetError
+from drivers.errors import WrenchOffsetError, WrenchReversedError
 from drivers.quantities import Wrench
 from skills.search.feel import TOUCHED, Bearing
 from skills.wrench_zero import GUARD, SCANS, WrenchConfig, WrenchZero, zero_of
@@ -74,6 +74,14 @@ def test_a_push_is_felt_through_noise_and_noise_alone_is_no_push():
 def test_a_blow_is_no_push():
     assert not borne([0.0] * 5 + [20.0] + [0.0] * 20)
     assert borne([0.0] * 5 + [1.1 * TOUCHED * PUSH] * 10)
+
+
+def test_only_a_force_along_the_push_is_a_reversed_one():
+    zero = WrenchZero(noise=0.5)
+    zero.require_sense([-0.99 * PUSH] * 10, PUSH)
+    zero.require_sense([PUSH] * 10, PUSH)
+    with pytest.raises(WrenchReversedError, match="reports 6 N downwards while it presses down"):
+        zero.require_sense([-1.01 * PUSH] * 10, PUSH)
 
 
 def test_the_guard_holds_a_threshold_above_what_noise_alone_reaches():
