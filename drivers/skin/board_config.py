@@ -17,8 +17,6 @@ BOARD_MODULES = FINGERS * MODULES
 """Number of modules of both fingers."""
 TEMPERATURE = 0
 """Name of the channel that holds a module's temperature."""
-FIRST_MODULE = 1
-"""Number of a hub's first module."""
 
 
 class HubConfig(ConfigModel):

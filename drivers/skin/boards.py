@@ -21,8 +21,6 @@ logger = logging.getLogger(__name__)
 
 POLL_PERIOD = 0.005
 """Time between two looks for the board while it is opened, s."""
-RESTART = 0.3
-"""Longest time that a board takes to report its modules, s."""
 UNHEARD = 1.0
 """Time without a listener after which a wire's full buffer may have lost scans, s, as while a program starts."""
 RECENT = 50
@@ -46,7 +44,7 @@ class _BoardSkin:
         self._frame: TaxelFrame | None = None
         self._is_connected = False
         self._lost_line = ""
-        self._connect_at = self._restart_at = -math.inf
+        self._connect_at = -math.inf
         self._polled = self._listening_since = -math.inf
         self._scans = self._lost = 0
         self._recent: deque[float] = deque(maxlen=RECENT)
@@ -156,9 +154,7 @@ class _BoardSkin:
             self._lost += scan.missed
             self._recent.append(scan.stamp)
             self._temperature = scan.temperature
-        if self._recent and self._silence() > self._limit and now >= self._restart_at:
-            # The board needs time to answer, start and make its first scans.
-            self._restart_at = now + RESTART + self._limit
+        if self._port.dialogue.is_started and self._silence() > self._limit:
             self._port.dialogue.restart()
         return scans
 
@@ -180,7 +176,7 @@ class _BoardSkin:
         except CellError as error:
             self._lost_line = str(error)
             return
-        self._is_connected, self._lost_line, self._restart_at = True, "", -math.inf
+        self._is_connected, self._lost_line = True, ""
 
     def _disconnect(self) -> None:
         self._is_connected = False

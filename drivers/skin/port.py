@@ -1,9 +1,21 @@
 """One wire with one skin board on it: raw scans come out, and the dialogue's messages go in."""
 
+from collections import defaultdict
 from typing import Protocol
 
 from drivers.skin.board_config import HubConfig, IcubConfig
-from drivers.skin.cyskin_wire import LONGEST, CanAssembler, WireError, decode, encode, to_can
+from drivers.skin.cyskin_wire import (
+    ALL_HUBS,
+    LONGEST,
+    CanAssembler,
+    HubCommand,
+    Message,
+    WireError,
+    decode,
+    encode,
+    sender,
+    to_can,
+)
 from drivers.skin.dialogue import CySkinDialogue, IcubDialogue, RawScan
 from drivers.transport.cobs import DELIMITER, Deframer, frame
 from drivers.transport.wires import ByteLink, CanFrame, CanLink
@@ -55,19 +67,23 @@ class HubOnCan:
     def forget(self) -> None:
         """Forget everything that has come."""
         self.dialogue.forget()
-        self._frames, self._others, self._wrong = CanAssembler(self._wire.hub), 0, 0
+        self._senders: defaultdict[int, CanAssembler] = defaultdict(CanAssembler)
+        self._own = self._others = self._wrong = 0
 
     def exchange(self, now: float) -> list[RawScan]:
         """Send what is due, and return the scans that have come."""
-        for message in self.dialogue.ask(now):
-            for part in to_can(encode(message, self._wire), self._wire.hub):
+        for item in self.dialogue.ask(now):
+            for part in [item] if isinstance(item, CanFrame) else to_can(encode(item, self._wire), ALL_HUBS):
                 self.link.write(part)
         scans = []
         for part in _waiting(self.link):
-            before = self._frames.frames
-            data = self._frames.feed(part)
-            self._others += self._frames.frames == before
-            if data is None:
+            hub = sender(part)
+            data = None if hub is None else self._senders[hub].feed(part)
+            is_own = hub == self._wire.hub
+            self._own += is_own
+            self._others += not is_own
+            # A hub that was given no number yet answers the discovery from any.
+            if data is None or not (is_own or data[:1] == bytes([HubCommand.DISCOVER])):
                 continue
             try:
                 scan = self.dialogue.take(decode(data, self._wire), now - part.waited)
@@ -80,15 +96,15 @@ class HubOnCan:
 
     def refused(self) -> int:
         """Number of messages that could not be decoded, and of frames out of turn."""
-        return self._frames.broken + self._wrong + self.dialogue.refused
+        return self._senders[self._wire.hub].broken + self._wrong + self.dialogue.refused
 
     def trouble(self) -> str:
         """Return why no scan comes."""
         if not self.dialogue.heard and self._wrong:
-            return f"all {self._wrong} messages of hub {self._wire.hub} have a wrong check sum: see board.wire.crc"
-        if not self._frames.frames and self._others:
-            return f"{self._others} frames on the bus, none of hub {self._wire.hub}: see board.wire.hub"
-        return self.dialogue.trouble() + ("" if self._frames.frames else NOTHING_ON_BUS)
+            return f"all {self._wrong} messages of hubs have a wrong check sum: see board.wire.crc"
+        if not self.dialogue.heard and self._others:
+            return f"{self._others} frames on the bus, none of a CySkin hub: another board on this bus?"
+        return self.dialogue.trouble() + ("" if self._own or self._others else NOTHING_ON_BUS)
 
 
 class IcubOnCan:
@@ -122,7 +138,8 @@ class IcubOnCan:
 class HubOnSerial:
     """A CySkin hub on a serial line.
 
-    How a hub frames its messages there is not public; here each is one frame of `drivers.transport.cobs`.
+    How a hub frames its messages there is not public; here each is one frame of `drivers.transport.cobs`, and there is
+    no boot loader to leave.
     """
 
     def __init__(self, link: ByteLink, config: HubConfig, period: float) -> None:
@@ -138,8 +155,9 @@ class HubOnSerial:
 
     def exchange(self, now: float) -> list[RawScan]:
         """Send what is due, and return the scans that have come."""
-        for message in self.dialogue.ask(now):
-            self.link.write(frame(encode(message, self._wire)))
+        for item in self.dialogue.ask(now):
+            if isinstance(item, Message):
+                self.link.write(frame(encode(item, self._wire)))
         data = self.link.read(0.0)
         behind, scans = len(data), []
         for piece in _pieces(data):
