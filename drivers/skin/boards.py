@@ -1,4 +1,4 @@
-"""Skin boards on a CAN bus and on a serial line as a Skin."""
+"""Skin boards on a CAN bus, on a serial line, and behind the makers' host program as a Skin."""
 
 import logging
 import math
@@ -9,10 +9,18 @@ import numpy as np
 from drivers.errors import CellError, DeviceNotOpenedError, SkinSilentError
 from drivers.protocols import Clock
 from drivers.quantities import TaxelFrame, Vector
-from drivers.skin.board_config import BOARD_MODULES, CanSkinConfig, IcubConfig, SerialSkinConfig
+from drivers.skin.board_config import (
+    BOARD_MODULES,
+    BoardSkinConfig,
+    CanSkinConfig,
+    HostSkinConfig,
+    IcubConfig,
+    SerialSkinConfig,
+)
 from drivers.skin.dialogue import RETRY, RawScan
 from drivers.skin.figures import SkinFigures
 from drivers.skin.health import SkinHealth
+from drivers.skin.host_file import HostFile
 from drivers.skin.order import TaxelOrder
 from drivers.skin.port import HubOnCan, HubOnSerial, IcubOnCan, SkinPort
 from drivers.transport.wires import ByteLink, CanLink
@@ -32,7 +40,7 @@ LEAST_RATE = 0.8
 class _BoardSkin:
     """The parts that a skin has on every wire: baseline, mask, time stamps, and a board that is started again when it was lost."""
 
-    def __init__(self, config: CanSkinConfig | SerialSkinConfig, port: SkinPort, clock: Clock) -> None:
+    def __init__(self, config: BoardSkinConfig, port: SkinPort, clock: Clock) -> None:
         self._config, self._port, self._clock = config, port, clock
         self._limit = config.silent_frames / config.rate
         self._is_open = False
@@ -203,3 +211,11 @@ class SerialSkin(_BoardSkin):
     def __init__(self, config: SerialSkinConfig, line: ByteLink, clock: Clock) -> None:
         """Describe the skin; `clock` is the cell's."""
         super().__init__(config, HubOnSerial(line, config.board, 1.0 / config.rate), clock)
+
+
+class HostSkin(_BoardSkin):
+    """A skin board that the makers' host program reads."""
+
+    def __init__(self, config: HostSkinConfig, clock: Clock) -> None:
+        """Describe the skin; `clock` is the cell's."""
+        super().__init__(config, HostFile(config), clock)

@@ -6,6 +6,7 @@ on CAN. Both give raw scans of the two fingers.
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,6 +65,28 @@ class RawScan:
     """Time at which the first part came, s."""
     missed: int
     """Number of scans lost right before this one."""
+
+
+class TaxelPlaces:
+    """Places of the taxels of both fingers among the channels of a hub."""
+
+    def __init__(self, uids: Sequence[int], config: HubConfig) -> None:
+        """Find the taxels of `config` among channels with these numbers (uid), in the order of their readings."""
+        wanted = config.modules or tuple(dict.fromkeys(uid >> 4 for uid in uids))[:BOARD_MODULES]
+        at = {uid: index for index, uid in enumerate(uids)}
+        # The array is one place longer than the hub has channels; modules that are not on the hub read there.
+        nowhere = len(uids)
+        names = (*config.channels, TEMPERATURE)
+        place = np.full((BOARD_MODULES, len(names)), nowhere)
+        for row, sui in enumerate(wanted):
+            place[row] = [at.get(sui << 4 | name, nowhere) for name in names]
+        self._taxels = place[:, :-1].reshape(FINGERS, TAXELS)
+        self._temperatures = place[:, -1]
+
+    def scan(self, counts: Counts, stamp: float, missed: int) -> RawScan:
+        """Return the scan with these readings of all channels, counts."""
+        temperature = np.append(counts.astype(float), np.nan)[self._temperatures]
+        return RawScan(np.append(counts, np.uint16(0))[self._taxels], temperature, stamp, missed)
 
 
 class CySkinDialogue:
@@ -226,16 +249,7 @@ class CySkinDialogue:
             if suis == self._first_seen
             else f"modules {', '.join(map(str, suis))} in place of {', '.join(map(str, self._first_seen))}"
         )
-        wanted = self._config.modules or suis[:BOARD_MODULES]
-        at = {uid: index for index, uid in enumerate(channels.uid)}
-        # The array is one place longer than the hub has channels; modules that are not on the hub read there.
-        nowhere = len(channels)
-        names = (*self._config.channels, TEMPERATURE)
-        place = np.full((BOARD_MODULES, len(names)), nowhere)
-        for row, sui in enumerate(wanted):
-            place[row] = [at.get(sui << 4 | name, nowhere) for name in names]
-        self._taxels = place[:, :-1].reshape(FINGERS, TAXELS)
-        self._temperatures = place[:, -1]
+        self._places = TaxelPlaces(channels.uid, self._config)
         self._channels = channels
         self._scans = ScanAssembler(len(channels), max(self._period / 2, SLOWEST))
 
@@ -262,9 +276,7 @@ class CySkinDialogue:
         # The hub numbers no scans: time tells how many are missing.
         missed = max(round((begun - self._stamps[-1]) / self._period) - 1, 0) if self._stamps else 0
         self.is_started = self._keeps_period(begun)
-        readings = np.append(counts, np.uint16(0))
-        temperature = np.append(counts.astype(float), np.nan)[self._temperatures]
-        return RawScan(readings[self._taxels], temperature, begun, missed)
+        return self._places.scan(counts, begun, missed)
 
 
 class IcubDialogue:

@@ -27,15 +27,40 @@ NOTHING_ON_BUS = ": check its supply, the wires with a terminator at both ends, 
 NOTHING_ON_LINE = ": check its supply and cable, whether this is its port, and skin.baud_rate"
 
 
+class Link(Protocol):
+    """Something that can be opened: a wire, or a file."""
+
+    def open(self) -> None:
+        """Open it."""
+
+    def close(self) -> None:
+        """Close it; may be called again."""
+
+
+class Dialogue(Protocol):
+    """State of the dialogue with a board."""
+
+    @property
+    def is_started(self) -> bool:
+        """True once scans come, until the next restart."""
+
+    @property
+    def changed(self) -> str:
+        """Text that names what was exchanged since the board was first seen; empty while nothing was."""
+
+    def restart(self) -> None:
+        """Begin the dialogue again."""
+
+
 class SkinPort(Protocol):
     """One wire with one board on it."""
 
     @property
-    def link(self) -> CanLink | ByteLink:
+    def link(self) -> Link:
         """The wire."""
 
     @property
-    def dialogue(self) -> CySkinDialogue | IcubDialogue:
+    def dialogue(self) -> Dialogue:
         """The dialogue with the board."""
 
     def forget(self) -> None:
