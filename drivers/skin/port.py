@@ -96,10 +96,7 @@ class HubOnCan:
         self._own = self._others = self._wrong = 0
 
     def exchange(self, now: float) -> list[RawScan]:
-        """Send what is due, and return the scans that have come."""
-        for item in self.dialogue.ask(now):
-            for part in [item] if isinstance(item, CanFrame) else to_can(encode(item, self._wire), ALL_HUBS):
-                self.link.write(part)
+        """Return the scans that have come, then send what is due."""
         scans = []
         for part in _waiting(self.link):
             hub = sender(part)
@@ -117,6 +114,9 @@ class HubOnCan:
                 continue
             if scan is not None:
                 scans.append(scan)
+        for item in self.dialogue.ask(now):
+            for part in [item] if isinstance(item, CanFrame) else to_can(encode(item, self._wire), ALL_HUBS):
+                self.link.write(part)
         return scans
 
     def refused(self) -> int:
@@ -125,8 +125,8 @@ class HubOnCan:
 
     def trouble(self) -> str:
         """Return why no scan comes."""
-        if not self.dialogue.heard and self._wrong:
-            return f"all {self._wrong} messages of hubs have a wrong check sum: see board.wire.crc"
+        if self._wrong > (heard := self.dialogue.heard):
+            return f"{self._wrong} of {self._wrong + heard} messages have a wrong check sum: see board.wire.crc"
         if not self.dialogue.heard and self._others:
             return f"{self._others} frames on the bus, none of a CySkin hub: another board on this bus?"
         return self.dialogue.trouble() + ("" if self._own or self._others else NOTHING_ON_BUS)
@@ -179,10 +179,7 @@ class HubOnSerial:
         self._frames, self._whole, self._wrong = Deframer(LONGEST), 0, 0
 
     def exchange(self, now: float) -> list[RawScan]:
-        """Send what is due, and return the scans that have come."""
-        for item in self.dialogue.ask(now):
-            if isinstance(item, Message):
-                self.link.write(frame(encode(item, self._wire)))
+        """Return the scans that have come, then send what is due."""
         data = self.link.read(0.0)
         behind, scans = len(data), []
         for piece in _pieces(data):
@@ -198,6 +195,9 @@ class HubOnSerial:
                     continue
                 if scan is not None:
                     scans.append(scan)
+        for item in self.dialogue.ask(now):
+            if isinstance(item, Message):
+                self.link.write(frame(encode(item, self._wire)))
         return scans
 
     def refused(self) -> int:
@@ -208,8 +208,8 @@ class HubOnSerial:
         """Return why no scan comes."""
         if self._frames.bytes and not self._whole:
             return f"{self._frames.bytes} bytes heard and no frame among them: another baud rate than skin.baud_rate?"
-        if not self.dialogue.heard and self._wrong:
-            return f"all {self._wrong} messages have a wrong check sum: see board.wire.crc"
+        if self._wrong > (heard := self.dialogue.heard):
+            return f"{self._wrong} of {self._wrong + heard} messages have a wrong check sum: see board.wire.crc"
         return self.dialogue.trouble() + ("" if self._frames.bytes else NOTHING_ON_LINE)
 
 
