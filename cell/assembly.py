@@ -30,8 +30,8 @@ from drivers.parts import Job
 from drivers.protocols import Arm, Clock, Device, Gripper, Skin, SuccessSwitch
 from drivers.quantities import Pose, Vector
 from drivers.scene_facts import Sight
-from drivers.skin.board_config import EMULATED, CanSkinConfig, SerialSkinConfig
-from drivers.skin.boards import CanSkin, SerialSkin
+from drivers.skin.board_config import EMULATED, CanSkinConfig, HostSkinConfig, SerialSkinConfig
+from drivers.skin.boards import CanSkin, HostSkin, SerialSkin
 from drivers.skin.calibration import CalibratedSkin, SkinCalibration, read_calibration
 from drivers.skin.figures import SkinFigures
 from drivers.skin.layout import Layout
@@ -315,6 +315,9 @@ def _real_skin(config: CellConfig, clock: Clock) -> SkinLine:
     skin = config.skin
     if isinstance(skin, CanSkinConfig):
         return _can_skin(skin, CanBus(skin.interface, skin.channel, skin.bitrate), clock)
+    if isinstance(skin, HostSkinConfig):
+        host = HostSkin(skin, clock)
+        return SkinLine(host, clock, host.figures)
     assert isinstance(skin, SerialSkinConfig)
     return _serial_skin(skin, SerialLine(skin.port, skin.baud_rate), clock)
 
@@ -356,7 +359,7 @@ def _world_skin(
 
         line = emulated_line(skin, model, source, rng, seed)
         return replace(_serial_skin(skin, line, BoardClock(source, (line,))), wire=line, cable=line)
-    if isinstance(skin, CanSkinConfig | SerialSkinConfig):
+    if isinstance(skin, CanSkinConfig | SerialSkinConfig | HostSkinConfig):
         return _real_skin(config, source)
     from sim.reality import AS_BELIEVED
     from sim.skin import SimSkin, skin_truth

@@ -27,7 +27,7 @@ from drivers.config_model import ConfigModel, FilePath
 from drivers.errors import ConfigError
 from drivers.gripper.franka_config import FrankaGripperConfig
 from drivers.parts import Hole, Job, Peg, Rack, require_fit
-from drivers.skin.board_config import EMULATED, CanSkinConfig, SerialSkinConfig
+from drivers.skin.board_config import EMULATED, CanSkinConfig, HostSkinConfig, SerialSkinConfig
 from drivers.switch.absent import NoSwitchConfig
 from drivers.switch.board_config import SerialSwitchConfig
 from plc_bridge.config import PlcConfig
@@ -146,7 +146,7 @@ class CellConfig(Catalogued):
     """The robot arm."""
     gripper: Annotated[SimGripperConfig | FrankaGripperConfig, Field(discriminator="kind")]
     """The hand."""
-    skin: Annotated[SimSkinConfig | CanSkinConfig | SerialSkinConfig, Field(discriminator="kind")]
+    skin: Annotated[SimSkinConfig | CanSkinConfig | SerialSkinConfig | HostSkinConfig, Field(discriminator="kind")]
     """The tactile skin on both fingers."""
     smoothing: Smoothing = Smoothing()
     """How theta is carried from frame to frame."""

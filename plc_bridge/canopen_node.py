@@ -136,8 +136,10 @@ class CanopenNode:
         self._shout(self._emergency.message(BUS_RECOVERED))
 
     def receive(self, frame: CanFrame, now: float) -> None:
-        """Take one frame of the bus."""
+        """Take one frame of the bus; the profile uses identifiers of 11 bits."""
         cob, data = frame.id, frame.data
+        if frame.is_extended:
+            return
         if cob == 0:
             self._command(data)
         elif cob == _SDO_REQUEST + self._id:

@@ -61,7 +61,7 @@ class _Wire(canopen.Network):
         try:
             while not self._stop.is_set():
                 frame = self._line.read(_READ_TIMEOUT)
-                if frame is not None:
+                if frame is not None and not frame.is_extended:
                     self.notify(frame.id, bytearray(frame.data), time.time())
                 if self.producer.is_due(time.monotonic()):
                     self.send_message(0x700 + self._node, bytes([NmtState.OPERATIONAL]))

@@ -16,8 +16,9 @@ import numpy as np
 from drivers.errors import DeviceNotOpenedError
 from drivers.skin.board_config import BoardSkinConfig, CanSkinConfig, IcubConfig, SerialSkinConfig
 from drivers.transport.wires import ByteLink, CanFrame, CanLink, LineLostError
-from sim.boards import Board, CanBoard, EmulatedHub, Fingers, IcubBoard, SerialBoard
+from sim.boards import Board, Fingers, IcubBoard
 from sim.config import SimSkinConfig, SkinBoardConfig, WireFaults
+from sim.cyskin_board import CanBoard, EmulatedHub, SerialBoard
 from sim.skin import PadSource
 
 FAULT_STREAM = 4
@@ -217,7 +218,7 @@ def emulated_can(
     board: Board[CanFrame] = (
         IcubBoard(config.board, fingers.measure)
         if isinstance(config.board, IcubConfig)
-        else CanBoard(EmulatedHub(config.board, fingers.measure), config.board)
+        else CanBoard(EmulatedHub(config.board, fingers.measure))
     )
     return EmulatedCan(board, source.now, config.bitrate, model.faults, seed)
 
@@ -227,7 +228,7 @@ def emulated_line(
 ) -> EmulatedLine:
     """Return a serial line with the board of `config`, between the pads of `source`."""
     fingers = Fingers(_taxels(config, model), source, rng)
-    board = SerialBoard(EmulatedHub(config.board, fingers.measure), config.board)
+    board = SerialBoard(EmulatedHub(config.board, fingers.measure))
     return EmulatedLine(board, source.now, config.baud_rate, model.faults, seed)
 
 

@@ -16,6 +16,7 @@ enum { LARGEST = 4096, PIN_REGISTER = 0x29 };
 struct chip {
     avr_t *avr;
     uint8_t pins;  // what the outside puts on port D
+    int resets;    // including the one at power-up
     int count;
     uint8_t bytes[LARGEST];
     uint64_t cycles[LARGEST];
@@ -46,7 +47,9 @@ static void sent(struct avr_irq_t *irq, uint32_t value, void *parameter)
 // simavr clears the pins with the registers; the outside does not change because the chip starts anew.
 static void started(avr_t *avr)
 {
-    avr->data[PIN_REGISTER] = ((struct chip *)avr->custom.data)->pins;
+    struct chip *chip = avr->custom.data;
+    avr->data[PIN_REGISTER] = chip->pins;
+    chip->resets++;
 }
 
 void chip_free(struct chip *chip)
@@ -112,6 +115,11 @@ const uint8_t *chip_bytes(const struct chip *chip)
 const uint64_t *chip_cycles(const struct chip *chip)
 {
     return chip->cycles;
+}
+
+int chip_resets(const struct chip *chip)
+{
+    return chip->resets;
 }
 
 // Pull the reset pin.

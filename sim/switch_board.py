@@ -75,6 +75,11 @@ class Chip:
         cycles, sent = self._library.chip_cycles(self._chip), self._library.chip_bytes(self._chip)
         return list(zip(cycles[:count], sent[:count], strict=True))
 
+    @property
+    def resets(self) -> int:
+        """Number of resets of the chip, the one at power-up included; a boot loader runs after each."""
+        return int(self._library.chip_resets(self._chip))
+
     def reset(self) -> None:
         """Pull the reset pin."""
         self._library.chip_reset(self._chip)

@@ -163,7 +163,7 @@ def serial_config(**keys: object) -> SerialSkinConfig:
 
 WIRED = {
     "can": can_config(),
-    "can_big_endian": can_config(board={"kind": "cyskin", "wire": {"byte_order": "big", "hub": 77}}),
+    "can_hub_77": can_config(board={"kind": "cyskin", "wire": {"hub": 77}}),
     "serial": serial_config(),
     "serial_100_hz": serial_config(rate=100.0),
     "icub": can_config(rate=25.0, board={"kind": "icub", "board": 3, "triangles": (9, 4, 0, 15)}),

@@ -17,8 +17,6 @@ BOARD_MODULES = FINGERS * MODULES
 """Number of modules of both fingers."""
 TEMPERATURE = 0
 """Name of the channel that holds a module's temperature."""
-FIRST_MODULE = 1
-"""Number of a hub's first module."""
 
 
 class HubConfig(ConfigModel):
@@ -86,11 +84,33 @@ class BoardSkinConfig(ConfigModel):
     """Longest wait for the board's first scan, s."""
     health: SkinHealthConfig = SkinHealthConfig()
     """Conditions under which a taxel is not trusted."""
+
+
+class HostSkinConfig(BoardSkinConfig):
+    """Section [skin] for a hub that the makers' host program reads, and writes to a file.
+
+    Source: set for each cell.
+    """
+
+    kind: Literal["host"]
+    """Kind of the skin: the file of `cyskin_acquisition --buffer file`."""
+    file: Annotated[str, Field(min_length=1)]
+    """File that the host program writes, its `--filename`."""
+    board: HubConfig = HubConfig()
+    """The hub that the host program reads; it alone starts the hub, so that `board.wire` has no effect."""
+
+
+class WiredSkinConfig(BoardSkinConfig):
+    """Keys of every skin board on a wire of this computer.
+
+    Source: set for each cell.
+    """
+
     record: str = ""
-    """File that records all traffic of the wire; an empty name records nothing. Source: set for each cell."""
+    """File that records all traffic of the wire; an empty name records nothing."""
 
 
-class CanSkinConfig(BoardSkinConfig):
+class CanSkinConfig(WiredSkinConfig):
     """Section [skin] for a board on a CAN bus.
 
     Source: set for each cell.
@@ -108,7 +128,7 @@ class CanSkinConfig(BoardSkinConfig):
     """The board that is on the bus."""
 
 
-class SerialSkinConfig(BoardSkinConfig):
+class SerialSkinConfig(WiredSkinConfig):
     """Section [skin] for a board on a serial line.
 
     Source: set for each cell.

@@ -1,4 +1,4 @@
-"""Skin boards on a CAN bus and on a serial line as a Skin."""
+"""Skin boards on a CAN bus, on a serial line, and behind the makers' host program as a Skin."""
 
 import logging
 import math
@@ -9,10 +9,18 @@ import numpy as np
 from drivers.errors import CellError, DeviceNotOpenedError, SkinSilentError
 from drivers.protocols import Clock
 from drivers.quantities import TaxelFrame, Vector
-from drivers.skin.board_config import BOARD_MODULES, CanSkinConfig, IcubConfig, SerialSkinConfig
+from drivers.skin.board_config import (
+    BOARD_MODULES,
+    BoardSkinConfig,
+    CanSkinConfig,
+    HostSkinConfig,
+    IcubConfig,
+    SerialSkinConfig,
+)
 from drivers.skin.dialogue import RETRY, RawScan
 from drivers.skin.figures import SkinFigures
 from drivers.skin.health import SkinHealth
+from drivers.skin.host_file import HostFile
 from drivers.skin.order import TaxelOrder
 from drivers.skin.port import HubOnCan, HubOnSerial, IcubOnCan, SkinPort
 from drivers.transport.wires import ByteLink, CanLink
@@ -21,8 +29,6 @@ logger = logging.getLogger(__name__)
 
 POLL_PERIOD = 0.005
 """Time between two looks for the board while it is opened, s."""
-RESTART = 0.3
-"""Longest time that a board takes to report its modules, s."""
 UNHEARD = 1.0
 """Time without a listener after which a wire's full buffer may have lost scans, s, as while a program starts."""
 RECENT = 50
@@ -34,7 +40,7 @@ LEAST_RATE = 0.8
 class _BoardSkin:
     """The parts that a skin has on every wire: baseline, mask, time stamps, and a board that is started again when it was lost."""
 
-    def __init__(self, config: CanSkinConfig | SerialSkinConfig, port: SkinPort, clock: Clock) -> None:
+    def __init__(self, config: BoardSkinConfig, port: SkinPort, clock: Clock) -> None:
         self._config, self._port, self._clock = config, port, clock
         self._limit = config.silent_frames / config.rate
         self._is_open = False
@@ -46,7 +52,7 @@ class _BoardSkin:
         self._frame: TaxelFrame | None = None
         self._is_connected = False
         self._lost_line = ""
-        self._connect_at = self._restart_at = -math.inf
+        self._connect_at = -math.inf
         self._polled = self._listening_since = -math.inf
         self._scans = self._lost = 0
         self._recent: deque[float] = deque(maxlen=RECENT)
@@ -156,9 +162,7 @@ class _BoardSkin:
             self._lost += scan.missed
             self._recent.append(scan.stamp)
             self._temperature = scan.temperature
-        if self._recent and self._silence() > self._limit and now >= self._restart_at:
-            # The board needs time to answer, start and make its first scans.
-            self._restart_at = now + RESTART + self._limit
+        if self._port.dialogue.is_started and self._silence() > self._limit:
             self._port.dialogue.restart()
         return scans
 
@@ -180,7 +184,7 @@ class _BoardSkin:
         except CellError as error:
             self._lost_line = str(error)
             return
-        self._is_connected, self._lost_line, self._restart_at = True, "", -math.inf
+        self._is_connected, self._lost_line = True, ""
 
     def _disconnect(self) -> None:
         self._is_connected = False
@@ -207,3 +211,11 @@ class SerialSkin(_BoardSkin):
     def __init__(self, config: SerialSkinConfig, line: ByteLink, clock: Clock) -> None:
         """Describe the skin; `clock` is the cell's."""
         super().__init__(config, HubOnSerial(line, config.board, 1.0 / config.rate), clock)
+
+
+class HostSkin(_BoardSkin):
+    """A skin board that the makers' host program reads."""
+
+    def __init__(self, config: HostSkinConfig, clock: Clock) -> None:
+        """Describe the skin; `clock` is the cell's."""
+        super().__init__(config, HostFile(config), clock)

@@ -6,18 +6,22 @@ on CAN. Both give raw scans of the two fingers.
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from drivers.quantities import FINGERS, TAXELS, Vector
-from drivers.skin.board_config import BOARD_MODULES, FIRST_MODULE, TEMPERATURE, HubConfig, IcubConfig
+from drivers.skin.board_config import BOARD_MODULES, TEMPERATURE, HubConfig, IcubConfig
 from drivers.skin.cyskin_wire import (
+    ALL_MODULES,
+    LEAVE_BOOT_LOADER,
     Channels,
     HubCommand,
     Message,
     Module,
     ScanAssembler,
+    Step,
     WireError,
     decode_module,
     encode_period,
@@ -28,7 +32,18 @@ from drivers.skin.layout import MODULE_TAXELS
 from drivers.transport.wires import CanFrame
 
 RETRY = 0.1
-"""Time between two attempts to get an answer, s."""
+"""Time between two attempts, s; the makers' host program waits as long for a hub that leaves its boot loader."""
+ANSWER_TIME = 0.5
+"""Longest wait for an answer, s; the makers' host program waits 1.5 s."""
+TRIES = 3
+"""Number of attempts to get an answer."""
+_WAITS: dict[Step, float] = {
+    "leave_modules_boot_loaders": 0.5,
+    **dict.fromkeys(("discover", "declare", "details"), ANSWER_TIME),
+}
+"""Longest time from a step to the next one, s. Source for the modules' boot loaders: the makers' host program [cyskin]."""
+UID_BYTES = 4
+"""Length of the unique number of a hub, bytes."""
 START_PERIODS = 3.0
 """Number of periods that a started board has for its first scan."""
 SLOWEST = 0.015
@@ -49,11 +64,33 @@ class RawScan:
     stamp: float
     """Time at which the first part came, s."""
     missed: int
-    """Number of scans lost right before this one, as far as its sequence number tells."""
+    """Number of scans lost right before this one."""
+
+
+class TaxelPlaces:
+    """Places of the taxels of both fingers among the channels of a hub."""
+
+    def __init__(self, uids: Sequence[int], config: HubConfig) -> None:
+        """Find the taxels of `config` among channels with these numbers (uid), in the order of their readings."""
+        wanted = config.modules or tuple(dict.fromkeys(uid >> 4 for uid in uids))[:BOARD_MODULES]
+        at = {uid: index for index, uid in enumerate(uids)}
+        # The array is one place longer than the hub has channels; modules that are not on the hub read there.
+        nowhere = len(uids)
+        names = (*config.channels, TEMPERATURE)
+        place = np.full((BOARD_MODULES, len(names)), nowhere)
+        for row, sui in enumerate(wanted):
+            place[row] = [at.get(sui << 4 | name, nowhere) for name in names]
+        self._taxels = place[:, :-1].reshape(FINGERS, TAXELS)
+        self._temperatures = place[:, -1]
+
+    def scan(self, counts: Counts, stamp: float, missed: int) -> RawScan:
+        """Return the scan with these readings of all channels, counts."""
+        temperature = np.append(counts.astype(float), np.nan)[self._temperatures]
+        return RawScan(np.append(counts, np.uint16(0))[self._taxels], temperature, stamp, missed)
 
 
 class CySkinDialogue:
-    """Finds the modules of a hub, starts it, and puts its scans together.
+    """Brings a hub from power-on to sensor data, and puts its scans together.
 
     Args:
         config: Config of the hub.
@@ -62,6 +99,7 @@ class CySkinDialogue:
 
     def __init__(self, config: HubConfig, period: float) -> None:
         self._config, self._period = config, period
+        self._uids: set[bytes] = set()
         self.modules: dict[int, Module] = {}
         """Modules on the hub, by their number on it."""
         self.forget()
@@ -75,29 +113,40 @@ class CySkinDialogue:
         self.restart()
 
     def restart(self) -> None:
-        """Begin the dialogue again, because the board may have lost power or may never have been there."""
+        """Begin the start-up again, because the board may have lost power or may never have been there."""
+        self._step = self._tries = 0
+        self.is_started = False
+        """True once scans come, until the next restart."""
+        self._next = -math.inf
+        self._error = ""
+        self._stamps: deque[float] = deque(maxlen=WATCHED_SCANS)
+        self._forget_structure()
+
+    def _forget_structure(self) -> None:
+        self._uids.clear()
+        self.modules.clear()
         self._count: int | None = None
         self._channels: Channels | None = None
         self._scans: ScanAssembler | None = None
-        self._has_asked = self._is_started = False
-        self._next = -math.inf
-        self._error: int | None = None
-        self._stamps: deque[float] = deque(maxlen=WATCHED_SCANS)
-        self.modules.clear()
 
-    def ask(self, now: float) -> list[Message]:
-        """Return the messages that are due: first which modules there are, then what each is, then the start, until scans come."""
-        if now < self._next or self._is_started:
+    def ask(self, now: float) -> list[Message | CanFrame]:
+        """Return the messages of the step that is due, and the frame that leaves the boot loader, until scans come.
+
+        A step without its answer is repeated, then left out, as the makers' host program does. Without an answer to
+        the discovery, or without scans at the end, the start-up begins again.
+        """
+        if self.is_started or now < self._next:
             return []
-        self._next = now + RETRY
-        if self._count is None:
-            return [Message(HubCommand.DECLARE)]
-        if self._channels is None:
-            numbers = range(FIRST_MODULE, FIRST_MODULE + self._count)
-            return [Message(HubCommand.DETAILS, bytes([n])) for n in numbers if n not in self.modules]
-        self._has_asked, self._next = True, now + RETRY + START_PERIODS * self._period
-        period = encode_period(self._period, self._config.wire)
-        return [Message(HubCommand.PERIOD, period), Message(HubCommand.AUTO_SYNC, b"\1")]
+        steps = self._config.wire.start_up
+        if self._tries:
+            is_answered = self._is_answered(steps[self._step])
+            if steps[self._step] == "discover" and not is_answered:
+                self._step = self._tries = 0
+            elif is_answered or self._tries == TRIES:
+                self._step, self._tries = (self._step + 1) % len(steps), 0
+        self._tries += 1
+        self._next = now + _WAITS.get(steps[self._step], RETRY)
+        return self._messages(steps[self._step])
 
     def take(self, message: Message, stamp: float) -> RawScan | None:
         """Take a message of the hub; return the scan that it completes.
@@ -108,38 +157,87 @@ class CySkinDialogue:
         """
         try:
             scan = self._take(message, stamp)
-        except WireError:
+        except WireError as error:
             self.refused += 1
+            self._error = f"; {error}"
             return None
         self.heard += 1
         return scan
 
     def trouble(self) -> str:
         """Return what is still missing before scans come, in one line."""
-        error = "" if self._error is None else f"; the hub answers with error 0x{self._error:02X}"
-        if self._count is None:
-            return f"hub {self._config.wire.hub} does not answer{error}"
-        if self._channels is None:
-            return f"hub {self._config.wire.hub} tells of {len(self.modules)} of its {self._count} modules{error}"
+        hub = f"hub {self._config.wire.hub}"
         parts = f"; of {self.incomplete} scans only parts came" if self.incomplete else ""
-        return f"hub {self._config.wire.hub} has {len(self.modules)} modules and sends no whole scan{parts}{error}"
+        return f"{hub} {self._missing()}{parts}{self._error}"
+
+    def _missing(self) -> str:
+        if not self._uids:
+            return "does not answer"
+        if len(self._uids) > 1:
+            return f"is one of {len(self._uids)} on the bus, uid {', '.join(sorted(u.hex() for u in self._uids))}: one allowed"
+        if self._count is None:
+            return "does not report its number of modules"
+        if len(self.modules) != self._count:
+            return f"reports {len(self.modules)} of its {self._count} modules"
+        if self._channels is None:
+            return "has modules that stay in their boot loaders: see their plugs"
+        return f"has {len(self.modules)} modules and sends no whole scan"
+
+    def _is_answered(self, step: Step) -> bool:
+        if step == "discover":
+            return len(self._uids) == 1
+        if step == "declare":
+            return self._count is not None
+        if step == "details":
+            return len(self.modules) == self._count
+        return step != "start"
+
+    def _messages(self, step: Step) -> list[Message | CanFrame]:
+        wire = self._config.wire
+        if step == "leave_boot_loader":
+            return [LEAVE_BOOT_LOADER]
+        if step == "discover":
+            self._forget_structure()
+            return [Message(HubCommand.DISCOVER)]
+        if step == "set_number":
+            return [Message(HubCommand.SET_NUMBER, uid + bytes([wire.hub])) for uid in self._uids]
+        if step == "declare":
+            return [Message(HubCommand.DECLARE)]
+        if step == "details":
+            return [Message(HubCommand.DETAILS, bytes([ALL_MODULES]))]
+        if step == "stop":
+            return [Message(HubCommand.AUTO_SYNC, b"\0")]
+        if step == "leave_modules_boot_loaders":
+            return [Message(HubCommand.LEAVE_MODULES_BOOT_LOADERS)]
+        if self._channels is None:
+            self._tries = TRIES  # without modules there is nothing to start
+            return []
+        self._next += START_PERIODS * self._period
+        return [
+            Message(HubCommand.PERIOD, encode_period(self._period, wire)),
+            Message(HubCommand.AUTO_SYNC, b"\1"),
+        ]
 
     def _take(self, message: Message, stamp: float) -> RawScan | None:
+        payload = message.payload
         if message.command == HubCommand.SENSOR_DATA:
             return self._add(message, stamp)
-        if message.command == HubCommand.DECLARE and self._count is None:
-            if not message.payload or message.payload[0] == 0:
+        if message.command == HubCommand.DISCOVER and len(payload) == UID_BYTES:
+            self._uids.add(payload)
+            self._next = min(self._next, stamp + RETRY)  # further hubs answer within this time
+        elif message.command == HubCommand.DECLARE and self._count is None:
+            if not payload or payload[0] == 0:
                 raise WireError("a hub without modules")
-            self._count, self._next = message.payload[0], -math.inf
-        elif message.command == HubCommand.DETAILS and self._count is not None:
-            module = decode_module(message.payload)
-            if not FIRST_MODULE <= module.number < FIRST_MODULE + self._count:
-                raise WireError(f"module {module.number} of {self._count}")
+            self._count, self._next = payload[0], -math.inf
+        elif message.command == HubCommand.DETAILS and self._channels is None:
+            module = decode_module(payload, self._config.wire)
             self.modules[module.number] = module
-            if len(self.modules) == self._count and self._channels is None:
-                self._begin(Channels(list(self.modules.values())))
-        elif message.command == HubCommand.ERROR:
-            self._error = message.payload[0] if message.payload else 0
+            if len(self.modules) == self._count:
+                self._next = -math.inf
+                if all(module.names for module in self.modules.values()):
+                    self._begin(Channels(list(self.modules.values())))
+        elif message.command == HubCommand.ERROR and len(payload) == 2:
+            self._error = f"; the hub answers command 0x{payload[0]:02X} with error 0x{payload[1]:02X}"
         return None
 
     def _begin(self, channels: Channels) -> None:
@@ -151,17 +249,8 @@ class CySkinDialogue:
             if suis == self._first_seen
             else f"modules {', '.join(map(str, suis))} in place of {', '.join(map(str, self._first_seen))}"
         )
-        wanted = self._config.modules or suis[:BOARD_MODULES]
-        at = {uid: index for index, uid in enumerate(channels.uid)}
-        # The array is one place longer than the hub has channels; modules that are not on the hub read there.
-        nowhere = len(channels)
-        names = (*self._config.channels, TEMPERATURE)
-        place = np.full((BOARD_MODULES, len(names)), nowhere)
-        for row, sui in enumerate(wanted):
-            place[row] = [at.get(sui << 4 | name, nowhere) for name in names]
-        self._taxels = place[:, :-1].reshape(FINGERS, TAXELS)
-        self._temperatures = place[:, -1]
-        self._channels, self._next = channels, -math.inf
+        self._places = TaxelPlaces(channels.uid, self._config)
+        self._channels = channels
         self._scans = ScanAssembler(len(channels), max(self._period / 2, SLOWEST))
 
     def _keeps_period(self, stamp: float) -> bool:
@@ -175,18 +264,19 @@ class CySkinDialogue:
         return False
 
     def _add(self, message: Message, stamp: float) -> RawScan | None:
-        if self._channels is None or self._scans is None or not self._has_asked:
+        if self._channels is None or self._scans is None or self._config.wire.start_up[self._step] != "start":
             return None
         part = self._channels.decode(message.payload, self._config.wire)
-        lost, incomplete = self._scans.lost, self._scans.incomplete
-        scan = self._scans.add(part, message.sequence, stamp)
+        incomplete = self._scans.incomplete
+        scan = self._scans.add(part, stamp)
         self.incomplete += self._scans.incomplete - incomplete
         if scan is None:
             return None
-        self._is_started = self._keeps_period(scan[1])
-        readings = np.append(scan[0], np.uint16(0))
-        temperature = np.append(scan[0].astype(float), np.nan)[self._temperatures]
-        return RawScan(readings[self._taxels], temperature, scan[1], self._scans.lost - lost)
+        counts, begun = scan
+        # The hub numbers no scans: time tells how many are missing.
+        missed = max(round((begun - self._stamps[-1]) / self._period) - 1, 0) if self._stamps else 0
+        self.is_started = self._keeps_period(begun)
+        return self._places.scan(counts, begun, missed)
 
 
 class IcubDialogue:
@@ -221,12 +311,14 @@ class IcubDialogue:
 
     def restart(self) -> None:
         """Start the board again."""
-        self._next, self._is_started = -math.inf, False
+        self._next = -math.inf
+        self.is_started = False
+        """True once triangles come, until the next restart."""
         self._begun.clear()
 
     def ask(self, now: float) -> list[CanFrame]:
         """Return the frame that starts the board, until the board sends."""
-        if now < self._next or self._is_started:
+        if now < self._next or self.is_started:
             return []
         self._next = now + RETRY
         return [setup(self._config.board)]
@@ -237,7 +329,7 @@ class IcubDialogue:
         if triangle is None or triangle[0] not in self._row:
             return None
         self.heard += 1
-        self._is_started = True
+        self.is_started = True
         number, reading = triangle
         if number in self._begun:
             self.incomplete += 1

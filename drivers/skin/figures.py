@@ -12,7 +12,7 @@ class SkinFigures:
     scans: int
     """Number of whole scans received."""
     lost: int
-    """Number of scans that the board numbered and that never came whole."""
+    """Number of scans between others that never came whole."""
     refused: int
     """Number of messages refused for their check sum, their length, or a missing part."""
     rate: float

@@ -89,7 +89,7 @@ class TriangleAssembler:
 
     def feed(self, frame: CanFrame) -> tuple[int, TriangleReading] | None:
         """Take one frame; return the triangle's number and its reading when both halves are there."""
-        if frame.id >> 4 != SKIN_CLASS << 4 | self._board:
+        if frame.is_extended or frame.id >> 4 != SKIN_CLASS << 4 | self._board:
             return None
         self.frames += 1
         triangle = frame.id & 0xF

@@ -1,9 +1,21 @@
 """One wire with one skin board on it: raw scans come out, and the dialogue's messages go in."""
 
+from collections import defaultdict
 from typing import Protocol
 
 from drivers.skin.board_config import HubConfig, IcubConfig
-from drivers.skin.cyskin_wire import LONGEST, CanAssembler, WireError, decode, encode, to_can
+from drivers.skin.cyskin_wire import (
+    ALL_HUBS,
+    LONGEST,
+    CanAssembler,
+    HubCommand,
+    Message,
+    WireError,
+    decode,
+    encode,
+    sender,
+    to_can,
+)
 from drivers.skin.dialogue import CySkinDialogue, IcubDialogue, RawScan
 from drivers.transport.cobs import DELIMITER, Deframer, frame
 from drivers.transport.wires import ByteLink, CanFrame, CanLink
@@ -15,15 +27,40 @@ NOTHING_ON_BUS = ": check its supply, the wires with a terminator at both ends, 
 NOTHING_ON_LINE = ": check its supply and cable, whether this is its port, and skin.baud_rate"
 
 
+class Link(Protocol):
+    """Something that can be opened: a wire, or a file."""
+
+    def open(self) -> None:
+        """Open it."""
+
+    def close(self) -> None:
+        """Close it; may be called again."""
+
+
+class Dialogue(Protocol):
+    """State of the dialogue with a board."""
+
+    @property
+    def is_started(self) -> bool:
+        """True once scans come, until the next restart."""
+
+    @property
+    def changed(self) -> str:
+        """Text that names what was exchanged since the board was first seen; empty while nothing was."""
+
+    def restart(self) -> None:
+        """Begin the dialogue again."""
+
+
 class SkinPort(Protocol):
     """One wire with one board on it."""
 
     @property
-    def link(self) -> CanLink | ByteLink:
+    def link(self) -> Link:
         """The wire."""
 
     @property
-    def dialogue(self) -> CySkinDialogue | IcubDialogue:
+    def dialogue(self) -> Dialogue:
         """The dialogue with the board."""
 
     def forget(self) -> None:
@@ -55,19 +92,20 @@ class HubOnCan:
     def forget(self) -> None:
         """Forget everything that has come."""
         self.dialogue.forget()
-        self._frames, self._others, self._wrong = CanAssembler(self._wire.hub), 0, 0
+        self._senders: defaultdict[int, CanAssembler] = defaultdict(CanAssembler)
+        self._own = self._others = self._wrong = 0
 
     def exchange(self, now: float) -> list[RawScan]:
-        """Send what is due, and return the scans that have come."""
-        for message in self.dialogue.ask(now):
-            for part in to_can(encode(message, self._wire), self._wire.hub):
-                self.link.write(part)
+        """Return the scans that have come, then send what is due."""
         scans = []
         for part in _waiting(self.link):
-            before = self._frames.frames
-            data = self._frames.feed(part)
-            self._others += self._frames.frames == before
-            if data is None:
+            hub = sender(part)
+            data = None if hub is None else self._senders[hub].feed(part)
+            is_own = hub == self._wire.hub
+            self._own += is_own
+            self._others += not is_own
+            # A hub that was given no number yet answers the discovery from any.
+            if data is None or not (is_own or data[:1] == bytes([HubCommand.DISCOVER])):
                 continue
             try:
                 scan = self.dialogue.take(decode(data, self._wire), now - part.waited)
@@ -76,19 +114,22 @@ class HubOnCan:
                 continue
             if scan is not None:
                 scans.append(scan)
+        for item in self.dialogue.ask(now):
+            for part in [item] if isinstance(item, CanFrame) else to_can(encode(item, self._wire), ALL_HUBS):
+                self.link.write(part)
         return scans
 
     def refused(self) -> int:
         """Number of messages that could not be decoded, and of frames out of turn."""
-        return self._frames.broken + self._wrong + self.dialogue.refused
+        return self._senders[self._wire.hub].broken + self._wrong + self.dialogue.refused
 
     def trouble(self) -> str:
         """Return why no scan comes."""
-        if not self.dialogue.heard and self._wrong:
-            return f"all {self._wrong} messages of hub {self._wire.hub} have a wrong check sum: see board.wire.crc"
-        if not self._frames.frames and self._others:
-            return f"{self._others} frames on the bus, none of hub {self._wire.hub}: see board.wire.hub"
-        return self.dialogue.trouble() + ("" if self._frames.frames else NOTHING_ON_BUS)
+        if self._wrong > (heard := self.dialogue.heard):
+            return f"{self._wrong} of {self._wrong + heard} messages have a wrong check sum: see board.wire.crc"
+        if not self.dialogue.heard and self._others:
+            return f"{self._others} frames on the bus, none of a CySkin hub: another board on this bus?"
+        return self.dialogue.trouble() + ("" if self._own or self._others else NOTHING_ON_BUS)
 
 
 class IcubOnCan:
@@ -122,7 +163,8 @@ class IcubOnCan:
 class HubOnSerial:
     """A CySkin hub on a serial line.
 
-    How a hub frames its messages there is not public; here each is one frame of `drivers.transport.cobs`.
+    How a hub frames its messages there is not public; here each is one frame of `drivers.transport.cobs`, and there is
+    no boot loader to leave.
     """
 
     def __init__(self, link: ByteLink, config: HubConfig, period: float) -> None:
@@ -137,9 +179,7 @@ class HubOnSerial:
         self._frames, self._whole, self._wrong = Deframer(LONGEST), 0, 0
 
     def exchange(self, now: float) -> list[RawScan]:
-        """Send what is due, and return the scans that have come."""
-        for message in self.dialogue.ask(now):
-            self.link.write(frame(encode(message, self._wire)))
+        """Return the scans that have come, then send what is due."""
         data = self.link.read(0.0)
         behind, scans = len(data), []
         for piece in _pieces(data):
@@ -155,6 +195,9 @@ class HubOnSerial:
                     continue
                 if scan is not None:
                     scans.append(scan)
+        for item in self.dialogue.ask(now):
+            if isinstance(item, Message):
+                self.link.write(frame(encode(item, self._wire)))
         return scans
 
     def refused(self) -> int:
@@ -165,8 +208,8 @@ class HubOnSerial:
         """Return why no scan comes."""
         if self._frames.bytes and not self._whole:
             return f"{self._frames.bytes} bytes heard and no frame among them: another baud rate than skin.baud_rate?"
-        if not self.dialogue.heard and self._wrong:
-            return f"all {self._wrong} messages have a wrong check sum: see board.wire.crc"
+        if self._wrong > (heard := self.dialogue.heard):
+            return f"{self._wrong} of {self._wrong + heard} messages have a wrong check sum: see board.wire.crc"
         return self.dialogue.trouble() + ("" if self._frames.bytes else NOTHING_ON_LINE)
 
 

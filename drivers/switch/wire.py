@@ -54,9 +54,9 @@ class SwitchReport:
     is_memory_broken: bool = False
     is_program_broken: bool = False
     was_hung: bool = False
-    """Whether the watchdog restarted the board."""
+    """True if the watchdog restarted the program."""
     was_starved: bool = False
-    """Whether the board restarted after its supply fell too low."""
+    """True if the board restarted after its supply fell too low; a boot loader may hide it."""
 
 
 def encode(report: SwitchReport) -> bytes:

@@ -1,6 +1,6 @@
 """CAN buses of every kind that a cell meets, as frames in and out; their readers decode them.
 
-Only data frames of classic CAN with 11-bit identifiers pass; other frames on the bus are ignored.
+Data frames of classic CAN pass, with identifiers of 11 and of 29 bits; other frames on the bus are ignored.
 """
 
 import errno
@@ -101,8 +101,9 @@ class CanBus:
                 return None
             if message.is_error_frame:
                 self.bad_frames += 1
-            elif not (message.is_remote_frame or message.is_extended_id or message.is_fd):
-                frame = CanFrame(message.arbitration_id, bytes(message.data), self._waited(message.timestamp))
+            elif not (message.is_remote_frame or message.is_fd):
+                waited = self._waited(message.timestamp)
+                frame = CanFrame(message.arbitration_id, bytes(message.data), message.is_extended_id, waited)
                 if not self._is_echo(frame):
                     return frame
         return None
@@ -114,7 +115,7 @@ class CanBus:
             CanLostError: The bus is gone, was never opened, or has taken nothing for several frames.
         """
         bus = self._opened()
-        message = can.Message(arbitration_id=frame.id, data=frame.data, is_extended_id=False)
+        message = can.Message(arbitration_id=frame.id, data=frame.data, is_extended_id=frame.is_extended)
         try:
             bus.send(message, SEND_TIMEOUT)
             self._write_errors = 0

@@ -12,14 +12,14 @@ Byte = Annotated[int, Field(ge=0, le=0xFF)]
 
 
 class Crc8(ConfigModel):
-    """A CRC of 8 bits, by the parameters that catalogues of CRCs use.
+    """A CRC of 8 bits, by the parameters that catalogues of CRCs use; the default is that of a CySkin hub.
 
-    Source: assumed.
+    Source: [cyskin].
     """
 
     polynomial: Byte = 0x07
-    """Generator polynomial without its highest term. Source: assumed."""
-    initial: Byte = 0x00
+    """Generator polynomial without its highest term."""
+    initial: Byte = 0xFF
     """Value that the register starts with."""
     reflected: bool = False
     """Whether the bits of each byte, and of the result, go lowest first."""

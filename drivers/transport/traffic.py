@@ -16,6 +16,8 @@ from drivers.protocols import Clock
 from drivers.transport.wires import ByteLink, CanFrame, CanLink, LineLostError
 
 HEAD = "# cell traffic 1 "
+EXTENDED_DIGITS = 8
+"""Number of digits of an identifier of 29 bits; one of 11 bits has three."""
 Wire = Literal["can", "serial"]
 W = TypeVar("W", CanLink, ByteLink)
 
@@ -121,14 +123,18 @@ class RecordedCan(_RecordedWire[CanLink]):
             frame = self._link.read(timeout)
         if frame is not None:
             waited = f" {frame.waited!r}" if frame.waited else ""
-            self._recorder.note("<", f"{frame.id:03X} {frame.data.hex()}{waited}")
+            self._recorder.note("<", f"{_text(frame)}{waited}")
         return frame
 
     def write(self, frame: CanFrame) -> None:
         """Send a frame."""
-        self._recorder.note(">", f"{frame.id:03X} {frame.data.hex()}")
+        self._recorder.note(">", _text(frame))
         with self._recorder.watching():
             self._link.write(frame)
+
+
+def _text(frame: CanFrame) -> str:
+    return f"{frame.id:0{EXTENDED_DIGITS if frame.is_extended else 3}X} {frame.data.hex()}"
 
 
 class RecordedLine(_RecordedWire[ByteLink]):
@@ -229,11 +235,11 @@ class PlaybackCan(TrafficPlayback):
         if text is None:
             return None
         number, data, waited, *_ = [*text.split(" "), "", ""]
-        return CanFrame(int(number, 16), bytes.fromhex(data), float(waited or 0.0))
+        return CanFrame(int(number, 16), bytes.fromhex(data), len(number) == EXTENDED_DIGITS, float(waited or 0.0))
 
     def write(self, frame: CanFrame) -> None:
         """Compare a frame that is sent with the recorded ones."""
-        self._check(f"{frame.id:03X} {frame.data.hex()}".strip())
+        self._check(_text(frame).strip())
 
 
 class PlaybackLine(TrafficPlayback):

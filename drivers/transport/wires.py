@@ -26,9 +26,11 @@ class CanFrame:
     """One data frame."""
 
     id: int
-    """Identifier, 0 to 0x7FF; the lower one has priority on the bus."""
+    """Identifier, 0 to 0x7FF, or to 0x1FFFFFFF if extended; the lower one has priority on the bus."""
     data: bytes = b""
     """Payload, at most 8 bytes."""
+    is_extended: bool = False
+    """True if the identifier has 29 bits instead of 11."""
     waited: float = field(default=0.0, compare=False)
     """Time from arrival at the adapter to this read, s; 0 where the interface does not tell."""
 

@@ -24,8 +24,9 @@ from drivers.skin.port import HubOnCan, HubOnSerial, IcubOnCan, SkinPort
 from drivers.transport.wires import CanFrame
 from sim.board_clock import BoardClock
 from sim.board_links import EmulatedCan, EmulatedLine, frame_bits
-from sim.boards import CanBoard, EmulatedHub, IcubBoard, SerialBoard
+from sim.boards import IcubBoard
 from sim.config import WireFaults
+from sim.cyskin_board import CanBoard, EmulatedHub, SerialBoard
 from skills.contract import Outcome
 
 WIRES = {
@@ -127,12 +128,12 @@ def decode_rates(scans: int) -> list[DecodeLine]:
     lines = []
     can_link, serial_link, icub_link = _CanFeed(), _ByteFeed(), _CanFeed()
     wires: tuple[tuple[str, float, SkinPort, Any, Any], ...] = (
-        ("can", eight, HubOnCan(can_link, hub, 0.01), CanBoard(EmulatedHub(hub, measure), hub), can_link),
+        ("can", eight, HubOnCan(can_link, hub, 0.01), CanBoard(EmulatedHub(hub, measure)), can_link),
         (
             "serial",
             BAUD_RATE / 10,
             HubOnSerial(serial_link, hub, 0.01),
-            SerialBoard(EmulatedHub(hub, measure), hub),
+            SerialBoard(EmulatedHub(hub, measure)),
             serial_link,
         ),
         ("icub", eight, IcubOnCan(icub_link, board), IcubBoard(board, measure), icub_link),
@@ -281,8 +282,10 @@ class _ByteFeed:
 
 def _introduce(port: SkinPort, far: Any, link: Any) -> None:
     """Let host and board talk until the board is started."""
-    for number in range(20):
-        port.exchange(float(number) - 20.0)
+    now = -100.0
+    while math.isinf(far.next_scan):
+        now += 1.0
+        port.exchange(now)
         for item in link.sent:
             link.put(far.take(item, 0.0))
         link.sent.clear()

@@ -24,12 +24,14 @@ enum { UNKNOWN, OPEN, CLOSED, DISAGREE };
 enum { RAM_BROKEN = 1, FLASH_BROKEN = 2, WATCHDOG_RESET = 4, BROWN_OUT_RESET = 8 };
 enum { NO = 1 << PD4, NC = 1 << PD7 };
 enum { LENGTH = 10 };
+enum { HUNG = 0x5AC3 };  // memory holds no such value after power-up, but by a chance of 1 in 65536
 
 static volatile bool ticked;
 static uint8_t packet[LENGTH];
 static volatile uint8_t sent = LENGTH;
 
 static uint8_t reset_cause __attribute__((section(".noinit")));
+static uint16_t hung __attribute__((section(".noinit")));
 
 // After a watchdog reset the watchdog runs on with its shortest period: stop it before anything else.
 void keep_reset_cause(void) __attribute__((naked, used, section(".init3")));
@@ -38,6 +40,15 @@ void keep_reset_cause(void)
     reset_cause = MCUSR;
     MCUSR = 0;
     wdt_disable();
+}
+
+// The watchdog interrupts first and resets the chip one period later, if interrupts are blocked too. The interrupt starts
+// the program again past the boot loader: the boot loader of older Nanos leaves the watchdog running and never gets to the
+// program, and Optiboot clears the cause of a reset.
+ISR(WDT_vect, ISR_NAKED)
+{
+    hung = HUNG;
+    __asm__ volatile("jmp 0");
 }
 
 ISR(TIMER0_COMPA_vect)
@@ -118,12 +129,14 @@ int main(void)
     if (!flash_is_good())
         health |= FLASH_BROKEN;
     const bool is_broken = health != 0;
-    if (reset_cause & _BV(WDRF))
+    if (reset_cause & _BV(WDRF) || hung == HUNG)
         health |= WATCHDOG_RESET;
+    hung = 0;
     if (reset_cause & _BV(BORF))
         health |= BROWN_OUT_RESET;
 
     DDRB = _BV(DDB5);
+    DDRD = 0;
     PORTD = NO | NC;  // pull-ups
     TCCR0A = _BV(WGM01);
     TCCR0B = _BV(CS01) | _BV(CS00);
@@ -135,6 +148,7 @@ int main(void)
     UCSR0B = _BV(TXEN0);
     set_sleep_mode(SLEEP_MODE_IDLE);
     wdt_enable(WDTO_120MS);
+    WDTCSR |= _BV(WDIE);
     sei();
 
     uint32_t time = 0;  // ms since the reset

@@ -113,7 +113,8 @@ def test_a_key_of_hardware_is_not_for_recipes():
 
 
 def test_a_key_is_found_in_each_kind_of_its_section():
-    assert [key.kind for key in find("skin.rate")] == ['skin.kind = "sim"', 'skin.kind = "can"', 'skin.kind = "serial"']
+    kinds = ("sim", "can", "serial", "host")
+    assert [key.kind for key in find("skin.rate")] == [f'skin.kind = "{kind}"' for kind in kinds]
 
 
 def test_a_section_is_found_whole():

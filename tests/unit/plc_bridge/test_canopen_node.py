@@ -2,6 +2,7 @@ import random
 
 import pytest
 
+from drivers.transport.wires import CanFrame
 from plc_bridge.canopen_node import ANYBODY, NmtState
 from plc_bridge.images import CommandImage
 from plc_bridge.messages import UNNUMBERED, Command, Control, LeaseState, Refusal, Report, Result
@@ -72,6 +73,11 @@ def test_nmt_commands_for_this_node_or_for_all_are_obeyed(rig, command, state, n
 @pytest.mark.parametrize("frame", [[START, NODE + 1], [START], [START, NODE, 0], [77, NODE]])
 def test_other_nmt_frames_change_nothing(rig, frame):
     rig.give(0, frame)
+    assert rig.node.state is NmtState.PRE_OPERATIONAL
+
+
+def test_frames_with_29_bit_identifiers_change_nothing(rig):
+    rig.node.receive(CanFrame(0, bytes([START, NODE]), is_extended=True), rig.now)
     assert rig.node.state is NmtState.PRE_OPERATIONAL
 
 

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from drivers.errors import DeviceNotOpenedError, SkinSilentError
-from drivers.skin.boards import RECENT
-from drivers.skin.cyskin_wire import HubCommand
+from drivers.skin.boards import RECENT, CanSkin
 from drivers.skin.health import BASELINE_FRAMES, SkinHealth, SkinHealthConfig
 from drivers.transport.wires import CanFrame
-from sim.boards import TEMPERATURE_COUNTS
 from sim.config import WireFaults
+from sim.cyskin_board import TEMPERATURE_COUNTS
+from tests.cyskin_makers import SENT
 from tests.skins import WIRED, BoardRig, can_config, held_peg, serial_config
 
 STEADY = SkinHealthConfig(drift_time=1e5)
@@ -110,7 +110,7 @@ def test_board_that_was_unplugged_comes_back_with_the_old_baseline(rig, seconds)
     before = rig.scan(1.0)[-1]
     rig.unplug(seconds)
     gone = rig.scan(seconds)
-    back = rig.scan(1.0)
+    back = rig.scan(2.0)
     assert gone[-1] is None
     assert back[-1] is not None
     assert np.corrcoef(before.values.flat, back[-1].values.flat)[0, 1] > 0.95
@@ -171,24 +171,23 @@ def test_taxel_that_dies_while_running_is_masked_at_once(rig):
 
 
 def test_board_that_is_slower_than_told_is_not_opened():
-    rig = BoardRig(WIRED["serial"].model_copy(update={"rate": 100.0, "baud_rate": 19_200}))
+    rig = BoardRig(WIRED["serial"].model_copy(update={"rate": 100.0, "baud_rate": 57_600}))
     with pytest.raises(DeviceNotOpenedError, match=r"scans/s < 80\.0 scans/s, 80% of skin\.rate"):
         rig.skin.open()
 
 
 @pytest.mark.parametrize(
-    ("driver", "board", "said"),
+    ("dialect", "said"),
     [
-        ({"hub": 2}, {}, "none of hub 2: see board.wire.hub"),
-        ({"crc": {"polynomial": 0x31}}, {}, "wrong check sum: see board.wire.crc"),
+        ({"crc": {"polynomial": 0x31}}, "wrong check sum: see board.wire.crc"),
+        ({"byte_order": "little"}, "12 channels, mask 0xFF07; 1 to 12 channels allowed: see board.wire.byte_order"),
     ],
 )
-def test_wrong_wire_is_named_when_the_board_is_heard_but_not_understood(driver, board, said):
+def test_wrong_dialect_is_named_by_its_key(dialect, said):
     rig = BoardRig(can_config())
     rig.skin.open()  # the board sends from now on
     rig.skin.close()
-    other = can_config(board={"kind": "cyskin", "wire": driver})
-    skin = type(rig.skin)(other, rig.link, rig.clock)
+    skin = CanSkin(can_config(board={"kind": "cyskin", "wire": dialect}), rig.link, rig.clock)
     with pytest.raises(SkinSilentError, match=said):
         skin.open()
 
@@ -200,6 +199,29 @@ def test_wrong_baud_rate_is_guessed_from_noise():
     rig.link._send(rig.link._to_host, list(bytes(range(1, 200))), 0.0)
     rig.link.open = lambda: setattr(rig.link, "_is_open", True)
     with pytest.raises(SkinSilentError, match="199 bytes heard and no frame among them: another baud rate"):
+        rig.skin.open()
+
+
+def test_second_hub_on_the_bus_is_named_and_none_is_started():
+    rig = BoardRig(can_config(open_timeout=1.0))
+    real = rig.link.board.take
+
+    def take(item, at):
+        found = real(item, at)
+        other = CanFrame(0x5FF, bytes.fromhex("10040000000981"))
+        return [*found, other] if item.data[:1] == b"\x10" else found
+
+    rig.link.board.take = take
+    with pytest.raises(SkinSilentError, match="is one of 2 on the bus, uid 00000009, 12345678: one allowed"):
+        rig.skin.open()
+    assert rig.hub.number is None
+
+
+def test_modules_that_stay_in_their_boot_loaders_are_named():
+    rig = BoardRig(can_config(open_timeout=2.0))
+    real = rig.link.write
+    rig.link.write = lambda frame: None if frame.data[0] == 0x31 else real(frame)
+    with pytest.raises(SkinSilentError, match="hub 1 has modules that stay in their boot loaders: see their plugs"):
         rig.skin.open()
 
 
@@ -252,21 +274,20 @@ def test_skin_that_nobody_read_for_a_while_is_not_silent(rig):
     assert rig.skin.read().stamp > rig.clock.now() - 0.15
 
 
-@pytest.mark.parametrize("command", [HubCommand.DECLARE, HubCommand.DETAILS, HubCommand.PERIOD, HubCommand.AUTO_SYNC])
-def test_what_got_lost_while_the_board_was_started_is_said_again(command):
-    rig, lost = BoardRig(can_config()), []
+@pytest.mark.parametrize("number", range(len(SENT)))
+def test_whatever_got_lost_while_the_board_was_started_is_said_again(number):
+    rig, sent = BoardRig(can_config(open_timeout=6.0)), []
     real = rig.link.write
 
     def write(frame):
-        if frame.data[0] == command and not lost:
-            lost.append(frame)
-        else:
+        sent.append(frame)
+        if len(sent) != number + 1:
             real(frame)
 
     rig.link.write = write
     rig.skin.open()
     rig.scan(6.0)
-    assert lost
+    assert len(sent) >= len(SENT)
     assert rig.skin.figures().rate == pytest.approx(10.0, rel=0.05)
 
 

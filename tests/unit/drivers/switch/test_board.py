@@ -111,7 +111,8 @@ def test_a_wrong_baud_rate_is_named(switch, board):
 @pytest.mark.parametrize(
     ("changes", "told"),
     [
-        ({"firmware": 0}, "firmware 0; 1 or newer needed"),
+        ({"firmware": 0}, "firmware 0; 1 to 2 allowed"),
+        ({"firmware": 3}, "firmware 3; 1 to 2 allowed: make -C drivers/switch/firmware flash"),
         ({"is_program_broken": True}, "program broken"),
         ({"is_memory_broken": True}, "memory broken"),
         ({"contacts": Contacts.DISAGREE, "normally_closed": False}, "no contact conducts: a broken wire"),

@@ -104,8 +104,9 @@ def test_frames_go_through():
     one, other = (CanBus("virtual", "through", 125_000) for _ in range(2))
     one.open()
     other.open()
-    one.write(CanFrame(0x123, b"abc"))
-    assert other.read(1.0) == CanFrame(0x123, b"abc")
+    for sent in (CanFrame(0x123, b"abc"), CanFrame(0x123, b"abc", is_extended=True), CanFrame(0x17FFFFFF, b"", True)):
+        one.write(sent)
+        assert other.read(1.0) == sent
     assert other.read(0.0) is None
     one.close()
     other.close()
@@ -114,7 +115,6 @@ def test_frames_go_through():
 @pytest.mark.parametrize(
     ("message", "bad"),
     [
-        (can.Message(arbitration_id=1, is_extended_id=True), 0),
         (can.Message(arbitration_id=1, is_remote_frame=True, is_extended_id=False), 0),
         (can.Message(arbitration_id=1, is_fd=True, is_extended_id=False), 0),
         (can.Message(is_error_frame=True), 1),
@@ -196,7 +196,8 @@ def test_a_bus_that_cannot_be_opened_says_how_to_put_it_right(monkeypatch, code,
 def test_frames_of_others_do_not_hide_what_comes_behind_them(fake):
     bus = CanBus("socketcan", "can0", 125_000)
     bus.open()
-    other, ours = can.Message(arbitration_id=1), can.Message(arbitration_id=2, is_extended_id=False)
+    other = can.Message(arbitration_id=1, is_remote_frame=True)
+    ours = can.Message(arbitration_id=2, is_extended_id=False)
     fake[0].incoming = [other, other, other, ours]
     assert bus.read(0.0) == CanFrame(2)
 

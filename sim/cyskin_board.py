@@ -1,0 +1,216 @@
+"""An emulated CySkin hub, as the makers' firmware answers the makers' host program.
+
+Its bytes are written from the messages that were observed at the makers' library [cyskin], and share no code with the
+driver, so that both cannot err in the same way. What the host program does not need, such as an answer to a new
+number or period, the hub does not send.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from drivers.skin.board_config import BOARD_MODULES, TEMPERATURE, HubConfig
+from drivers.skin.health import Counts
+from drivers.transport.cobs import Deframer, frame
+from drivers.transport.wires import CanFrame
+
+DEFAULT_PERIOD = 0.05
+"""Scan period of a hub that was given none, s."""
+TEMPERATURE_COUNTS = 21_000
+"""Reading of a module's temperature channel, counts; its last digit is the module's number."""
+FIRST_SUI = 3500
+"""Own number (sui) of the first module of an emulated hub whose modules the config does not name."""
+UID = bytes.fromhex("12345678")
+"""Unique number of the hub."""
+READINGS = 24
+"""Number of readings in one message; 24 is two modules, in seven CAN frames."""
+BOOT_LOADER_EXIT = (0x17FFFFFF, bytes.fromhex("013B00004F6D17"))
+EVERYBODY = 0xFF
+UNSUPPORTED, INVALID = 0xE2, 0xE3
+
+
+@dataclass(frozen=True, slots=True)
+class HubModule:
+    """One module on the hub."""
+
+    sui: int
+    names: tuple[int, ...]
+    """Names of the channels that are not cut, in their order."""
+
+
+class EmulatedHub:
+    """The hub behind its wire: messages in, messages out."""
+
+    def __init__(self, config: HubConfig, measure: Callable[[], Counts]) -> None:
+        """Build a hub whose modules are those of `config`, and whose taxels read what `measure` returns."""
+        self._names = config.channels
+        self.measure = measure
+        self.replace_modules(config.modules or range(FIRST_SUI, FIRST_SUI + BOARD_MODULES))
+
+    def replace_modules(self, suis: Sequence[int]) -> None:
+        """Put modules with these own numbers (sui) on the hub, at most four, left finger first, and restart it."""
+        self.modules = [HubModule(sui, tuple(sorted((TEMPERATURE, *self._names)))) for sui in suis]
+        self.power(0.0)
+
+    def power(self, at: float) -> None:
+        """Restart the hub: it and its modules are in their boot loaders, and it has no number."""
+        self.is_in_boot_loader = self.are_modules_in_boot_loaders = True
+        self.number: int | None = None
+        self.next_scan, self._period = math.inf, DEFAULT_PERIOD
+
+    def take(self, message: bytes, at: float) -> list[bytes]:
+        """Take a whole message of the host; return the answers."""
+        if self.is_in_boot_loader or len(message) < 3 or len(message) != 3 + message[1] or check_sum(message):
+            return []
+        command, payload = message[0], message[2:-1]
+        if command == 0x10:
+            return [sealed(0x10, UID)]
+        if command == 0x11:
+            if payload[:4] == UID:
+                self.number = payload[4]
+            return []
+        return [] if self.number is None else self._answers(command, payload, at)
+
+    def _answers(self, command: int, payload: bytes, at: float) -> list[bytes]:
+        """Return the answers of a hub that has its number."""
+        if command == 0x31:
+            self.are_modules_in_boot_loaders = False
+            return []
+        if command == 0x37:
+            self.next_scan = at + self._period if any(payload) else math.inf
+            return []
+        if command == 0x38:
+            period = payload[0] << 8 | payload[1] if len(payload) == 2 else 0
+            if not period:
+                return [sealed(0x13, bytes([command, INVALID]))]
+            self._period = period / 1000.0
+            return []
+        if command == 0x3C:
+            counts = bytes(len(module.names) for module in self.modules)
+            started = b"" if self.are_modules_in_boot_loaders else bytes([0]) + counts
+            return [sealed(0x3C, bytes([len(self.modules)]) + started)]
+        if command == 0x3D:
+            asked = range(len(self.modules)) if payload == bytes([EVERYBODY]) else payload
+            return [sealed(0x3D, self._details(number)) for number in asked if number < len(self.modules)]
+        return [sealed(0x13, bytes([command, UNSUPPORTED]))]
+
+    def _details(self, number: int) -> bytes:
+        module = self.modules[number]
+        record = bytes([number]) + module.sui.to_bytes(4, "big")
+        if self.are_modules_in_boot_loaders:
+            return record
+        mask = sum(1 << name for name in module.names)
+        return record + bytes([12, 0]) + mask.to_bytes(2, "big") + bytes([0, 0])
+
+    def scan(self) -> list[bytes]:
+        """Measure, and return the messages of the scan; modules in their boot loaders measure nothing."""
+        self.next_scan += self._period
+        if self.are_modules_in_boot_loaders:
+            return []
+        taxels = iter(self.measure().ravel().tolist())
+        channels: list[tuple[int, int, int]] = []
+        for number, module in enumerate(self.modules):
+            reading = dict(zip(self._names, taxels, strict=False)) | {TEMPERATURE: TEMPERATURE_COUNTS + number}
+            channels += [(number, place, reading[name]) for place, name in enumerate(module.names)]
+        messages = []
+        for at in range(0, len(channels), READINGS):
+            part = channels[at : at + READINGS]
+            words = np.array([counts for _, _, counts in part], dtype=">u2").tobytes()
+            messages.append(sealed(0x43, bytes(part[0][:2]) + words))
+        return messages
+
+
+class _HubBoard:
+    """A hub on a wire."""
+
+    def __init__(self, hub: EmulatedHub) -> None:
+        """Connect the hub."""
+        self.hub = hub
+
+    @property
+    def next_scan(self) -> float:
+        """Time of the hub's next measurement, s."""
+        return self.hub.next_scan
+
+
+class CanBoard(_HubBoard):
+    """A hub on a CAN bus."""
+
+    def __init__(self, hub: EmulatedHub) -> None:
+        """Connect the hub."""
+        super().__init__(hub)
+        self._begun = b""
+
+    def power(self, at: float) -> None:
+        """Restart the hub."""
+        self.hub.power(at)
+        self._begun = b""
+
+    def take(self, item: CanFrame, at: float) -> list[CanFrame]:
+        """Take a frame; return the answer when it ends a message."""
+        if item.is_extended:
+            if (item.id, item.data) == BOOT_LOADER_EXIT:
+                self.hub.is_in_boot_loader = False
+            return []
+        part, number = item.id & 0x700, item.id & 0xFF
+        if number not in (EVERYBODY, self.hub.number):
+            return []
+        self._begun = (b"" if part & 0x100 else self._begun) + item.data
+        return self._framed(self.hub.take(self._begun, at)) if part & 0x400 else []
+
+    def scan(self) -> list[CanFrame]:
+        """Measure, and return the frames of the scan."""
+        return self._framed(self.hub.scan())
+
+    def _framed(self, messages: Iterable[bytes]) -> list[CanFrame]:
+        number = EVERYBODY if self.hub.number is None else self.hub.number
+        frames = []
+        for message in messages:
+            for at in range(0, len(message), 8):
+                part = (0x100 if at == 0 else 0) | (0x400 if at + 8 >= len(message) else 0)
+                frames.append(CanFrame((part or 0x200) | number, message[at : at + 8]))
+        return frames
+
+
+class SerialBoard(_HubBoard):
+    """A hub on a serial line, which has no boot loader there."""
+
+    def __init__(self, hub: EmulatedHub) -> None:
+        """Connect the hub."""
+        super().__init__(hub)
+        self.power(0.0)
+
+    def power(self, at: float) -> None:
+        """Restart the hub."""
+        self.hub.power(at)
+        self.hub.is_in_boot_loader = False
+        self._frames = Deframer(2 + 255 + 1)
+
+    def take(self, item: int, at: float) -> list[int]:
+        """Take a byte; return the answer when it ends a message."""
+        return self._framed(m for content in self._frames.feed(bytes([item])) for m in self.hub.take(content, at))
+
+    def scan(self) -> list[int]:
+        """Measure, and return the bytes of the scan."""
+        return self._framed(self.hub.scan())
+
+    def _framed(self, messages: Iterable[bytes]) -> list[int]:
+        return [byte for message in messages for byte in frame(message)]
+
+
+def sealed(command: int, payload: bytes) -> bytes:
+    """Return a message with its check sum."""
+    body = bytes([command, len(payload)]) + payload
+    return body + bytes([check_sum(body)])
+
+
+def check_sum(data: bytes) -> int:
+    """Return the check sum of `data`: the rest of the division by x^8 + x^2 + x + 1, started at 0xFF; 0 with a right sum behind the data."""
+    rest = 0xFF
+    for byte in data:
+        rest ^= byte
+        for _ in range(8):
+            rest = (rest << 1 ^ 0x107) if rest & 0x80 else rest << 1
+    return rest

@@ -1,0 +1,166 @@
+"""A skin behind the makers' host program, which a writer of the same lines stands in for.
+
+The form is that of file_publisher.cpp, src/cyskin_acquisition of ladylou899/ros2_ws_cyskin_project at 269ebfa: a blank
+ends the first line, times have six decimals.
+"""
+
+import numpy as np
+import pytest
+
+from drivers.errors import DeviceNotOpenedError, SkinSilentError
+from drivers.skin.board_config import HostSkinConfig
+from drivers.skin.boards import HostSkin
+from drivers.skin.health import BASELINE_FRAMES
+
+SUIS = (3500, 3501, 3502, 3503)
+PERIOD = 0.1
+
+
+class HostProgram:
+    """Writes a sample every 100 ms of the clock that it is; a Clock."""
+
+    def __init__(self, path, suis=SUIS):
+        self.path, self.time = path, 0.0
+        self.touch = np.zeros(48, dtype=int)
+        self._rng = np.random.default_rng(0)
+        self.begin(suis)
+
+    def begin(self, suis=SUIS):
+        """Start, which begins the file anew."""
+        self.uids = [sui << 4 | name for sui in suis for name in range(12)]
+        self.path.write_text(" ".join(map(str, self.uids)) + " \n")
+        self.number, self.is_running, self._next = 0, True, self.time + PERIOD
+
+    def append(self, text):
+        with self.path.open("a") as file:
+            file.write(text)
+
+    def now(self):
+        return self.time
+
+    def wait_until(self, stamp):
+        while self.is_running and self._next <= stamp:
+            self.time, self._next = self._next, self._next + PERIOD
+            counts = 5000 + self._rng.integers(-40, 41, len(self.uids)) + self.touch[: len(self.uids)]
+            self.append(" ".join(map(str, [self.number, f"{self.number * PERIOD:.6f}", *counts])) + "\n")
+            self.number += 1
+        self.time = max(self.time, stamp)
+
+    def scans(self, skin, seconds):
+        """Read once in 10 ms for so long; None where the skin was silent."""
+        frames = []
+        for _ in range(round(seconds / 0.01)):
+            self.wait_until(self.time + 0.01)
+            try:
+                frames.append(skin.read())
+            except SkinSilentError:
+                frames.append(None)
+        return frames
+
+
+@pytest.fixture
+def host(tmp_path):
+    return HostProgram(tmp_path / "skin_data.txt")
+
+
+@pytest.fixture
+def skin(host):
+    made = HostSkin(HostSkinConfig(kind="host", file=str(host.path)), host)
+    yield made
+    made.close()
+
+
+def test_samples_are_frames_at_the_host_programs_rate(skin, host):
+    skin.open()
+    frames = host.scans(skin, 2.0)
+    assert frames[-1].sequence == 20
+    assert skin.figures().rate == pytest.approx(10.0, rel=0.01)
+    assert all(0.0 <= host.time - frame.stamp < 0.11 for frame in frames[-1:])
+
+
+def test_readings_go_to_their_taxels_by_the_first_line(skin, host):
+    skin.open()
+    host.touch[host.uids.index(3502 << 4 | 4)] = 9000
+    values = host.scans(skin, 0.3)[-1].values
+    assert np.argwhere(values > 4000.0).tolist() == [[1, 3]]
+    assert skin.figures().temperature == pytest.approx(np.full(4, 5000.0), abs=40.0)
+
+
+def test_what_stood_in_the_file_before_is_left_out(skin, host):
+    host.touch[:] = 20_000
+    host.wait_until(60.0)
+    host.touch[:] = 0
+    skin.open()
+    assert host.time - 60.0 == pytest.approx(BASELINE_FRAMES * PERIOD, abs=0.2)
+    assert np.abs(skin.read().values).max() < 200.0
+
+
+def test_line_that_is_not_whole_yet_waits_for_its_rest(skin, host):
+    skin.open()
+    before = skin.read().sequence
+    host.is_running = False
+    text = " ".join(map(str, [host.number, f"{host.number * PERIOD:.6f}", *range(5000, 5048)])) + "\n"
+    host.append(text[:40])
+    assert host.scans(skin, 0.05)[-1].sequence == before
+    host.append(text[40:])
+    assert host.scans(skin, 0.05)[-1].sequence == before + 1
+
+
+def test_lines_that_are_no_samples_are_counted_and_left_out(skin, host):
+    skin.open()
+    for text in ("1 2 3\n", "x\n", "7 0.1 " + "70000 " * 48 + "\n", "7 0.1 " + "-1 " * 48 + "\n"):
+        host.append(text)
+    assert None not in host.scans(skin, 0.3)
+    assert skin.figures().refused == 4
+
+
+def test_host_program_that_stops_is_silent_and_named(skin, host):
+    skin.open()
+    host.is_running = False
+    assert host.scans(skin, 1.0)[-1] is None
+    with pytest.raises(SkinSilentError, match=r"skin_data.txt grows no more: see cyskin_acquisition and the hub"):
+        skin.read()
+
+
+def test_host_program_that_starts_again_is_followed(skin, host):
+    skin.open()
+    before = host.scans(skin, 0.5)[-1]
+    host.begin()
+    assert host.scans(skin, 0.5)[-1].sequence > before.sequence
+
+
+def test_other_channels_than_before_need_a_new_opening(skin, host):
+    skin.open()
+    host.begin((9, 8, 7, 6))
+    assert host.scans(skin, 0.5)[-1] is None
+    with pytest.raises(SkinSilentError, match="other channels than when the skin was opened"):
+        skin.read()
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (None, "No such file or directory; start cyskin_acquisition --buffer file --filename"),
+        ("CySkin\n", "first line b'CySkin.n'; the channels' numbers needed"),
+    ],
+)
+def test_file_that_is_not_the_host_programs_is_named(skin, host, content, said):
+    host.path.unlink() if content is None else host.path.write_text(content)
+    with pytest.raises(DeviceNotOpenedError, match=said):
+        skin.open()
+
+
+def test_file_without_its_first_line_is_waited_for_and_named(skin, host):
+    host.is_running = False
+    host.path.write_text("")
+    with pytest.raises(SkinSilentError, match="has no first line yet: see whether cyskin_acquisition found its hub"):
+        skin.open()
+
+
+def test_module_that_the_host_program_lacks_is_not_trusted(tmp_path):
+    host = HostProgram(tmp_path / "data.txt", (3500, 3501, 3503))
+    config = {"kind": "host", "file": str(host.path), "board": {"kind": "cyskin", "modules": SUIS}}
+    skin = HostSkin(HostSkinConfig.model_validate(config), host)
+    skin.open()
+    assert np.flatnonzero(~skin.read().trusted.reshape(4, 10).all(axis=1)).tolist() == [2]
+    skin.close()
