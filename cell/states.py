@@ -94,11 +94,11 @@ def is_permitted(state: State, event: Event) -> bool:
     return (state, event) in TRANSITIONS
 
 
-_REACHED = {Event.STOP: (State.STOPPING, State.STOPPED), Event.ABORT: (State.ABORTING, State.ABORTED)}
+_REACHED = {Event.STOP: BEFORE_RESET, Event.ABORT: (State.ABORTING, State.ABORTED)}
 
 
 def is_reached(state: State, event: Event) -> bool:
-    """Return whether the cell already is, or is on its way, where the stop or abort `event` would lead it."""
+    """Return whether the arm already stands, or is on its way to, as the stop or abort `event` asks."""
     return state in _REACHED.get(event, ())
 
 

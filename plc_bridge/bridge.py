@@ -7,13 +7,12 @@ import logging
 import math
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
 
 from drivers.errors import CellError
 from drivers.transport.can_bus import CanBus
 from drivers.transport.serial_line import SerialLine
-from plc_bridge.answers import report_image_of
 from plc_bridge.canopen import CanopenServer
 from plc_bridge.config import PlcConfig
 from plc_bridge.handshake import Handshake
@@ -139,19 +138,19 @@ class Bridge:
         """Show `report` to everybody; a result in it ends the command whose sequence number it echoes."""
         with self._lock:
             self._life, self._published = (self._life + 1) % 0x10000, self._now()
-            self._handshake.publish(report)
+            self._handshake.orders.publish(report)
             self._intervals.note(self._published)
-            self._handshake.tags.publish(report, self._published)
+            self._handshake.orders.tags.publish(report, self._published)
 
     def accept(self, command: Command) -> None:
         """Tell whoever sent `command` that it is done: a program begins, a control is obeyed; for the scan thread."""
         with self._lock:
-            self._handshake.accept(command)
+            self._handshake.orders.accept(command)
 
     def refuse(self, command: Command, refusal: Refusal) -> None:
         """Tell whoever sent `command` why the scan thread does not do it; it belongs to the scan thread."""
         with self._lock:
-            self._handshake.refuse(command, refusal)
+            self._handshake.orders.refuse(command, refusal)
 
     @property
     def is_scanned(self) -> bool:
@@ -174,7 +173,7 @@ class Bridge:
     @property
     def run(self) -> int:
         """Number in the journal of the run under way or last, whoever started it."""
-        return self._handshake.run
+        return self._handshake.orders.report.run
 
     @property
     def figures(self) -> Figures:
@@ -182,7 +181,7 @@ class Bridge:
         counts = self.diagnostics
         served = self._server.worked + (self._secure.worked if self._secure is not None else 0.0)
         with self._lock:
-            intervals, tags = self._intervals, self._handshake.tags
+            intervals, tags = self._intervals, self._handshake.orders.tags
             return Figures(
                 counts,
                 tags.state,
@@ -245,15 +244,20 @@ class Bridge:
         with self._lock:
             self._handshake.lost(source)
 
-    def wrote(self, source: str, image: CommandImage, is_numbered: bool = True) -> None:
-        """Take the command block after a write, for a server; numbered once its sequence register was written."""
+    def left(self, source: str, by: Hashable) -> None:
+        """End a connection of a link that others share, for a server."""
         with self._lock:
-            self._handshake.wrote(source, image, self._now(), is_numbered)
+            self._handshake.left(source, by)
 
-    def switched(self, source: str, coils: Mapping[str, bool]) -> None:
+    def wrote(self, source: str, image: CommandImage, is_numbered: bool = True, by: Hashable = None) -> None:
+        """Take the command block after a write, for a server; see `Handshake.wrote`."""
+        with self._lock:
+            self._handshake.wrote(source, image, self._now(), is_numbered, by)
+
+    def switched(self, source: str, coils: Mapping[str, bool], by: Hashable = None) -> None:
         """Take the coils just written, for a server."""
         with self._lock:
-            self._handshake.switched(source, coils, self._now())
+            self._handshake.switched(source, coils, self._now(), by)
 
     def heard(self, source: str) -> None:
         """Note that a request came, for a server."""
@@ -263,8 +267,7 @@ class Bridge:
     def report_for(self, source: str) -> ReportImage:
         """Return the report as the link `source` shall read it, for a server."""
         with self._lock:
-            answer, life = self._handshake.answer(source), self._life
-        return report_image_of(answer, life)
+            return self._handshake.answer(source, self._life)
 
     def report_words(self, source: str) -> list[int]:
         """Return the report block as the link `source` shall read it, for a server."""
@@ -277,7 +280,7 @@ class Bridge:
     def packml_words(self) -> list[int]:
         """Return the block of PackTags, for a server."""
         with self._lock:
-            return self._handshake.tags.words()
+            return self._handshake.orders.tags.words()
 
     def discrete_inputs(self, source: str) -> list[bool]:
         """Return the discrete inputs, for a server."""

@@ -1,4 +1,4 @@
-"""The requests in the coils of one link: execute and reset by their rising edges, stop by its level; pure.
+"""The requests in the coils of one link: execute and reset by their rising edges; pure.
 
 A coil that is 1 in the first write after its link opened or was lost has no edge that was seen: the command that it may
 have meant before the loss must not be run again.
@@ -7,6 +7,7 @@ have meant before the loss must not be run again.
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum, auto
+from typing import Literal
 
 
 class Edge(Enum):
@@ -28,34 +29,15 @@ class Coils:
 
     execute: bool | None = None
     reset: bool | None = None
-    stop: bool = False
 
-    def take_execute(self, written: Mapping[str, bool]) -> Edge:
-        """Take the coil `execute` if it is among those just written."""
-        edge, self.execute = _edge(self.execute, written.get("execute"))
-        return edge
-
-    def take_reset(self, written: Mapping[str, bool]) -> Edge:
-        """Take the coil `reset` if it is among those just written."""
-        edge, self.reset = _edge(self.reset, written.get("reset"))
-        return edge
-
-    def take_stop(self, written: Mapping[str, bool]) -> bool:
-        """Take the coil `stop` if it is among those just written, and tell whether it rose."""
-        before, self.stop = self.stop, written.get("stop", self.stop)
-        return self.stop and not before
-
-    def forget(self) -> None:
-        """Let the next write count as the first; the stop stays what it is."""
-        self.execute = self.reset = None
-
-
-def _edge(before: bool | None, now: bool | None) -> tuple[Edge, bool | None]:
-    """Return the meaning of a write, and the state of the coil after it."""
-    if now is None:
-        return Edge.NONE, before
-    if not now:
-        return Edge.LOW, False
-    if before is None:
-        return Edge.UNSEEN, True
-    return (Edge.NONE if before else Edge.ROSE), True
+    def take(self, coil: Literal["execute", "reset"], written: Mapping[str, bool]) -> Edge:
+        """Take a coil if it is among those just written."""
+        before, now = getattr(self, coil), written.get(coil)
+        if now is None:
+            return Edge.NONE
+        setattr(self, coil, now)
+        if not now:
+            return Edge.LOW
+        if before is None:
+            return Edge.UNSEEN
+        return Edge.NONE if before else Edge.ROSE

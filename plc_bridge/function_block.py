@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from plc_bridge.function_block_body import BODY
-from plc_bridge.messages import Control, Result
+from plc_bridge.messages import Control, Refusal, Result
 from plc_bridge.registers import PARAMETERS, STAGES, VERSION, VERSION_MAJOR, VERSION_MINOR, Register
 
 NAME = "FB_InsertionCell"
@@ -50,7 +50,7 @@ _TOLD = {
     "code": "ReportCode",
 }
 """Registers of the report that the block works with and does not show, and the variables that they are decoded into."""
-_BOOLS = ("IsSilent", "IsReady", "IsWhole", "IsStopping", "IsHolding", "HoldSent", "WasExecute", "WasStop")
+_BOOLS = ("IsSilent", "IsReady", "IsWhole", "IsStopping", "IsHolding", "HoldSent", "IsTaken", "WasExecute", "WasStop")
 _COUNTERS = ("Life", "Sequence", "RunNumber", "StopNumber", "HoldNumber", "SentCode", "Acknowledge", "SeenLife")
 
 
@@ -174,6 +174,7 @@ def _body(command: Mapping[str, Register], report: Mapping[str, Register]) -> st
         wrong_version=WRONG_VERSION,
         stop_pending=STOP_PENDING,
         run_gone=RUN_GONE,
+        adopted=Refusal.ADOPTED.value,
         failure=FAILURE_BASE,
         failure_result=Result.FAILURE.value,
         none=Result.NONE.value,

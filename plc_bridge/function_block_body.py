@@ -47,6 +47,7 @@ IF Execute AND NOT WasExecute AND NOT Busy THEN
         RunNumber := Sequence;
         SentCode := Code;
         Busy := TRUE;
+        IsTaken := FALSE;
         Command[{c_recipe}] := UINT_TO_WORD(Recipe);
         Command[{c_parameter_mask}] := UINT_TO_WORD(ParameterMask);
         FOR Index := 0 TO {last_serial_word} DO
@@ -58,6 +59,7 @@ IF Execute AND NOT WasExecute AND NOT Busy THEN
         END_FOR;
     END_IF;
 ELSIF Busy AND IsWhole THEN
+    IsTaken := IsTaken OR (ReportAnswered = RunNumber AND ReportRefusal = 0);
     IF ReportSequence = RunNumber AND ReportResult <> {none} THEN
         Busy := FALSE;
         Acknowledge := RunNumber;
@@ -87,6 +89,10 @@ ELSIF Busy AND IsWhole THEN
         (* the cell has answered the newest number and knows no run of this block any more: it was started anew *)
         Busy := FALSE;
         Error := TRUE;
+        ErrorID := {run_gone};
+    END_IF;
+    IF Error AND IsTaken AND ErrorID = {adopted} THEN
+        (* the cell had taken the command and takes its number for a first one now: it was started anew *)
         ErrorID := {run_gone};
     END_IF;
 END_IF;

@@ -7,10 +7,8 @@ Links come and go; what may run is decided here, once for all buses, with the he
     | `sequence_numbers` | which number is adopted, is a command, is late, changes nothing    |
     | `coils`            | which write of a coil is a command                                 |
     | `refusals`         | what is refused without asking the scan thread                     |
-    | `intake`           | what of that becomes an order, and what a refusal                  |
-    | `orders`           | in which order commands reach the scan thread                      |
-    | `dispatch`         | what became of each: decided, ended, acknowledged                  |
-    | `links`            | how an order ended, and whose answer and result a link reads       |
+    | `orders`           | in which order commands reach the scan thread, and how each ended  |
+    | `links`            | whose answer and result a link reads                               |
     | `answers`          | what its report and its inputs say of them                         |
     | `lease`            | who may start                                                      |
     | `watchdog`         | whether a link is alive, and its block whole                       |
@@ -19,24 +17,29 @@ Answers
     Every number gets one: `answered` with `refusal`, once the command was refused or the scan thread has decided.
     `sequence` and `result` tell how the link's own last command ended and are held until it is acknowledged or the
     next command comes; another's run never shows in them. A link that never wrote sees the run of whoever runs.
+    An answer stays once it is given: the same block again, also after a loss, changes nothing.
+Stops
+    STOP, ABORT and the stop coil are obeyed from everybody, under every number and in every state. A block that is
+    repeated unchanged is one stop; a coil is a level, which each connection holds for itself.
 """
 
 import logging
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import count
+from typing import Literal
 
-from plc_bridge.answers import Answer, Inputs, answer_for, inputs_for
-from plc_bridge.dispatch import Counts, Dispatch
-from plc_bridge.images import CommandImage
-from plc_bridge.intake import Intake, goes_on, repeats
+from plc_bridge.answers import Inputs, answer_for, inputs_for
+from plc_bridge.coils import Edge
+from plc_bridge.images import CommandImage, ReportImage
 from plc_bridge.lease import CellLease
 from plc_bridge.links import Link, Order
-from plc_bridge.messages import Command, Control, Refusal, Report
-from plc_bridge.packml import PackTags
+from plc_bridge.messages import UNNUMBERED, Command, Control, Refusal
+from plc_bridge.orders import Counts, Orders
 from plc_bridge.peer_log import PeerLog
-from plc_bridge.refusals import Rules
-from plc_bridge.registers import Lease, Parameter
+from plc_bridge.refusals import CONTROLS, STOPS, BadParameterError, Rules
+from plc_bridge.registers import AFTER_A_LOSS, Lease, Parameter
+from plc_bridge.sequence_numbers import SequenceNumbers, Verdict
 from plc_bridge.sight import PlcSight, sight_of
 from plc_bridge.watchdog import LinkWatchdog
 
@@ -46,6 +49,8 @@ logger = logging.getLogger(__name__)
 @dataclass(slots=True)
 class Handshake:
     """Commands in from any number of links, at most one run at a time out, the right answer back to each.
+
+    The scan thread calls `poll`, and `accept`, `refuse` and `publish` of `orders`.
 
     Args:
         programs: Name of each program and skill by its command code, from 100 on.
@@ -61,17 +66,17 @@ class Handshake:
     life_timeout: float = 1.0
     lease_timeout: float = 5.0
     log: PeerLog = field(default_factory=lambda: PeerLog(logger))
+    orders: Orders = field(init=False)
     _links: dict[str, Link] = field(default_factory=dict)
     _events: "count[int]" = field(default_factory=count)
     """Number of links opened and closed so far."""
     _lease: CellLease = field(init=False)
-    _dispatch: Dispatch = field(init=False)
-    _intake: Intake = field(init=False)
+    _rules: Rules = field(init=False)
 
     def __post_init__(self) -> None:
         self._lease = CellLease(self.lease_timeout, self.log)
-        self._dispatch = Dispatch(self._lease, self.log)
-        self._intake = Intake(Rules(self.programs, self.parameters), self._lease, self._dispatch, self._links)
+        self.orders = Orders(self._lease, self.log)
+        self._rules = Rules(self.programs, self.parameters)
 
     # Links.
 
@@ -85,12 +90,19 @@ class Handshake:
         if link is not None:
             link.closed = next(self._events)
 
+    def left(self, source: str, by: Hashable) -> None:
+        """End a connection of a link that others share; the stop that it held falls."""
+        link = self._links.get(source)
+        if link is not None:
+            link.stops.discard(by)
+            link.writer = None if link.writer == by else link.writer
+
     def lost(self, source: str) -> None:
         """Take `source` for lost, whatever its life counter says: its run stops, and its next number is adopted."""
-        link, run = self._links[source], self._dispatch.run
-        _forget(link)
-        self._lease.release(link)
-        if run is not None and run.link is link and _is_watched(run):
+        link, run = self._links[source], self.orders.run
+        link.forget()
+        self._lease.lose(link)
+        if run is not None and run.link is link and run.is_watched:
             self._lose(run, link, "its bus says so")
 
     def heard(self, source: str, now: float) -> None:
@@ -99,83 +111,87 @@ class Handshake:
 
     # Writes of links.
 
-    def wrote(self, source: str, image: CommandImage, now: float, is_numbered: bool = True) -> None:
-        """Take the command block as it stands after a write of `source`; it counts once its number was written."""
+    def wrote(
+        self, source: str, image: CommandImage, now: float, is_numbered: bool = True, by: Hashable = None
+    ) -> None:
+        """Take the command block as it stands after a write of `source`; it counts once its number was written.
+
+        Args:
+            source: The link.
+            image: The whole block.
+            now: Monotonic time, s.
+            is_numbered: Whether its number has ever been written.
+            by: Connection that has just written the number; None where nobody has, or nobody shares the link.
+        """
         self._expire(now)
         link = self._links[source]
         link.has_spoken = True
         before, link.image = link.image, image
         if not link.watchdog.see(image.life, image.life_tail, now):
-            self._intake.take_torn(link, image)
+            self._take_torn(link, image)
             return
+        if by is not None:
+            if link.writer not in (None, by):
+                link.numbers = SequenceNumbers()  # two writers count for themselves
+            link.writer = by
         if is_numbered and link.numbers.must_adopt:
             self._resume(link, image)
-        self._update_lease(link, image.lease)
+        if image.lease in (Lease.TAKE, Lease.TAKE_FOR_HOST):
+            self._lease.take(link)
+        elif image.lease == Lease.RELEASE:
+            self._lease.release(link)
         if image.acknowledge != (before.acknowledge if before else 0):
             self._acknowledge(link, image.acknowledge)
         if is_numbered:
-            self._intake.take_number(link, image, now, before.code if before else Control.NONE)
+            self._take_number(link, image, now, before.code if before else Control.NONE)
 
-    def switched(self, source: str, coils: Mapping[str, bool], now: float) -> None:
-        """Take the coils that `source` has just written: execute, stop, reset."""
+    def switched(self, source: str, coils: Mapping[str, bool], now: float, by: Hashable = None) -> None:
+        """Take the coils that `source` has just written: execute, stop, reset; `by` names the connection, where several share the link."""
         self._expire(now)
         link = self._links[source]
         link.watchdog.heard = now
-        self._intake.take_coils(link, coils, now)
+        if coils.get("stop") is False:
+            link.stops.discard(by)
+        elif "stop" in coils and by not in link.stops:
+            link.stops.add(by)
+            self._stop(link, CommandImage(code=Control.STOP))
+        image = link.image or CommandImage()
+        link.has_spoken |= bool(coils.keys() & {"execute", "reset"})
+        link.executed = self._take_edge(link, "execute", coils, link.executed, image, now)
+        image = replace(image, code=Control.RESET)
+        link.resetting = self._take_edge(link, "reset", coils, link.resetting, image, now)
 
     def submit(self, source: str, image: CommandImage, now: float) -> Refusal:
         """Submit an order of a local user under the next number of `source`; return why it was refused, if it was."""
         self._expire(now)
         link = self._links[source]
         link.has_spoken, link.image = True, image
-        return self._intake.command(link, link.numbers.count_up(), image, now).refusal
+        return self._command(link, link.numbers.count_up(), image, now).refusal
 
     def take(self, source: str) -> bool:
         """Give `source` the lease if it is free; return whether it holds it now."""
         return self._lease.take(self._links[source])
 
     def release(self, source: str) -> None:
-        """Free the lease if `source` holds it."""
+        """Free the lease if `source` holds it, at the end of its run."""
         self._lease.release(self._links[source])
 
-    # Calls of the scan thread.
-
     def poll(self, now: float) -> Command | None:
-        """Return the next thing for the scan thread to do, each once, stops first and the rest as it came.
-
-        A command that the scan thread has neither accepted nor refused by now ended in a fault.
-        """
+        """Return the next thing for the scan thread to do, each once, stops first and the rest as it came."""
         self._expire(now)
-        return self._dispatch.poll()
-
-    def accept(self, command: Command) -> None:
-        """Take note that `command`, which the scan thread was given last, is done: a program begins, a control is obeyed."""
-        self._dispatch.accept(command)
-
-    def refuse(self, command: Command, refusal: Refusal) -> None:
-        """Take note that `command`, which the scan thread was given last, is not done."""
-        self._dispatch.refused(command, refusal)
-
-    def publish(self, report: Report) -> None:
-        """Take the scan thread's report; a result in it ends the run whose number it echoes."""
-        self._dispatch.publish(report)
+        return self.orders.next()
 
     # Reads of links.
 
     @property
     def counts(self) -> Counts:
         """Counts of what went wrong since the start."""
-        return self._dispatch.counts
-
-    @property
-    def tags(self) -> PackTags:
-        """PackTags of the cell."""
-        return self._dispatch.tags
+        return self.orders.counts
 
     @property
     def holder(self) -> str:
         """Name of the link that holds the lease; empty when it is free."""
-        return self._lease.holder.source if self._lease.holder is not None else ""
+        return self._lease.name
 
     @property
     def kept(self) -> frozenset[str]:
@@ -184,27 +200,22 @@ class Handshake:
         return frozenset(link.source for link in (holder, runner) if link is not None)
 
     @property
-    def run(self) -> int:
-        """Number in the journal of the run under way or last, whoever started it."""
-        return self._dispatch.report.run
-
-    @property
     def stops_held(self) -> int:
-        """How many links hold their stop coil at 1."""
-        return self._intake.stops_held
+        """How many connections hold their stop coil at 1."""
+        return sum(len(link.stops) for link in self._links.values())
 
     @property
     def is_busy(self) -> bool:
         """Whether a program or skill was asked for and has not ended."""
-        return self._dispatch.run is not None
+        return self.orders.run is not None
 
-    def answer(self, source: str) -> Answer:
-        """Return the answer that `source` reads."""
-        return answer_for(self._links[source], self._dispatch, self._lease)
+    def answer(self, source: str, life: int = 0) -> ReportImage:
+        """Return the report that `source` reads, with the life counter of the cell."""
+        return answer_for(self._links[source], self.orders, self._lease, life)
 
     def inputs(self, source: str) -> Inputs:
         """Return the discrete inputs of `source`."""
-        return inputs_for(self._links[source], self._dispatch, self._lease, self.stops_held)
+        return inputs_for(self._links[source], self.orders, self._lease, self.stops_held)
 
     def sight(self, host: str, now: float) -> PlcSight | None:
         """Return what is seen of the PLC at `host`, an address, node or line; None while it is not there.
@@ -213,17 +224,166 @@ class Handshake:
         """
         return sight_of(self._links.values(), host, now)
 
-    # Leases, results that were read, links that come back, and links that fall silent.
+    # Numbers.
 
-    def _update_lease(self, link: Link, wish: int) -> None:
-        if wish in (Lease.TAKE, Lease.TAKE_FOR_HOST):
-            self._lease.take(link)
-        elif wish == Lease.RELEASE:
-            self._lease.release(link)
+    def _take_number(self, link: Link, image: CommandImage, now: float, code_before: int) -> None:
+        """Take the number of a whole block; `code_before` is the code of the write before."""
+        numbers = link.numbers
+        verdict = numbers.see(image.sequence, image.asked, image.life)
+        if verdict is Verdict.ANEW:
+            link.was_lost, link.executed, link.resetting = False, None, None
+            link.aside = Order(_command_of(link, image.sequence, image), is_decided=True)
+        if numbers.is_anew and not numbers.is_in_doubt:
+            numbers.is_anew = False
+            link.begin_anew()
+        if verdict is Verdict.LATE:
+            self._take_late(link, image)
+        elif verdict is Verdict.SAME:
+            self._take_same(link, image, code_before)
+        elif verdict is not Verdict.ANEW:
+            link.executed = link.resetting = None
+            if verdict is Verdict.FIRST and image.code not in STOPS:
+                self._adopt(link, image)
+            elif image.code == Control.NONE:
+                self._empty(link, image)
+            else:
+                self._command(link, image.sequence, image, now)
+
+    def _take_same(self, link: Link, image: CommandImage, code_before: int) -> None:
+        """Take a number that is known: only a stop is obeyed, and a number that came empty is not to be used again."""
+        link.was_lost = False
+        if link.aside is not None and link.aside.sequence != image.sequence:
+            link.aside = None
+        if image.code == code_before:
+            return
+        is_empty = link.came_empty(image.sequence)
+        if image.code in STOPS:
+            self._stop(link, image, image.sequence if is_empty else UNNUMBERED)
+        elif image.code != Control.NONE and is_empty:
+            self._refuse_new(link, image, image.sequence, Refusal.ADOPTED)
+
+    def _take_late(self, link: Link, image: CommandImage) -> None:
+        """Answer a number behind the last one beside the answer of that: a stop is obeyed, another command refused."""
+        run, aside = link.shown, link.aside
+        if run is not None and run.is_program and run.repeats(image):
+            return  # the run's own number, behind those of later controls
+        if aside is not None and aside.repeats(image) and aside.command.code == image.code:
+            return
+        link.aside = Order(_command_of(link, image.sequence, image))
+        if image.code in STOPS:
+            self.orders.stop(link.aside)
+        else:
+            self.orders.turn_down(link.aside, Refusal.LATE)
+
+    def _adopt(self, link: Link, image: CommandImage) -> None:
+        """Adopt a first number, whose command is not run; that of the run in view changes nothing."""
+        shown = link.shown
+        if link.has_resumed or (shown is not None and shown.is_program and shown.repeats(image)):
+            link.was_lost = False
+        elif image.code == Control.NONE:
+            self._empty(link, image)
+        else:
+            self._refuse_new(link, image, image.sequence, Refusal.ADOPTED)
+
+    def _empty(self, link: Link, image: CommandImage) -> None:
+        """Answer a number without a command."""
+        order = Order(_command_of(link, image.sequence, image), link)
+        link.add(order)
+        self.orders.decide(order)
+
+    def _refuse_new(self, link: Link, image: CommandImage, sequence: int, refusal: Refusal) -> Order:
+        """Answer a number with a refusal."""
+        detail = AFTER_A_LOSS if refusal is Refusal.ADOPTED and link.was_lost else 0
+        order = Order(_command_of(link, sequence, image), link, detail=detail)
+        link.add(order)
+        self.orders.turn_down(order, refusal)
+        return order
+
+    def _stop(self, link: Link, image: CommandImage, sequence: int = UNNUMBERED) -> Order:
+        """Stop at once; the stop has an answer of its own if it came under a number."""
+        order = Order(_command_of(link, sequence, image), link if sequence != UNNUMBERED else None)
+        if order.link is not None:
+            link.add(order)
+        self.orders.stop(order)
+        return order
+
+    def _take_edge(
+        self,
+        link: Link,
+        coil: Literal["execute", "reset"],
+        coils: Mapping[str, bool],
+        before: Order | None,
+        image: CommandImage,
+        now: float,
+    ) -> Order | None:
+        """Return the request that a write of a coil makes, or `before`, the one of the write before it."""
+        edge = link.coils.take(coil, coils)
+        if edge is Edge.ROSE:
+            return self._command(link, link.numbers.count_up(), image, now)
+        if edge is Edge.UNSEEN:
+            return self._refuse_new(link, image, link.numbers.count_up(), Refusal.ADOPTED)
+        if edge is Edge.LOW and before is not None and before.is_read:
+            self.orders.end(before)
+        return before
+
+    def _command(self, link: Link, sequence: int, image: CommandImage, now: float) -> Order:
+        """Answer a number that counts, or pass it on to the scan thread."""
+        if image.code in STOPS:
+            return self._stop(link, image, sequence)
+        refusal, detail = self._why_not(link, image), 0
+        parameters: tuple[tuple[str, float], ...] = ()
+        try:
+            parameters = self._rules.parameters_of(image)
+        except BadParameterError as error:
+            if refusal is Refusal.NONE:
+                refusal, detail = Refusal.PARAMETER, error.detail
+        order = Order(_command_of(link, sequence, image, parameters), link, detail=detail)
+        link.add(order)
+        if refusal is not Refusal.NONE:
+            self.orders.turn_down(order, refusal)
+            return order
+        self._lease.take(link)
+        self.orders.add(order)
+        if order.is_program:
+            link.watchdog.revive(now)
+        return order
+
+    def _why_not(self, link: Link, image: CommandImage) -> Refusal:
+        refusal = self._rules.refuse_code(image)
+        if refusal is not Refusal.NONE:
+            return refusal
+        if image.code != Control.HOLD and self.stops_held:
+            return Refusal.STOP_HELD
+        if not self._lease.is_open_to(link):
+            return Refusal.NOT_HOLDER
+        if (self.orders.run is not None and image.code not in CONTROLS) or self.orders.is_full:
+            return Refusal.BUSY
+        return Refusal.NONE
+
+    # Torn blocks.
+
+    def _take_torn(self, link: Link, image: CommandImage) -> None:
+        """Stop at once for a new number whose code says so, although it may not be that number's code.
+
+        The number is answered when the block is whole.
+        """
+        self.counts.torn += 1
+        if image.code in STOPS and image.sequence not in (link.numbers.last, link.torn_stop):
+            link.torn_stop = image.sequence
+            self._stop(link, image)
+
+    def _refuse_torn(self, link: Link) -> None:
+        """Answer the number of a block that has been torn for too long."""
+        link.watchdog.torn_since, image = None, link.image
+        if image is not None and link.numbers.would_count(image.sequence):
+            link.numbers.see(image.sequence, image.asked, image.life)
+            self._refuse_new(link, image, image.sequence, Refusal.TORN)
+
+    # Results that were read, links that come back, and links that fall silent.
 
     def _acknowledge(self, link: Link, sequence: int) -> None:
         if link.shown is not None and link.shown.sequence == sequence:
-            self._dispatch.end(link.shown)
+            self.orders.end(link.shown)
 
     def _resume(self, link: Link, image: CommandImage) -> None:
         """Let a link go on with the run of a closed link of its host.
@@ -231,16 +391,16 @@ class Handshake:
         It writes the run's own number, or the one that the earlier link had come to, as after a hold; and nothing else.
         """
         link.has_resumed = False
-        for order in (self._dispatch.run, self._dispatch.seen):
+        for order in (self.orders.run, self.orders.seen):
             earlier = order.link if order is not None else None
             if order is None or earlier is None or not link.follows(earlier):
                 continue
-            if not (repeats(image, order) or goes_on(image, earlier)):
+            if not (order.repeats(image) or _goes_on(image, earlier)):
                 continue
             if image.code != Control.NONE and image.sequence == order.sequence:
                 order.is_acknowledged = False  # whoever asks once more has not seen the answer
             self._lease.resume(earlier, link)
-            if order is self._dispatch.run:
+            if order is self.orders.run:
                 link.watchdog.follow(earlier.watchdog)
                 self._lease.runner = link
             link.resume(order)
@@ -248,32 +408,32 @@ class Handshake:
 
     def _expire(self, now: float) -> None:
         """Let time-outs act: lost runs, silent holders, blocks that stay torn."""
-        run = self._dispatch.run
-        link = run.link if run is not None and _is_watched(run) else None
+        run = self.orders.run
+        link = run.link if run is not None and run.is_watched else None
         if run is not None and link is not None and link.watchdog.is_silent(now, self.life_timeout):
             self._lose(run, link, f"no sign of life for {self.life_timeout:g} s")
         self._lease.expire(now)
         for each in self._links.values():
             if each.watchdog.is_torn(now, self.life_timeout):
-                each.watchdog.torn_since = None
-                self._intake.refuse_torn(each)
+                self._refuse_torn(each)
 
     def _lose(self, run: Order, link: Link, why: str) -> None:
         self.log.warning(link.host, "%s is lost: %s", link.source, why)
         self.counts.lost += 1
         run.is_lost = True
-        _forget(link)
-        self._lease.release(link)
-        self._dispatch.stop(Order(Command(run.sequence, Control.LOST, source=link.source), is_decided=True))
+        link.forget()
+        self._lease.lose(link)
+        self.orders.stop(Order(Command(run.sequence, Control.LOST, source=link.source), is_decided=True))
 
 
-def _is_watched(run: Order) -> bool:
-    """Tell whether a run stops when its link falls silent."""
-    return run.link is not None and not run.is_lost and not run.link.is_local
+def _goes_on(image: CommandImage, earlier: Link) -> bool:
+    """Tell whether a block has the number that an earlier link had come to, and either its command once more or none at all."""
+    stood = earlier.image
+    is_known = stood is not None and image.sequence == earlier.numbers.last == stood.sequence
+    return is_known and stood is not None and image.asked in (None, stood.asked)
 
 
-def _forget(link: Link) -> None:
-    """Let the link's next number be adopted, and its coils begin anew."""
-    link.was_lost = True
-    link.numbers.forget()
-    link.coils.forget()
+def _command_of(
+    link: Link, sequence: int, image: CommandImage, parameters: tuple[tuple[str, float], ...] = ()
+) -> Command:
+    return Command(sequence, image.code, image.recipe, image.serial, parameters, link.source)

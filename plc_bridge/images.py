@@ -24,6 +24,11 @@ class CommandImage:
     parameters: tuple[tuple[int, int], ...] = ()
     life_tail: int = 0
 
+    @property
+    def asked(self) -> tuple[int, int, str] | None:
+        """Return what makes two blocks of one number the same command; None without a command."""
+        return (self.code, self.recipe, self.serial) if self.code else None
+
 
 @dataclass(frozen=True, slots=True)
 class ReportImage:

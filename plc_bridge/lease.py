@@ -7,7 +7,7 @@
     | any request of the holder              | the same: activity keeps the lease                                |
     | holder closed, its host asks or starts | the new link of that host                                         |
     | holder closed, a link resumes its run  | that link, which also watches over the run                        |
-    | release, silence for `timeout`         | nobody                                                            |
+    | release, silence for `timeout`         | nobody; in a run of the holder from its end on                    |
     | the holder's run was lost              | nobody                                                            |
     | restart of the cell                    | nobody                                                            |
 
@@ -38,6 +38,13 @@ class CellLease:
     holder: Link | None = None
     runner: Link | None = None
     """Link whose run is under way; its lease goes to no link but one that resumes that run."""
+    is_given_back: bool = False
+    """Whether the holder has released it and keeps it to the end of its run."""
+
+    @property
+    def name(self) -> str:
+        """Name of the holder; empty when it is free."""
+        return self.holder.source if self.holder is not None else ""
 
     def is_open_to(self, link: Link) -> bool:
         """Return whether `link` holds the lease or could take it, also from a closed link of its host."""
@@ -53,6 +60,7 @@ class CellLease:
 
     def take(self, link: Link) -> bool:
         """Give the lease to `link` if it is open to it; return whether `link` holds it now."""
+        self.is_given_back &= self.holder is not link
         if self.holder is not link and self.is_open_to(link):
             self.holder = link
             self.log.info(link.host, "%s takes the lease", link.source)
@@ -64,14 +72,32 @@ class CellLease:
             self.holder = link
 
     def release(self, link: Link) -> None:
-        """Free the lease if `link` holds it or could take it over."""
-        if self.holder is not None and self.is_open_to(link):
-            self.holder = None
-            self.log.info(link.host, "%s releases the lease", link.source)
+        """Free the lease if `link` holds it or could take it over; the holder of a run keeps it to the run's end."""
+        if self.holder is not None and self.holder is self.runner:
+            self.is_given_back |= self.holder is link
+        elif self.is_open_to(link):
+            self._free(link, "releases the lease")
+
+    def lose(self, link: Link) -> None:
+        """Free the lease at once if `link`, which was lost, holds it."""
+        if self.holder is link:
+            self._free(link, "loses the lease: it was lost")
+
+    def end_run(self) -> None:
+        """Let the lease go with the end of the run, if it was released meanwhile."""
+        self.runner = None
+        if self.is_given_back and self.holder is not None:
+            self._free(self.holder, "releases the lease")
 
     def expire(self, now: float) -> None:
-        """Free the lease when its holder has been silent for too long."""
+        """Free the lease when its holder has been silent for too long; the link's own watchdog watches a run."""
         holder = self.holder
-        if holder is not None and not holder.is_local and now - holder.watchdog.heard > self.timeout:
-            self.log.info(holder.host, "%s loses the lease: silent for %g s", holder.source, self.timeout)
-            self.holder = None
+        if holder is None or holder.is_local or holder is self.runner:
+            return
+        if now - holder.watchdog.heard > self.timeout:
+            self._free(holder, f"loses the lease: silent for {self.timeout:g} s")
+
+    def _free(self, link: Link, why: str) -> None:
+        if self.holder is not None:
+            self.log.info(link.host, "%s %s", link.source, why)
+        self.holder, self.is_given_back = None, False

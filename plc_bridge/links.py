@@ -4,6 +4,7 @@ A link keeps two of its orders in view: the one whose answer it reads, which is 
 one whose result it reads, which is its newest order or, as long as that is under way, its run.
 """
 
+from collections.abc import Hashable
 from dataclasses import dataclass, field
 
 from plc_bridge.coils import Coils
@@ -53,6 +54,11 @@ class Order:
         return self.command.code != Control.NONE and self.result is Result.NONE
 
     @property
+    def is_watched(self) -> bool:
+        """Whether it is a run that stops when its link falls silent."""
+        return self.link is not None and not self.is_lost and not self.link.is_local
+
+    @property
     def shown_result(self) -> Result:
         """Return the result until it is acknowledged."""
         return Result.NONE if self.is_acknowledged else self.result
@@ -62,9 +68,11 @@ class Order:
         self.is_read |= link is self.link and self.result is not Result.NONE
         return self.shown_result
 
-    def decide(self, result: Result = Result.NONE, refusal: Refusal = Refusal.NONE) -> None:
-        """Take note of the decision on the order."""
-        self.is_decided, self.result, self.refusal = True, result, refusal
+    def repeats(self, image: CommandImage) -> bool:
+        """Tell whether a block has this number, and either this command once more or none at all."""
+        command = self.command
+        asked = (command.code, command.recipe, command.serial)
+        return image.sequence == command.sequence and image.asked in (None, asked)
 
 
 @dataclass(slots=True, eq=False)
@@ -84,9 +92,15 @@ class Link:
     """Whether the link has written anything but a stop; until then it is a spectator."""
     image: CommandImage | None = None
     numbers: SequenceNumbers = field(default_factory=SequenceNumbers)
+    writer: Hashable = None
+    """Connection that wrote the last number, where several share the link; None once it has gone."""
+    stops: set[Hashable] = field(default_factory=set)
+    """Connections of the link that hold their stop coil at 1."""
     coils: Coils = field(default_factory=Coils)
     shown: Order | None = None
     """Order whose result the link reads; None before its first order."""
+    aside: Order | None = None
+    """Answer to a number that is not the last one to count, until a number that counts comes, or the last one again."""
     executed: Order | None = None
     """Last request by the link's coil `execute`; None once the link has sent a sequence number."""
     resetting: Order | None = None
@@ -95,26 +109,25 @@ class Link:
     """Whether the link was taken for lost and has adopted no number since."""
     torn_stop: int | None = None
     """Number of a torn block whose stop was obeyed at once."""
-    late: Order | None = None
-    """Refusal of an old number, until the block holds the current one again."""
     told: Refusal = Refusal.NONE
     """Refusal that the log has already named; it is forgotten once an order of the link is not refused."""
     has_resumed: bool = False
     """Whether the link goes on with the run of an earlier link, which its first number named."""
     _asked: list[Order] = field(default_factory=list)
 
-    @property
-    def is_open(self) -> bool:
-        """Tell whether it has not been closed."""
-        return self.closed is None
-
     def follows(self, earlier: "Link") -> bool:
         """Tell whether it was opened by the same host after `earlier` had been closed."""
         return earlier.closed is not None and earlier.host == self.host and earlier.closed < self.opened
 
+    def forget(self) -> None:
+        """Let the next number be adopted, and the coils begin anew."""
+        self.was_lost = True
+        self.numbers.forget()
+        self.coils = Coils()
+
     def add(self, order: Order) -> None:
         """Take a new order of this link; its run stays in view, unless the PLC sent that run's number once more."""
-        self.late = None
+        self.aside, self.was_lost = None, False
         self._forget_older_answers()
         self._asked.append(order)
         shown = self.shown
@@ -123,6 +136,14 @@ class Link:
         elif not (shown.is_under_way or (order.command.code in PAUSES and shown.shown_result is not Result.NONE)):
             # A hold that crosses the end of the run does not hide how that ended.
             self.shown = order
+
+    def begin_anew(self) -> None:
+        """Let a program that has started anew see nothing of the program before, but a run that it names."""
+        order, self.aside = self.aside, None
+        if order is not None:
+            self._asked = [order]
+            if self.shown is None or self.shown.sequence != order.sequence:
+                self.shown = order
 
     def came_empty(self, sequence: int) -> bool:
         """Tell whether a number came without a command and is the newest that was answered."""
@@ -137,10 +158,16 @@ class Link:
             each.link = self
 
     @property
+    def in_view(self) -> Order | None:
+        """Return the order whose result the link reads; a number that may begin a new count hides that of the count before."""
+        is_empty = self.aside is not None and self.aside.command.code == Control.NONE
+        return self.aside if is_empty else self.shown
+
+    @property
     def answered(self) -> Order | None:
         """Return the newest order that was decided."""
-        if self.late is not None:
-            return self.late
+        if self.aside is not None and self.aside.is_decided:
+            return self.aside
         self._forget_older_answers()
         return self._asked[0] if self._asked and self._asked[0].is_decided else None
 

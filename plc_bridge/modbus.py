@@ -14,7 +14,6 @@ from plc_bridge.config import ModbusConfig
 from plc_bridge.images import Diagnostics
 from plc_bridge.modbus_connection import Connection
 from plc_bridge.peer_log import PeerLog
-from plc_bridge.registers import COILS
 from plc_bridge.station import LinkStation, LinkWords, Mailbox
 
 logger = logging.getLogger(__name__)
@@ -171,12 +170,11 @@ class ModbusServer:
         self.counts.connections = len(self._connections)
         link = connection.station.link
         link.users -= 1
+        connection.station.leave()
         if link.source == connection.source:
             self.mailbox.closed(connection.source)
-            return
-        if link.users == 0:
-            self._set_stop(link, False)
-        self._shared_of(connection.host)
+        else:
+            self._shared_of(connection.host)
 
     def share(self, connection: Connection) -> None:
         """Move `connection` to the link that all connections of its host have together."""
@@ -190,14 +188,7 @@ class ModbusServer:
             shared = self._shared[host] = LinkWords(host, list(link.words), users=0, is_numbered=link.is_numbered)
             self.mailbox.opened(host, host)
         shared.users += 1
-        connection.station.link = shared
-        if link.holds_stop:
-            self._set_stop(shared, True)
-
-    def _set_stop(self, link: LinkWords, value: bool) -> None:
-        """Set the stop coil of a link as if it were written: a stop goes with its connections, and falls with them."""
-        link.coils[COILS["stop"]] = value
-        self.mailbox.switched(link.source, {"stop": value})
+        connection.station.move(shared)
 
     def _shared_of(self, host: str) -> LinkWords | None:
         """Return the shared link of `host`; it ends with its lease, once no connection is left."""

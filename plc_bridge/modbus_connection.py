@@ -69,7 +69,7 @@ class Connection(asyncio.Protocol):
     @property
     def holds_stop(self) -> bool:
         """Whether its stop coil is 1, which falls with it."""
-        return self.station is not None and self.station.link.holds_stop
+        return self.station is not None and self.station.holds_stop
 
     def identify(self, identity: str, rights: frozenset[Right]) -> None:
         """State the client's identity, before the connection is made; clients of another identity are others even at

@@ -1,19 +1,42 @@
-"""The sequence numbers of a link that count as commands; pure.
+"""The meaning of a sequence number on its link; pure.
 
-| seen on a link                            | verdict |
-| --------------------------------------------- | ------- |
-| one of the last `LATE_WINDOW` before the last | LATE    |
-| the first one after it opened or was lost | FIRST   |
-| the same again, whatever else the block holds | SAME    |
-| any other                                 | NEW     |
+Numbers are compared modulo 65536: one is ahead of another by up to 32768, else behind it.
+
+    | number                                     | with code 0     | with a stop     | with another command |
+    | ------------------------------------------ | --------------- | --------------- | -------------------- |
+    | the first of a link or of another writer   | FIRST           | FIRST           | FIRST                |
+    | the same as the last one                   | SAME            | SAME            | SAME                 |
+    | ahead of the last one                      | NEW             | NEW             | NEW                  |
+    | ahead, the first one after a loss          | FIRST           | FIRST           | FIRST                |
+    | behind the last one                        | ANEW            | LATE            | LATE                 |
+    | in doubt: a block of the count before      | SAME or LATE    | SAME or LATE    | SAME or LATE         |
+
+    | meaning | what becomes of it                                                        | next to count |
+    | ------- | ------------------------------------------------------------------------- | ------------- |
+    | FIRST   | a stop is obeyed; another command is refused and never run                | from here     |
+    | SAME    | nothing: the answer stays                                                 | as before     |
+    | NEW     | the command counts, once                                                  | from here     |
+    | ANEW    | a program that starts anew on an open link: the number is known           | from here     |
+    | LATE    | a stop is obeyed; another command is refused and never run                | as before     |
+
+A number behind the last one, in a block whose life counter lies behind as well, is either an old block that came late or
+the first of a program that starts anew. So the count before it stays in doubt. If its life counter goes on, the old
+block was late, and the count before it goes on. The count in doubt ends with the next command that it never had, or
+with the third block in a row that does not belong to it. A block that it had runs nothing again.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum, auto
 
-LATE_WINDOW = 256
-"""Distance by which a number may lie behind and still be an old write; further behind the PLC's counter has restarted."""
 _MODULUS = 0x10000
+_HALF = 0x8000
+KEPT = 256
+"""Numbers of one count that are remembered; an older one is known to have been there, but not with which command."""
+CONFIRMED = 3
+"""Blocks in a row that end the doubt: no line brings three old ones, in their order, between two new ones."""
+
+Asked = tuple[int, int, str] | None
+"""Code, recipe and serial number of a block; None with code 0."""
 
 
 class Verdict(Enum):
@@ -27,33 +50,136 @@ class Verdict(Enum):
     """The number belongs to an old write that arrived late."""
     NEW = auto()
     """The number is a command, which counts once."""
+    ANEW = auto()
+    """The number begins the count of a program that has started anew."""
+
+
+@dataclass(slots=True)
+class _Seen:
+    """A number that was there: what it asked for first, and the life counters of its first and its newest block."""
+
+    asked: Asked
+    first: int
+    newest: int
+
+
+@dataclass(slots=True)
+class _Count:
+    """The numbers of one writer from its first on."""
+
+    first: int
+    last: int
+    life: int
+    """Life counter of the newest block."""
+    blocks: int = 1
+    """Blocks in a row whose life counter did not go back."""
+    is_alive: bool = False
+    """Whether the life counter has changed."""
+    seen: dict[int, _Seen] = field(default_factory=dict)
+
+    def take(self, number: int, asked: Asked, life: int) -> None:
+        """Take a block that belongs to this count."""
+        self.is_alive |= life != self.life
+        self.blocks = 1 if _is_behind(life, self.life) else self.blocks + 1
+        if number != self.last or not _is_behind(life, self.life):
+            self.life = life
+        if number != self.last or number not in self.seen:
+            self.seen.pop(number, None)
+            self.seen[number] = _Seen(asked, life, life)
+            if len(self.seen) > KEPT:
+                del self.seen[next(iter(self.seen))]
+        seen = self.seen[number]
+        seen.asked, seen.newest = seen.asked or asked, self.life
+        self.last = number
+
+    def goes_on(self, number: int, asked: Asked, life: int, other: int) -> bool:
+        """Tell whether a block repeats the last number or is ahead of it, and its life counter follows closer than on `other`."""
+        is_repeated = number == self.last and asked in (None, self.seen[number].asked)
+        is_ahead = number != self.last and not _is_behind(number, self.last)
+        ahead = (life - self.life) % _MODULUS
+        return (is_repeated or is_ahead) and ahead < _HALF and ahead < (life - other) % _MODULUS
+
+    def had(self, number: int, asked: Asked, life: int) -> bool:
+        """Tell whether a block was there before, or was overtaken by one that was."""
+        seen = self.seen.get(number)
+        if seen is not None:
+            return asked in (None, seen.asked) and not (_is_behind(life, seen.first) or _is_behind(seen.newest, life))
+        is_between = (number - self.first) % _MODULUS < (self.last - self.first) % _MODULUS
+        return is_between and _is_behind(life, self.life)
 
 
 @dataclass(slots=True)
 class SequenceNumbers:
     """The numbers of one link."""
 
-    last: int | None = None
-    """Number seen last, None before the first."""
     must_adopt: bool = True
     """Whether no number was seen since the link opened or since it was lost."""
+    _count: _Count | None = None
+    is_anew: bool = False
+    """Whether the last number is the first of a program that started anew, or may be."""
+    _doubted: _Count | None = None
+    """The count before the one that goes on, while both may be right."""
 
-    def see(self, number: int) -> Verdict:
-        """Take the number of a block just written and return its meaning."""
-        last = self.last
-        if last is not None and number != last and (last - number) % _MODULUS <= LATE_WINDOW:
-            return Verdict.LATE
-        self.last = number
-        if self.must_adopt:
-            self.must_adopt = False
+    @property
+    def last(self) -> int | None:
+        """Number seen last, None before the first."""
+        return self._count.last if self._count is not None else None
+
+    @property
+    def is_in_doubt(self) -> bool:
+        """Whether the last number may be that of an old block."""
+        return self._doubted is not None
+
+    def see(self, number: int, asked: Asked = None, life: int = 0) -> Verdict:
+        """Take the number of a block just written, with its command and life counter, and return its meaning."""
+        count, doubted = self._count, self._doubted
+        if count is None:
+            self._begin(number, asked, life)
             return Verdict.FIRST
-        return Verdict.SAME if number == last else Verdict.NEW
+        if doubted is not None:
+            if doubted.goes_on(number, asked, life, count.life):
+                self._count, self._doubted, self.is_anew, count = doubted, None, False, doubted
+            elif count.blocks >= CONFIRMED - 1:
+                self._doubted = None
+            elif number != count.last and doubted.had(number, asked, life):
+                count.take(number, asked, life)
+                return Verdict.ANEW if asked is None else Verdict.LATE
+        if number == count.last:
+            self.must_adopt = False
+            count.take(number, asked, life)
+            return Verdict.SAME
+        if not _is_behind(number, count.last):
+            verdict = Verdict.FIRST if self.must_adopt else Verdict.NEW
+            self.must_adopt, self._doubted = False, None
+            count.take(number, asked, life)
+            return verdict
+        is_old = count.is_alive and _is_behind(life, count.life)
+        if asked is None or is_old:
+            self._begin(number, asked, life)
+            self.is_anew, self._doubted = True, self._doubted or (count if is_old else None)
+        return Verdict.ANEW if asked is None else Verdict.LATE
 
     def count_up(self) -> int:
         """Return the next number, for a command that comes without one, and take it for seen."""
-        self.last = ((self.last or 0) + 1) % _MODULUS
-        return self.last
+        number = ((self.last or 0) + 1) % _MODULUS
+        if self._count is None:
+            self._count = _Count(number, number, 0)
+        self._count.take(number, None, self._count.life)
+        self._doubted = None
+        return number
 
     def forget(self) -> None:
         """Let the next number be adopted."""
         self.must_adopt = True
+
+    def would_count(self, number: int) -> bool:
+        """Tell whether a number would be a new one."""
+        return not self.must_adopt and self.last not in (None, number) and not _is_behind(number, self.last or 0)
+
+    def _begin(self, number: int, asked: Asked, life: int) -> None:
+        self._count = _Count(number, number, life, seen={number: _Seen(asked, life, life)})
+        self.must_adopt = False
+
+
+def _is_behind(number: int, other: int) -> bool:
+    return 0 < (other - number) % _MODULUS < _HALF

@@ -1,7 +1,7 @@
 """The registers and bits of one link, behind the requests of any bus, and the rights to them."""
 
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol, TypeVar
 
@@ -31,11 +31,14 @@ class Mailbox(Protocol):
     def heard(self, source: str) -> None:
         """Note that a request came."""
 
-    def wrote(self, source: str, image: CommandImage, is_numbered: bool) -> None:
-        """Take the command block."""
+    def left(self, source: str, by: Hashable) -> None:
+        """End a connection of a link that others share."""
 
-    def switched(self, source: str, coils: Mapping[str, bool]) -> None:
-        """Take the coils just written."""
+    def wrote(self, source: str, image: CommandImage, is_numbered: bool, by: Hashable) -> None:
+        """Take the command block; `by` has just written its number, None where nobody has."""
+
+    def switched(self, source: str, coils: Mapping[str, bool], by: Hashable) -> None:
+        """Take the coils just written by a connection."""
 
     def report_words(self, source: str) -> list[int]:
         """Return the report block."""
@@ -73,11 +76,6 @@ class LinkWords:
     is_numbered: bool = False
     """Whether its sequence register has been written."""
 
-    @property
-    def holds_stop(self) -> bool:
-        """Whether its stop coil is 1."""
-        return self.coils[COILS["stop"]]
-
 
 class LinkStation:
     """One client's view of the map, a `pdu.Station`.
@@ -101,6 +99,8 @@ class LinkStation:
         share: Callable[[], None] | None = None,
     ) -> None:
         self.link = link
+        self.holds_stop = False
+        """Whether its stop coil is 1; each connection has its own."""
         self._mailbox, self._counts, self._rights = mailbox, counts, rights
         self._warn, self._share = warn, share
         self._told: set[str | int] = set()
@@ -120,7 +120,9 @@ class LinkStation:
     def read_bits(self, function: int, address: int, count: int) -> list[bool]:
         """Return coils (1) or discrete inputs (2)."""
         self._demand("read")
-        bits = self.link.coils if function == 1 else self._mailbox.discrete_inputs(self.link.source)
+        bits = list(self.link.coils) if function == 1 else self._mailbox.discrete_inputs(self.link.source)
+        if function == 1:
+            bits[COILS["stop"]] = self.holds_stop
         return _slice(bits, address, count)
 
     def write_words(self, address: int, words: Sequence[int]) -> None:
@@ -138,8 +140,10 @@ class LinkStation:
         if wish == Lease.TAKE_FOR_HOST and self._share is not None:
             self._share()  # first: the words go into the block that all connections of the host have together
         self.link.words[address : address + len(words)] = words
-        self.link.is_numbered |= address <= _SEQUENCE < address + len(words)
-        self._mailbox.wrote(self.link.source, command_image(self.link.words), self.link.is_numbered)
+        is_number = address <= _SEQUENCE < address + len(words)
+        self.link.is_numbered |= is_number
+        by = self if is_number else None
+        self._mailbox.wrote(self.link.source, command_image(self.link.words), self.link.is_numbered, by)
 
     def write_bits(self, address: int, bits: Sequence[bool]) -> None:
         """Write coils."""
@@ -147,10 +151,19 @@ class LinkStation:
         self._demand("stop" if is_stop_alone and "command" not in self._rights else "command")
         _slice(self.link.coils, address, len(bits))
         self.link.coils[address : address + len(bits)] = bits
-        written = range(address, address + len(bits))
-        self._mailbox.switched(
-            self.link.source, {name: self.link.coils[place] for name, place in COILS.items() if place in written}
-        )
+        written = {name: bits[place - address] for name, place in COILS.items() if 0 <= place - address < len(bits)}
+        self.holds_stop = written.get("stop", self.holds_stop)
+        self._mailbox.switched(self.link.source, written, self)
+
+    def leave(self) -> None:
+        """End its part in the link; the stop that it holds falls."""
+        self._mailbox.left(self.link.source, self)
+
+    def move(self, link: LinkWords) -> None:
+        """Go over to a link that others share; the stop that it holds goes with it."""
+        self.link = link
+        if self.holds_stop:
+            self._mailbox.switched(link.source, {"stop": True}, self)
 
     def mask_word(self, address: int, kept: int, added: int) -> None:
         """Write one register of the command block through two masks.

@@ -58,7 +58,7 @@ def test_line_and_terminal_name_the_controls_as_the_states_do():
 @pytest.mark.parametrize(
     ("event", "states"),
     [
-        (Event.STOP, [State.STOPPED, State.STOPPING]),
+        (Event.STOP, [State.CLEARING, State.STOPPED, State.STOPPING, State.ABORTING, State.ABORTED]),
         (Event.ABORT, [State.ABORTING, State.ABORTED]),
         (Event.RESET, []),
         (Event.HOLD, []),

@@ -1,4 +1,5 @@
-from dataclasses import replace
+from dataclasses import asdict, replace
+from types import SimpleNamespace
 
 import pytest
 
@@ -7,7 +8,6 @@ from plc_bridge.images import CommandImage
 from plc_bridge.messages import REMEDIES, UNNUMBERED, Command, Control, LeaseState, Refusal, Report, Result
 from plc_bridge.orders import MOST_WAITING
 from plc_bridge.registers import AFTER_A_LOSS, SERIAL_NUMBER, Lease, Parameter
-from plc_bridge.sequence_numbers import LATE_WINDOW
 
 INSERT, GRASP = 100, 101
 SPEED = Parameter("search.speed", "m/s", 1e-4, 0.001, 0.1, "how fast the search moves")
@@ -32,23 +32,28 @@ class Line:
     def write(self, source="plc", **changes):
         self.images[source] = replace(self.images[source], **changes)
         self.handshake.wrote(source, self.images[source], self.now)
-        return self.handshake.answer(source)
+        return self.answer(source)
 
     def coils(self, source="plc", **coils):
         self.handshake.switched(source, coils, self.now)
-        return self.handshake.answer(source)
+        return self.answer(source)
+
+    def answer(self, source="plc"):
+        """Return the report that a client reads, and whether it is busy."""
+        image, inputs = self.handshake.answer(source), self.handshake.inputs(source)
+        return SimpleNamespace(**asdict(image), is_busy=inputs.busy)
 
     def poll(self):
         """Take the next command and accept it."""
         command = self.handshake.poll(self.now)
         if command is not None:
-            self.handshake.accept(command)
+            self.handshake.orders.accept(command)
         return command
 
     def refuse(self, refusal):
         """Take the next command and refuse it."""
         command = self.handshake.poll(self.now)
-        self.handshake.refuse(command, refusal)
+        self.handshake.orders.refuse(command, refusal)
         return command
 
     def run(self, sequence=2, source="plc", code=INSERT, **changes):
@@ -57,11 +62,11 @@ class Line:
         self.write(source, sequence=sequence, code=code, **changes)
         command = self.poll()
         assert command is not None
-        self.handshake.publish(Report(sequence=sequence, state=6))
+        self.handshake.orders.publish(Report(sequence=sequence, state=6))
         return command
 
     def end(self, sequence=2, result=Result.SUCCESS, **facts):
-        self.handshake.publish(Report(sequence=sequence, state=17, result=result, **facts))
+        self.handshake.orders.publish(Report(sequence=sequence, state=17, result=result, **facts))
 
 
 def test_first_sequence_number_is_adopted_and_never_run():
@@ -84,7 +89,7 @@ def test_busy_from_acceptance_to_result():
     assert line.write(sequence=2, code=INSERT).is_busy
     line.poll()
     line.end()
-    assert not line.handshake.answer("plc").is_busy
+    assert not line.answer("plc").is_busy
 
 
 def test_result_is_held_until_acknowledged():
@@ -115,7 +120,7 @@ def test_details_of_the_run_before_are_not_shown_beside_the_next_number():
     line = Line()
     line.run()
     line.end(run=41, stage=5, stage_times=(1.0,))
-    report = line.write(sequence=3).report
+    report = line.write(sequence=3)
     assert (report.run, report.stage, report.stage_times, report.state) == (0, 0, (), 17)
 
 
@@ -127,7 +132,7 @@ def test_report_of_the_run_before_does_not_end_the_next_of_the_same_number():
     line.write("b", sequence=1)
     line.write("b", sequence=2, code=INSERT)
     line.end(2)
-    assert line.handshake.answer("b").is_busy
+    assert line.answer("b").is_busy
 
 
 def test_another_command_while_busy_is_refused_and_the_run_keeps_its_number():
@@ -136,7 +141,7 @@ def test_another_command_while_busy_is_refused_and_the_run_keeps_its_number():
     answer = line.write(sequence=3, code=GRASP)
     assert (answer.answered, answer.refusal, answer.sequence, answer.result) == (3, Refusal.BUSY, 2, Result.NONE)
     line.end(2)
-    assert line.handshake.answer("plc").result is Result.SUCCESS
+    assert line.answer("plc").result is Result.SUCCESS
 
 
 def test_unknown_code_is_refused():
@@ -208,15 +213,15 @@ def test_block_that_stays_torn_is_refused():
     line.write(sequence=2, code=INSERT, life=2)
     line.now = 1.1
     line.poll()
-    assert line.handshake.answer("plc").refusal is Refusal.TORN
+    assert line.answer("plc").refusal is Refusal.TORN
     line.write(life_tail=2)
     assert line.poll() is None
 
 
 @pytest.mark.parametrize(
-    ("behind", "refusal"), [(1, Refusal.LATE), (LATE_WINDOW, Refusal.LATE), (LATE_WINDOW + 1, Refusal.NONE)]
+    ("behind", "refusal"), [(1, Refusal.LATE), (0x7FFF, Refusal.LATE), (0x8000, Refusal.NONE), (0xFFFF, Refusal.NONE)]
 )
-def test_number_just_behind_is_late(behind, refusal):
+def test_a_command_behind_by_up_to_half_of_all_numbers_is_late(behind, refusal):
     line = Line()
     line.write(sequence=100)
     assert line.write(sequence=(100 - behind) % 0x10000, code=INSERT).refusal is refusal
@@ -269,14 +274,14 @@ def test_refused_client_does_not_disturb_what_the_holder_reads():
     line.end(2)
     line.write("b", sequence=1)
     line.write("b", sequence=2, code=INSERT)
-    assert line.handshake.answer("a").result is Result.SUCCESS
-    assert line.handshake.answer("b").result is Result.REFUSED
+    assert line.answer("a").result is Result.SUCCESS
+    assert line.answer("b").result is Result.REFUSED
 
 
 def test_client_that_never_writes_sees_the_run():
     line = Line("a", "screen")
     line.run(2, "a")
-    assert line.handshake.answer("screen").is_busy
+    assert (line.answer("screen").sequence, line.answer("screen").answered) == (2, 2)
 
 
 def test_own_result_stays_when_another_runs():
@@ -286,7 +291,7 @@ def test_own_result_stays_when_another_runs():
     line.write("a", lease=Lease.RELEASE)
     line.run(9, "b")
     line.end(9, Result.FAILURE)
-    assert (line.handshake.answer("a").sequence, line.handshake.answer("a").result) == (2, Result.SUCCESS)
+    assert (line.answer("a").sequence, line.answer("a").result) == (2, Result.SUCCESS)
 
 
 @pytest.mark.parametrize(("silence", "holder"), [(5.0, "plc"), (5.1, "")])
@@ -334,9 +339,9 @@ def test_a_local_user_reads_the_answer_to_an_order_and_no_more_to_that_of_others
     line = Line()
     line.run(7)
     line.handshake.opened("terminal", "terminal", 0.0, is_local=True)
-    assert line.handshake.answer("terminal").sequence == 7
+    assert line.answer("terminal").sequence == 7
     assert line.handshake.submit("terminal", CommandImage(code=GRASP), 0.5) is Refusal.NOT_HOLDER
-    answer = line.handshake.answer("terminal")
+    answer = line.answer("terminal")
     assert (answer.sequence, answer.refusal) == (1, Refusal.NOT_HOLDER)
 
 
@@ -376,7 +381,7 @@ def test_command_that_was_stopped_before_the_scan_never_runs():
     line.write(sequence=2, code=INSERT)
     line.coils(stop=True)
     assert [line.poll().code, line.poll()] == [Control.STOP, None]
-    assert line.handshake.answer("plc").result is Result.ABORTED
+    assert line.answer("plc").result is Result.ABORTED
 
 
 def test_abort_comes_before_stop():
@@ -417,7 +422,7 @@ def test_refusal_of_the_supervisor_reaches_the_plc():
     line.write(sequence=1)
     line.write(sequence=2, code=INSERT)
     line.refuse(Refusal.UNKNOWN_RECIPE)
-    answer = line.handshake.answer("plc")
+    answer = line.answer("plc")
     assert (answer.result, answer.refusal, answer.is_busy) == (Result.REFUSED, Refusal.UNKNOWN_RECIPE, False)
     assert line.handshake.counts.refusals == 1
 
@@ -427,10 +432,10 @@ def test_refusal_of_a_control_leaves_the_run_and_its_result_alone():
     line.run()
     line.write(sequence=3, code=Control.UNHOLD)
     line.refuse(Refusal.NOT_READY)
-    answer = line.handshake.answer("plc")
+    answer = line.answer("plc")
     assert (answer.answered, answer.refusal, answer.sequence, answer.is_busy) == (3, Refusal.NOT_READY, 2, True)
     line.end()
-    assert line.handshake.answer("plc").result is Result.SUCCESS
+    assert line.answer("plc").result is Result.SUCCESS
 
 
 def test_refusal_of_a_control_of_somebody_who_runs_nothing_is_its_result():
@@ -440,10 +445,10 @@ def test_refusal_of_a_control_of_somebody_who_runs_nothing_is_its_result():
     line.write(sequence=3, code=Control.UNHOLD)
     control = line.handshake.poll(line.now)
     line.write(sequence=4, code=INSERT)
-    line.handshake.refuse(control, Refusal.NOT_READY)
-    assert line.handshake.answer("plc").answered == 3
+    line.handshake.orders.refuse(control, Refusal.NOT_READY)
+    assert line.answer("plc").answered == 3
     line.poll()
-    assert line.handshake.answer("plc").answered == 4
+    assert line.answer("plc").answered == 4
     assert line.handshake.counts.refusals == 1
 
 
@@ -470,7 +475,7 @@ def test_the_first_reset_after_a_loss_is_refused_with_what_to_do_and_the_next_is
     line.run()
     line.now = 1.5
     assert line.poll().code == Control.LOST
-    line.handshake.publish(Report(sequence=2, state=2, result=Result.ABORTED))
+    line.handshake.orders.publish(Report(sequence=2, state=2, result=Result.ABORTED))
     answer = line.write(sequence=3, code=Control.RESET)
     assert (answer.answered, answer.refusal, answer.refusal_detail) == (3, Refusal.ADOPTED, AFTER_A_LOSS)
     assert "send the same command under the next number" in caplog.text
@@ -565,7 +570,7 @@ def test_execute_coil_acknowledges_when_it_falls_but_not_before_the_end():
     line.poll()
     line.coils(execute=False)
     line.end(1)
-    assert line.handshake.answer("plc").result is Result.SUCCESS
+    assert line.answer("plc").result is Result.SUCCESS
     assert line.coils(execute=False).result is Result.NONE
 
 
@@ -606,7 +611,7 @@ def test_a_control_in_the_middle_of_a_run_has_its_own_result(code):
 
 def test_ready_says_whether_a_start_of_this_link_would_be_taken():
     line = Line("a", "b")
-    line.handshake.publish(Report(state=4))
+    line.handshake.orders.publish(Report(state=4))
     ready = lambda source: line.handshake.inputs(source).ready  # noqa: E731
     assert (ready("a"), ready("b")) == (True, True)
     line.write("a", lease=Lease.TAKE)
@@ -635,7 +640,7 @@ def test_a_run_is_found_by_the_number_that_its_connection_had_come_to(later, aga
     assert (answer.sequence, answer.is_busy, answer.lease) == (2, True, LeaseState.YOURS)
     assert line.poll() is None
     line.end()
-    answer = line.handshake.answer("plc again")
+    answer = line.answer("plc again")
     assert (answer.sequence, answer.result) == (2, Result.SUCCESS)
     line.write("plc again", acknowledge=2)
     assert line.poll().code == Control.ACKNOWLEDGE
@@ -653,7 +658,7 @@ def test_a_stop_that_stands_in_the_block_of_a_new_connection_stops_again():
     assert line.poll().code == Control.STOP
     assert answer.sequence == 2
     line.end(result=Result.ABORTED)
-    assert line.handshake.answer("plc again").result is Result.ABORTED
+    assert line.answer("plc again").result is Result.ABORTED
 
 
 @pytest.mark.parametrize("changed", [{"sequence": 4}, {"code": GRASP}, {"recipe": 1}])
@@ -717,11 +722,11 @@ def test_the_number_of_the_run_that_comes_late_changes_nothing():
     line.run()
     line.write(sequence=3, code=Control.HOLD)
     line.poll()
-    before = line.handshake.answer("plc")
+    before = line.answer("plc")
     assert line.write(sequence=2, code=INSERT) == before
     assert line.write(sequence=3, code=Control.HOLD) == before
     line.end()
-    assert line.handshake.answer("plc").result is Result.SUCCESS
+    assert line.answer("plc").result is Result.SUCCESS
 
 
 def test_a_hold_that_crosses_the_end_of_the_run_does_not_hide_its_result():
@@ -730,16 +735,16 @@ def test_a_hold_that_crosses_the_end_of_the_run_does_not_hide_its_result():
     line.end()
     line.write(sequence=3, code=Control.HOLD)
     line.refuse(Refusal.NOT_READY)
-    answer = line.handshake.answer("plc")
+    answer = line.answer("plc")
     assert (answer.sequence, answer.result) == (2, Result.SUCCESS)
     assert (answer.answered, answer.refusal) == (3, Refusal.NOT_READY)
 
 
 def test_inputs_are_ready_only_where_a_start_would_be_taken():
     line = Line()
-    line.handshake.publish(Report(state=4))
+    line.handshake.orders.publish(Report(state=4))
     assert line.handshake.inputs("plc").ready
-    line.handshake.publish(Report(state=4, obstacle=Refusal.PART_UNRESOLVED))
+    line.handshake.orders.publish(Report(state=4, obstacle=Refusal.PART_UNRESOLVED))
     assert not line.handshake.inputs("plc").ready
 
 

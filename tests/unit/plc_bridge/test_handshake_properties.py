@@ -177,7 +177,7 @@ class RoughLine:
         before = self.answers()
         self.handshake.switched(plc.link, {"stop": True}, self.now)
         self.handshake.switched(plc.link, {"stop": False}, self.now)
-        self.handshake.refuse(self.handshake.poll(self.now), Refusal.NOT_READY)
+        self.handshake.orders.refuse(self.handshake.poll(self.now), Refusal.NOT_READY)
         assert self.answers() == before
 
     def answers(self):
@@ -191,24 +191,24 @@ class RoughLine:
         self.now += n
 
     def publish(self, plc, n):
-        self.handshake.publish(self.report)
+        self.handshake.orders.publish(self.report)
 
     def scan(self, plc, n):
         command = self.handshake.poll(self.now)
         if command is not None:
             self.act(command)
-        self.handshake.publish(self.report)
+        self.handshake.orders.publish(self.report)
 
     def scan_and_refuse(self, plc, n):
         """The cell itself may be unable to do what the handshake has accepted."""
         command = self.handshake.poll(self.now)
         if command is not None and (command.code in PROGRAMS or command.code in CONTROLS) and command.code not in STOPS:
             before = self.handshake.counts.refusals
-            self.handshake.refuse(command, Refusal.NOT_READY)
+            self.handshake.orders.refuse(command, Refusal.NOT_READY)
             assert self.handshake.counts.refusals == before + 1
         elif command is not None:
             self.act(command)
-        self.handshake.publish(self.report)
+        self.handshake.orders.publish(self.report)
 
     def finish(self, plc, n):
         if self.running is not None:
@@ -223,20 +223,20 @@ class RoughLine:
             self.runs += 1
             self.delivered.add(command.serial)
             self.running = command
-            self.handshake.accept(command)
+            self.handshake.orders.accept(command)
             self.report = Report(sequence=command.sequence, state=6)
         elif self.running is not None and command.code in STOPS:
-            self.handshake.accept(command)
+            self.handshake.orders.accept(command)
             self.end(Result.ABORTED)
         elif self.running is None and command.code < FIRST_PROGRAM:
-            self.handshake.accept(command)
+            self.handshake.orders.accept(command)
             self.report = Report(sequence=command.sequence, result=Result.SUCCESS)
 
     def end(self, result):
         self.outcomes[self.running.serial] = result
         self.report = Report(sequence=self.running.sequence, result=result)
         self.running = None
-        self.handshake.publish(self.report)
+        self.handshake.orders.publish(self.report)
 
     def check(self):
         """A result under a PLC's number must be the result of the command that it wrote on this connection."""
@@ -266,8 +266,8 @@ class RoughLine:
         self.end(Result.FAILURE)
         assert self.handshake.answer("fresh").result is Result.FAILURE
         self.handshake.wrote("fresh", replace(image, acknowledge=41), self.now)
-        answer = self.handshake.answer("fresh")
-        assert (answer.result, answer.is_busy) == (Result.NONE, False)
+        assert self.handshake.answer("fresh").result is Result.NONE
+        assert not self.handshake.inputs("fresh").busy
 
     def drain(self):
         while (command := self.handshake.poll(self.now)) is not None:

@@ -41,7 +41,7 @@ class Cell:
     """The handshake, and beside it which connection should hold the lease."""
 
     def __init__(self) -> None:
-        self.now, self.holder, self.running = 0.0, "", None
+        self.now, self.holder, self.running, self.is_given_back = 0.0, "", None, False
         self.handshake = Handshake({PROGRAM: "insert_peg"}, (), life_timeout=1e9, lease_timeout=TIMEOUT)
         self.heard = {}
         self.images = {}
@@ -63,8 +63,12 @@ class Cell:
         """Tell whether a host's connection may have it: a closed one of its own passes it on, but not during its run."""
         if self.holder in ("", self.sources[host]):
             return True
-        is_runner = self.running is not None and self.running.source == self.holder
-        return self.holder.partition("#")[0] == host and not is_runner
+        return self.holder.partition("#")[0] == host and not self.is_runner
+
+    @property
+    def is_runner(self):
+        """The holder's own run is under way: it keeps the lease to the end."""
+        return self.running is not None and self.running.source == self.holder
 
     def send(self, host, code=0):
         """Write the block as it stands; a wish for the lease stands in it until it is taken back."""
@@ -74,11 +78,13 @@ class Cell:
         self.handshake.wrote(source, CommandImage(sequence=sequence, code=code, lease=wish), self.now)
         if wish == Lease.TAKE and self.is_open_to(host):
             self.holder = source
-        if wish == Lease.RELEASE and self.is_open_to(host):
+        if source == self.holder and wish:
+            self.is_given_back = wish == Lease.RELEASE
+        if wish == Lease.RELEASE and self.is_open_to(host) and not self.is_runner:
             self.holder = ""
 
     def expire(self):
-        if self.holder not in ("", TERMINAL) and self.now - self.heard[self.holder] > TIMEOUT:
+        if self.holder not in ("", TERMINAL) and not self.is_runner and self.now - self.heard[self.holder] > TIMEOUT:
             self.holder = ""
 
     def ask(self, host, _):
@@ -108,11 +114,11 @@ class Cell:
         answer = self.handshake.answer(self.sources[host])
         if not self.is_open_to(host):
             assert answer.refusal is Refusal.NOT_HOLDER
-            assert answer.report.holder == self.holder
+            assert answer.holder == self.holder
         elif self.running is not None:
             assert answer.refusal is Refusal.BUSY
         else:
-            assert answer.is_busy
+            assert self.handshake.inputs(self.sources[host]).busy
             self.holder = self.sources[host]
             self.poll()
             answer = self.handshake.answer(self.sources[host])
@@ -155,12 +161,15 @@ class Cell:
     def terminal_releases(self, _, __):
         if self.is_at_terminal:
             self.handshake.release(TERMINAL)
-            self.is_at_terminal, self.holder = False, ""
+            self.is_at_terminal = False
+            self.is_given_back = self.is_runner
+            self.holder = self.holder if self.is_runner else ""
 
     def end(self, result):
         if self.running is not None:
-            self.handshake.publish(Report(sequence=self.running.sequence, result=result))
-            self.running = None
+            self.handshake.orders.publish(Report(sequence=self.running.sequence, result=result))
+            self.holder = "" if self.is_given_back and self.is_runner else self.holder
+            self.running, self.is_given_back = None, False
 
     def poll(self):
         self.expire()
@@ -170,8 +179,8 @@ class Cell:
                 assert command.source == self.holder, "somebody started who did not hold the lease"
                 event(f"started by {command.source.partition(':')[0]}")
                 self.running = command
-                self.handshake.accept(command)
-                self.handshake.publish(Report(sequence=command.sequence, state=6))
+                self.handshake.orders.accept(command)
+                self.handshake.orders.publish(Report(sequence=command.sequence, state=6))
 
     def check(self):
         assert self.handshake.holder == self.holder

@@ -342,11 +342,12 @@ def test_run_that_was_stopped_ends_over_a_new_connection(plc):
     assert plc.cycle(2).shown == ["CommandAborted"]
 
 
-@pytest.mark.parametrize(("is_held", "error"), [(False, Refusal.ADOPTED), (True, RUN_GONE)])
-def test_run_that_a_restarted_cell_does_not_know_is_an_error(plc, is_held, error):
+@pytest.mark.parametrize("is_held", [False, True])
+def test_run_that_a_restarted_cell_does_not_know_is_gone(plc, is_held):
     plc.cycle(2, Execute=True)
     run = take(plc.bridge)
     plc.publish(Report(sequence=run.sequence, state=6))
+    plc.cycle(2)
     if is_held:
         plc.cycle(5, Hold=True)
         take(plc.bridge)
@@ -355,18 +356,33 @@ def test_run_that_a_restarted_cell_does_not_know_is_an_error(plc, is_held, error
     plc.bridge = Bridge(PlcConfig(), {INSERT: "insert_peg"}, [SPEED], now=lambda: plc.now)
     plc.report = Report(state=4)
     plc.connect()
-    assert (plc.cycle(5).shown, plc.v["ErrorID"]) == (["Error"], error)
+    assert (plc.cycle(5).shown, plc.v["ErrorID"]) == (["Error"], RUN_GONE)
     assert plc.bridge.poll() is None
 
 
-def test_plc_that_restarts_behind_a_line_that_stayed_goes_on_counting(plc):
+@pytest.mark.parametrize("seconds", [1.4, 3.0])
+def test_a_plc_that_was_frozen_in_a_run_reads_the_fault_of_its_run(plc, seconds):
+    plc.cycle(2, Execute=True)
+    run = take(plc.bridge)
+    plc.publish(Report(sequence=run.sequence, state=6))
+    plc.cycle(2)
+    plc.now += seconds
+    assert plc.bridge.poll().code == Control.LOST
+    plc.publish(Report(sequence=run.sequence, state=9, result=Result.FAULT, fault=1006))
+    assert (plc.cycle(3).shown, plc.v["ErrorID"]) == (["Error"], 1006)
+    plc.cycle(3, Execute=False, Code=Control.RESET).cycle(3, Execute=True)
+    assert [plc.bridge.poll().code, plc.bridge.poll().code] == [Control.ACKNOWLEDGE, Control.RESET]
+
+
+def test_plc_that_restarts_behind_a_line_that_stayed_counts_anew(plc):
     for _ in range(20):
         plc.cycle(2, Execute=True).end(Result.SUCCESS)
         plc.cycle(2).cycle(Execute=False)
         plc.bridge.poll()
     plc.restart()
     assert plc.cycle(3, Code=INSERT).cycle(2, Execute=True).shown == ["Busy"]
-    assert plc.end(Result.SUCCESS).sequence == 21
+    assert plc.end(Result.FAILURE).sequence == 1
+    assert plc.cycle(2).shown == ["Error"]
 
 
 def test_sequence_wraps_past_0(kind):

@@ -1,0 +1,286 @@
+"""What a number means on a link that stays open: restarts, freezes, late and repeated blocks, joined links; as bytes."""
+
+import pytest
+
+from plc_bridge.messages import Control, Refusal, Result
+from tests.plc_bytes import ABORTED, PLC_LOST, Can, Cell, Rtu, Tcp, block, coil, word
+
+LINKS = pytest.mark.parametrize("link", [Tcp, Rtu, Can])
+SHARE = word(5, 2)
+ACKNOWLEDGE = 4
+
+
+@pytest.fixture
+def cell():
+    return Cell()
+
+
+def seated(cell, plc, number=3, life=0):
+    """Let a program under `number` succeed, of which the PLC has not read the end."""
+    step = bool(life)
+    plc.write((life, number - 1, 0), (life + step, number, 100))
+    cell.scan()
+    cell.end()
+    report = plc.report()
+    assert (report.sequence, report.result, report.run) == (number, Result.SUCCESS, 1)
+
+
+def told(report):
+    return report.sequence, report.result, report.answered, report.refusal
+
+
+# 1. A program that starts anew on an open link.
+
+
+@LINKS
+@pytest.mark.parametrize("lives", [(0, 0, 0), (1, 1, 2), (60_000, 1, 2), (1, 3, 4)], ids=str)
+def test_a_program_that_counts_anew_runs_its_own_commands(cell, link, lives):
+    plc, (before, first, second) = link(cell), lives
+    seated(cell, plc, life=before)
+    assert told(plc.write((first, 0, 0)))[2:] == (0, Refusal.NONE)
+    report = plc.write((second, 1, 100))
+    assert (report.sequence, report.result) == (1, Result.NONE)
+    cell.scan()
+    cell.end(Result.FAILURE)
+    for number in (2, 3):
+        report = plc.write((second + number, number, 100))
+        assert (report.sequence, report.result) == (number, Result.NONE)
+        cell.scan()
+        cell.end(Result.FAILURE)
+        assert (plc.report().result, plc.report().run) == (Result.FAILURE, number + 1)
+
+
+@pytest.mark.parametrize("link", [Tcp, Rtu])
+def test_an_acknowledged_number_of_the_program_before_is_new_again(cell, link):
+    plc = link(cell)
+    seated(cell, plc)
+    plc.ask(word(ACKNOWLEDGE, 3))
+    plc.write((0, 0, 0), (0, 1, 100))
+    cell.scan()
+    cell.end()
+    plc.write((0, 2, 100))
+    cell.scan()
+    cell.end()
+    assert told(plc.write((0, 3, 100))) == (3, Result.NONE, 2, Refusal.NONE)
+    cell.scan()
+    assert len(cell.runs) == 4
+
+
+@LINKS
+def test_a_program_that_starts_anew_in_a_run_is_told_that_the_cell_is_busy(cell, link):
+    plc = link(cell)
+    plc.write((1, 2, 0), (2, 3, 100))
+    cell.scan()
+    assert told(plc.write((1, 0, 0), (2, 1, 100))) == (1, Result.REFUSED, 1, Refusal.BUSY) or link
+    report = plc.write((3, 3, 100))
+    assert (report.answered, report.refusal) == (3, Refusal.BUSY)
+    cell.end()
+    assert plc.report().result is not Result.SUCCESS
+
+
+def test_an_old_empty_block_that_comes_late_changes_nothing(cell):
+    plc = Tcp(cell)
+    plc.write((10, 5, 0), (11, 6, 100), (12, 6, 100))
+    cell.scan()
+    before = told(plc.report())
+    plc.write((10, 5, 0))
+    assert told(plc.write((13, 6, 100))) == before
+    cell.end()
+    plc.write((10, 5, 0))
+    assert told(plc.write((14, 6, 100))) == (6, Result.SUCCESS, 6, Refusal.NONE)
+    assert told(plc.write((15, 7, 100)))[:2] == (7, Result.NONE)
+    cell.scan()
+    assert [run.command.sequence for run in cell.runs] == [6, 7]
+
+
+@pytest.mark.parametrize("late", [[(10, 5, 0), (12, 6, 100)], [(10, 5, 0), (9, 4, 0), (11, 6, 100)]], ids=str)
+def test_several_old_blocks_run_nothing_again(cell, late):
+    plc = Tcp(cell)
+    plc.write((9, 4, 0), (10, 5, 0), (11, 6, 100), (12, 6, 100))
+    cell.scan()
+    cell.end()
+    plc.write(*late)
+    cell.scan()
+    assert len(cell.runs) == 1
+    assert told(plc.write((13, 6, 100))) == (6, Result.SUCCESS, 6, Refusal.NONE)
+
+
+def test_a_command_behind_the_last_number_is_refused_at_any_distance(cell):
+    plc = Tcp(cell)
+    plc.write((0, 1000, 0))
+    for behind in (1, 256, 257, 999):
+        assert told(plc.write((0, 1000 - behind, 100)))[2:] == (1000 - behind, Refusal.LATE)
+    cell.scan()
+    assert cell.runs == []
+
+
+def test_a_program_that_leaves_the_empty_number_out_is_refused_and_then_counts(cell):
+    plc = Tcp(cell)
+    seated(cell, plc, life=50)
+    assert told(plc.write((1, 1, 100)))[2:] == (1, Refusal.LATE)
+    assert plc.write((2, 2, 100)).refusal is not Refusal.LATE
+    cell.scan()
+    cell.end(Result.FAILURE)
+    plc.write((3, 3, 100))
+    cell.scan()
+    assert len(cell.runs) == 3
+
+
+# 2. Stops.
+
+
+@LINKS
+@pytest.mark.parametrize("code", [Control.STOP, Control.ABORT])
+@pytest.mark.parametrize("number", [9, 10, 9 - 255, 300, 40_000], ids=str)
+def test_a_stop_stops_under_any_number_and_its_answer_says_so(cell, link, code, number):
+    plc = link(cell)
+    plc.write((1, 9, 0), (2, 10, 100))
+    cell.scan()
+    plc.write((3, number % 0x10000, code))
+    cell.scan()
+    report = plc.report()
+    assert (cell.running, report.answered, report.refusal) == (None, number % 0x10000, Refusal.NONE)
+    assert report.answered_result in ((Result.ABORTED,) if number == 10 else (Result.SUCCESS,))
+    assert cell.runs[0].result is Result.ABORTED
+
+
+def test_a_stop_under_a_number_that_came_empty_is_answered(cell):
+    plc = Tcp(cell)
+    plc.write((0, 9, 0), (0, 9, 3))
+    cell.scan()
+    report = plc.report()
+    assert (report.answered, report.answered_result, cell.report.state) == (9, Result.SUCCESS, 2)
+
+
+def test_a_stop_that_is_repeated_unchanged_is_one_event(cell):
+    plc, other = Tcp(cell), Tcp(cell, "10.0.0.2")
+    plc.write((1, 9, 0), (2, 10, 100), (3, 8, 3))
+    cell.scan()
+    other.write((1, 1, 0), (2, 2, 1))
+    plc.ask(word(5, 3))
+    other.write((3, 3, 1))
+    cell.scan()
+    assert cell.report.state == 4
+    plc.write((3, 8, 3), (4, 8, 3))
+    cell.scan()
+    assert cell.report.state == 4
+
+
+# 3. An answer does not change.
+
+
+@LINKS
+def test_a_frozen_plc_reads_the_fault_of_its_run_and_goes_on_reading_it(cell, link):
+    plc = link(cell)
+    plc.write((1, 1, 0), (2, 2, 100))
+    cell.scan()
+    cell.wait(1.4)
+    for life in (3, 3, 4):
+        report = plc.write((life, 2, 100))
+        assert (*told(report), report.fault, report.run) == (2, Result.FAULT, 2, Refusal.NONE, PLC_LOST, 1)
+    assert cell.report.state == ABORTED
+
+
+def test_a_finished_result_outlives_the_operational_state(cell):
+    plc = Can(cell)
+    seated(cell, plc, life=1)
+    plc.nmt(2)
+    plc.nmt(1)
+    assert told(plc.write((3, 3, 100))) == (3, Result.SUCCESS, 3, Refusal.NONE)
+
+
+def test_a_command_that_waited_in_a_frozen_plc_is_adopted(cell):
+    plc = Tcp(cell)
+    plc.write((1, 1, 0), (2, 2, 100))
+    cell.scan()
+    cell.wait(1.4)
+    report = plc.write((3, 3, 1))
+    assert (report.answered, report.refusal, report.refusal_detail) == (3, Refusal.ADOPTED, 1)
+
+
+def test_a_torn_block_with_an_old_number_opens_no_way_to_run_again(cell):
+    plc = Tcp(cell)
+    plc.ask(word(40, 11))
+    plc.write((11, 5, 0))
+    plc.ask(word(40, 12))
+    plc.write((12, 6, 100))
+    cell.scan()
+    cell.end()
+    plc.write((13, 4, 100))
+    cell.wait(1.5)
+    plc.ask(word(40, 14))
+    plc.write((14, 6, 100))
+    cell.scan()
+    assert len(cell.runs) == 1
+
+
+# 4. Joined links.
+
+
+def test_each_of_two_joined_links_has_its_own_stop(cell):
+    one, other = Tcp(cell), Tcp(cell)
+    for each in (one, other):
+        each.ask(SHARE)
+    one.write((0, 1, 0))
+    other.ask(coil(1, True))
+    one.ask(bytes.fromhex("0F 0000 0003 01 00"))
+    cell.scan()
+    assert told(one.write((0, 2, Control.RESET)))[2:] == (2, Refusal.STOP_HELD)
+    assert told(one.write((0, 3, 100)))[2:] == (3, Refusal.STOP_HELD)
+    assert cell.bridge.diagnostics.stops_held == 1
+    other.close()
+    assert cell.bridge.diagnostics.stops_held == 0
+
+
+def test_a_stop_goes_with_its_connection_into_the_joined_link(cell):
+    one, other = Tcp(cell), Tcp(cell)
+    one.ask(coil(1, True))
+    one.ask(SHARE)
+    other.ask(SHARE)
+    assert (one.ask(bytes.fromhex("01 0001 0001"))[2], other.ask(bytes.fromhex("01 0001 0001"))[2]) == (1, 0)
+    assert cell.bridge.diagnostics.stops_held == 1
+
+
+@pytest.mark.parametrize("numbers", [(7, 8), (2, 3), (400, 401), (40_000, 50_000)], ids=str)
+def test_two_writers_on_joined_links_run_no_number_again(cell, numbers):
+    one, other = Tcp(cell), Tcp(cell)
+    for each in (one, other):
+        each.ask(SHARE)
+    one.write((0, 2, 0), (0, 3, 100))
+    cell.scan()
+    cell.end()
+    for number in numbers:
+        other.write((0, number, 0))
+        one.write((0, 3, 100))
+        cell.scan()
+    assert [run.command.sequence for run in cell.runs] == [3]
+
+
+# 5. The lease of a run.
+
+
+def test_a_lease_that_is_released_in_a_run_goes_with_its_end(cell):
+    plc, other = Tcp(cell), Tcp(cell, "10.0.0.2")
+    other.write((0, 1, 0))
+    plc.write((0, 2, 0), (0, 3, 100))
+    plc.ask(word(5, 3))
+    cell.scan()
+    assert cell.bridge.holder
+    assert told(other.write((0, 2, Control.HOLD)))[2:] == (2, Refusal.NOT_HOLDER)
+    cell.end()
+    assert cell.bridge.holder == ""
+
+
+def test_a_run_keeps_its_holder_while_that_is_silent():
+    cell = Cell(life_timeout=10.0, lease_timeout=1.0)
+    plc = Tcp(cell)
+    plc.write((0, 2, 0), (0, 3, 100))
+    cell.wait(3.0)
+    assert cell.bridge.holder
+    cell.end()
+    cell.wait(0.1)
+    assert cell.bridge.holder == ""
+
+
+def test_requests_are_the_bytes_of_the_standard():
+    assert block(1, 3, 100) == bytes.fromhex("10 0000 0003 06 0001 0003 0064")
