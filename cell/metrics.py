@@ -1,21 +1,21 @@
-"""Counters and timings of cell and servers as Prometheus text, on a port of its own that is off unless asked for."""
+"""Counters and timings of cell and servers as Prometheus text."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict
 
-from prometheus_client import CollectorRegistry, start_http_server
+from prometheus_client import CONTENT_TYPE_LATEST, CollectorRegistry, generate_latest
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily, Metric
 from prometheus_client.registry import Collector
 
 from cell.states import State
-from drivers.errors import DeviceNotOpenedError
 from plc_bridge.bridge import Bridge, Figures
 from plc_bridge.intervals import BOUNDS
 from plc_bridge.registers import table
 
 GAUGES = frozenset({"connections", "stops_held"})
 """Names of the diagnostics that may also fall."""
+KIND = CONTENT_TYPE_LATEST
+"""Media type of the text."""
 
 
 class CellCollector(Collector):
@@ -25,6 +25,12 @@ class CellCollector(Collector):
         """Take the bridge whose figures are shown."""
         self._bridge = bridge
         self._said = {r.name: r.meaning for r in table() if r.name.startswith("diagnostics_")}
+        self._registry = CollectorRegistry()
+        self._registry.register(self)
+
+    def text(self) -> bytes:
+        """Return every metric as text of `KIND`."""
+        return generate_latest(self._registry)
 
     def collect(self) -> Iterator[Metric]:
         """Yield every metric as it stands now."""
@@ -64,26 +70,3 @@ def _scans(figures: Figures) -> Iterator[Metric]:
     yield HistogramMetricFamily("cell_scan_interval_seconds", said, buckets=buckets, sum_value=figures.scan_total)
     longest = "longest time from one scan to the next since the start"
     yield GaugeMetricFamily("cell_scan_interval_longest_seconds", longest, value=figures.scan_longest)
-
-
-@contextmanager
-def served_metrics(bridge: Bridge, host: str, port: int) -> Iterator[tuple[str, int]]:
-    """Yield host and port where the figures of `bridge` are served meanwhile.
-
-    Raises:
-        DeviceNotOpenedError: The port is in use, or the address is not this computer's.
-    """
-    registry = CollectorRegistry()
-    registry.register(CellCollector(bridge))
-    try:
-        server, thread = start_http_server(port, host, registry)
-    except OSError as error:
-        raise DeviceNotOpenedError(
-            f"--metrics {host}:{port}: {error.strerror or error}; another port allowed"
-        ) from error
-    try:
-        yield host, server.server_port
-    finally:
-        server.shutdown()
-        server.server_close()
-        thread.join()

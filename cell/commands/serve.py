@@ -82,10 +82,10 @@ def _serve(args: argparse.Namespace) -> None:
         if args.page is not None:
             servers.enter_context(_page(args.page, bridge, live, loaded, journal.folder, tuple(cell.cables)))
         if args.metrics is not None:
-            from cell.metrics import served_metrics
+            from cell.page.server import MetricsServer
 
-            host, port = servers.enter_context(served_metrics(bridge, *args.metrics))
-            say(f"metrics on http://{host}:{port}/metrics")
+            server = servers.enter_context(MetricsServer(args.metrics, bridge))
+            say(f"metrics on http://{shown(server.address)}/metrics")
         supervisor.serve()
 
 
@@ -102,12 +102,13 @@ def _page(
     from cell.page.server import PageServer
     from cell.page.token import FILE
 
-    page = PageServer(address, bridge, live, loaded, folder, cables)
-    page.start()
-    try:
-        host, port = page.address
-        where = f"http://{f'[{host}]' if ':' in host else host}:{port}/"
+    with PageServer(address, bridge, live, loaded, folder, cables) as page:
+        where = f"http://{shown(page.address)}/"
         say(f"page on {where}" + (f"#token={page.token}" if sys.stdout.isatty() else f" token in {folder / FILE}"))
         yield
-    finally:
-        page.close()
+
+
+def shown(address: tuple[str, int]) -> str:
+    """Return host and port as a URL has them."""
+    host, port = address
+    return f"{f'[{host}]' if ':' in host else host}:{port}"

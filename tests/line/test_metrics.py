@@ -5,7 +5,7 @@ import urllib.request
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
-from cell.metrics import served_metrics
+from cell.page.server import MetricsServer
 from drivers.errors import DeviceNotOpenedError
 from plc_bridge.intervals import Intervals
 from plc_bridge.messages import Control
@@ -24,7 +24,8 @@ def test_figures_are_those_of_the_cell(served):
     plc.order((1, Control.NONE), (2, CODE))
     plc.until(lambda report: report.result != 0)
     plc.order((3, 77))
-    with served_metrics(served.bridge, "127.0.0.1", 0) as address:
+    with MetricsServer(("127.0.0.1", 0), served.bridge) as server:
+        address = server.address
         figures = read(address)
         until(lambda: read(address)["cell_scan_interval_seconds_count",] > figures["cell_scan_interval_seconds_count",])
     plc.close()
@@ -38,9 +39,9 @@ def test_figures_are_those_of_the_cell(served):
 
 def test_a_port_in_use_is_said_in_one_line(served):
     with (
-        served_metrics(served.bridge, "127.0.0.1", 0) as (host, port),
-        pytest.raises(DeviceNotOpenedError, match=f"--metrics 127.0.0.1:{port}: "),
-        served_metrics(served.bridge, host, port),
+        MetricsServer(("127.0.0.1", 0), served.bridge) as server,
+        pytest.raises(DeviceNotOpenedError, match=f"--metrics 127.0.0.1:{server.address[1]}: "),
+        MetricsServer(server.address, served.bridge),
     ):
         pass
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import AsyncExitStack, asynccontextmanager
 
 import pytest
-from tornado.httpclient import HTTPClientError, HTTPRequest
+from tornado.httpclient import HTTPRequest
 from tornado.websocket import websocket_connect
 
 from cell.journal import Journal
@@ -94,22 +94,9 @@ def test_what_there_is_not_is_answered_so(server, path, status):
     assert get(server, path)[0].status == status
 
 
-def test_a_name_that_somebody_else_led_here_is_refused(server):
-    assert get(server, "/", Host="evil.example")[0].status == 421
-
-
-def test_the_page_of_another_site_gets_no_connection(server):
-    async def come():
-        async with connected(server, Origin="http://evil.example"):
-            pass
-
-    with pytest.raises(HTTPClientError, match="403"):
-        asyncio.run(come())
-
-
 def test_a_port_in_use_is_said_in_one_line(server, served, loaded):
     other = PageServer(server.address, served.bridge, served.live, loaded, served.folder)
-    with pytest.raises(DeviceNotOpenedError, match=r"page: 127\.0\.0\.1:.*cannot listen"):
+    with pytest.raises(DeviceNotOpenedError, match=r"--page 127\.0\.0\.1:.*cannot listen"):
         other.start()
     other.close()
 

@@ -9,7 +9,7 @@ from cell.line import CONTROLS, PARAMETERS, PROGRAMS
 from cell.live import KEPT, Live, Look, Pull
 from cell.page import telling
 from cell.page.commands import Ask, BadAskError, parse
-from cell.page.guard import is_own_host, part_of
+from cell.page.guard import part_of, refusal
 from cell.page.hub import PageHub
 from cell.page.records import Records, shift
 from cell.page.token import FILE, is_token, page_token
@@ -210,12 +210,12 @@ def test_what_cannot_be_understood_is_answered_with_what_is_allowed(text, why):
 
 @pytest.mark.parametrize("host", ["127.0.0.1:8080", "localhost", "[::1]:8080", "192.168.0.7:80", "[fe80::1]"])
 def test_addresses_and_own_names_are_answered(host):
-    assert is_own_host(host)
+    assert not refusal(host, None)
 
 
 @pytest.mark.parametrize("host", ["", "evil.example", "evil.example:8080", "127.0.0.1.evil.example", "[::1", "[x]:1"])
 def test_names_that_anybody_may_lead_here_are_not(host):
-    assert not is_own_host(host)
+    assert refusal(host, None)
 
 
 def test_the_token_is_made_once_for_its_owner_alone(tmp_path):
