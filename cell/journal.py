@@ -171,13 +171,13 @@ class Journal:
 
     def last_run(self) -> int:
         """Return the number of the newest run; 0 when none is on record."""
-        return int(self._reading().execute("SELECT coalesce(max(run), 0) FROM runs", []).fetchone()[0])
+        return int(self._reading().execute("SELECT coalesce(max(run), 0) FROM runs", [])[0][0])
 
     def outcomes(self, query: RunQuery) -> dict[str, int]:
         """Return the number of runs of each outcome, of those that a question is about."""
         where, values = query.where()
         counted = f"SELECT outcome, count(*) FROM runs WHERE {where} GROUP BY outcome"
-        return dict(self._reading().execute(counted, values).fetchall())
+        return dict(self._reading().execute(counted, values))
 
     def stages(self, run: int) -> list[StageRow]:
         """Return the stages of a run in the order in which they were tried."""
@@ -192,7 +192,7 @@ class Journal:
         """Return what a report tells of the runs that a question is about, as far as they have ended."""
         where, values = query.where()
         asked = f"FROM runs JOIN told USING (run) WHERE {where} AND outcome != 'running' ORDER BY started"
-        return told_columns(self._reading().execute(f"SELECT kind, figures {asked}", values).fetchall())
+        return told_columns(self._reading().execute(f"SELECT kind, figures {asked}", values))
 
     def events(self, since: str = "", run: int | None = None) -> list[EventRow]:
         """Return the events, oldest first, from the wall time `since`, ISO 8601 UTC, on; of one run where it is named."""
@@ -230,6 +230,6 @@ def has_run(folder: Path, *, is_simulated: bool) -> bool:
         index = Index(folder, is_read_only=True)
     except JournalError:
         return True
-    found = index.execute("SELECT 1 FROM runs WHERE is_simulated = ? LIMIT 1", [int(is_simulated)]).fetchone()
+    found = index.execute("SELECT 1 FROM runs WHERE is_simulated = ? LIMIT 1", [int(is_simulated)])
     index.close()
-    return found is not None
+    return bool(found)
