@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
@@ -224,12 +225,12 @@ class Journal:
         return self._index
 
 
-def has_run(folder: Path, *, is_simulated: bool) -> bool:
-    """Return whether a run of a simulated cell, or of a real one, is on record in a folder, or may be in an index that cannot be read."""
-    try:
-        index = Index(folder, is_read_only=True)
-    except JournalError:
-        return True
-    found = index.execute("SELECT 1 FROM runs WHERE is_simulated = ? LIMIT 1", [int(is_simulated)])
-    index.close()
-    return bool(found)
+def newest_run(folder: Path, *, is_simulated: bool) -> RunRow | None:
+    """Return the newest run of a simulated cell, or of a real one, that is on record in a folder; None if there is none.
+
+    Raises:
+        JournalError: The index cannot be read.
+    """
+    with closing(Index(folder, is_read_only=True)) as index:
+        found = index.rows(RunRow, "WHERE is_simulated = ? ORDER BY run DESC LIMIT 1", [int(is_simulated)])
+    return found[0] if found else None

@@ -15,7 +15,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from cell import wall_clock
 from cell.journal_index import INDEX, DamagedIndexError, Index
-from cell.journal_schema import LOST, EventKind, EventRow, RunRow, StageRow
+from cell.journal_schema import LOST, UNKNOWN_RUN, EventKind, EventRow, RunRow, StageRow
 from cell.samples import read_rows, read_samples
 from drivers.errors import JournalError
 from skills.catalogue import CATALOGUE
@@ -23,8 +23,6 @@ from skills.catalogue import CATALOGUE
 logger = logging.getLogger(__name__)
 
 _SAMPLES = re.compile(r"run-(\d{6,15})\.arrows", re.ASCII)
-UNKNOWN_RUN = RunRow(0, "", "", 0, "", "", 0)
-"""Row of a run whose samples say nothing of it, as those of version 0.1 do."""
 
 
 @dataclass(frozen=True, slots=True)
