@@ -1,6 +1,7 @@
 """The front of every HTTP server of a cell: one guard before all routes, and the thread that serves them."""
 
 import asyncio
+import logging
 import socket as sockets
 import threading
 from collections.abc import Collection
@@ -11,13 +12,28 @@ from tornado.httputil import HTTPServerRequest
 from tornado.web import Application, HTTPError, RequestHandler
 
 from cell.page.commands import MOST
-from cell.page.guard import headers, refusal
+from cell.page.guard import headers, is_private, refusal
+from cell.page.token import is_token
+from cell.patient_log import SparseFilter
 from drivers.errors import DeviceNotOpenedError
 
 THREAD = "page"
 """Name of the threads that serve."""
+SPARSE = SparseFilter()
+LOGGERS = (
+    "tornado.access",
+    "tornado.application",
+    "tornado.general",
+    "cell.page.front",
+    "cell.page.server",
+    "cell.page.socket",
+)
+"""Names of the loggers whose lines other computers cause."""
 IDLE = 60.0
 """Time without a request after which a connection is closed, s."""
+
+
+OPEN_LINE = "a token is taken only over https or from the cell's own computer"
 
 
 class Guarded(RequestHandler):
@@ -31,6 +47,18 @@ class Guarded(RequestHandler):
         self.clear_header("Server")
         for name, value in headers(self.request.host if self.is_answered else "").items():
             self.set_header(name, value)
+
+    def require_token(self, token: str) -> None:
+        """Make sure that the request has the token, in a header that no other site's page can send.
+
+        Raises:
+            HTTPError: It has not.
+        """
+        assert self.request.remote_ip is not None
+        if not is_private(self.request.protocol, self.request.remote_ip):
+            raise HTTPError(403, reason=OPEN_LINE)
+        if not is_token(self.request.headers.get("Authorization", "").removeprefix("Bearer "), token):
+            raise HTTPError(401, reason="only with the token of this cell")
 
     def write_error(self, status_code: int, **_: Any) -> None:
         """Answer one line of text."""
@@ -106,6 +134,8 @@ class HttpServer:
             DeviceNotOpenedError: The port is in use, or the address is not this computer's.
         """
         host, port = self._asked
+        for name in LOGGERS:
+            logging.getLogger(name).addFilter(SPARSE)
         try:
             family = sockets.AF_INET6 if ":" in host else sockets.AF_INET
             self._socket = sockets.create_server((host, port), family=family)

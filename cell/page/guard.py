@@ -50,6 +50,14 @@ def _names() -> frozenset[str]:
     return frozenset({"localhost", name, f"{name}.local"})
 
 
+def is_private(protocol: str, peer: str) -> bool:
+    """Return True if nobody on the way can read a request: it comes over TLS, or from this computer."""
+    try:
+        return protocol == "https" or ipaddress.ip_address(peer).is_loopback
+    except ValueError:
+        return False
+
+
 def part_of(asked: str, size: int) -> tuple[int, int]:
     """Return the first and the last byte that a request's Range asks for; the whole where it asks for none that there is."""
     match = _RANGE.fullmatch(asked)

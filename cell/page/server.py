@@ -3,7 +3,9 @@
 import asyncio
 import hashlib
 import json
-from collections.abc import Sequence
+import logging
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 from tornado.ioloop import PeriodicCallback
@@ -19,8 +21,10 @@ from cell.page.hub import PERIOD, SPECTATOR, PageHub
 from cell.page.records import FILES, FILM, Records
 from cell.page.socket import PageSocket
 from cell.page.token import page_token
-from drivers.errors import CellError, JournalError
+from drivers.errors import JournalError
 from plc_bridge.bridge import Bridge
+
+logger = logging.getLogger(__name__)
 
 STATIC = Path(__file__).parent / "static"
 KINDS = {
@@ -88,8 +92,8 @@ class PageServer(HttpServer):
         return Front(
             [
                 ("/live", PageSocket, {"hub": self._hub, "bridge": self._bridge, "token": self.token}),
-                (r"/runs/(\d{1,9})/(data|config)", RunData, {"records": records}),
-                (rf"/runs/(\d{{1,9}})/({'|'.join(FILES)})", RunFile, {"records": records}),
+                (r"/runs/(\d{1,9})/(data|config)", RunData, {"records": records, "token": self.token}),
+                (rf"/runs/(\d{{1,9}})/({'|'.join(FILES)})", RunFile, {"records": records, "token": self.token}),
                 (r"/runs/\d{1,9}", Static, {"name": "run.html"}),
                 (r"/([\w-]+\.(?:html|js|css|svg))", Static),
                 ("/", Static, {"name": "index.html"}),
@@ -173,19 +177,19 @@ class Static(FileHandler):
 
 
 class RunData(Guarded):
-    """Handler of one run as the journal has it, or of the config that it was made with."""
+    """Handler of one run as the journal has it, or, with the token, of the config that it was made with."""
 
-    def initialize(self, records: Records) -> None:
-        """Take the records."""
-        self._records = records
+    def initialize(self, records: Records, token: str) -> None:
+        """Take the records and the token."""
+        self._records, self._token = records, token
 
     def get(self, number: str, what: str) -> None:
         """Answer the run as JSON."""
         run = int(number)
-        try:
+        if what == "config":
+            self.require_token(self._token)
+        with _found(run):
             text = json.dumps(self._records.whole(run)) if what == "data" else self._records.config(run)
-        except JournalError as error:
-            raise HTTPError(404, reason=_ascii(error)) from None
         if text is None:
             raise HTTPError(404, reason=f"run {run}: its config was not kept")
         self.set_header("Content-Type", "application/json")
@@ -193,30 +197,46 @@ class RunData(Guarded):
 
 
 class RunFile(FileHandler):
-    """Handler of a file made of a run."""
+    """Handler of a file made of a run: anybody may have one that there is, and whoever has the token may have it made."""
 
-    def initialize(self, records: Records) -> None:
-        """Take the records."""
-        self._records = records
+    def initialize(self, records: Records, token: str) -> None:
+        """Take the records and the token."""
+        self._records, self._token = records, token
 
     async def get(self, number: str, name: str) -> None:
-        """Answer the file, which is made first where it is missing; a film takes minutes, for which nobody can wait."""
-        run = int(number)
-        try:
-            path = self._records.film(run) if name == FILM else await self._records.file(run, name)
-        except JournalError as error:
-            raise HTTPError(404, reason=_ascii(error)) from None
-        if path is None and name == FILM:
-            self.set_status(202)
-            self.finish("being drawn\n")
-            return
-        if path is None:
-            raise HTTPError(404, reason=f"cell {FILES[name]} {run} cannot make it here")
+        """Answer the file."""
+        path = self._records.path(int(number), name)
+        if not path.is_file():
+            raise HTTPError(404, reason=f"run {number}: not drawn yet")
         await self.send(path)
 
+    async def post(self, number: str, name: str) -> None:
+        """Make the file if it is missing; a film takes minutes, for which nobody can wait."""
+        self.require_token(self._token)
+        run = int(number)
+        with _found(run):
+            path = self._records.film(run) if name == FILM else await self._records.file(run, name)
+        if path is None and name != FILM:
+            raise HTTPError(404, reason=f"cell {FILES[name]} {run} cannot make it here")
+        self.set_status(202 if path is None else 200)
+        self.finish("being drawn\n" if path is None else "there\n")
 
-def _ascii(error: CellError) -> str:
-    return str(error).encode("ascii", "replace").decode()
+
+@contextmanager
+def _found(run: int) -> Iterator[None]:
+    """Answer in one line, without a place on the disk, that a run is not on record, or that its record is damaged.
+
+    Raises:
+        HTTPError: It is so.
+    """
+    try:
+        yield
+    except JournalError as error:
+        logger.info("page: %s", error)
+        raise HTTPError(404, reason=f"run {run}: not on record, or without samples") from None
+    except (TypeError, ValueError) as error:
+        logger.warning("page: record of a run is damaged: %s", error)
+        raise HTTPError(404, reason=f"run {run}: its record is damaged") from None
 
 
 def _build() -> str:
