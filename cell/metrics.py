@@ -1,14 +1,18 @@
 """Counters and timings of cell and servers as Prometheus text."""
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import asdict
 
 from prometheus_client import CONTENT_TYPE_LATEST, CollectorRegistry, generate_latest
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily, Metric
 from prometheus_client.registry import Collector
 
+from cell.exposure import key_days
 from cell.states import State
+from drivers.errors import DeviceNotOpenedError
 from plc_bridge.bridge import Bridge, Figures
+from plc_bridge.config import TlsConfig
 from plc_bridge.intervals import BOUNDS
 from plc_bridge.registers import table
 
@@ -21,9 +25,9 @@ KIND = CONTENT_TYPE_LATEST
 class CellCollector(Collector):
     """Reads the bridge whenever somebody asks; between two readings it costs nothing."""
 
-    def __init__(self, bridge: Bridge) -> None:
-        """Take the bridge whose figures are shown."""
-        self._bridge = bridge
+    def __init__(self, bridge: Bridge, tls: TlsConfig | None = None) -> None:
+        """Take the bridge whose figures are shown, and the keys of the cell."""
+        self._bridge, self._tls = bridge, tls
         self._said = {r.name: r.meaning for r in table() if r.name.startswith("diagnostics_")}
         self._registry = CollectorRegistry()
         self._registry.register(self)
@@ -43,6 +47,13 @@ class CellCollector(Collector):
         yield from _products(figures)
         yield from _states(figures)
         yield from _scans(figures)
+        keys = GaugeMetricFamily(
+            "cell_key_days", "time for which a file of the keys is still valid, days", labels=["file"]
+        )
+        with suppress(DeviceNotOpenedError):
+            for name, days in key_days(self._tls).items():
+                keys.add_metric([name], days)
+        yield keys
 
 
 def _products(figures: Figures) -> Iterator[Metric]:

@@ -3,6 +3,7 @@
 import asyncio
 import logging
 import socket as sockets
+import ssl
 import threading
 from collections.abc import Collection
 from typing import Any, Self
@@ -115,10 +116,17 @@ class HttpServer:
 
     def __init__(self, what: str, address: tuple[str, int]) -> None:
         self._what, self._asked = what, address
+        self._context: ssl.SSLContext | None = None
         self._socket: sockets.socket | None = None
         self._thread: threading.Thread | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
         self._is_over: asyncio.Event | None = None
+
+    @property
+    def url(self) -> str:
+        """Address of the server for a browser."""
+        host, port = self.address
+        return f"http{'s' * (self._context is not None)}://{f'[{host}]' if ':' in host else host}:{port}/"
 
     @property
     def address(self) -> tuple[str, int]:
@@ -131,11 +139,12 @@ class HttpServer:
         """Listen.
 
         Raises:
-            DeviceNotOpenedError: The port is in use, or the address is not this computer's.
+            DeviceNotOpenedError: The port is in use, the address is not this computer's, or the keys cannot be used.
         """
         host, port = self._asked
         for name in LOGGERS:
             logging.getLogger(name).addFilter(SPARSE)
+        self._context = self.context()
         try:
             family = sockets.AF_INET6 if ":" in host else sockets.AF_INET
             self._socket = sockets.create_server((host, port), family=family)
@@ -174,6 +183,14 @@ class HttpServer:
         """Return the routes."""
         raise NotImplementedError
 
+    def context(self) -> ssl.SSLContext | None:
+        """Return the context of TLS; None to serve without.
+
+        Raises:
+            DeviceNotOpenedError: Its keys cannot be used.
+        """
+        return None
+
     async def work(self, is_over: asyncio.Event) -> None:
         """Do what the server does beside answering, until it is over."""
         await is_over.wait()
@@ -181,7 +198,7 @@ class HttpServer:
     async def _serve(self, ready: threading.Event) -> None:
         self._loop, self._is_over = asyncio.get_running_loop(), asyncio.Event()
         assert self._socket is not None
-        server = HTTPServer(self.routes, max_body_size=MOST, idle_connection_timeout=IDLE)
+        server = HTTPServer(self.routes, max_body_size=MOST, idle_connection_timeout=IDLE, ssl_options=self._context)
         server.add_socket(self._socket)
         ready.set()
         try:

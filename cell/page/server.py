@@ -4,6 +4,7 @@ import asyncio
 import hashlib
 import json
 import logging
+import ssl
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,7 +12,9 @@ from pathlib import Path
 from tornado.ioloop import PeriodicCallback
 from tornado.web import HTTPError
 
+from cell.cell_config import CellConfig
 from cell.config import LoadedConfig
+from cell.exposure import is_local
 from cell.live import Live
 from cell.metrics import KIND, CellCollector
 from cell.page.commands import MOST
@@ -23,6 +26,7 @@ from cell.page.socket import PageSocket
 from cell.page.token import page_token
 from drivers.errors import JournalError
 from plc_bridge.bridge import Bridge
+from plc_bridge.tls import browser_context
 
 logger = logging.getLogger(__name__)
 
@@ -98,10 +102,16 @@ class PageServer(HttpServer):
                 (r"/([\w-]+\.(?:html|js|css|svg))", Static),
                 ("/", Static, {"name": "index.html"}),
             ],
+            self._loaded.cell.page.names,
             websocket_ping_interval=ping,
             websocket_ping_timeout=ping,
             websocket_max_message_size=MOST,
         )
+
+    def context(self) -> ssl.SSLContext | None:
+        """Return the context of TLS with the cell's own certificate; None on this computer alone, or if the cell has none."""
+        tls = self._loaded.cell.plc.tls
+        return None if tls is None or is_local(self._asked[0]) else browser_context(tls)
 
     async def work(self, is_over: asyncio.Event) -> None:
         """Look at the cell, and show it to the pages, until it is over."""
@@ -116,14 +126,14 @@ class PageServer(HttpServer):
 class MetricsServer(HttpServer):
     """The figures of one cell as Prometheus text."""
 
-    def __init__(self, address: tuple[str, int], bridge: Bridge) -> None:
-        """Take the address, and the bridge whose figures are served."""
+    def __init__(self, address: tuple[str, int], bridge: Bridge, config: CellConfig) -> None:
+        """Take the address, and the bridge and the config of the cell whose figures are served."""
         super().__init__("--metrics", address)
-        self._collector = CellCollector(bridge)
+        self._collector, self._names = CellCollector(bridge, config.plc.tls), config.page.names
 
     def made(self) -> Front:
         """Return the one route."""
-        return Front([("/metrics", Metrics, {"collector": self._collector})])
+        return Front([("/metrics", Metrics, {"collector": self._collector})], self._names)
 
 
 class Metrics(Guarded):

@@ -4,13 +4,18 @@ import http.client
 import http.server
 import threading
 from collections.abc import Iterator
+from dataclasses import replace
 
 import pytest
 from tornado.routing import Rule
 
+from cell.cell_config import PageConfig
 from cell.page.front import HttpServer
+from cell.page.guard import is_private
 from cell.page.server import MetricsServer, PageServer
+from plc_bridge.config import TlsConfig
 from tests.browser import browsing
+from tests.certificates import Authority
 from tests.quick_cell import QuickCell
 
 EXAMPLES = {
@@ -35,7 +40,7 @@ FOREIGN = [
 
 @pytest.fixture(params=["page", "metrics"])
 def server(request, served: QuickCell, loaded) -> Iterator[HttpServer]:
-    made: HttpServer = MetricsServer(("127.0.0.1", 0), served.bridge)
+    made: HttpServer = MetricsServer(("127.0.0.1", 0), served.bridge, loaded.cell)
     if request.param == "page":
         made = PageServer(("127.0.0.1", 0), served.bridge, served.live, loaded, served.folder)
     with made:
@@ -67,6 +72,50 @@ def test_every_route_answers_its_own_page(server):
     own = {"Origin": "http://{}:{}".format(*server.address)}
     for rule in server.routes.wildcard_router.rules:
         assert status(server, "GET", EXAMPLES[pattern(rule)], own) in (101, 200, 404)
+
+
+def with_keys(loaded, folder, **page):
+    """Return the config of a cell that has keys, and the context of whoever trusts them."""
+    authority = Authority(folder)
+    certificate, key = authority.sign("cell")
+    tls = TlsConfig(certificate=certificate, key=key, authority=authority.certificate)
+    plc = loaded.cell.plc.model_copy(update={"tls": tls})
+    cell = loaded.cell.model_copy(update={"plc": plc, "page": PageConfig(**page)})
+    return replace(loaded, cell=cell), authority.client()
+
+
+def test_a_page_for_other_computers_speaks_tls_with_the_keys_of_the_cell(served, loaded, tmp_path):
+    keyed, trust = with_keys(loaded, tmp_path / "keys")
+    with PageServer(("0.0.0.0", 0), served.bridge, served.live, keyed, served.folder) as server:
+        assert server.url.startswith("https://")
+        connection = http.client.HTTPSConnection("127.0.0.1", server.address[1], timeout=10, context=trust)
+        connection.request("GET", "/")
+        assert connection.getresponse().status == 200
+        connection.close()
+    with PageServer(("127.0.0.1", 0), served.bridge, served.live, keyed, served.folder) as server:
+        assert server.url.startswith("http://")
+
+
+def test_a_name_of_the_config_is_answered_as_a_proxy_sends_it(served, loaded, tmp_path):
+    named, _ = with_keys(loaded, tmp_path / "keys", names=["Cell-7.plant.example"])
+    with PageServer(("127.0.0.1", 0), served.bridge, served.live, named, served.folder) as server:
+        own = {"Host": "cell-7.plant.example", "Origin": "https://cell-7.plant.example"}
+        assert status(server, "GET", "/", own) == 200
+        assert status(server, "GET", "/", {"Host": "cell-8.plant.example"}) == 421
+
+
+@pytest.mark.parametrize(
+    ("protocol", "peer", "may"),
+    [
+        ("http", "127.0.0.1", True),
+        ("http", "::1", True),
+        ("http", "10.0.0.5", False),
+        ("https", "10.0.0.5", True),
+        ("http", "", False),
+    ],
+)
+def test_a_token_is_taken_where_nobody_on_the_way_reads_it(protocol, peer, may):
+    assert is_private(protocol, peer) is may
 
 
 class Attacker(http.server.BaseHTTPRequestHandler):
