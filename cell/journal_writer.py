@@ -63,7 +63,7 @@ class JournalWriter:
     def __init__(self, folder: Path, keep: Keep) -> None:
         """Keep the folder, and how long what is in it is kept."""
         self._folder, self._keep = folder, keep
-        self._rows: deque[Callable[[Index], None]] = deque()
+        self._rows: deque[Callable[[Index], object]] = deque()
         self._blocks: deque[tuple[Callable[[], None], int]] = deque()
         """Waiting actions on samples, each with its number of scans."""
         self._changed = Condition()
@@ -140,7 +140,7 @@ class JournalWriter:
         """Keep a config whole, once."""
         self._add_row(lambda index: index.put(row, how="INSERT OR IGNORE"))
 
-    def _add_row(self, job: Callable[[Index], None]) -> None:
+    def _add_row(self, job: Callable[[Index], object]) -> None:
         with self._changed:
             if len(self._rows) >= MOST_ROWS:
                 self._row_trouble = f"more than {MOST_ROWS} rows wait for the index; newer ones are lost"
