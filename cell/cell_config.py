@@ -79,6 +79,16 @@ class JournalConfig(ConfigModel):
     """Free space of the disk below which the PLC is warned, bytes; below a tenth of it no samples are recorded."""
 
 
+class PageConfig(ConfigModel):
+    """[page]: the page for browsers, and the figures.
+
+    Source: set for each cell.
+    """
+
+    names: tuple[Annotated[str, Field(pattern=r"^[A-Za-z0-9.-]{1,253}$")], ...] = ()
+    """Names by which browsers may call the cell beside its addresses and the computer's own name, as in "cell-7.plant.example"."""
+
+
 class CalibrationConfig(ConfigModel):
     """Section [calibration]: files of measured values.
 
@@ -160,6 +170,8 @@ class CellConfig(Catalogued):
     """What a served cell takes over from part to part."""
     journal: JournalConfig = JournalConfig()
     """Where the records of runs go."""
+    page: PageConfig = PageConfig()
+    """Names of the cell for browsers."""
     contact: ContactConfig | None = None
     """Contact of peg and plate in the simulated world."""
     grip: GripConfig | None = None

@@ -10,6 +10,7 @@ import os
 import signal
 import socket
 import sys
+import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -124,7 +125,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         args = _parse(list(sys.argv[1:] if arguments is None else arguments))
         command = load_command(args.command)
-        with _logging(args), _signals() as args.stop:
+        with _logging(args), _signals() as args.stop, _threads():
             return command.run(args)
     except ConfigError as error:
         return _complain(str(error), WRONG_USE)
@@ -218,6 +219,33 @@ def _heard(stop: Stop) -> Iterator[None]:
         its.close()
         thread.join()
         ours.close()
+
+
+@contextmanager
+def _threads() -> Iterator[None]:
+    """End the command as a signal does if a thread ends by an exception: nobody may wait for it, or believe that it works.
+
+    Raises:
+        CellError: A thread has ended so.
+    """
+    lost: list[str] = []
+
+    def note(ended: threading.ExceptHookArgs) -> None:
+        if ended.exc_type is SystemExit:
+            return
+        name = ended.thread.name if ended.thread is not None else "of no name"
+        lost.append(f"thread {name} ended: {ended.exc_type.__name__}: {ended.exc_value}")
+        logger.error("%s", lost[-1])
+        logger.debug("error inside this program", exc_info=ended.exc_value)
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    before, threading.excepthook = threading.excepthook, note
+    try:
+        yield
+    finally:
+        threading.excepthook = before
+        if lost:
+            raise CellError(f"{lost[0]}; -v shows more")
 
 
 def _complain(message: str, status: int) -> int:

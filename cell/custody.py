@@ -4,10 +4,15 @@ beside the journal.
 
 import json
 import logging
-from dataclasses import asdict, replace
+from dataclasses import asdict
+from datetime import datetime
 from pathlib import Path
+from typing import Annotated
 
-from cell.journal import has_run
+from pydantic import BeforeValidator, Field, ValidationError
+
+from cell.journal import newest_run
+from cell.journal_schema import LOST, UNKNOWN_RUN
 from cell.kept_file import KeptFile
 from cell.part_state import (
     PartState,
@@ -20,7 +25,9 @@ from cell.part_state import (
     proven,
     refusal_of,
 )
-from drivers.parts import Rack
+from drivers.config_model import ConfigModel
+from drivers.errors import JournalError
+from drivers.parts import Coordinate, Rack
 from drivers.quantities import GripperState, SwitchState
 from plc_bridge.messages import PartEvidence, PartPlace, Refusal
 
@@ -40,11 +47,11 @@ class Custody:
             folder: Folder of the journal.
             kind: `arm.kind` of the config; what a simulated cell left does not count for a real one.
         """
-        self._file = KeptFile(folder / f"part-{kind}.json", "where the peg is")
+        self._file = KeptFile(folder / f"part-{kind}.json", "where the peg is", is_void_if_late=True)
         self._kept, self._emptied = _read(self._file.path)
-        if self._kept is None and has_run(folder, is_simulated=kind == "sim"):
-            logger.warning("%s: missing, although runs are on record", self._file.path)
-            self._kept = PartState(PartPlace.UNKNOWN, f"{self._file.path.name} is missing, although runs are on record")
+        if doubt := _doubt(self._file.path, folder, is_simulated=kind == "sim"):
+            logger.warning("%s: %s", self._file.path, doubt)
+            self._kept = PartState(PartPlace.UNKNOWN, f"{self._file.path.name} {doubt}")
         self._is_known = False
         self.part = PartState(PartPlace.UNKNOWN, "nothing was looked at yet")
         """Last known state of the peg."""
@@ -111,19 +118,55 @@ class Custody:
         return self._file.flush(FLUSH_TIME)
 
 
+def _doubt(path: Path, folder: Path, *, is_simulated: bool) -> str:
+    """Return why the file tells nothing of where the peg is now; empty if it does, or if nothing has moved yet.
+
+    A run whose end is not on record may have moved the peg after the last text that reached the disk.
+    """
+    try:
+        newest = newest_run(folder, is_simulated=is_simulated)
+        began = 0.0 if newest is None or newest.outcome != LOST else datetime.fromisoformat(newest.started).timestamp()
+    except (JournalError, ValueError):
+        newest, began = UNKNOWN_RUN, 0.0
+    try:
+        written = path.stat().st_mtime
+    except OSError:
+        return "is missing, although runs are on record" if newest is not None else ""
+    return "is older than the last run, which was lost" if written < began else ""
+
+
+def _known_place(name: object) -> PartPlace:
+    if name not in PartPlace.__members__:
+        raise ValueError(f"{', '.join(PartPlace.__members__)} allowed")
+    return PartPlace[str(name)]
+
+
+class KeptPart(ConfigModel):
+    """Content of the file; earlier versions have neither the evidence in bits, nor a width, nor how far the hand has slid down the peg."""
+
+    place: Annotated[PartPlace, BeforeValidator(_known_place)]
+    evidence: Annotated[str, Field(max_length=1000)]
+    is_held: bool
+    depth: Coordinate
+    tip: tuple[Coordinate, Coordinate, Coordinate]
+    was_in_hole: bool = False
+    basis: Annotated[int, Field(ge=0, lt=2 << 16)] = 0
+    width: Coordinate = 0.0
+    slid: Coordinate = 0.0
+    emptied: Annotated[int, Field(ge=0, lt=1 << 31)]
+    """Number of emptied slots of the rack, or of the slot that a feeder fills next."""
+
+
 def _read(path: Path) -> tuple[PartState | None, int]:
     """Return the content of the file, None without one; a damaged one says that the place is unknown."""
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-        emptied = int(data.pop("emptied"))
-        x, y, z = (float(value) for value in data.pop("tip"))
-        place = PartPlace[data.pop("place")]
-        kept = PartState(place, str(data["evidence"]), bool(data["is_held"]), float(data["depth"]), (x, y, z))
-        # Files of earlier versions have neither bits nor a width, nor how far the hand has slid down the peg.
-        basis, width = PartEvidence(int(data.get("basis", 0))), float(data.get("width", 0.0))
-        return replace(kept, basis=basis, width=width, slid=float(data.get("slid", 0.0))), emptied
+        kept = KeptPart.model_validate_json(path.read_bytes())
     except FileNotFoundError:
         return None, 0
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        logger.warning("%s: cannot be read: %s", path, error)
+    except (OSError, ValidationError) as error:
+        first = error.errors(include_url=False)[0]["msg"] if isinstance(error, ValidationError) else error
+        logger.warning("%s: cannot be read: %s", path, first)
         return PartState(PartPlace.UNKNOWN, f"{path.name} cannot be read"), 0
+    data = dict(kept)
+    emptied, _ = data.pop("emptied"), data.pop("was_in_hole")
+    return PartState(**{**data, "basis": PartEvidence(kept.basis)}), emptied

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
@@ -171,13 +172,13 @@ class Journal:
 
     def last_run(self) -> int:
         """Return the number of the newest run; 0 when none is on record."""
-        return int(self._reading().execute("SELECT coalesce(max(run), 0) FROM runs", []).fetchone()[0])
+        return int(self._reading().execute("SELECT coalesce(max(run), 0) FROM runs", [])[0][0])
 
     def outcomes(self, query: RunQuery) -> dict[str, int]:
         """Return the number of runs of each outcome, of those that a question is about."""
         where, values = query.where()
         counted = f"SELECT outcome, count(*) FROM runs WHERE {where} GROUP BY outcome"
-        return dict(self._reading().execute(counted, values).fetchall())
+        return dict(self._reading().execute(counted, values))
 
     def stages(self, run: int) -> list[StageRow]:
         """Return the stages of a run in the order in which they were tried."""
@@ -192,7 +193,7 @@ class Journal:
         """Return what a report tells of the runs that a question is about, as far as they have ended."""
         where, values = query.where()
         asked = f"FROM runs JOIN told USING (run) WHERE {where} AND outcome != 'running' ORDER BY started"
-        return told_columns(self._reading().execute(f"SELECT kind, figures {asked}", values).fetchall())
+        return told_columns(self._reading().execute(f"SELECT kind, figures {asked}", values))
 
     def events(self, since: str = "", run: int | None = None) -> list[EventRow]:
         """Return the events, oldest first, from the wall time `since`, ISO 8601 UTC, on; of one run where it is named."""
@@ -224,12 +225,12 @@ class Journal:
         return self._index
 
 
-def has_run(folder: Path, *, is_simulated: bool) -> bool:
-    """Return whether a run of a simulated cell, or of a real one, is on record in a folder, or may be in an index that cannot be read."""
-    try:
-        index = Index(folder, is_read_only=True)
-    except JournalError:
-        return True
-    found = index.execute("SELECT 1 FROM runs WHERE is_simulated = ? LIMIT 1", [int(is_simulated)]).fetchone()
-    index.close()
-    return found is not None
+def newest_run(folder: Path, *, is_simulated: bool) -> RunRow | None:
+    """Return the newest run of a simulated cell, or of a real one, that is on record in a folder; None if there is none.
+
+    Raises:
+        JournalError: The index cannot be read.
+    """
+    with closing(Index(folder, is_read_only=True)) as index:
+        found = index.rows(RunRow, "WHERE is_simulated = ? ORDER BY run DESC LIMIT 1", [int(is_simulated)])
+    return found[0] if found else None

@@ -1,14 +1,18 @@
 """The SQLite index of a journal: opened to write or to read, one statement after the other; used by one thread at a time."""
 
+import json
+import logging
 import os
 import sqlite3
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TypeVar
 
 from cell.journal_schema import (
     LAYOUT,
+    LOST,
     TABLES,
     ConfigRow,
     EventRow,
@@ -19,7 +23,10 @@ from cell.journal_schema import (
     require_known_layout,
 )
 from cell.journal_told import told_row
+from cell.wall_clock import now_text
 from drivers.errors import JournalError
+
+logger = logging.getLogger(__name__)
 
 Row = TypeVar("Row", RunRow, StageRow, EventRow, ConfigRow)
 
@@ -28,6 +35,8 @@ OWNER_ONLY, OWNERS_FOLDER = 0o600, 0o700
 """Permissions of the journal's files and of a folder that is made for them."""
 OTHERS_WRITE = 0o022
 """Permissions by which others than its owner may write a folder."""
+SET_ASIDE = "set-aside.jsonl"
+"""Name of the file of rows whose content the index cannot hold, one JSON object a line."""
 LOCK_TIMEOUT = 1.0
 """Time that a statement waits for an index which another program has locked, s."""
 
@@ -51,6 +60,26 @@ class DamagedIndexError(JournalError):
     """The index is no SQLite file, or is torn."""
 
 
+class BadRowError(JournalError):
+    """The content of a row cannot be written, however often it is tried."""
+
+
+_BAD_ROW = (
+    sqlite3.IntegrityError,
+    sqlite3.InterfaceError,
+    sqlite3.DataError,
+    sqlite3.ProgrammingError,
+    OverflowError,
+    UnicodeError,
+)
+"""Errors by which SQLite refuses the content of a row."""
+_IF_SAME = (
+    f"ON CONFLICT (run) DO UPDATE SET {', '.join(f'{name} = excluded.{name}' for name in names(RunRow)[1:])}"
+    " WHERE started = excluded.started OR outcome = 'running'"
+)
+"""End of a statement that replaces the row of a run, but never that of another run which has its number."""
+
+
 class Index:
     """The rows of a journal."""
 
@@ -67,6 +96,9 @@ class Index:
         with self._told():
             self._connection = _opened_to_read(self.path) if is_read_only else _opened_to_write(self.path)
             self._file = self.path.stat().st_ino if self.path.exists() else 0
+        # Text that is no UTF-8 is shown as far as it goes.
+        self._connection.text_factory = lambda text: text.decode(errors="replace")
+        self._set_aside: set[str] = set()
 
     def is_in_place(self) -> bool:
         """Tell whether the file that was opened is still the one under its name."""
@@ -97,41 +129,78 @@ class Index:
 
     def rows(self, row: type[Row], where: str = "", values: list[object] | None = None) -> list[Row]:
         """Return the rows of a table that `where`, with `values` in the places of its question marks, selects."""
-        cursor = self.execute(f"SELECT {', '.join(names(row))} FROM {TABLES[row]} {where}", values or [])
-        return [row(*found) for found in cursor]
+        found = self.execute(f"SELECT {', '.join(names(row))} FROM {TABLES[row]} {where}", values or [])
+        return [row(*each) for each in found]
 
-    def put(self, row: Any, *, is_numbered_here: bool = False, how: str = "INSERT") -> None:
-        """Write a row; where `is_numbered_here`, the index counts up the number in its first column.
+    def put(self, row: Any, *, is_numbered_here: bool = False, how: str = "INSERT", then: str = "") -> bool:
+        """Write a row; a row whose content cannot be written is set aside in a file, and everything else goes on.
+
+        Args:
+            row: The row.
+            is_numbered_here: True if the index counts up the number in the first column.
+            how: Beginning of the statement.
+            then: End of the statement.
+
+        Returns:
+            True if the row is written.
 
         Raises:
             JournalError: The index cannot be written.
         """
         columns = names(type(row))[is_numbered_here:]
         marks = ", ".join("?" * len(columns))
-        self.execute(
-            f"{how} INTO {TABLES[type(row)]} ({', '.join(columns)}) VALUES ({marks})",
-            [getattr(row, name) for name in columns],
-        )
+        try:
+            self.execute(
+                f"{how} INTO {TABLES[type(row)]} ({', '.join(columns)}) VALUES ({marks}) {then}",
+                [getattr(row, name) for name in columns],
+            )
+        except BadRowError as error:
+            self._put_aside(row, error)
+            return False
+        return True
+
+    def _put_aside(self, row: Any, why: BadRowError) -> None:
+        """Write a row where a person can read it, once, and say so."""
+        if (text := repr(row)) in self._set_aside:
+            return
+        self._set_aside.add(text)
+        path = self.path.parent / SET_ASIDE
+        told = {"time": now_text(), "why": str(why), "table": TABLES[type(row)], "row": asdict(row)}
+        try:
+            with os.fdopen(os.open(path, os.O_CREAT | os.O_APPEND | os.O_WRONLY, OWNER_ONLY), "a") as file:
+                file.write(json.dumps(told, default=repr) + "\n")
+        except OSError as error:
+            logger.error("%s; it cannot be set aside either: %s", why, error)
+        else:
+            logger.error("%s; the row is set aside in %s", why, path)
 
     def put_ended(self, row: RunRow, stages: Sequence[StageRow]) -> None:
-        """Write the tries of the stages of a run that has ended, and what reports tell of it.
+        """Write how a run and the tries of its stages ended, and what reports tell of it.
+
+        A run whose row cannot be written is recorded as lost.
 
         Raises:
             JournalError: The index cannot be written.
         """
+        if not self.put(row, then=_IF_SAME):
+            row = RunRow(
+                row.run, row.started, "", 0, "", "", 0, LOST, message=f"its record is set aside in {SET_ASIDE}"
+            )
+            self.put(row, then=_IF_SAME)
         for stage in stages:
             self.put(stage, how="INSERT OR REPLACE")
         self.put(told_row(row, stages), how="INSERT OR REPLACE")
 
-    def execute(self, statement: str, values: list[object]) -> sqlite3.Cursor:
-        """Execute one statement.
+    def execute(self, statement: str, values: list[object]) -> list[tuple[Any, ...]]:
+        """Execute one statement and return the rows that it selects.
 
         Raises:
+            BadRowError: The content of `values` cannot be written.
             DamagedIndexError: The index is torn.
             JournalError: The index cannot be used.
         """
         with self._told():
-            return self._connection.execute(statement, values)
+            return self._connection.execute(statement, values).fetchall()
 
     @contextmanager
     def _told(self) -> Iterator[None]:
@@ -139,6 +208,8 @@ class Index:
             yield
         except JournalError as error:
             raise JournalError(f"{self.path}: {error}") from None
+        except _BAD_ROW as error:
+            raise BadRowError(f"{self.path}: a row cannot be written: {error}") from None
         except (OSError, sqlite3.Error) as error:
             # A torn file is a plain DatabaseError; its subclasses tell of locks, full disks and wrong statements.
             damaged = type(error) is sqlite3.DatabaseError

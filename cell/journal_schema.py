@@ -90,6 +90,10 @@ class RunRow:
     """Evidence of `part`, one line."""
 
 
+UNKNOWN_RUN = RunRow(0, "", "", 0, "", "", 0)
+"""Row of a run of which nothing is known, as of one whose samples are of version 0.1."""
+
+
 @dataclass(frozen=True, slots=True)
 class StageRow:
     """One try of a stage in a run; times on the cell's clock, from the command on."""

@@ -64,13 +64,20 @@ def told_row(row: RunRow, stages: Sequence[StageRow]) -> ToldRow:
         if stage.residual is not None:
             found.residual = stage.residual if math.isnan(found.residual) else max(found.residual, stage.residual)
     if not stages:
-        for name, time in json.loads(row.stage_times):
+        for name, time in _stage_times(row.stage_times):
             sums[name] = _StageSum(time)
     kind = json.dumps(Kind(row.outcome, row.stage, row.reason, row.fault, [*sums]), separators=(",", ":"))
     values = [_seconds(row.started), *(math.nan if it is None else it for it in (row.cycle_time, row.peak_force))]
     for found in sums.values():
         values += [found.counted, found.whole, found.residual]
     return ToldRow(row.run, kind, pack(f"<{len(values)}d", *values))
+
+
+def _stage_times(text: str) -> list[tuple[str, float]]:
+    try:
+        return [(str(name), float(time)) for name, time in json.loads(text)]
+    except (ValueError, TypeError):
+        return []  # the record is damaged
 
 
 def _seconds(moment: str) -> float:

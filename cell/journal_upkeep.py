@@ -11,19 +11,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter, ValidationError
 
 from cell import wall_clock
 from cell.journal_index import INDEX, DamagedIndexError, Index
-from cell.journal_schema import LOST, EventKind, EventRow, RunRow, StageRow
+from cell.journal_schema import LOST, UNKNOWN_RUN, EventKind, EventRow, RunRow, StageRow
 from cell.samples import read_rows, read_samples
 from drivers.errors import JournalError
 from skills.catalogue import CATALOGUE
 
 logger = logging.getLogger(__name__)
 
-_SAMPLES = re.compile(r"run-(\d{6,})\.arrows")
-UNKNOWN_RUN = RunRow(0, "", "", 0, "", "", 0)
-"""Row of a run whose samples say nothing of it, as those of version 0.1 do."""
+_SAMPLES = re.compile(r"run-(\d{6,15})\.arrows", re.ASCII)
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +50,7 @@ def sampled_runs(folder: Path) -> dict[int, Path]:
 
 def next_number(index: Index, folder: Path) -> int:
     """Return the lowest number that no run has had."""
-    given = index.execute("SELECT coalesce(max(seq), 0) FROM sqlite_sequence WHERE name = 'runs'", []).fetchone()[0]
+    given = index.execute("SELECT coalesce(max(seq), 0) FROM sqlite_sequence WHERE name = 'runs'", [])[0][0]
     return 1 + max(int(given), *sampled_runs(folder), 0)
 
 
@@ -63,7 +62,7 @@ def opened_to_write(folder: Path) -> Index:
     """
     try:
         index = Index(folder, is_read_only=False)
-        (state,) = index.execute("PRAGMA quick_check(1)", []).fetchone()
+        ((state,),) = index.execute("PRAGMA quick_check(1)", [])
         if state == "ok":
             return index
         index.close()
@@ -163,8 +162,8 @@ def _last_aged(index: Index, table: str, key: str, time: str, days: int) -> int:
         f" sum(CASE WHEN step BETWEEN 0 AND ? THEN step ELSE 0 END) OVER (ORDER BY {key} DESC) AS age FROM steps)"
         f" SELECT coalesce(max({key}), 0) FROM ages WHERE age > ?",
         [wall_clock.now_text(), days, days],
-    ).fetchone()
-    return int(found[0])
+    )
+    return int(found[0][0])
 
 
 def _delete_aged(index: Index, folder: Path, days: int) -> None:
@@ -211,23 +210,34 @@ def beginning_text(row: RunRow) -> str:
     return json.dumps(_plain(row))
 
 
-def _restore(index: Index, run: int, path: Path, row: RunRow | None = None) -> None:
+def _restore(index: Index, run: int, path: Path, row: RunRow = UNKNOWN_RUN) -> None:
     """Put a run on record as its samples tell it: as it ended, or as lost."""
-    beginning, ending = "", ""
+    ended, stages = _as_recorded(run, path, row)
+    index.put_ended(ended, stages)
+    if ended.outcome == LOST:
+        index.put(event(EventKind.WARNING, "run_lost", ended.message, run), is_numbered_here=True)
+        logger.warning("run %d: %s", run, ended.message)
+
+
+def _as_recorded(run: int, path: Path, row: RunRow) -> tuple[RunRow, list[StageRow]]:
+    """Return the row and the stages of a run as its samples tell them; a damaged record is that of a lost run."""
+    beginning, ending = b"", b""
     with suppress(JournalError):
         beginning, ending = read_rows(path)
-    if ending:
-        told = json.loads(ending)
-        ended = replace(_row(RunRow, told["run"]), run=run)
-        index.put(ended, how="INSERT OR REPLACE")
-        index.put_ended(ended, [_row(StageRow, stage) for stage in told["stages"]])
-        return
-    begun = row or (_row(RunRow, json.loads(beginning)) if beginning else UNKNOWN_RUN)
-    lost = _lost(replace(begun, run=run), path)
-    index.put(lost, how="INSERT OR REPLACE")
-    index.put_ended(lost, ())
-    index.put(event(EventKind.WARNING, "run_lost", lost.message, run), is_numbered_here=True)
-    logger.warning("run %d: %s", run, lost.message)
+    with suppress(ValidationError):
+        whole = TypeAdapter(_Ending).validate_json(ending)
+        return replace(whole.run, run=run), whole.stages
+    with suppress(ValidationError):
+        row = TypeAdapter(RunRow).validate_json(beginning) if row is UNKNOWN_RUN else row
+    return _lost(replace(row, run=run), path), []
+
+
+@dataclass(frozen=True, slots=True)
+class _Ending:
+    """End of a run, as its last block of samples has it."""
+
+    run: RunRow
+    stages: list[StageRow]
 
 
 def _lost(row: RunRow, path: Path) -> RunRow:
@@ -235,7 +245,7 @@ def _lost(row: RunRow, path: Path) -> RunRow:
     try:
         samples = read_samples(path)
         ended = datetime.fromtimestamp(path.stat().st_mtime, UTC).isoformat(timespec="milliseconds")
-    except (JournalError, OSError):
+    except (JournalError, OSError, OverflowError, ValueError):
         samples, ended = {"stamp": np.empty(0)}, row.started
     count = int(samples["stamp"].size)
     if not count:
@@ -246,15 +256,16 @@ def _lost(row: RunRow, path: Path) -> RunRow:
             message="its end was not recorded, as where the program is killed or the disk full; no samples",
         )
     seconds = float(samples["stamp"][-1] - samples["stamp"][0])
-    force = np.column_stack([samples[f"force_{axis}"] for axis in "xyz"])
+    with np.errstate(over="ignore", invalid="ignore"):
+        force = np.hypot(np.hypot(samples["force_x"], samples["force_y"]), samples["force_z"])
     return replace(
         row,
         started=row.started or ended,
         outcome=LOST,
         ended=ended,
         message=f"its end was not recorded, as where the program is killed or the disk full; samples of {seconds:.2f} s are on record",
-        stage=CATALOGUE.stages.get(int(samples["stage"][-1]), ""),
-        peak_force=float(np.max(np.linalg.norm(force, axis=1))),
+        stage=CATALOGUE.stages.get(samples["stage"][-1], ""),
+        peak_force=float(np.max(force)),
         samples=count,
     )
 
@@ -271,8 +282,3 @@ def _count_up_to(index: Index, run: int) -> None:
 
 def _plain(row: Any) -> dict[str, object]:
     return {field.name: getattr(row, field.name) for field in fields(row)}
-
-
-def _row(kind: type, told: dict[str, Any]) -> Any:
-    known = {field.name for field in fields(kind)}
-    return kind(**{name: value for name, value in told.items() if name in known})

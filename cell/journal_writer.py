@@ -7,7 +7,9 @@ and blocks of samples, which are given up for the rest of their run when the dis
 import fcntl
 import logging
 import os
+import re
 import shutil
+import struct
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -16,8 +18,8 @@ from dataclasses import replace
 from pathlib import Path
 from threading import Condition, Thread
 
-from cell.journal_index import OWNER_ONLY, DamagedIndexError, Index, require_own
-from cell.journal_schema import ConfigRow, EventRow, RunRow, StageRow, names
+from cell.journal_index import OWNER_ONLY, OWNERS_FOLDER, DamagedIndexError, Index, require_own
+from cell.journal_schema import ConfigRow, EventRow, RunRow, StageRow
 from cell.journal_upkeep import (
     Keep,
     close_lost_runs,
@@ -30,6 +32,7 @@ from cell.journal_upkeep import (
 from cell.run_samples import RunSamples
 from cell.sample_blocks import SampleBlock
 from cell.samples import prepare
+from cell.wall_clock import now_text
 from drivers.errors import JournalError
 from drivers.scene_facts import SceneFacts
 
@@ -48,7 +51,10 @@ DISK_PERIOD = 10.0
 UPKEEP_PERIOD = 3600.0
 """Time between two deletions of old records, s."""
 LOCK = "writer.lock"
-"""Name of the lock that a program holds which may close runs that another one left open."""
+"""Name of the lock that the one process holds which writes; its text is that process and its start."""
+_HOLDER = re.compile(r"(\d+) ([\d:.T+-]+)\n", re.ASCII)
+_BAD_CONTENT = (ArithmeticError, LookupError, TypeError, ValueError, struct.error)
+"""Errors by which values of the index show that they are none that this program has written."""
 
 
 class JournalWriter:
@@ -57,13 +63,13 @@ class JournalWriter:
     def __init__(self, folder: Path, keep: Keep) -> None:
         """Keep the folder, and how long what is in it is kept."""
         self._folder, self._keep = folder, keep
-        self._rows: deque[Callable[[Index], None]] = deque()
+        self._rows: deque[Callable[[Index], object]] = deque()
         self._blocks: deque[tuple[Callable[[], None], int]] = deque()
         """Waiting actions on samples, each with its number of scans."""
         self._changed = Condition()
         self._thread: Thread | None = None
         self._is_open, self._is_closing, self._is_busy = False, False, False
-        self._failed: JournalError | None = None
+        self._failed: Exception | None = None
         self._index: Index | None = None
         self._samples = RunSamples(folder, keep.least_free)
         self._last, self._ready = 0, 0
@@ -82,7 +88,7 @@ class JournalWriter:
         """Open the index, close what a killed program left open, and begin to write.
 
         Raises:
-            JournalError: The folder or the index cannot be used.
+            JournalError: The folder or the index cannot be used, or another process writes it.
         """
         self._thread = Thread(target=self._work, name="journal", daemon=True)
         self._thread.start()
@@ -134,7 +140,7 @@ class JournalWriter:
         """Keep a config whole, once."""
         self._add_row(lambda index: index.put(row, how="INSERT OR IGNORE"))
 
-    def _add_row(self, job: Callable[[Index], None]) -> None:
+    def _add_row(self, job: Callable[[Index], object]) -> None:
         with self._changed:
             if len(self._rows) >= MOST_ROWS:
                 self._row_trouble = f"more than {MOST_ROWS} rows wait for the index; newer ones are lost"
@@ -153,9 +159,10 @@ class JournalWriter:
     def _work(self) -> None:
         try:
             self._start()
-        except (JournalError, OSError) as error:
+        except Exception as error:  # whoever opens the journal gets it, whatever it is, instead of waiting for ever
+            self._end()
             with self._changed:
-                self._failed = error if isinstance(error, JournalError) else _unusable(self._folder, error)
+                self._failed = _unusable(self._folder, error) if isinstance(error, OSError) else error
                 self._changed.notify_all()
             return
         try:
@@ -168,20 +175,48 @@ class JournalWriter:
 
     def _start(self) -> None:
         require_own(self._folder)
-        self._index = opened_to_write(self._folder)
-        self._lock = os.open(self._folder / LOCK, os.O_CREAT | os.O_RDWR, OWNER_ONLY)
-        with suppress(BlockingIOError):
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            close_lost_runs(self._index, self._folder)
-        self._last = max(self._last, next_number(self._index, self._folder) - 1)
-        warn_of_clock(self._index, self._folder, self._keep)
-        self._delete_old()
+        self._folder.mkdir(mode=OWNERS_FOLDER, parents=True, exist_ok=True)
+        self._take_lock()
+        try:
+            self._tidy()
+        except _BAD_CONTENT as error:
+            logger.debug("content of the index", exc_info=True)
+            self._put_aside(f"its content cannot be used: {type(error).__name__}: {error}")
+            self._tidy()
         self._claim()
         self._look_at_disk()
         prepare()  # the first block of a run does not wait for it
         with self._changed:
             self._is_open = True
             self._changed.notify_all()
+
+    def _take_lock(self) -> None:
+        """Keep every other process from writing.
+
+        Raises:
+            JournalError: Another process writes.
+        """
+        self._lock = os.open(self._folder / LOCK, os.O_CREAT | os.O_RDWR, OWNER_ONLY)
+        try:
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            first = _HOLDER.match(os.read(self._lock, 80).decode(errors="replace"))
+            who = (
+                f"process {first[1]} writes these records since {first[2]}"
+                if first
+                else "another process writes these records"
+            )
+            raise JournalError(f"{self._folder}: {who}; stop it, or name another folder; reading goes on") from None
+        os.ftruncate(self._lock, 0)
+        os.write(self._lock, f"{os.getpid()} {now_text()}\n".encode())
+
+    def _tidy(self) -> None:
+        """Bring the records in order: lost runs closed, old records deleted."""
+        index = self._index_in_place()
+        close_lost_runs(index, self._folder)
+        self._last = max(self._last, next_number(index, self._folder) - 1)
+        warn_of_clock(index, self._folder, self._keep)
+        self._delete_old()
 
     def _write_until_closed(self) -> None:
         upkeep, disk, retry, ending = time.monotonic() + UPKEEP_PERIOD, 0.0, 0.0, 0.0
@@ -278,7 +313,7 @@ class JournalWriter:
     def _finish(self, row: RunRow, stages: list[StageRow], block: SampleBlock) -> None:
         row = self._samples.finish(row, stages, block)
         with self._changed:
-            self._rows.append(lambda index: _finish(index, row, stages))
+            self._rows.append(lambda index: index.put_ended(row, stages))
 
     def _claim(self) -> None:
         """Keep the next number ready."""
@@ -310,21 +345,11 @@ class JournalWriter:
         self._samples.close()
         if self._index is not None:
             self._index.close()
-        os.close(self._lock)
+        if self._lock >= 0:
+            os.close(self._lock)
         with self._changed:
             self._is_busy = False
             self._changed.notify_all()
-
-
-def _finish(index: Index, row: RunRow, stages: list[StageRow]) -> None:
-    """Write how a run and its stages ended, also where its beginning was never written."""
-    columns = names(RunRow)[1:]
-    places = ", ".join(f"{name} = ?" for name in columns)
-    values: list[object] = [getattr(row, name) for name in columns]
-    done = index.execute(f"UPDATE runs SET {places} WHERE run = ? AND started = ?", [*values, row.run, row.started])
-    if not done.rowcount:
-        index.put(row, how="INSERT OR IGNORE")
-    index.put_ended(row, stages)
 
 
 def _unusable(folder: Path, error: OSError) -> JournalError:

@@ -2,6 +2,7 @@
 
 import logging
 import os
+from contextlib import suppress
 from pathlib import Path
 from threading import Condition, Thread
 
@@ -11,18 +12,26 @@ OWNER_ONLY = 0o600
 """Permissions of the file."""
 
 
+RETRY_AFTER = 1.0
+"""Time from a text that could not be written to the next attempt, s."""
+
+
 class KeptFile:
     """One file whose newest text reaches the disk whole or not at all; a text that is overtaken is not written."""
 
-    def __init__(self, path: Path, what: str) -> None:
-        """Take the path, and what is in the file, for messages."""
-        self.path, self._what = path, what
+    def __init__(self, path: Path, what: str, is_void_if_late: bool = False) -> None:
+        """Take the file and its use.
+
+        Args:
+            path: The file.
+            what: Content of the file, for messages.
+            is_void_if_late: True if an older text must not be believed, so that the file is emptied while the newest cannot be written.
+        """
+        self.path, self._what, self._is_void_if_late = path, what, is_void_if_late
         self._changed = Condition()
         self._text: str | None = None
-        """Text that waits; None where nothing does."""
+        """Text that waits; None if none does."""
         self._is_lasting, self._is_at_work = False, False
-        self.is_kept = True
-        """Whether the text that was written last has reached the disk."""
 
     def put(self, text: str, is_lasting: bool) -> None:
         """Let the file have a text soon, with `is_lasting` also after a loss of power; never waits."""
@@ -33,11 +42,12 @@ class KeptFile:
                 Thread(target=self._write, name="kept file", daemon=True).start()
 
     def flush(self, timeout: float) -> bool:
-        """Wait at most so long, s, until the newest text is written; return whether it is."""
+        """Wait at most so long, s, until the newest text is written; return True if it is."""
         with self._changed:
             return self._changed.wait_for(lambda: not self._is_at_work, timeout)
 
     def _write(self) -> None:
+        is_said = False
         while True:
             with self._changed:
                 text, is_lasting = self._text, self._is_lasting
@@ -48,10 +58,22 @@ class KeptFile:
                     return
             try:
                 replace(self.path, text, is_lasting)
-                self.is_kept = True
             except OSError as error:
-                self.is_kept = False
-                logger.warning("%s: %s cannot be kept: %s", self.path, self._what, error.strerror)
+                if not is_said:
+                    is_said = True
+                    logger.warning("%s: %s cannot be kept, tried again: %s", self.path, self._what, error.strerror)
+                if self._is_void_if_late:
+                    _empty(self.path)
+                with self._changed:
+                    self._text = text if self._text is None else self._text
+                    self._is_lasting |= is_lasting
+                    self._changed.wait(RETRY_AFTER)
+
+
+def _empty(path: Path) -> None:
+    """Leave nothing in a file, which a full disk permits."""
+    with suppress(OSError):
+        os.close(os.open(path, os.O_CREAT | os.O_TRUNC | os.O_WRONLY, OWNER_ONLY))
 
 
 def replace(path: Path, text: str, is_lasting: bool) -> None:
@@ -61,9 +83,16 @@ def replace(path: Path, text: str, is_lasting: bool) -> None:
         OSError: It cannot be written.
     """
     beside = path.with_suffix(".tmp")
-    with os.fdopen(os.open(beside, os.O_CREAT | os.O_TRUNC | os.O_WRONLY, OWNER_ONLY), "w", encoding="utf-8") as file:
-        file.write(text)
-        if is_lasting:
-            file.flush()
-            os.fsync(file.fileno())
-    beside.replace(path)
+    try:
+        with os.fdopen(
+            os.open(beside, os.O_CREAT | os.O_TRUNC | os.O_WRONLY, OWNER_ONLY), "w", encoding="utf-8"
+        ) as file:
+            file.write(text)
+            if is_lasting:
+                file.flush()
+                os.fsync(file.fileno())
+        beside.replace(path)
+    except OSError:
+        with suppress(OSError):
+            beside.unlink()
+        raise

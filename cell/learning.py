@@ -154,8 +154,7 @@ class Learning:
         Raises:
             ConfigError: The file cannot be read, or holds impossible values; one line.
         """
-        is_in_file = self._kept.flush(0.0) and self._kept.is_kept
-        return self._read() if is_in_file else self._newest
+        return self._read() if self._kept.flush(0.0) else self._newest
 
     def _read(self) -> LearnedFile:
         """Return what is in the file, read by a thread of its own; what was known last where the disk does not answer in time.

@@ -1,30 +1,40 @@
-"""Counters and timings of cell and servers as Prometheus text, on a port of its own that is off unless asked for."""
+"""Counters and timings of cell and servers as Prometheus text."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import suppress
 from dataclasses import asdict
 
-from prometheus_client import CollectorRegistry, start_http_server
+from prometheus_client import CONTENT_TYPE_LATEST, CollectorRegistry, generate_latest
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily, Metric
 from prometheus_client.registry import Collector
 
+from cell.exposure import key_days
 from cell.states import State
 from drivers.errors import DeviceNotOpenedError
 from plc_bridge.bridge import Bridge, Figures
+from plc_bridge.config import TlsConfig
 from plc_bridge.intervals import BOUNDS
 from plc_bridge.registers import table
 
 GAUGES = frozenset({"connections", "stops_held"})
 """Names of the diagnostics that may also fall."""
+KIND = CONTENT_TYPE_LATEST
+"""Media type of the text."""
 
 
 class CellCollector(Collector):
     """Reads the bridge whenever somebody asks; between two readings it costs nothing."""
 
-    def __init__(self, bridge: Bridge) -> None:
-        """Take the bridge whose figures are shown."""
-        self._bridge = bridge
+    def __init__(self, bridge: Bridge, tls: TlsConfig | None = None) -> None:
+        """Take the bridge whose figures are shown, and the keys of the cell."""
+        self._bridge, self._tls = bridge, tls
         self._said = {r.name: r.meaning for r in table() if r.name.startswith("diagnostics_")}
+        self._registry = CollectorRegistry()
+        self._registry.register(self)
+
+    def text(self) -> bytes:
+        """Return every metric as text of `KIND`."""
+        return generate_latest(self._registry)
 
     def collect(self) -> Iterator[Metric]:
         """Yield every metric as it stands now."""
@@ -37,6 +47,13 @@ class CellCollector(Collector):
         yield from _products(figures)
         yield from _states(figures)
         yield from _scans(figures)
+        keys = GaugeMetricFamily(
+            "cell_key_days", "time for which a file of the keys is still valid, days", labels=["file"]
+        )
+        with suppress(DeviceNotOpenedError):
+            for name, days in key_days(self._tls).items():
+                keys.add_metric([name], days)
+        yield keys
 
 
 def _products(figures: Figures) -> Iterator[Metric]:
@@ -64,26 +81,3 @@ def _scans(figures: Figures) -> Iterator[Metric]:
     yield HistogramMetricFamily("cell_scan_interval_seconds", said, buckets=buckets, sum_value=figures.scan_total)
     longest = "longest time from one scan to the next since the start"
     yield GaugeMetricFamily("cell_scan_interval_longest_seconds", longest, value=figures.scan_longest)
-
-
-@contextmanager
-def served_metrics(bridge: Bridge, host: str, port: int) -> Iterator[tuple[str, int]]:
-    """Yield host and port where the figures of `bridge` are served meanwhile.
-
-    Raises:
-        DeviceNotOpenedError: The port is in use, or the address is not this computer's.
-    """
-    registry = CollectorRegistry()
-    registry.register(CellCollector(bridge))
-    try:
-        server, thread = start_http_server(port, host, registry)
-    except OSError as error:
-        raise DeviceNotOpenedError(
-            f"--metrics {host}:{port}: {error.strerror or error}; another port allowed"
-        ) from error
-    try:
-        yield host, server.server_port
-    finally:
-        server.shutdown()
-        server.server_close()
-        thread.join()

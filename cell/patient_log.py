@@ -1,15 +1,44 @@
 """Logging that never waits: lines go through a bounded queue to a thread that writes them, and are dropped when nobody reads."""
 
 import logging
+import math
 import os
 import threading
+import time
 from collections import deque
 from typing import TextIO
 
 MOST = 10_000
 """Number of lines that may wait."""
+MOST_KINDS = 100
+"""Number of kinds of lines that are counted."""
 FLUSH_TIME = 1.0
 """Longest time at the end in which waiting lines are still written, s."""
+
+
+class SparseFilter(logging.Filter):
+    """Lets one line of a kind through in a while, and counts the others: whoever sends nonsense must not fill the log."""
+
+    def __init__(self, period: float = 10.0) -> None:
+        """Take the least time between two lines of a kind, s."""
+        super().__init__()
+        self._period = period
+        self._kinds: dict[tuple[str, str], tuple[float, int]] = {}
+        """Time of the next line, s, and number of lines left out since the last one, by logger and text without its values."""
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Return True if the line is to be written."""
+        kind, now = (record.name, str(record.msg)), time.monotonic()
+        due, left = self._kinds.get(kind, (-math.inf, 0))
+        if now < due:
+            self._kinds[kind] = due, left + 1
+            return False
+        if len(self._kinds) > MOST_KINDS:
+            self._kinds.clear()
+        self._kinds[kind] = now + self._period, 0
+        if left:
+            record.msg = f"{record.msg} ({left} more like this before)"
+        return True
 
 
 class PatientHandler(logging.Handler):

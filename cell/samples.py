@@ -116,18 +116,24 @@ def read_samples(path: Path) -> dict[str, Vector]:
     earlier version did not record is NaN, and a list of joints has no columns then.
 
     Raises:
-        JournalError: There is no such file.
+        JournalError: There is no such file, or its columns are damaged.
     """
     schema, batches, _ = _read(path)
-    table = pa.Table.from_batches(batches, schema=schema)
+    try:
+        return _columns(pa.Table.from_batches(batches, schema=schema))
+    except (pa.ArrowException, KeyError, TypeError, ValueError) as error:
+        raise JournalError(f"{path}: damaged: {error}") from None
+
+
+def _columns(table: pa.Table) -> dict[str, Vector]:
     missing = np.full(table.num_rows, np.nan)
     samples: dict[str, Vector] = {
-        name: table.column(name).to_numpy() if name in schema.names else missing for name in COLUMNS
+        name: table.column(name).to_numpy().astype(float) if name in table.column_names else missing for name in COLUMNS
     }
     for name in ("taxels", *JOINT_COLUMNS):
         values = np.empty(0)
-        if name in schema.names:
-            values = table.column(name).combine_chunks().flatten().to_numpy(zero_copy_only=False)
+        if name in table.column_names:
+            values = table.column(name).combine_chunks().flatten().to_numpy(zero_copy_only=False).astype(float)
         samples[name] = values.reshape(table.num_rows, values.size // max(table.num_rows, 1))
     return samples
 
@@ -149,31 +155,32 @@ def read_facts(path: Path) -> SceneFacts:
         raise JournalError(f"{path}: recorded by another version, without what a picture of the cell needs") from None
 
 
-def read_rows(path: Path) -> tuple[str, str]:
+def read_rows(path: Path) -> tuple[bytes, bytes]:
     """Return the run's row as it began, and the row with its stages as it ended, both JSON; empty where not on record.
 
     Raises:
         JournalError: There is no such file.
     """
     schema, _, ending = _read(path)
-    return (schema.metadata or {}).get(_RUN, b"").decode(), ending
+    return (schema.metadata or {}).get(_RUN, b""), ending
 
 
-def _read(path: Path) -> tuple[pa.Schema, list[pa.RecordBatch], str]:
+def _read(path: Path) -> tuple[pa.Schema, list[pa.RecordBatch], bytes]:
     """Return the schema of a file of samples, what of it is whole, and what its last block says of the run's end."""
-    schema, batches, ending = _SCHEMA, [], ""
+    schema, batches, ending = _SCHEMA, [], b""
     try:
         with pa.OSFile(str(path), "rb") as file:
             reader = pa.ipc.open_stream(file)
             schema = reader.schema
             while True:
                 batch, told = reader.read_next_batch_with_custom_metadata()
+                batch.validate(full=True)  # lengths and places that point elsewhere would be followed
                 batches.append(batch)
-                ending = ending if told is None else told.get(_ENDING, b"").decode()
+                ending = ending if told is None else told.get(_ENDING, b"")
     except FileNotFoundError:
         raise JournalError(f"{path}: no samples on record") from None
-    except (StopIteration, pa.ArrowInvalid, OSError):
-        pass  # the end of the file, or the place where a killed run was cut off
+    except (StopIteration, pa.ArrowException, OSError, UnicodeError):
+        pass  # the end of the file, the place where a killed run was cut off, or damage
     return schema, batches, ending
 
 

@@ -61,8 +61,8 @@ FAULTS: dict[FaultCode, FaultText] = {
         "run `cell check`, mend the switch",
     ),
     FaultCode.ARM_SILENT: FaultText(
-        "the arm's state is too old",
-        "network to the robot controller",
+        "the arm's state is too old, or its readings stand still while it should move",
+        "network to the robot controller, or the controller itself",
         "check the cable and the controller",
     ),
     FaultCode.GRIPPER_SILENT: FaultText(
@@ -79,7 +79,7 @@ FAULTS: dict[FaultCode, FaultText] = {
         "run `cell check` and follow what it says",
     ),
     FaultCode.NOT_FINITE: FaultText(
-        "a reading is no number",
+        "a reading is no number, or none that its sensor can give",
         "a defect in the driver, the firmware or the estimator that the message names",
         "keep the log and the run's record, report it",
     ),

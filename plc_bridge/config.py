@@ -52,6 +52,8 @@ class TlsConfig(ModbusConfig):
     """File of the certificate's private key, PEM, without a password."""
     authority: FilePath
     """File of the certificates of those who sign the clients' certificates, PEM."""
+    revoked: FilePath | None = None
+    """File of those signers' lists of revoked certificates, PEM, read at the start; without it no certificate counts as revoked."""
     roles: dict[Annotated[str, Field(min_length=1, max_length=64)], tuple[Right, ...]] = Field(default_factory=dict)
     """Rights of each role: "read", "command" and, without commanding, "stop"; a role not named has none."""
     without_role: tuple[Right, ...] = ()

@@ -109,7 +109,7 @@ class Block:
             else:
                 assert not isinstance(value, str)
                 count = value if scale == 1.0 else value / scale
-                raw.append(min(max(round(count), low), high))
+                raw.append(round(max(low, min(high, count))))
         return list(self._words.unpack(self._bytes.pack(*raw)))
 
     def unpack(self, words: Sequence[int]) -> dict[str, Value]:

@@ -6,6 +6,8 @@ without it has the NULL role [R-23].
 """
 
 import ssl
+from datetime import datetime
+from pathlib import Path
 
 from cryptography import x509
 from cryptography.hazmat import asn1
@@ -56,15 +58,37 @@ def server_context(config: TlsConfig) -> ssl.SSLContext:
         DeviceNotOpenedError: A file is missing or is not what it should be, or others than its owner may read or write the key; the
             message names it.
     """
+    context = browser_context(config)
+    context.verify_mode = ssl.CERT_REQUIRED
+    try:
+        context.load_verify_locations(config.authority)
+    except ssl.SSLError as error:
+        raise DeviceNotOpenedError(
+            f"plc.tls.authority = {config.authority}: not a PEM certificate ({error})"
+        ) from error
+    if config.revoked is not None:
+        try:
+            context.load_verify_locations(config.revoked)
+        except ssl.SSLError as error:
+            raise DeviceNotOpenedError(
+                f"plc.tls.revoked = {config.revoked}: not a PEM list of revoked certificates ({error})"
+            ) from error
+        context.verify_flags |= ssl.VerifyFlags.VERIFY_CRL_CHECK_LEAF
+    return context
+
+
+def browser_context(config: TlsConfig) -> ssl.SSLContext:
+    """Return a context that shows the cell's certificate and asks for none, as for browsers.
+
+    Raises:
+        DeviceNotOpenedError: A file is missing or is not what it should be, or others than its owner may read or write the key; the
+            message names it.
+    """
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.minimum_version = ssl.TLSVersion.TLSv1_2
-    context.verify_mode = ssl.CERT_REQUIRED
     context.options |= ssl.OP_NO_RENEGOTIATION
-    for key, path in (("certificate", config.certificate), ("key", config.key), ("authority", config.authority)):
-        try:
-            path.open("rb").close()
-        except OSError as error:
-            raise DeviceNotOpenedError(f"plc.tls.{key} = {path}: {error.strerror}") from error
+    for name, path in _files(config).items():
+        _read(name, path)
     if (mode := config.key.stat().st_mode) & OTHERS:
         raise DeviceNotOpenedError(
             f"plc.tls.key = {config.key}: mode {mode & 0o777:o}: open to others than its owner; 600 or 400 allowed, as by chmod 600"
@@ -76,13 +100,39 @@ def server_context(config: TlsConfig) -> ssl.SSLContext:
         raise DeviceNotOpenedError(
             f"{pair}: not a PEM certificate and its own PEM key without a password ({error})"
         ) from error
-    try:
-        context.load_verify_locations(config.authority)
-    except ssl.SSLError as error:
-        raise DeviceNotOpenedError(
-            f"plc.tls.authority = {config.authority}: not a PEM certificate ({error})"
-        ) from error
     return context
+
+
+def valid_until(config: TlsConfig) -> dict[str, datetime]:
+    """Return when the validity of each file ends, by its key in [plc.tls]; of several certificates the first that ends, UTC.
+
+    Raises:
+        DeviceNotOpenedError: A file is missing or is not what it should be; the message names it.
+    """
+    ends: dict[str, datetime] = {}
+    for name, path in _files(config).items():
+        data = _read(name, path)
+        try:
+            if name == "revoked":
+                end = x509.load_pem_x509_crl(data).next_update_utc
+                ends |= {} if end is None else {name: end}
+            elif name != "key":
+                ends[name] = min(each.not_valid_after_utc for each in x509.load_pem_x509_certificates(data))
+        except ValueError as error:
+            raise DeviceNotOpenedError(f"plc.tls.{name} = {path}: not PEM ({error})") from error
+    return ends
+
+
+def _files(config: TlsConfig) -> dict[str, Path]:
+    files = {"certificate": config.certificate, "key": config.key, "authority": config.authority}
+    return files if config.revoked is None else {**files, "revoked": config.revoked}
+
+
+def _read(name: str, path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise DeviceNotOpenedError(f"plc.tls.{name} = {path}: {error.strerror}") from error
 
 
 def _no_password() -> str:

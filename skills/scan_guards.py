@@ -13,6 +13,7 @@ from drivers.errors import NotFiniteError, ScanOverrunError, SkinUntrustedError,
 from drivers.frames import end_point
 from drivers.parts import Fraction
 from drivers.quantities import FINGER_NAMES, ArmState, GripperState, ImpedanceSetpoint, TaxelFrame
+from skills.setpoint_bounds import MOST_NUMBER
 from skills.tactile.pose import PegPose
 
 OVERRUN_WINDOW = 100
@@ -31,6 +32,10 @@ round and flat pegs of 8 and 12 mm at 30 and 70 N, at all angles. Source: derive
 """
 FREE_SHARE = 5
 """One of so many taxels of a finger is beside any peg."""
+MOST_COUNTS = 65535.0
+"""Largest reading of a taxel, counts: that of a converter of 16 bits."""
+WIDEST = 1.0
+"""Largest distance between the pads of any hand, m."""
 RESUME_TIME = 1.0
 """Time of the way from a hold back to the setpoint, s; a peg that left the plate while the arm braked comes down on it
 slowly.
@@ -135,12 +140,14 @@ def require_tracking(arm: ArmState, held: ImpedanceSetpoint) -> None:
 
 
 def require_finite_skin(frame: TaxelFrame) -> None:
-    """Make sure that every taxel that is trusted tells a number.
+    """Make sure that the stamp and every trusted taxel are numbers that a skin can give.
 
     Raises:
         NotFiniteError: One line that names the finger and the taxel.
     """
-    wrong = frame.trusted & ~np.isfinite(frame.values)
+    if not abs(frame.stamp) <= MOST_NUMBER:
+        raise NotFiniteError(f"skin: stamp: {frame.stamp}; a number needed")
+    wrong = frame.trusted & ~(np.abs(frame.values) <= MOST_COUNTS)
     if wrong.any():
         finger, taxel = np.argwhere(wrong)[0]
         raise NotFiniteError(
@@ -149,12 +156,12 @@ def require_finite_skin(frame: TaxelFrame) -> None:
 
 
 def require_finite_hand(hand: GripperState) -> GripperState:
-    """Return the state of a hand whose width is finite.
+    """Return the state of a hand whose width is a number that a hand can have.
 
     Raises:
         NotFiniteError: It is not; one line.
     """
-    if not math.isfinite(hand.width):
+    if not abs(hand.width) <= WIDEST:
         raise NotFiniteError(f"hand: width: {hand.width}; a number needed")
     return hand
 

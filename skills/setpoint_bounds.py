@@ -22,6 +22,8 @@ AGE_SLACK = 1e-3
 """Largest difference between two readings of a clock, s."""
 MOST_THETA = math.pi
 """Largest in-hand angle, rad; beyond it the same peg has a smaller one."""
+MOST_NUMBER = 1e150
+"""Largest number whose square is a number."""
 MOST_LENGTH = 0.5
 """Largest distance from the finger centre to the peg's end, m: that of `peg.length`."""
 
@@ -133,21 +135,30 @@ def _require_numbers(setpoint: ImpedanceSetpoint) -> None:
 
 
 def require_numbers(
-    of_what: str, name: str, values: "Vector | tuple[float, ...]", error: type[SetpointError] | type[NotFiniteError]
+    of_what: str,
+    name: str,
+    values: "Vector | tuple[float, ...]",
+    error: type[SetpointError] | type[NotFiniteError],
+    most: float = MOST_NUMBER,
 ) -> None:
-    """Make sure that all values are finite; `of_what` and `name` say what they are.
+    """Make sure that all values are numbers from -`most` to `most`; `of_what` and `name` say what they are.
 
     Raises:
         CellError: `error`, with the first that is none.
     """
-    # A sum of squares is a number where all its terms are; where it is none a closer look decides, as numbers may be too large for it.
-    if all(map(math.isfinite, values)) if isinstance(values, tuple) else math.isfinite(np.vdot(values, values)):
+    # A sum of squares is at most the square of the bound only if each term is; beyond it a closer look decides.
+    if (
+        all(abs(value) <= most for value in values)
+        if isinstance(values, tuple)
+        else np.vdot(values, values) <= most * most
+    ):
         return
     flat = np.asarray(values, dtype=float).ravel()
-    is_finite = np.isfinite(flat)
-    if not is_finite.all():
-        place = int(np.argmin(is_finite))
-        raise error(f"{of_what}: {name} {place + 1} of {flat.size}: {flat[place]}; a number needed")
+    is_sound = np.abs(flat) <= most
+    if not is_sound.all():
+        place = int(np.argmin(is_sound))
+        range_ = "" if most == MOST_NUMBER else f" from {-most:g} to {most:g}"
+        raise error(f"{of_what}: {name} {place + 1} of {flat.size}: {flat[place]}; a number{range_} needed")
 
 
 def size_of(vector: Vector) -> float:

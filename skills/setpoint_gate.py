@@ -12,12 +12,20 @@ import numpy as np
 from pydantic import Field
 
 from drivers.config_model import ConfigModel
-from drivers.errors import NotFiniteError, SetpointError, TrackingError
+from drivers.errors import ArmSilentError, NotFiniteError, SetpointError, TrackingError
 from drivers.frames import angle_between, end_point
 from drivers.parts import Point
 from drivers.protocols import Arm
 from drivers.quantities import ArmState, ImpedanceSetpoint, Vector
-from skills.setpoint_bounds import AGE_SLACK, ArmBounds, require_numbers, require_permitted, require_values, size_of
+from skills.setpoint_bounds import (
+    AGE_SLACK,
+    MOST_NUMBER,
+    ArmBounds,
+    require_numbers,
+    require_permitted,
+    require_values,
+    size_of,
+)
 
 MOST_ASKEW = 1.0
 """Largest angle between the axis of a setpoint and that of the peg or hand, rad; a sound skill stays below 0.6."""
@@ -39,6 +47,14 @@ LONGEST_UNTAKEN = 0.2
 """Longest time for which the arm may report that it follows an older setpoint than it was given, or none, s; its loop takes one in milliseconds.
 Source: chosen, not measured; reason in decision 0092.
 """
+LONGEST_UNCHANGED = 0.15
+"""Longest time for which all readings of an arm may stay the same to the last digit while its setpoint moves, s: 15 scans at 100 Hz, and a fault
+within 0.2 s.
+"""
+LEAST_MOVED = 1e-4
+"""Least way of a setpoint to which an arm must answer, m; at 1500 N/m it is a force of 0.15 N, far above the resolution of any sensor."""
+MOST_LOAD = 1e4
+"""Largest force, N, or torque, N·m, that a sensor of an arm can report; arms of this size bear less than a tenth of it."""
 
 
 class Limits(ConfigModel):
@@ -64,21 +80,24 @@ class Handed:
     """Time of the arm's state that it was judged by, s."""
 
 
-def require_finite(arm: ArmState) -> None:
-    """Make sure that every reading of an arm is finite.
+def require_readings(arm: ArmState) -> None:
+    """Make sure that every reading of an arm is a number that a sensor can give.
 
     Raises:
-        NotFiniteError: A reading is not finite; one line that names it.
+        NotFiniteError: A reading is not; one line that names it.
     """
-    for name, values in (
-        ("joint position", arm.q),
-        ("joint velocity", arm.dq),
-        ("TCP position", arm.tcp.position),
-        ("TCP orientation", arm.tcp.rotation),
-        ("force", arm.wrench.force),
-        ("torque", arm.wrench.torque),
+    for name, values, most in (
+        ("stamp", (arm.stamp,), MOST_NUMBER),
+        ("joint position", arm.q, 100.0),
+        ("joint velocity", arm.dq, 1000.0),
+        ("TCP position", arm.tcp.position, 100.0),
+        ("TCP orientation", arm.tcp.rotation, 2.0),
+        ("force", arm.wrench.force, MOST_LOAD),
+        ("torque", arm.wrench.torque, MOST_LOAD),
+        ("commanded torque", () if arm.commanded is None else arm.commanded, MOST_LOAD),
+        ("unexplained torque", () if arm.unexplained is None else arm.unexplained, MOST_LOAD),
     ):
-        require_numbers("arm", name, values, NotFiniteError)
+        require_numbers("arm", name, values, NotFiniteError, most)
 
 
 def require_sound(
@@ -178,6 +197,16 @@ def _require_posture(setpoint: ImpedanceSetpoint, arm: ArmState, before: Handed 
         )
 
 
+def _is_same(state: ArmState, other: ArmState) -> bool:
+    """Return True if all readings of two states are equal to the last digit."""
+    return (
+        bool((state.q == other.q).all())
+        and bool((state.dq == other.dq).all())
+        and bool((state.tcp.position == other.tcp.position).all())
+        and bool((state.wrench.force == other.wrench.force).all())
+    )
+
+
 def _has_same_point(setpoint: ImpedanceSetpoint, before: ImpedanceSetpoint) -> bool:
     """Whether a setpoint goes on from the one before it: of the same id, and of peg or bare hand as that was."""
     return setpoint.id == before.id and (setpoint.in_hand is None) == (before.in_hand is None)
@@ -230,6 +259,8 @@ class GatedArm:
         self._before: Handed | None = None
         self._untaken_since: float | None = None
         """Time of the first setpoint that the arm has not taken, s; None where it follows the one that it was given."""
+        self._unchanged: tuple[ArmState, Vector] | None = None
+        """First of the newest states that are equal to the last digit, and where the setpoint was then; None if no setpoint is held."""
 
     def open(self) -> None:
         """Open the arm."""
@@ -259,20 +290,22 @@ class GatedArm:
         """Return the newest state.
 
         Raises:
-            NotFiniteError: Something in it is no number; an arm that follows a setpoint is halted, once, for one that is halted
+            NotFiniteError: Something in it is no number that a sensor can give; an arm that follows a setpoint is halted, once, for one that is halted
                 at every reading sinks by what its model of gravity lacks.
             TrackingError: The arm does not take its setpoints; it is halted, once.
+            ArmSilentError: The readings stand still while the setpoint moves; the arm is halted.
             CellError: The arm's own `read` raised it.
         """
         state = self._arm.read()
         try:
-            require_finite(state)
+            require_readings(state)
         except NotFiniteError:
             if self._before is not None:
                 self.halt()
             raise
         self._state = state
         self._require_taken(state)
+        self._require_live(state)
         return state
 
     def _require_taken(self, state: ArmState) -> None:
@@ -293,6 +326,23 @@ class GatedArm:
         if untaken > LONGEST_UNTAKEN:
             self.halt()
             raise TrackingError(f"arm: takes no setpoint for {untaken:.2f} s; {LONGEST_UNTAKEN:g} s allowed")
+
+    def _require_live(self, state: ArmState) -> None:
+        """Make sure that the readings change while the setpoint moves: the noise of a sensor changes the last digits at least."""
+        if self._before is None:
+            self._unchanged = None
+            return
+        asked = self._before.setpoint.tip
+        if self._unchanged is None or not _is_same(state, self._unchanged[0]):
+            self._unchanged = state, asked
+            return
+        since, began = self._unchanged
+        time, moved = state.stamp - since.stamp, size_of(asked - began)
+        if time > LONGEST_UNCHANGED and moved > LEAST_MOVED:
+            self.halt()
+            raise ArmSilentError(
+                f"arm: readings unchanged to the last digit for {time:.2f} s, while its setpoint moved by {1e3 * moved:.1f} mm"
+            )
 
     def halt(self) -> None:
         """Hold still where the arm is, compliant; the next setpoint is judged as a new one."""

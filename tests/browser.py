@@ -15,11 +15,11 @@ PATIENCE = 60.0
 
 
 @contextmanager
-def browsing() -> Iterator[webdriver.Chrome]:
-    """Yield a browser that reaches this computer alone, or skip."""
+def browsing(*names: str) -> Iterator[webdriver.Chrome]:
+    """Yield a browser that reaches this computer alone, to which `names` lead too, or skip."""
     if not browser.is_there():
         pytest.skip(browser.MISSING)
-    with browser.browsing() as opened:
+    with browser.browsing(*names) as opened:
         yield opened
 
 

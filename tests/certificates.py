@@ -23,11 +23,11 @@ def utf8(text: str) -> bytes:
 class Authority:
     """Signs certificates; `certificate` is the path of its own."""
 
-    def __init__(self, folder: Path, name: str = "authority") -> None:
+    def __init__(self, folder: Path, name: str = "authority", lifetime: datetime.timedelta = DAY) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         self._folder, self._key = folder, ec.generate_private_key(ec.SECP256R1())
         self._name = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, name)])
-        builder = self._builder(self._name, self._key, DAY)
+        builder = self._builder(self._name, self._key, lifetime)
         builder = builder.add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
         self.certificate = folder / f"{name}.pem"
         self._write(self.certificate, builder.sign(self._key, hashes.SHA256()))
@@ -46,6 +46,18 @@ class Authority:
         key_path.touch(mode=0o600)
         key_path.write_bytes(key.private_bytes(serialization.Encoding.PEM, *form))
         return certificate, key_path
+
+    def revoke(self, *certificates: Path, lifetime: datetime.timedelta = DAY) -> Path:
+        """Return the path of a list of revoked certificates."""
+        now = datetime.datetime.now(datetime.UTC)
+        builder = x509.CertificateRevocationListBuilder(self._name, now - DAY, now + lifetime)
+        for path in certificates:
+            number = x509.load_pem_x509_certificate(path.read_bytes()).serial_number
+            revoked = x509.RevokedCertificateBuilder().serial_number(number).revocation_date(now - DAY).build()
+            builder = builder.add_revoked_certificate(revoked)
+        path = self._folder / "revoked.pem"
+        path.write_bytes(builder.sign(self._key, hashes.SHA256()).public_bytes(serialization.Encoding.PEM))
+        return path
 
     def client(self, *files: Path) -> ssl.SSLContext:
         """Return the context of a client that trusts this authority and shows `files`, certificate and key."""

@@ -74,6 +74,8 @@ class FakeArm:
         self.floor = -math.inf
         self.fault: Exception | None = None
         self.is_blocked = False
+        self.is_frozen = False
+        """Whether the readings have no noise."""
         self.is_open = self.is_halted = False
         self.handed, self.valid_until = -math.inf, -math.inf
         self.resets = 0
@@ -112,7 +114,8 @@ class FakeArm:
             raise self.fault
         now = self.clock.now()
         age = now - self.handed if self.valid_until >= now else math.inf
-        return ArmState(now, self.q.copy(), self.dq, self.tcp, Wrench(self.force, np.zeros(3)), 2, age)
+        noise = 0.0 if self.is_frozen else 1e-12 * math.sin(1e3 * now)
+        return ArmState(now, self.q + noise, self.dq, self.tcp, Wrench(self.force, np.zeros(3)), 2, age)
 
 
 class FakeGripper:

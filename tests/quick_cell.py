@@ -61,12 +61,12 @@ class QuickCell:
     """What a test holds of the cell that it talks to."""
 
     def __init__(self, bridge: Bridge, program: QuickProgram, live: Live, journal: Journal) -> None:
-        self.bridge, self.program, self.live, self._journal = bridge, program, live, journal
+        self.bridge, self.program, self.live, self.journal = bridge, program, live, journal
         self.folder = journal.folder
 
     def record(self, run: int) -> RunRow:
         """Return the row of one run."""
-        return self._journal.find(run)
+        return self.journal.find(run)
 
 
 @contextmanager
@@ -89,21 +89,19 @@ def quick_cell(
     line = watched(bridge) if watched is not None else bridge
     supervisor = Supervisor(made, loaded, line, journal, stop, live)
 
-    def serve() -> None:
-        with journal:
-            supervisor.serve()
-
+    journal.open()
     supervisor.scan()
     bridge.start()
     table = CATALOGUE.by_code
     before = table[code]
     table[code] = Program(name=before.name, code=code, run=program, stages=(STAGE,), starts_empty=code == CODE)
-    thread = threading.Thread(target=serve)
+    thread = threading.Thread(target=supervisor.serve)
     thread.start()
     try:
         yield QuickCell(bridge, program, live, journal)
     finally:
         stop.set()
         thread.join()
+        journal.close()
         bridge.close()
         table[code] = before

@@ -1,6 +1,7 @@
 """`cell check`: every device of a config, opened and read once; with --plc, cell and PLC together."""
 
 import argparse
+from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,6 +12,7 @@ from drivers.errors import ConfigError
 
 if TYPE_CHECKING:
     from cell.config import LoadedConfig
+    from plc_bridge.config import PlcConfig
 
 SUMMARY = "open every device of a config, read each once, say what is wrong; with --plc, commission cell and PLC"
 PATIENCE = 300.0
@@ -56,11 +58,24 @@ def _check(args: argparse.Namespace, loaded: "LoadedConfig") -> int:
         found.append(("plc", f"fault {error.code.value}: {error}"))
     finally:
         bridge.close()
+    found += _network(loaded.cell.plc)
     table = Table("device", "found")
     for name, text in found:
         table.add_row(name, text)
     show(args, table, [{"device": name, "found": text} for name, text in found])
     return GOOD if all(text.startswith(OK) for _, text in found) else FAULT
+
+
+def _network(plc: "PlcConfig") -> list[tuple[str, str]]:
+    """Return what is open to whom, and how long each key is valid."""
+    from cell.checks import OK
+    from cell.exposure import exposures, key_days, key_verdict
+    from drivers.errors import DeviceNotOpenedError
+
+    found = [("network", f"{OK}, but {line}") for line in exposures(plc)]
+    with suppress(DeviceNotOpenedError):  # the bridge has told of it
+        found += [(name, key_verdict(days)) for name, days in key_days(plc.tls).items()]
+    return found
 
 
 def _commission(args: argparse.Namespace, loaded: "LoadedConfig") -> int:

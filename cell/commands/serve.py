@@ -1,6 +1,7 @@
 """`cell serve`: the cell as a PLC has it, until it is told to stop."""
 
 import argparse
+import logging
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -14,6 +15,9 @@ if TYPE_CHECKING:
     from cell.config import LoadedConfig
     from cell.live import Live
     from plc_bridge.bridge import Bridge
+    from plc_bridge.config import PlcConfig
+
+logger = logging.getLogger(__name__)
 
 SUMMARY = "obey the PLC until SIGINT or SIGTERM"
 PAGE = "127.0.0.1:8080"
@@ -67,6 +71,7 @@ def _serve(args: argparse.Namespace) -> None:
     from plc_bridge.bridge import Bridge
 
     loaded = load_config(args)
+    _warn(loaded.cell.plc, args)
     warm_up(loaded)
     bridge, live = Bridge(loaded.cell.plc, PROGRAMS, PARAMETERS), Live()
     with (
@@ -82,11 +87,23 @@ def _serve(args: argparse.Namespace) -> None:
         if args.page is not None:
             servers.enter_context(_page(args.page, bridge, live, loaded, journal.folder, tuple(cell.cables)))
         if args.metrics is not None:
-            from cell.metrics import served_metrics
+            from cell.page.server import MetricsServer
 
-            host, port = servers.enter_context(served_metrics(bridge, *args.metrics))
-            say(f"metrics on http://{host}:{port}/metrics")
+            server = servers.enter_context(MetricsServer(args.metrics, bridge, loaded.cell))
+            say(f"metrics on {server.url}metrics")
         supervisor.serve()
+
+
+def _warn(plc: "PlcConfig", args: argparse.Namespace) -> None:
+    """Log what is open to whom, and which keys end soon."""
+    from cell.checks import OK
+    from cell.exposure import exposures, key_days, key_verdict
+
+    for line in exposures(plc, args.page, args.metrics):
+        logger.warning("%s", line)
+    for name, days in key_days(plc.tls).items():
+        verdict = key_verdict(days)
+        logger.log(logging.INFO if verdict.startswith(OK) else logging.WARNING, "%s: %s", name, verdict)
 
 
 @contextmanager
@@ -102,12 +119,6 @@ def _page(
     from cell.page.server import PageServer
     from cell.page.token import FILE
 
-    page = PageServer(address, bridge, live, loaded, folder, cables)
-    page.start()
-    try:
-        host, port = page.address
-        where = f"http://{f'[{host}]' if ':' in host else host}:{port}/"
-        say(f"page on {where}" + (f"#token={page.token}" if sys.stdout.isatty() else f" token in {folder / FILE}"))
+    with PageServer(address, bridge, live, loaded, folder, cables) as page:
+        say(f"page on {page.url}" + (f"#token={page.token}" if sys.stdout.isatty() else f" token in {folder / FILE}"))
         yield
-    finally:
-        page.close()

@@ -1,7 +1,8 @@
 """The requests of a page, from their text to the command block of the line; pure."""
 
-import json
 from dataclasses import dataclass
+
+from pydantic_core import from_json
 
 from cell.line import CONTROLS
 from plc_bridge.images import CommandImage
@@ -39,7 +40,7 @@ def parse(text: str | bytes) -> Ask:
         BadAskError: The text cannot be understood.
     """
     try:
-        data = json.loads(text)
+        data = from_json(text, allow_inf_nan=False)  # bounded in depth, and without half characters
     except ValueError:
         raise BadAskError("not JSON") from None
     if not isinstance(data, dict):

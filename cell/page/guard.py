@@ -3,11 +3,13 @@
 import ipaddress
 import re
 import socket
+from collections.abc import Collection
 from functools import cache
+from urllib.parse import urlsplit
 
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; media-src 'self'; "
-    "connect-src 'self' ws://{host} wss://{host}; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    "connect-src 'self' {own}; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
 """Content policy of the page: the browser loads from the cell alone."""
 
@@ -15,19 +17,29 @@ _RANGE = re.compile(r"bytes=(?P<first>\d{0,15})-(?P<last>\d{0,15})", re.ASCII)
 _HOST = re.compile(r"(?:\[(?P<six>[0-9a-fA-F:.]+)\]|(?P<name>[\w.-]+))(?::\d{1,5})?", re.ASCII)
 
 
-def is_own_host(host: str) -> bool:
-    """Tell whether the Host of a request is an address, `localhost` or this computer's name.
+def refusal(host: str, origin: str | None, names: Collection[str] = ()) -> str:
+    """Return why a request is not answered; empty if it names this cell and comes from the cell's own page, or from none.
 
-    Any other name may have been made to lead here by somebody whose page wants to read this one.
+    A name that is not the cell's own may have been made to lead here by somebody whose page wants to read this one.
+
+    Args:
+        host: The header Host.
+        origin: The header Origin; None if there is none.
+        names: Names of the cell in lower case, beside addresses and the names of this computer.
     """
     match = _HOST.fullmatch(host)
-    if match is None:
-        return False
-    name = (match["six"] or match["name"]).lower()
+    if match is None or not _is_own((match["six"] or match["name"]).lower(), names):
+        return "not a name of this cell"
+    if origin is not None and urlsplit(origin).netloc.lower() != host.lower():
+        return "asked for by the page of another site"
+    return ""
+
+
+def _is_own(name: str, names: Collection[str]) -> bool:
     try:
         ipaddress.ip_address(name)
     except ValueError:
-        return name in _names()
+        return name in names or name in _names()
     return True
 
 
@@ -36,6 +48,14 @@ def _names() -> frozenset[str]:
     """Return the names of this computer."""
     name = socket.gethostname().lower()
     return frozenset({"localhost", name, f"{name}.local"})
+
+
+def is_private(protocol: str, peer: str) -> bool:
+    """Return True if nobody on the way can read a request: it comes over TLS, or from this computer."""
+    try:
+        return protocol == "https" or ipaddress.ip_address(peer).is_loopback
+    except ValueError:
+        return False
 
 
 def part_of(asked: str, size: int) -> tuple[int, int]:
@@ -50,9 +70,10 @@ def part_of(asked: str, size: int) -> tuple[int, int]:
 
 
 def headers(host: str) -> dict[str, str]:
-    """Return the headers of every answer; `host` has been found to be the cell's own."""
+    """Return the headers of an answer to a request of this Host, or of a refusal, which repeats no name, if it is empty."""
+    own = f"ws://{host} wss://{host}" if host else ""
     return {
-        "Content-Security-Policy": POLICY.format(host=host),
+        "Content-Security-Policy": POLICY.format(own=own),
         "X-Content-Type-Options": "nosniff",
         "Referrer-Policy": "no-referrer",
         "Cross-Origin-Opener-Policy": "same-origin",

@@ -1,6 +1,7 @@
 """The view that all pages share: it looks at the cell at a fixed rate, and tells every open page what has changed."""
 
 import json
+from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
@@ -22,6 +23,10 @@ PERIOD = 0.05
 """Time between two looks at the cell, s; what happens reaches a page in about this time."""
 EVERY = 2
 """Number of looks after which touch and traces are sent once."""
+PLACES = 32
+"""Number of pages that may be open at once."""
+PLACES_OF_ONE = 16
+"""Number of pages without the token that may be open at once from one address."""
 AGAIN = 100
 """Number of looks after which the records are read again, because other programs write them too."""
 
@@ -37,6 +42,17 @@ class Page(Protocol):
 
     def look(self) -> None:
         """Tell this page what has changed for it alone."""
+
+    @property
+    def is_unlocked(self) -> bool:
+        """True if the page has shown the token."""
+
+    @property
+    def peer(self) -> str:
+        """Address of the page's computer."""
+
+    def leave(self, why: str) -> None:
+        """Close this page."""
 
 
 class PageHub:
@@ -64,7 +80,10 @@ class PageHub:
         self._cables = tuple(cables)
         self._bridge, self._live, self._loaded, self._records = bridge, live, loaded, records
         self._build = build
-        self.pages: set[Page] = set()
+        self.pages: list[Page] = []
+        """Pages that are shown everything, oldest first."""
+        self._lobby: deque[Page] = deque()
+        """Pages that came when there was no place, and may still show the token."""
         self.traces = Traces()
         self._report: ReportImage | None = None
         self._unplugged: frozenset[str] = frozenset()
@@ -104,7 +123,36 @@ class PageHub:
             if text:
                 page.tell(text)
         page.tell(self.history())
-        self.pages.add(page)
+        self.pages.append(page)
+
+    def full(self, page: Page) -> str:
+        """Return why there is no place for a page without the token; empty if there is one."""
+        alike = sum(not each.is_unlocked and each.peer == page.peer for each in self.pages)
+        if len(self.pages) < PLACES and alike < PLACES_OF_ONE:
+            return ""
+        if len(self._lobby) >= PLACES:
+            self._lobby.popleft().leave("too many pages")
+        self._lobby.append(page)
+        return f"{len(self.pages)} pages are open already, {alike} of them without the token at this address"
+
+    def admit(self, page: Page) -> bool:
+        """Greet a page that has the token, for which one without it leaves if need be; return False if there is none."""
+        self.leave(page)
+        if len(self.pages) >= PLACES:
+            other = next((each for each in reversed(self.pages) if not each.is_unlocked), None)
+            if other is None:
+                page.leave(f"{PLACES} pages with the token are open already")
+                return False
+            self.leave(other)
+            other.leave("a page with the token needs the place")
+        self.greet(page)
+        return True
+
+    def leave(self, page: Page) -> None:
+        """Show a page nothing more."""
+        for pages in (self.pages, self._lobby):
+            if page in pages:
+                pages.remove(page)
 
     def pull(self, pull: Pull) -> str:
         """Pass on the wish to pull or plug a cable; return why not, where there is no such cable."""

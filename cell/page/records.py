@@ -51,11 +51,11 @@ class Records:
         """Films that are being made, or wait for it, by run."""
 
     def summary(self) -> dict[str, object]:
-        """Return the last runs, and the yield of the shift; empty lists where the journal cannot be read."""
+        """Return the last runs, and the yield of the shift; empty lists if the journal cannot be read."""
         rows: list[RunRow] = []
         counts: dict[str, int] = {}
         since = wall_clock.now() - SHIFT
-        with suppress(JournalError), self._journal() as journal:
+        with suppress(JournalError, TypeError, ValueError), self._journal() as journal:
             rows = journal.runs(RECENT)
             counts = journal.outcomes(RunQuery(since.isoformat(timespec="milliseconds"), program=PRODUCT))
         return {
@@ -77,7 +77,7 @@ class Records:
                 "stages": [asdict(stage) for stage in journal.stages(run)],
                 "events": [asdict(event) for event in journal.events(run=run)],
                 "files": list(FILES) if _can_be_drawn(journal, row) else [],
-                "made": [name for name in FILES if self._path(run, name).is_file()],
+                "made": [name for name in FILES if self.path(run, name).is_file()],
                 "is_filmed": run in self._films,
             }
 
@@ -101,7 +101,7 @@ class Records:
         with self._journal() as journal:
             if not _can_be_drawn(journal, journal.find(run)):
                 return None
-        path = self._path(run, name)
+        path = self.path(run, name)
         if not path.is_file() and self._waiting < WAITING:
             self._waiting += 1
             try:
@@ -121,7 +121,7 @@ class Records:
         with self._journal() as journal:
             if not _can_be_drawn(journal, journal.find(run)):
                 raise JournalError(f"run {run}: no samples of an ended run are on record")
-        path = self._path(run, FILM)
+        path = self.path(run, FILM)
         if path.is_file():
             return path
         if run not in self._films:
@@ -129,7 +129,8 @@ class Records:
             self._films[run].add_done_callback(lambda _: self._films.pop(run))
         return None
 
-    def _path(self, run: int, name: str) -> Path:
+    def path(self, run: int, name: str) -> Path:
+        """Return where a file made of a run is, or would be."""
         return self._folder / f"run-{run:06d}{Path(name).suffix}"
 
     async def _make(self, run: int, name: str, path: Path) -> None:

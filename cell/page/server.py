@@ -1,28 +1,34 @@
-"""The server of the page: a thread of its own with its own event loop, beside the scan, which it only looks at."""
+"""The servers of the page and of the figures: what each route answers."""
 
 import asyncio
 import hashlib
 import json
-import socket as sockets
-import threading
-from collections.abc import Sequence
+import logging
+import ssl
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
-from tornado.httpserver import HTTPServer
 from tornado.ioloop import PeriodicCallback
-from tornado.web import Application, HTTPError, RequestHandler
+from tornado.web import HTTPError
 
+from cell.cell_config import CellConfig
 from cell.config import LoadedConfig
+from cell.exposure import is_local
 from cell.live import Live
+from cell.metrics import KIND, CellCollector
 from cell.page.commands import MOST
-from cell.page.guard import headers, is_own_host, part_of
+from cell.page.front import Front, Guarded, HttpServer
+from cell.page.guard import part_of
 from cell.page.hub import PERIOD, SPECTATOR, PageHub
 from cell.page.records import FILES, FILM, Records
 from cell.page.socket import PageSocket
 from cell.page.token import page_token
-from drivers.errors import CellError, DeviceNotOpenedError, JournalError
+from drivers.errors import JournalError
 from plc_bridge.bridge import Bridge
+from plc_bridge.tls import browser_context
+
+logger = logging.getLogger(__name__)
 
 STATIC = Path(__file__).parent / "static"
 KINDS = {
@@ -33,18 +39,14 @@ KINDS = {
     ".png": "image/png",
     ".mp4": "video/mp4",
 }
-THREAD = "page"
-"""Name of the thread that serves."""
 PIECE = 256 * 1024
 """Size of the pieces in which a file is sent, bytes."""
 PINGS = 3
 """Number of pings in the time for which a link may be silent."""
 
 
-class PageServer:
+class PageServer(HttpServer):
     """The page of one cell that is served.
-
-    Constructing touches nothing. `start` opens the port; `close` may be called again.
 
     Args:
         address: Host and port; port 0 takes a free one.
@@ -64,21 +66,11 @@ class PageServer:
         folder: Path,
         cables: Sequence[str] = (),
     ) -> None:
-        self._asked, self._bridge, self._live, self._loaded, self._folder = address, bridge, live, loaded, folder
+        super().__init__("--page", address)
+        self._bridge, self._live, self._loaded, self._folder = bridge, live, loaded, folder
         self._cables = tuple(cables)
-        self._socket: sockets.socket | None = None
-        self._thread: threading.Thread | None = None
-        self._loop: asyncio.AbstractEventLoop | None = None
-        self._is_over: asyncio.Event | None = None
         self.token = ""
         """Token that a page has to show before it may move anything."""
-
-    @property
-    def address(self) -> tuple[str, int]:
-        """Host and port that the server listens on."""
-        assert self._socket is not None
-        host, port = self._socket.getsockname()[:2]
-        return host, port
 
     def start(self) -> None:
         """Listen for browsers.
@@ -87,89 +79,78 @@ class PageServer:
             DeviceNotOpenedError: The port is in use, or the address is not this computer's.
             ConfigError: The token cannot be kept.
         """
-        host, port = self._asked
         self.token = page_token(self._folder)
-        try:
-            family = sockets.AF_INET6 if ":" in host else sockets.AF_INET
-            self._socket = sockets.create_server((host, port), family=family)
-        except (OSError, UnicodeError) as error:
-            raise DeviceNotOpenedError(f"page: {host}:{port}: cannot listen: {error}") from None
-        self._socket.setblocking(False)
+        super().start()
         self._bridge.opened(SPECTATOR, SPECTATOR)
-        ready = threading.Event()
-        self._thread = threading.Thread(target=lambda: asyncio.run(self._serve(ready)), name=THREAD, daemon=True)
-        self._thread.start()
-        ready.wait()
 
     def close(self) -> None:
         """Close every page and stop listening."""
-        if self._thread is None:
-            return
-        assert self._loop is not None
-        assert self._is_over is not None
-        self._loop.call_soon_threadsafe(self._is_over.set)
-        self._thread.join()
-        self._thread = None
+        super().close()
         self._bridge.closed(SPECTATOR)
 
-    async def _serve(self, ready: threading.Event) -> None:
-        self._loop, self._is_over = asyncio.get_running_loop(), asyncio.Event()
+    def made(self) -> Front:
+        """Return the routes."""
         records = Records(self._folder)
-        hub = PageHub(self._bridge, self._live, self._loaded, records, _build(), self._cables)
-        server = HTTPServer(self._application(hub, records), max_body_size=MOST, idle_connection_timeout=60.0)
-        assert self._socket is not None
-        server.add_socket(self._socket)
-        beat = PeriodicCallback(hub.tick, 1e3 * PERIOD)
-        beat.start()
-        ready.set()
-        try:
-            await self._is_over.wait()
-        finally:
-            beat.stop()
-            server.stop()
-            await server.close_all_connections()
-
-    def _application(self, hub: PageHub, records: Records) -> Application:
+        self._hub = PageHub(self._bridge, self._live, self._loaded, records, _build(), self._cables)
         ping = self._loaded.cell.plc.life_timeout / PINGS
-        return Application(
+        return Front(
             [
-                ("/live", PageSocket, {"hub": hub, "bridge": self._bridge, "token": self.token}),
-                (r"/runs/(\d{1,9})/(data|config)", RunData, {"records": records}),
-                (rf"/runs/(\d{{1,9}})/({'|'.join(FILES)})", RunFile, {"records": records}),
+                ("/live", PageSocket, {"hub": self._hub, "bridge": self._bridge, "token": self.token}),
+                (r"/runs/(\d{1,9})/(data|config)", RunData, {"records": records, "token": self.token}),
+                (rf"/runs/(\d{{1,9}})/({'|'.join(FILES)})", RunFile, {"records": records, "token": self.token}),
                 (r"/runs/\d{1,9}", Static, {"name": "run.html"}),
                 (r"/([\w-]+\.(?:html|js|css|svg))", Static),
                 ("/", Static, {"name": "index.html"}),
             ],
-            default_handler_class=Nothing,
+            self._loaded.cell.page.names,
             websocket_ping_interval=ping,
             websocket_ping_timeout=ping,
             websocket_max_message_size=MOST,
-            log_function=lambda handler: None,
         )
 
+    def context(self) -> ssl.SSLContext | None:
+        """Return the context of TLS with the cell's own certificate; None on this computer alone, or if the cell has none."""
+        tls = self._loaded.cell.plc.tls
+        return None if tls is None or is_local(self._asked[0]) else browser_context(tls)
 
-class Guarded(RequestHandler):
-    """Handler that answers only clients that reached the cell by a name of its own, and lets the browser load from here alone."""
+    async def work(self, is_over: asyncio.Event) -> None:
+        """Look at the cell, and show it to the pages, until it is over."""
+        beat = PeriodicCallback(self._hub.tick, 1e3 * PERIOD)
+        beat.start()
+        try:
+            await is_over.wait()
+        finally:
+            beat.stop()
 
-    def prepare(self) -> None:
-        """Refuse a foreign name.
 
-        Raises:
-            HTTPError: The name is foreign.
-        """
-        if not is_own_host(self.request.host):
-            raise HTTPError(421, reason="not a name of this cell")
-        for name, value in headers(self.request.host).items():
-            self.set_header(name, value)
+class MetricsServer(HttpServer):
+    """The figures of one cell as Prometheus text."""
 
-    def set_default_headers(self) -> None:
-        """Send no header that names the server."""
-        self.clear_header("Server")
+    def __init__(self, address: tuple[str, int], bridge: Bridge, config: CellConfig) -> None:
+        """Take the address, and the bridge and the config of the cell whose figures are served."""
+        super().__init__("--metrics", address)
+        self._collector, self._names = CellCollector(bridge, config.plc.tls), config.page.names
 
-    def write_error(self, status_code: int, **_: Any) -> None:
-        """Answer one line of text."""
-        self.set_header("Content-Type", "text/plain; charset=utf-8")
-        self.finish(f"{status_code} {self._reason}\n")
+    def made(self) -> Front:
+        """Return the one route."""
+        return Front([("/metrics", Metrics, {"collector": self._collector})], self._names)
+
+
+class Metrics(Guarded):
+    """Handler of the figures."""
+
+    def initialize(self, collector: CellCollector) -> None:
+        """Take what reads the figures."""
+        self._collector = collector
+
+    def get(self) -> None:
+        """Answer the figures as they stand now."""
+        self.set_header("Content-Type", KIND)
+        self.finish(self._collector.text())
+
+
+class FileHandler(Guarded):
+    """Base of the handlers that send files."""
 
     async def send(self, path: Path) -> None:
         """Answer a file, or the part of it that is asked for, as by a browser that seeks in a film, piece by piece."""
@@ -190,7 +171,7 @@ class Guarded(RequestHandler):
                 await self.flush()
 
 
-class Static(Guarded):
+class Static(FileHandler):
     """Handler of the page's own files."""
 
     def initialize(self, name: str = "") -> None:
@@ -206,63 +187,66 @@ class Static(Guarded):
 
 
 class RunData(Guarded):
-    """Handler of one run as the journal has it, or of the config that it was made with."""
+    """Handler of one run as the journal has it, or, with the token, of the config that it was made with."""
 
-    def initialize(self, records: Records) -> None:
-        """Take the records."""
-        self._records = records
+    def initialize(self, records: Records, token: str) -> None:
+        """Take the records and the token."""
+        self._records, self._token = records, token
 
     def get(self, number: str, what: str) -> None:
         """Answer the run as JSON."""
         run = int(number)
-        try:
+        if what == "config":
+            self.require_token(self._token)
+        with _found(run):
             text = json.dumps(self._records.whole(run)) if what == "data" else self._records.config(run)
-        except JournalError as error:
-            raise HTTPError(404, reason=_ascii(error)) from None
         if text is None:
             raise HTTPError(404, reason=f"run {run}: its config was not kept")
         self.set_header("Content-Type", "application/json")
         self.finish(text if what == "data" else json.dumps(json.loads(text), indent=2))  # a person reads it
 
 
-class RunFile(Guarded):
-    """Handler of a file made of a run."""
+class RunFile(FileHandler):
+    """Handler of a file made of a run: anybody may have one that there is, and whoever has the token may have it made."""
 
-    def initialize(self, records: Records) -> None:
-        """Take the records."""
-        self._records = records
+    def initialize(self, records: Records, token: str) -> None:
+        """Take the records and the token."""
+        self._records, self._token = records, token
 
     async def get(self, number: str, name: str) -> None:
-        """Answer the file, which is made first where it is missing; a film takes minutes, for which nobody can wait."""
-        run = int(number)
-        try:
-            path = self._records.film(run) if name == FILM else await self._records.file(run, name)
-        except JournalError as error:
-            raise HTTPError(404, reason=_ascii(error)) from None
-        if path is None and name == FILM:
-            self.set_status(202)
-            self.finish("being drawn\n")
-            return
-        if path is None:
-            raise HTTPError(404, reason=f"cell {FILES[name]} {run} cannot make it here")
+        """Answer the file."""
+        path = self._records.path(int(number), name)
+        if not path.is_file():
+            raise HTTPError(404, reason=f"run {number}: not drawn yet")
         await self.send(path)
 
-
-class Nothing(Guarded):
-    """Handler of every other address."""
-
-    def prepare(self) -> None:
-        """Answer 404, because no page has this address.
-
-        Raises:
-            HTTPError: Always.
-        """
-        super().prepare()
-        raise HTTPError(404, reason="no such page")
+    async def post(self, number: str, name: str) -> None:
+        """Make the file if it is missing; a film takes minutes, for which nobody can wait."""
+        self.require_token(self._token)
+        run = int(number)
+        with _found(run):
+            path = self._records.film(run) if name == FILM else await self._records.file(run, name)
+        if path is None and name != FILM:
+            raise HTTPError(404, reason=f"cell {FILES[name]} {run} cannot make it here")
+        self.set_status(202 if path is None else 200)
+        self.finish("being drawn\n" if path is None else "there\n")
 
 
-def _ascii(error: CellError) -> str:
-    return str(error).encode("ascii", "replace").decode()
+@contextmanager
+def _found(run: int) -> Iterator[None]:
+    """Answer in one line, without a place on the disk, that a run is not on record, or that its record is damaged.
+
+    Raises:
+        HTTPError: It is so.
+    """
+    try:
+        yield
+    except JournalError as error:
+        logger.info("page: %s", error)
+        raise HTTPError(404, reason=f"run {run}: not on record, or without samples") from None
+    except (TypeError, ValueError) as error:
+        logger.warning("page: record of a run is damaged: %s", error)
+        raise HTTPError(404, reason=f"run {run}: its record is damaged") from None
 
 
 def _build() -> str:

@@ -4,15 +4,16 @@ import json
 import logging
 from asyncio import Future
 from typing import Any
-from urllib.parse import urlsplit
 
+from tornado.ioloop import IOLoop
 from tornado.iostream import StreamClosedError
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from cell.live import Pull
 from cell.page import telling
 from cell.page.commands import Ask, BadAskError, parse
-from cell.page.guard import is_own_host
+from cell.page.front import OPEN_LINE
+from cell.page.guard import is_private
 from cell.page.hub import PageHub
 from cell.page.token import is_token
 from plc_bridge.bridge import Bridge
@@ -21,8 +22,8 @@ from plc_bridge.messages import FIRST_PROGRAM, Result
 
 logger = logging.getLogger(__name__)
 
-PLACES = 32
-"""Number of pages that may be open at once."""
+PATIENCE = 3.0
+"""Time for which a page that has no place may still show the token, s."""
 TRIES = 5
 """Number of wrong tokens after which a page is closed."""
 BEHIND = 256 * 1024
@@ -43,18 +44,32 @@ class PageSocket(WebSocketHandler):
         self._has_missed = False
         self._own: dict[str, object] = {}
 
-    def check_origin(self, origin: str) -> bool:
-        """Let only the cell's own page in, not another one that is open in the same browser."""
-        host = self.request.host
-        return urlsplit(origin).netloc.lower() == host.lower() and is_own_host(host)
+    @property
+    def is_unlocked(self) -> bool:
+        """True if the page has shown the token."""
+        return bool(self._source)
+
+    @property
+    def peer(self) -> str:
+        """Address of the page's computer."""
+        return str(self.request.remote_ip)
 
     def open(self, *_: str, **__: str) -> None:
-        """Greet the page."""
-        if len(self._hub.pages) >= PLACES:
-            self.close(1013, f"{PLACES} pages are open already")
-            return
+        """Greet the page; if there is no place, it may still show the token, for which a page without one leaves."""
         self.set_nodelay(True)
-        self._hub.greet(self)
+        if why := self._hub.full(self):
+            self._say("full", why=why)
+            IOLoop.current().call_later(PATIENCE, self._leave_if_unknown, why)
+        else:
+            self._hub.greet(self)
+
+    def _leave_if_unknown(self, why: str) -> None:
+        if self not in self._hub.pages:
+            self.leave(why)
+
+    def leave(self, why: str) -> None:
+        """Close this page, which may come again later."""
+        self.close(1013, why)
 
     def on_message(self, message: str | bytes) -> None:
         """Do what the page asks for, or send it the reason why not."""
@@ -79,7 +94,7 @@ class PageSocket(WebSocketHandler):
 
     def on_close(self) -> None:
         """End the link; what it runs stops as that of a PLC that falls silent."""
-        self._hub.pages.discard(self)
+        self._hub.leave(self)
         if self._source:
             self._bridge.closed(self._source)
             self._source = ""
@@ -126,16 +141,18 @@ class PageSocket(WebSocketHandler):
     # Requests of the page.
 
     def _unlock(self, token: str) -> None:
-        if not is_token(token, self._token):
+        if not is_private(self.request.protocol, self.peer):
+            self._say("locked", why=OPEN_LINE)
+        elif not is_token(token, self._token):
             self._tries += 1
-            logger.warning("page: %s showed a wrong token", self.request.remote_ip)
+            logger.warning("page: %s showed a wrong token", self.peer)
             self._say("locked", why="this is not the token of this cell")
             if self._tries >= TRIES:
                 self.close(1008, "wrong token")
-        elif not self._source:
-            host = f"page {self.request.remote_ip}"
-            self._source = f"{host} {id(self) & 0xFFFF:04x}"
-            self._bridge.opened(self._source, host)
+        elif self in self._hub.pages or self._hub.admit(self):
+            if not self._source:
+                self._source = f"page {self.peer} {id(self) & 0xFFFF:04x}"
+                self._bridge.opened(self._source, f"page {self.peer}")
             self._say("unlocked", source=self._source)
 
     def _pull(self, ask: Ask) -> None:

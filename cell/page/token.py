@@ -1,16 +1,21 @@
 """The token of the page: whoever has it may move the cell, everybody else may only look."""
 
 import hmac
-import os
+import logging
 import secrets
 from pathlib import Path
 
+from cell.kept_file import replace
 from drivers.errors import ConfigError
 
 FILE = "page-token"
 """Name of the token's file in the folder of the records; only the user of the cell may read it."""
 BYTES = 18
 """Number of random bytes of a new token."""
+SHORTEST = 16
+"""Least number of characters of a token."""
+
+logger = logging.getLogger(__name__)
 
 
 def page_token(folder: Path) -> str:
@@ -22,16 +27,32 @@ def page_token(folder: Path) -> str:
     path = folder / FILE
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        try:
-            with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as file:
-                file.write(secrets.token_urlsafe(BYTES))
-        except FileExistsError:
-            pass
-        if path.stat().st_mode & 0o077:
-            raise ConfigError(f"{path}: others can read the page's token; only its owner allowed, as by chmod 600")
-        return path.read_text(encoding="ascii").strip()
-    except (OSError, UnicodeError) as error:
+        kept = _kept(path)
+        if not kept:
+            kept = secrets.token_urlsafe(BYTES)
+            replace(path, kept, is_lasting=True)
+        return kept
+    except OSError as error:
         raise ConfigError(f"{path}: cannot be used: {error}") from None
+
+
+def _kept(path: Path) -> str:
+    """Return the token in a file; empty if there is none that nobody could guess.
+
+    Raises:
+        ConfigError: Others can read it.
+        OSError: It cannot be read.
+    """
+    try:
+        mode, token = path.stat().st_mode, path.read_bytes().decode(errors="replace").strip()
+    except FileNotFoundError:
+        return ""
+    if mode & 0o077:
+        raise ConfigError(f"{path}: others can read the page's token; only its owner allowed, as by chmod 600")
+    if len(token) < SHORTEST or not token.isascii() or not token.isprintable():
+        logger.warning("%s: holds no token of at least %d characters; made anew", path, SHORTEST)
+        return ""
+    return token
 
 
 def is_token(found: object, token: str) -> bool:

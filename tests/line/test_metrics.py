@@ -1,14 +1,17 @@
 """The figures of a served cell as Prometheus text, read by a client of HTTP and the library's own parser."""
 
 import urllib.request
+from datetime import timedelta
 
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
-from cell.metrics import served_metrics
+from cell.page.server import MetricsServer
 from drivers.errors import DeviceNotOpenedError
+from plc_bridge.config import TlsConfig
 from plc_bridge.intervals import Intervals
 from plc_bridge.messages import Control
+from tests.certificates import Authority
 from tests.plc_wire import Wire, until
 from tests.quick_cell import CODE
 
@@ -19,12 +22,13 @@ def read(address):
     return {(sample.name, *sample.labels.values()): sample.value for family in families for sample in family.samples}
 
 
-def test_figures_are_those_of_the_cell(served):
+def test_figures_are_those_of_the_cell(served, loaded):
     plc = Wire(served.bridge.address)
     plc.order((1, Control.NONE), (2, CODE))
     plc.until(lambda report: report.result != 0)
     plc.order((3, 77))
-    with served_metrics(served.bridge, "127.0.0.1", 0) as address:
+    with MetricsServer(("127.0.0.1", 0), served.bridge, loaded.cell) as server:
+        address = server.address
         figures = read(address)
         until(lambda: read(address)["cell_scan_interval_seconds_count",] > figures["cell_scan_interval_seconds_count",])
     plc.close()
@@ -36,11 +40,20 @@ def test_figures_are_those_of_the_cell(served):
     assert figures["cell_scan_interval_seconds_bucket", "+Inf"] == figures["cell_scan_interval_seconds_count",]
 
 
-def test_a_port_in_use_is_said_in_one_line(served):
+def test_the_age_of_the_keys_is_a_figure(served, loaded, tmp_path):
+    authority = Authority(tmp_path / "keys")
+    certificate, key = authority.sign("cell", lifetime=timedelta(days=50))
+    tls = TlsConfig(certificate=certificate, key=key, authority=authority.certificate)
+    cell = loaded.cell.model_copy(update={"plc": loaded.cell.plc.model_copy(update={"tls": tls})})
+    with MetricsServer(("127.0.0.1", 0), served.bridge, cell) as server:
+        assert read(server.address)["cell_key_days", "plc.tls.certificate"] == pytest.approx(50.0, abs=0.01)
+
+
+def test_a_port_in_use_is_said_in_one_line(served, loaded):
     with (
-        served_metrics(served.bridge, "127.0.0.1", 0) as (host, port),
-        pytest.raises(DeviceNotOpenedError, match=f"--metrics 127.0.0.1:{port}: "),
-        served_metrics(served.bridge, host, port),
+        MetricsServer(("127.0.0.1", 0), served.bridge, loaded.cell) as server,
+        pytest.raises(DeviceNotOpenedError, match=f"--metrics 127.0.0.1:{server.address[1]}: "),
+        MetricsServer(server.address, served.bridge, loaded.cell),
     ):
         pass
 

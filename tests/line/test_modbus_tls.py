@@ -109,6 +109,19 @@ def test_certificate_of_another_authority_is_refused(bridge, authority, tmp_path
     assert is_refused(bridge, context)
 
 
+def test_a_revoked_certificate_is_refused_and_another_one_served(authority):
+    taken = authority.sign("taken", utf8("Operator"))
+    bridge = start(authority, revoked=authority.revoke(taken[0]))
+    try:
+        with pytest.raises((ssl.SSLError, ConnectionError)):  # noqa: SIM117
+            with connect(bridge, authority.client(*taken)) as client:
+                ask(client, READ)
+        with connect(bridge, authority.client(*authority.sign("kept", utf8("Operator")))) as client:
+            assert ask(client, READ)[0] == READ[0]
+    finally:
+        bridge.close()
+
+
 def test_certificate_that_has_run_out_is_refused(bridge, authority):
     files = authority.sign("late", utf8("Operator"), lifetime=datetime.timedelta(days=-1))
     assert is_refused(bridge, authority.client(*files))

@@ -3,17 +3,19 @@
 import asyncio
 import http.client
 import json
+import sqlite3
 from collections.abc import Iterator
-from contextlib import AsyncExitStack, asynccontextmanager
+from contextlib import AsyncExitStack, asynccontextmanager, closing
 
 import pytest
-from tornado.httpclient import HTTPClientError, HTTPRequest
+from tornado.httpclient import HTTPRequest
 from tornado.websocket import websocket_connect
 
-from cell.journal import Journal
-from cell.journal_schema import RunRow
+from cell.journal import INDEX
+from cell.journal_schema import ConfigRow, RunRow
+from cell.page.hub import PLACES, PLACES_OF_ONE
 from cell.page.server import PageServer
-from cell.page.socket import PLACES, TRIES
+from cell.page.socket import TRIES
 from cell.wall_clock import now_text
 from drivers.errors import DeviceNotOpenedError
 from plc_bridge.messages import Control
@@ -30,9 +32,9 @@ def server(served: QuickCell, loaded) -> Iterator[PageServer]:
     made.close()
 
 
-def get(server, path, **headers):
+def get(server, path, method="GET", **headers):
     connection = http.client.HTTPConnection(*server.address, timeout=10)
-    connection.request("GET", path, headers=headers)
+    connection.request(method, path, headers=headers)
     answer = connection.getresponse()
     body = answer.read()
     connection.close()
@@ -94,22 +96,9 @@ def test_what_there_is_not_is_answered_so(server, path, status):
     assert get(server, path)[0].status == status
 
 
-def test_a_name_that_somebody_else_led_here_is_refused(server):
-    assert get(server, "/", Host="evil.example")[0].status == 421
-
-
-def test_the_page_of_another_site_gets_no_connection(server):
-    async def come():
-        async with connected(server, Origin="http://evil.example"):
-            pass
-
-    with pytest.raises(HTTPClientError, match="403"):
-        asyncio.run(come())
-
-
 def test_a_port_in_use_is_said_in_one_line(server, served, loaded):
     other = PageServer(server.address, served.bridge, served.live, loaded, served.folder)
-    with pytest.raises(DeviceNotOpenedError, match=r"page: 127\.0\.0\.1:.*cannot listen"):
+    with pytest.raises(DeviceNotOpenedError, match=r"--page 127\.0\.0\.1:.*cannot listen"):
         other.start()
     other.close()
 
@@ -164,16 +153,109 @@ def test_an_old_hand_on_the_lease_is_let_go_by_releasing_it(server, served, plc:
     assert plc.answer(3).refusal == 0
 
 
-def test_there_are_only_so_many_places(server):
+@pytest.fixture
+def crowded(server, monkeypatch) -> PageServer:
+    """As if each of 32 pages came from an address of its own."""
+    monkeypatch.setattr("cell.page.hub.PLACES_OF_ONE", PLACES)
+    return server
+
+
+def test_an_operator_gets_in_however_many_only_look(crowded):
     async def crowd():
         async with AsyncExitStack() as open_pages:
-            for _ in range(PLACES):
-                await hear(await open_pages.enter_async_context(connected(server)), "hello")
-            late = await open_pages.enter_async_context(connected(server))
-            assert await asyncio.wait_for(late.read_message(), 10) is None
+            viewers = [await open_pages.enter_async_context(connected(crowded)) for _ in range(PLACES)]
+            for viewer in viewers:
+                await hear(viewer, "hello")
+            late = await open_pages.enter_async_context(connected(crowded))
+            assert "32 pages are open" in (await hear(late, "full"))["why"]
+            operator = await open_pages.enter_async_context(connected(crowded))
+            ask(operator, "unlock", token=crowded.token)
+            assert (await hear(operator, "unlocked"))["source"].startswith("page 127.0.0.1")
+            while await asyncio.wait_for(viewers[-1].read_message(), 10) is not None:
+                pass
+            assert viewers[-1].close_code == 1013
+            ask(viewers[0], "take")
+            await hear(viewers[0], "refused")  # it is still shown everything
+            while await asyncio.wait_for(late.read_message(), 10) is not None:
+                pass
             assert late.close_code == 1013
 
     asyncio.run(crowd())
+
+
+def test_pages_with_the_token_leave_for_nobody(crowded):
+    async def crowd():
+        async with AsyncExitStack() as open_pages:
+            for _ in range(PLACES):
+                page = await open_pages.enter_async_context(connected(crowded))
+                ask(page, "unlock", token=crowded.token)
+                await hear(page, "unlocked")
+            late = await open_pages.enter_async_context(connected(crowded))
+            ask(late, "unlock", token=crowded.token)
+            while await asyncio.wait_for(late.read_message(), 10) is not None:
+                pass
+            assert late.close_code == 1013
+
+    asyncio.run(crowd())
+
+
+def test_one_address_has_only_so_many_places_to_look(server):
+    async def crowd():
+        async with AsyncExitStack() as open_pages:
+            for _ in range(PLACES_OF_ONE):
+                await hear(await open_pages.enter_async_context(connected(server)), "hello")
+            late = await open_pages.enter_async_context(connected(server))
+            assert "16 of them without the token at this address" in (await hear(late, "full"))["why"]
+
+    asyncio.run(crowd())
+
+
+@pytest.mark.parametrize("text", ["[" * 2000, '{"ask": "unlock", "token": "\\ud800"}', "9" * 2000, "NaN", "\x00"])
+def test_what_no_parser_can_read_is_answered_in_one_line_and_logged_in_none(server, caplog, text):
+    async def send():
+        async with connected(server) as page:
+            for _ in range(50):
+                page.write_message(text)
+                assert (await hear(page, "refused"))["why"] in ("not JSON", "an object with `ask` allowed")
+
+    asyncio.run(send())
+    assert caplog.text == ""
+
+
+def test_wrong_tokens_fill_no_log(server, caplog):
+    async def guess():
+        for _ in range(5):
+            async with connected(server) as page:
+                for _ in range(TRIES):
+                    ask(page, "unlock", token="x" * 30)
+                while await asyncio.wait_for(page.read_message(), 10) is not None:
+                    pass
+
+    asyncio.run(guess())
+    assert len(caplog.records) == 1
+
+
+@pytest.fixture
+def recorded(served) -> int:
+    """Return the number of a run on record."""
+    journal = served.journal
+    row = journal.begin(RunRow(0, now_text(), "insert_peg", 0, "PN7[a]-[/x]", "10.0.0.5:1", 1, config_hash="abc"))
+    journal.keep_config(ConfigRow("abc", '{"journal": {"folder": "/home/somebody"}}'))
+    assert journal.find(row.run)
+    return row.run
+
+
+def test_only_the_token_has_a_config_shown_or_a_file_made(server, served, recorded):
+    config, film = f"/runs/{recorded}/config", f"/runs/{recorded}/film.mp4"
+    assert [get(server, path)[0].status for path in (config, film)] == [401, 404]
+    assert get(server, film, method="POST")[0].status == 401
+    assert get(server, config, Authorization="Bearer guess")[0].status == 401
+    own = {"Authorization": f"Bearer {server.token}"}
+    answer, body = get(server, config, **own)
+    assert (answer.status, json.loads(body)["journal"]) == (200, {"folder": "/home/somebody"})
+    for path in (film, "/runs/99/data", "/runs/99/film.mp4"):
+        for method in ("GET", "POST"):
+            assert str(served.folder).encode() not in get(server, path, method=method, **own)[1]
 
 
 def test_too_long_a_text_closes_the_page(server):
@@ -186,9 +268,14 @@ def test_too_long_a_text_closes_the_page(server):
     asyncio.run(flood())
 
 
-def test_a_run_on_record_is_told_whole(server, served):
-    with Journal(served.folder) as journal:
-        begun = journal.begin(RunRow(0, now_text(), "insert_peg", 0, "PN7[a]-[/x]", "10.0.0.5:1", 1))
-    answer, body = get(server, f"/runs/{begun.run}/data")
+def test_a_run_on_record_is_told_whole(server, recorded):
+    answer, body = get(server, f"/runs/{recorded}/data")
     data = json.loads(body)
     assert (answer.status, data["serial"], data["files"]) == (200, "PN7[a]-[/x]", [])
+
+
+def test_damage_in_the_index_is_answered_in_one_line(server, served, recorded):
+    with closing(sqlite3.connect(served.folder / INDEX)) as index, index:
+        index.execute("UPDATE runs SET serial = CAST(x'41ff' AS TEXT), cycle_time = CAST(x'ff' AS BLOB)")
+    answer, body = get(server, f"/runs/{recorded}/data")
+    assert (answer.status, body.count(b"\n")) == (404, 1)

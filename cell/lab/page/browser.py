@@ -26,8 +26,8 @@ def is_there() -> bool:
 
 
 @contextmanager
-def browsing() -> "Iterator[Chrome]":
-    """Yield a browser that reaches this computer alone.
+def browsing(*names: str) -> "Iterator[Chrome]":
+    """Yield a browser that reaches this computer alone, to which `names` lead too.
 
     Raises:
         ConfigError: There is none.
@@ -38,6 +38,7 @@ def browsing() -> "Iterator[Chrome]":
     from selenium.webdriver.chrome.options import Options
     from selenium.webdriver.chrome.service import Service
 
+    rules = "".join(f"MAP {name} 127.0.0.1, " for name in names)
     options = Options()
     options.binary_location = str(_browser())
     for argument in (
@@ -45,7 +46,7 @@ def browsing() -> "Iterator[Chrome]":
         "--no-sandbox",  # root is refused a sandbox
         "--disable-dev-shm-usage",
         "--disable-background-networking",
-        "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1, EXCLUDE localhost",
+        f"--host-resolver-rules={rules}MAP * ~NOTFOUND, EXCLUDE 127.0.0.1, EXCLUDE localhost",
         f"--window-size={SIZE[0]},{SIZE[1]}",
     ):
         options.add_argument(argument)

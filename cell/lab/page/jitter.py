@@ -17,7 +17,8 @@ from cell.config import load
 from cell.journal import Journal
 from cell.line import PARAMETERS, PROGRAMS
 from cell.live import Live, Look
-from cell.page.server import THREAD, PageServer
+from cell.page.front import THREAD
+from cell.page.server import PageServer
 from cell.part_state import UNRESOLVED
 from cell.states import State
 from cell.supervisor import Supervisor

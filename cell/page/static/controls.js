@@ -37,9 +37,19 @@ export class Controls {
     }));
     this.own = { lease: "free", answered: 0, refusal: "" };
     this.isUnlocked = false;
-    const token = sessionStorage.getItem(KEPT);
-    if (token) this.link.ask("unlock", { token });
+    this.showKept();
     this.refresh();
+  }
+
+  /** All places are taken: a page with the token gets one all the same. */
+  knock(why) {
+    this.say(`No place: ${why}.`);
+    this.showKept();
+  }
+
+  showKept() {
+    const token = sessionStorage.getItem(KEPT);
+    if (token) this.show(token);
   }
 
   lost() {
@@ -54,6 +64,7 @@ export class Controls {
   }
 
   show(token) {
+    if (!isPrivate()) return this.locked("a token is sent only over https, or at the cell's own computer");
     this.candidate = token;
     this.link.ask("unlock", { token });
   }
@@ -151,6 +162,7 @@ export class Controls {
 }
 
 const SAID = { cleared: "Peg taken away", refilled: "Rack filled" };
+const isPrivate = () => location.protocol === "https:" || /^(localhost|127\.[\d.]+|\[::1\])$/.test(location.hostname);
 const name = (what) => SAID[what] ?? what.replace(/^./, (letter) => letter.toUpperCase());
 
 function fill(select, values, show) {

@@ -52,6 +52,7 @@ const heard = {
   },
   records: showRecords,
   own: (data) => controls.showOwn(data),
+  full: (data) => controls.knock(data.why),
   refused: (data) => controls.say(`Refused: ${data.why}.`),
   locked: (data) => controls.locked(data.why),
   unlocked: (data) => controls.unlocked(data.source),

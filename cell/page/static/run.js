@@ -5,6 +5,9 @@ import { byId, clock, make, put, words } from "./text.js";
 const PICTURES = 25, EFFORT = 0.5; // pictures of a second, and s of processor time for one
 const LOOK = 2000; // ms between two looks for a film that is being drawn
 
+const LOCKED = "Not drawn yet; unlock the controls on the cell's page to have it drawn.";
+const token = sessionStorage.getItem("cell-token"), headers = { Authorization: `Bearer ${token}` };
+
 const run = Number(location.pathname.split("/").pop());
 put("title", `Run ${run}`);
 document.title = `Run ${run} · Tactile insertion cell`;
@@ -23,16 +26,26 @@ function show(data) {
   }
   byId("stage-rows").replaceChildren(...data.stages.map(stage));
   byId("event-rows").replaceChildren(...data.events.map(happening));
-  byId("config").href = `/runs/${run}/config`;
-  if (data.files.includes("picture.png")) picture();
+  config();
+  if (data.files.includes("picture.png")) picture(data.made.includes("picture.png"));
   else put("picture-note", "No samples of an ended run are on record.");
   if (data.files.includes("film.mp4")) film(data);
   else put("film-note", "No samples of an ended run are on record.");
 }
 
-function picture() {
+async function config() {
+  const answer = token && (await fetch(`/runs/${run}/config`, { headers })), link = byId("config");
+  if (!answer?.ok) return;
+  link.href = URL.createObjectURL(await answer.blob());
+  link.download = `run-${run}.json`;
+  link.hidden = false;
+}
+
+async function picture(isMade) {
   const image = byId("picture"), link = byId("picture-link");
+  if (!isMade && !token) return put("picture-note", LOCKED);
   put("picture-note", "Drawing …");
+  if (!isMade) await fetch(`/runs/${run}/picture.png`, { method: "POST", headers }).catch(() => null);
   image.onload = () => { put("picture-note", ""); link.hidden = false; };
   image.onerror = () => put("picture-note", `The picture cannot be drawn here; \`cell show ${run}\` says why.`);
   image.src = link.href = `/runs/${run}/picture.png`;
@@ -43,6 +56,7 @@ function film({ cycle_time: length, made, is_filmed: isUnderWay }) {
   byId("make-film").onclick = () => draw(minutes);
   if (made.includes("film.mp4")) play();
   else if (isUnderWay) wait(minutes);
+  else if (!token) put("film-note", LOCKED);
   else offer(length ? `Drawing the film takes this computer about ${minutes} min at the least; it is kept afterwards.` : "");
 }
 
@@ -54,7 +68,7 @@ function offer(note) {
 async function draw(minutes) {
   byId("make-film").hidden = true;
   put("film-note", "Drawing the film …");
-  const answer = await fetch(`/runs/${run}/film.mp4`, { headers: { Range: "bytes=0-0" } }).catch(() => null);
+  const answer = await fetch(`/runs/${run}/film.mp4`, { method: "POST", headers }).catch(() => null);
   if (answer?.status === 202) wait(minutes);
   else if (answer?.ok) play();
   else offer(answer ? `The film cannot be drawn: ${(await answer.text()).trim()}.` : "No connection to the cell: the film was not asked for.");

@@ -1,17 +1,22 @@
 """What is kept of the peg and the rack from one program to the next."""
 
 import json
+import os
 import stat
+from contextlib import closing
 from dataclasses import replace
+from datetime import UTC, datetime
 
 import pytest
 
 from cell.custody import Custody
-from cell.journal import Journal
-from cell.journal_schema import RunRow
+from cell.journal import INDEX, Journal
+from cell.journal_index import Index
+from cell.journal_schema import LOST, RunRow
 from cell.part_state import PartState, PegEvidence, places_of
 from drivers.quantities import SwitchState
 from plc_bridge.messages import PartEvidence, PartPlace, Refusal
+from tests.trouble import full_disk, until
 
 OPEN = SwitchState.OPEN
 RUN = RunRow(0, "2025-01-01T00:00:00.000+00:00", "insert_peg", 0, "", "plc", 1, is_simulated=1)
@@ -106,7 +111,18 @@ def test_only_its_owner_reads_the_file_and_nothing_stays_beside_it(tmp_path, pla
     assert json.loads(file.read_text())["place"] == "IN_HAND"
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", '{"place": "MOON"}', '{"place": "RACK", "emptied": 0, "tip": [0]}'])
+SOUND = {"place": "RACK", "evidence": "", "is_held": False, "depth": 0.0, "tip": [0, 0, 0], "emptied": 0}
+DAMAGED = ["", "{", "[]", "[" * 100_000, "\x00" * 200, '{"place": "\\ud800"}', '{"place": "MOON"}']
+DAMAGED += [
+    json.dumps({**SOUND, **change}) for change in ({"emptied": -1}, {"emptied": 2**31}, {"depth": float("nan")})
+]
+DAMAGED += [
+    json.dumps({**SOUND, **change}) for change in ({"tip": [0]}, {"tip": [0, 0, 9e9]}, {"more": 1}, {"basis": -1})
+]
+DAMAGED += [json.dumps(SOUND).replace("0.0", "1e400"), json.dumps(SOUND).replace("RACK", "RACK" * 10_000)]
+
+
+@pytest.mark.parametrize("text", DAMAGED, ids=range(len(DAMAGED)))
 def test_a_damaged_file_says_that_nobody_knows(tmp_path, places, text):
     (tmp_path / "part-sim.json").write_text(text)
     custody = Custody(tmp_path, "sim")
@@ -119,8 +135,47 @@ def test_a_folder_that_cannot_be_written_stops_nothing(tmp_path, places, caplog)
     custody = Custody(tmp_path / "gone", "sim")
     custody.see(holding(places), places, is_running=True)
     assert custody.part.place is PartPlace.IN_HAND
+    until(lambda: "cannot be kept" in caplog.text)
+    (tmp_path / "gone").mkdir()
     assert custody.flush()
-    assert "cannot be kept" in caplog.text
+
+
+def test_what_a_full_disk_could_not_keep_is_unknown_to_the_next_program_and_kept_later(tmp_path, places):
+    first, file = Custody(tmp_path, "sim"), tmp_path / "part-sim.json"
+    first.see(empty(), places, is_running=False)
+    assert first.flush()
+    assert json.loads(file.read_text())["place"] == "RACK"
+    with full_disk():
+        first.see(holding(places), places, is_running=True)
+        first.see(empty(), places, is_running=True)
+        until(lambda: not file.read_text())
+        second = Custody(tmp_path, "sim")
+        second.see(empty(), places, is_running=False)
+        assert second.part.place is PartPlace.UNKNOWN
+    assert first.flush()
+    assert json.loads(file.read_text())["place"] == "ON_PLATE"
+    assert [path.name for path in tmp_path.iterdir()] == ["part-sim.json"]
+
+
+@pytest.mark.parametrize(("hours", "place"), [(-1, PartPlace.UNKNOWN), (1, PartPlace.RACK)])
+def test_a_file_older_than_a_lost_run_says_that_nobody_knows(tmp_path, places, hours, place):
+    file = tmp_path / "part-sim.json"
+    file.write_text(json.dumps(SOUND))
+    began = datetime.now(UTC)
+    with closing(Index(tmp_path, is_read_only=False)) as index:
+        index.put(replace(RUN, run=1, started=began.isoformat(), outcome=LOST))
+    os.utime(file, times=(began.timestamp() + 3600 * hours,) * 2)
+    custody = Custody(tmp_path, "sim")
+    custody.see(empty(), places, is_running=False)
+    assert custody.part.place is place
+    assert ("older than the last run, which was lost" in custody.part.evidence) == (hours < 0)
+
+
+def test_an_index_that_cannot_be_read_may_have_runs(tmp_path, places):
+    (tmp_path / INDEX).write_text("no index")
+    custody = Custody(tmp_path, "sim")
+    custody.see(empty(), places, is_running=False)
+    assert custody.part.place is PartPlace.UNKNOWN
 
 
 def test_the_rack_empties_slot_by_slot_is_refused_empty_and_full_again_when_told(tmp_path, places, rack):

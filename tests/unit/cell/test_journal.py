@@ -8,7 +8,7 @@ import pyarrow as pa
 import pytest
 
 from cell.cli import main
-from cell.journal import INDEX, Journal, default_folder, has_run
+from cell.journal import INDEX, Journal, default_folder, newest_run
 from cell.journal_schema import LAYOUT, ConfigRow, EventKind, EventRow, RunRow, StageRow
 from cell.journal_told import Kind
 from cell.provenance import config_hash
@@ -150,15 +150,11 @@ def test_runs_of_an_index_without_evidence_of_the_peg_stay_and_have_none(tmp_pat
 
 
 def test_a_journal_tells_runs_of_simulated_cells_from_those_of_real_ones(journal):
-    assert not has_run(journal.folder, is_simulated=True)
+    assert newest_run(journal.folder, is_simulated=True) is None
     number = journal.begin(replace(ROW, is_simulated=1)).run
     assert journal.find(number)  # it is written
-    assert [has_run(journal.folder, is_simulated=kind) for kind in (True, False)] == [True, False]
-
-
-def test_an_index_that_cannot_be_read_may_have_runs(tmp_path):
-    (tmp_path / INDEX).write_text("no index")
-    assert has_run(tmp_path, is_simulated=True)
+    assert newest_run(journal.folder, is_simulated=True) == journal.find(number)
+    assert newest_run(journal.folder, is_simulated=False) is None
 
 
 def test_an_index_of_the_first_layout_is_read_without_being_changed(tmp_path):

@@ -94,23 +94,6 @@ def test_a_run_that_a_kill_left_open_is_closed_with_what_its_samples_tell(tmp_pa
         assert (done.outcome, journal.begin(ROW).run) == ("running", 4)
 
 
-def test_another_program_that_writes_does_not_close_a_run_under_way(tmp_path):
-    with Journal(tmp_path) as one:
-        run = one.begin(ROW).run
-        assert one.find(run)
-        with Journal(tmp_path) as other:
-            assert other.find(run).outcome == "running"
-
-
-def test_two_programs_never_give_the_same_number(tmp_path):
-    with Journal(tmp_path) as one, Journal(tmp_path) as other:
-        runs = []
-        for _ in range(3):
-            runs += [one.begin(ROW).run, other.begin(ROW).run]
-            assert one.runs(1) != other.runs(0)
-    assert len(set(runs)) == 6
-
-
 def test_numbers_go_on_without_a_gap_after_an_orderly_end(tmp_path):
     for number in (1, 2, 3):
         with Journal(tmp_path) as journal:

@@ -3,7 +3,10 @@
 import os
 import threading
 
+import pytest
+
 from cell.kept_file import KeptFile
+from tests.trouble import full_disk, until
 
 
 def test_whoever_changes_it_does_not_wait_for_the_disk(tmp_path, monkeypatch):
@@ -50,3 +53,21 @@ def test_it_can_be_changed_again_after_it_was_written(tmp_path):
         file.put(text, is_lasting=False)
         assert file.flush(10.0)
         assert file.path.read_text() == text
+
+
+@pytest.mark.parametrize("is_void", [True, False])
+def test_a_text_that_cannot_be_written_is_tried_again_and_an_older_one_voided_where_asked_for(
+    tmp_path, caplog, is_void
+):
+    file = KeptFile(tmp_path / "part.json", "a thing", is_void_if_late=is_void)
+    file.put("first", is_lasting=False)
+    assert file.flush(10.0)
+    with full_disk():
+        file.put("second", is_lasting=True)
+        until(lambda: file._text is not None and caplog.text)
+        file.put("third", is_lasting=False)
+        assert not file.flush(1.1)
+        assert file.path.read_text() == ("" if is_void else "first")
+    assert file.flush(10.0)
+    assert file.path.read_text() == "third"
+    assert caplog.text.count("cannot be kept") == 1

@@ -1,10 +1,11 @@
 import io
 import logging
 import os
+from types import SimpleNamespace
 
 import pytest
 
-from cell.patient_log import MOST, PatientHandler
+from cell.patient_log import MOST, PatientHandler, SparseFilter
 
 
 @pytest.fixture
@@ -56,3 +57,17 @@ def test_a_reader_who_has_left_stops_nobody(log):
         log.error("anybody?")
         handler.flush()
     assert handler.dropped == 0
+
+
+def test_lines_of_one_kind_are_written_once_in_a_while(monkeypatch, caplog):
+    now = [100.0]
+    monkeypatch.setattr("cell.patient_log.time", SimpleNamespace(monotonic=lambda: now[0]))
+    log = logging.getLogger("tests.sparse")
+    log.addFilter(SparseFilter(10.0))
+    for now[0] in (100.0, 100.1, 105.0, 110.0):
+        log.warning("%s knocks", now[0])
+        log.warning("another")
+    assert [record.getMessage() for record in caplog.records if "knocks" in record.getMessage()] == [
+        "100.0 knocks",
+        "110.0 knocks (2 more like this before)",
+    ]

@@ -4,11 +4,12 @@ import signal
 import subprocess
 import sys
 import time
-from threading import Event
+from threading import Event, Thread
 
 import pytest
 
-from cell.cli import NOT_GOOD, REPEATED, Stop, main
+from cell.cli import GOOD, NOT_GOOD, REPEATED, Stop, main
+from cell.terminal import FAULT
 
 
 def test_a_signal_interrupts_as_long_as_nobody_asks_for_it():
@@ -47,6 +48,30 @@ def test_a_command_that_is_interrupted_before_it_listens_says_so(monkeypatch, ca
     monkeypatch.setattr("cell.commands.faults.run", lambda args: signal.raise_signal(signal.SIGINT))
     assert main(["faults"]) == NOT_GOOD
     assert capsys.readouterr().err == "cell: stopped\n"
+
+
+def dies() -> None:
+    raise ValueError("a damaged byte")
+
+
+def waits_for_ever(args):
+    Thread(target=dies, name="journal").start()
+    Event().wait(60.0)
+
+
+def serves(args):
+    args.stop.is_set()
+    Thread(target=dies, name="journal").start()
+    assert args.stop.wait(60.0)
+    return GOOD
+
+
+@pytest.mark.parametrize("work", [waits_for_ever, serves])
+def test_a_thread_that_ends_by_an_error_ends_the_program(monkeypatch, capsys, work):
+    monkeypatch.setattr("cell.commands.faults.run", work)
+    assert main(["faults"]) == FAULT
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert "thread journal ended: ValueError: a damaged byte" in said
 
 
 def test_an_interruption_that_a_callback_swallows_comes_again(monkeypatch, capsys):

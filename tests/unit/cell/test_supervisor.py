@@ -11,7 +11,7 @@ import pytest
 
 from cell import supervisor
 from cell.config import load
-from cell.journal import Journal, has_run
+from cell.journal import Journal, newest_run
 from cell.journal_schema import EventKind
 from cell.learning import LearnedFile, LearnedPlace, read_learned, write_learned
 from cell.live import Live, Pull
@@ -185,7 +185,7 @@ def test_a_run_that_ends_in_a_fault_has_the_evidence_of_its_peg_on_record(rig, p
 
 def test_a_cell_whose_record_of_the_peg_is_gone_starts_nothing_before_a_person_has_looked(rig, program):
     rig.command(CODE)
-    while not (rig.supervisor._part._custody.flush() and has_run(rig.folder, is_simulated=True)):
+    while not (rig.supervisor._part._custody.flush() and newest_run(rig.folder, is_simulated=True)):
         pass  # both are written beside the scan
     (rig.folder / "part-sim.json").unlink()
     rig.supervisor = Supervisor(rig.cell, rig.loaded, rig.bridge, rig.journal)

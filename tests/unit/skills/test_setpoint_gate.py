@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drivers.errors import NotFiniteError, SetpointError, TrackingError
+from drivers.errors import ArmSilentError, NotFiniteError, SetpointError, TrackingError
 from drivers.frames import end_point
 from drivers.quantities import ArmState, ImpedanceSetpoint, InHandTip, Pose, TaxelFrame, Twist, Wrench
 from skills.scan_guards import require_finite_skin, require_finite_theta
@@ -27,7 +27,7 @@ from skills.setpoint_gate import (
     GatedArm,
     Handed,
     Limits,
-    require_finite,
+    require_readings,
     require_sound,
 )
 from skills.tactile.pose import NO_PEG
@@ -197,18 +197,26 @@ def test_what_is_no_number_or_no_setpoint_is_named(named):
         ("torque 1 of 3", {"wrench": Wrench(np.zeros(3), np.full(3, math.nan))}),
         ("TCP position 1 of 3", {"tcp": Pose(np.full(3, math.nan), HAND_DOWN)}),
         ("TCP orientation 1 of 9", {"tcp": Pose(HERE, np.full((3, 3), math.nan))}),
+        ("stamp 1 of 1", {"stamp": math.nan}),
+        ("joint position 7 of 7", {"q": np.array([0.0] * 6 + [1e3])}),
+        (
+            "force 3 of 3: 1e\\+308; a number from -10000 to 10000",
+            {"wrench": Wrench(np.array([0, 0, 1e308]), np.zeros(3))},
+        ),
+        ("unexplained torque 1 of 7", {"unexplained": np.full(7, math.inf)}),
     ],
 )
-def test_a_reading_of_the_arm_that_is_no_number_is_named(named, changes):
+def test_a_reading_of_the_arm_that_no_sensor_can_give_is_named(named, changes):
     with pytest.raises(NotFiniteError, match=f"arm: {named}"):
-        require_finite(replace(arm_at(), **changes))
+        require_readings(replace(arm_at(), **changes))
 
 
 def test_a_trusted_taxel_that_is_no_number_is_named_and_an_untrusted_one_is_borne():
     values, trusted = np.zeros((2, 20)), np.ones((2, 20), dtype=bool)
-    values[1, 7] = math.nan
-    with pytest.raises(NotFiniteError, match="skin: right taxel 7: nan"):
-        require_finite_skin(TaxelFrame(values, trusted, 0.0, 1))
+    for wrong in (math.nan, -math.inf, 65536.0):
+        values[1, 7] = wrong
+        with pytest.raises(NotFiniteError, match=f"skin: right taxel 7: {wrong}"):
+            require_finite_skin(TaxelFrame(values, trusted, 0.0, 1))
     trusted[1, 7] = False
     require_finite_skin(TaxelFrame(values, trusted, 0.0, 1))
 
@@ -240,6 +248,38 @@ def test_an_arm_that_tells_no_number_is_halted_once_and_not_at_every_reading():
         with pytest.raises(NotFiniteError):
             gated.read()
     assert len(halts) == 1
+
+
+def led(arm, steps, step):
+    """Lead an arm through the gate by a step in each scan of 10 ms; return the time at which it is a fault, s."""
+    gated = GatedArm(arm, BOUNDS, LIMITS)
+    start = arm.tcp.position.copy()
+    for scan in range(steps):
+        gated.follow(
+            setpoint(start + scan * np.array([0.0, 0.0, step]), valid_until=arm.clock.time + 0.1, stiffness=SOFT)
+        )
+        arm.clock.time += PERIOD
+        try:
+            gated.read()
+        except ArmSilentError:
+            return arm.clock.time if arm.is_halted else None
+    return None
+
+
+def test_readings_that_stand_still_while_the_setpoint_moves_are_a_fault_within_a_fifth_of_a_second():
+    arm = FakeArm(FakeClock())
+    arm.is_blocked = True
+    assert led(arm, 100, -5e-5) is None  # its readings have noise
+    arm.is_frozen = True
+    assert led(arm, 100, 0.0) is None
+    began = arm.clock.time
+    assert led(arm, 100, -5e-5) - began <= 0.2
+
+
+def test_readings_that_stand_still_for_less_are_borne():
+    arm = FakeArm(FakeClock())
+    arm.is_frozen = True
+    assert led(arm, 15, -5e-5) is None
 
 
 def test_after_a_halt_a_setpoint_is_judged_from_where_the_arm_is():

@@ -9,7 +9,7 @@ from cell.line import CONTROLS, PARAMETERS, PROGRAMS
 from cell.live import KEPT, Live, Look, Pull
 from cell.page import telling
 from cell.page.commands import Ask, BadAskError, parse
-from cell.page.guard import is_own_host, part_of
+from cell.page.guard import part_of, refusal
 from cell.page.hub import PageHub
 from cell.page.records import Records, shift
 from cell.page.token import FILE, is_token, page_token
@@ -22,6 +22,7 @@ from plc_bridge.messages import Control, PartPlace, Refusal
 from plc_bridge.registers import Lease
 from skills.catalogue import CATALOGUE
 from tests.fakes import Rig
+from tests.trouble import full_disk
 
 
 @pytest.fixture
@@ -210,12 +211,12 @@ def test_what_cannot_be_understood_is_answered_with_what_is_allowed(text, why):
 
 @pytest.mark.parametrize("host", ["127.0.0.1:8080", "localhost", "[::1]:8080", "192.168.0.7:80", "[fe80::1]"])
 def test_addresses_and_own_names_are_answered(host):
-    assert is_own_host(host)
+    assert not refusal(host, None)
 
 
 @pytest.mark.parametrize("host", ["", "evil.example", "evil.example:8080", "127.0.0.1.evil.example", "[::1", "[x]:1"])
 def test_names_that_anybody_may_lead_here_are_not(host):
-    assert not is_own_host(host)
+    assert refusal(host, None)
 
 
 def test_the_token_is_made_once_for_its_owner_alone(tmp_path):
@@ -224,6 +225,22 @@ def test_the_token_is_made_once_for_its_owner_alone(tmp_path):
     assert (tmp_path / "journal" / FILE).stat().st_mode & 0o777 == 0o600
     assert is_token(token, token)
     assert not any(is_token(other, token) for other in ("", token[:-1], None, 7, "ä"))
+
+
+@pytest.mark.parametrize("text", [b"", b"\n", b"short", b"\xff" * 30, b"\x00" * 30])
+def test_a_token_that_anybody_could_guess_is_made_anew(tmp_path, text):
+    (tmp_path / FILE).write_bytes(text)
+    (tmp_path / FILE).chmod(0o600)
+    token = page_token(tmp_path)
+    assert len(token) == 24
+    assert page_token(tmp_path) == token
+
+
+def test_a_full_disk_leaves_no_token_behind(tmp_path):
+    with full_disk(), pytest.raises(ConfigError, match="cannot be used"):
+        page_token(tmp_path)
+    assert list(tmp_path.iterdir()) == []
+    assert len(page_token(tmp_path)) == 24
 
 
 def test_a_token_that_others_can_read_is_refused(tmp_path):

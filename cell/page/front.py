@@ -1,0 +1,208 @@
+"""The front of every HTTP server of a cell: one guard before all routes, and the thread that serves them."""
+
+import asyncio
+import logging
+import socket as sockets
+import ssl
+import threading
+from collections.abc import Collection
+from typing import Any, Self
+
+from tornado.httpserver import HTTPServer
+from tornado.httputil import HTTPServerRequest
+from tornado.web import Application, HTTPError, RequestHandler
+
+from cell.page.commands import MOST
+from cell.page.guard import headers, is_private, refusal
+from cell.page.token import is_token
+from cell.patient_log import SparseFilter
+from drivers.errors import DeviceNotOpenedError
+
+THREAD = "page"
+"""Name of the threads that serve."""
+SPARSE = SparseFilter()
+LOGGERS = (
+    "tornado.access",
+    "tornado.application",
+    "tornado.general",
+    "cell.page.front",
+    "cell.page.server",
+    "cell.page.socket",
+)
+"""Names of the loggers whose lines other computers cause."""
+IDLE = 60.0
+"""Time without a request after which a connection is closed, s."""
+
+
+OPEN_LINE = "a token is taken only over https or from the cell's own computer"
+
+
+class Guarded(RequestHandler):
+    """Base of every handler: one line of text as error, and headers that let the browser load from the cell alone."""
+
+    is_answered = True
+    """True if the request has passed the guard."""
+
+    def set_default_headers(self) -> None:
+        """Send no header that names the server."""
+        self.clear_header("Server")
+        for name, value in headers(self.request.host if self.is_answered else "").items():
+            self.set_header(name, value)
+
+    def require_token(self, token: str) -> None:
+        """Make sure that the request has the token, in a header that no other site's page can send.
+
+        Raises:
+            HTTPError: It has not.
+        """
+        assert self.request.remote_ip is not None
+        if not is_private(self.request.protocol, self.request.remote_ip):
+            raise HTTPError(403, reason=OPEN_LINE)
+        if not is_token(self.request.headers.get("Authorization", "").removeprefix("Bearer "), token):
+            raise HTTPError(401, reason="only with the token of this cell")
+
+    def write_error(self, status_code: int, **_: Any) -> None:
+        """Answer one line of text."""
+        self.set_header("Content-Type", "text/plain; charset=utf-8")
+        self.finish(f"{status_code} {self._reason}\n")
+
+
+class Refused(Guarded):
+    """Handler of every request that is not answered."""
+
+    is_answered = False
+
+    def initialize(self, status: int, why: str) -> None:
+        """Take the status and the reason."""
+        self._answer = HTTPError(status, reason=why)
+
+    def prepare(self) -> None:
+        """Refuse.
+
+        Raises:
+            HTTPError: Always.
+        """
+        raise self._answer
+
+
+class Front(Application):
+    """The routes of one server; each request, of whatever method and to whatever route, passes the guard first."""
+
+    def __init__(self, routes: list[Any], names: Collection[str] = (), **settings: Any) -> None:
+        """Take the routes, and the names by which the cell may be called beside those of this computer."""
+        nothing = {"status": 404, "why": "no such page"}
+        settings |= {"default_handler_class": Refused, "default_handler_args": nothing}
+        super().__init__(routes, log_function=lambda handler: None, **settings)
+        self._names = frozenset(name.lower() for name in names)
+
+    def find_handler(self, request: HTTPServerRequest, **kwargs: Any) -> Any:
+        """Return what answers a request: the handler of its route, or a refusal."""
+        if why := refusal(request.host, request.headers.get("Origin"), self._names):
+            return self.get_handler_delegate(request, Refused, {"status": 421, "why": why})
+        return super().find_handler(request, **kwargs)
+
+
+class HttpServer:
+    """One HTTP server on a thread of its own with its own event loop, beside the scan.
+
+    Constructing touches nothing. `start` opens the port; `close` may be called again.
+
+    Args:
+        what: Option that asks for this server, for messages.
+        address: Host and port; port 0 takes a free one.
+    """
+
+    routes: Front
+
+    def __init__(self, what: str, address: tuple[str, int]) -> None:
+        self._what, self._asked = what, address
+        self._context: ssl.SSLContext | None = None
+        self._socket: sockets.socket | None = None
+        self._thread: threading.Thread | None = None
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._is_over: asyncio.Event | None = None
+
+    @property
+    def url(self) -> str:
+        """Address of the server for a browser."""
+        host, port = self.address
+        return f"http{'s' * (self._context is not None)}://{f'[{host}]' if ':' in host else host}:{port}/"
+
+    @property
+    def address(self) -> tuple[str, int]:
+        """Host and port that the server listens on."""
+        assert self._socket is not None
+        host, port = self._socket.getsockname()[:2]
+        return host, port
+
+    def start(self) -> None:
+        """Listen.
+
+        Raises:
+            DeviceNotOpenedError: The port is in use, the address is not this computer's, or the keys cannot be used.
+        """
+        host, port = self._asked
+        for name in LOGGERS:
+            logging.getLogger(name).addFilter(SPARSE)
+        self._context = self.context()
+        try:
+            family = sockets.AF_INET6 if ":" in host else sockets.AF_INET
+            self._socket = sockets.create_server((host, port), family=family)
+        except (OSError, UnicodeError) as error:
+            why = getattr(error, "strerror", None) or error
+            raise DeviceNotOpenedError(
+                f"{self._what} {host}:{port}: cannot listen: {why}; another port allowed"
+            ) from None
+        self._socket.setblocking(False)
+        self.routes = self.made()
+        ready = threading.Event()
+        self._thread = threading.Thread(target=lambda: asyncio.run(self._serve(ready)), name=THREAD, daemon=True)
+        self._thread.start()
+        ready.wait()
+
+    def close(self) -> None:
+        """Close every connection and stop listening."""
+        if self._thread is None:
+            return
+        assert self._loop is not None
+        assert self._is_over is not None
+        self._loop.call_soon_threadsafe(self._is_over.set)
+        self._thread.join()
+        self._thread = None
+
+    def __enter__(self) -> Self:
+        """Start."""
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close."""
+        self.close()
+
+    def made(self) -> Front:
+        """Return the routes."""
+        raise NotImplementedError
+
+    def context(self) -> ssl.SSLContext | None:
+        """Return the context of TLS; None to serve without.
+
+        Raises:
+            DeviceNotOpenedError: Its keys cannot be used.
+        """
+        return None
+
+    async def work(self, is_over: asyncio.Event) -> None:
+        """Do what the server does beside answering, until it is over."""
+        await is_over.wait()
+
+    async def _serve(self, ready: threading.Event) -> None:
+        self._loop, self._is_over = asyncio.get_running_loop(), asyncio.Event()
+        assert self._socket is not None
+        server = HTTPServer(self.routes, max_body_size=MOST, idle_connection_timeout=IDLE, ssl_options=self._context)
+        server.add_socket(self._socket)
+        ready.set()
+        try:
+            await self.work(self._is_over)
+        finally:
+            server.stop()
+            await server.close_all_connections()

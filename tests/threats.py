@@ -1,0 +1,157 @@
+"""The threats that the cell was tested against: what may happen, what guards against it, and the test that proves the guard."""
+
+from typing import NamedTuple
+
+
+class Threat(NamedTuple):
+    """One threat."""
+
+    what: str
+    guard: str
+    """Module and name of what guards."""
+    test: str
+    """File and name of the test."""
+
+
+FRONT, PAGE = "tests/line/test_front.py", "tests/line/test_page_server.py"
+CONTENT, CUSTODY = "tests/unit/cell/test_journal_content.py", "tests/unit/cell/test_custody.py"
+GATE, TLS, PARTS = (
+    "tests/unit/skills/test_setpoint_gate.py",
+    "tests/line/test_modbus_tls.py",
+    "tests/unit/cell/page/test_page_parts.py",
+)
+
+THREATS = (
+    Threat(
+        "a foreign page or a rebound name reads a route",
+        "cell.page.front.Front",
+        f"{FRONT}::test_a_foreign_name_or_page_gets_421_on_every_route",
+    ),
+    Threat(
+        "a rebound name in a real browser",
+        "cell.page.guard.refusal",
+        f"{FRONT}::test_a_rebound_name_reads_nothing_in_a_real_browser",
+    ),
+    Threat(
+        "a token is read on the way",
+        "cell.page.guard.is_private",
+        f"{FRONT}::test_a_token_is_taken_where_nobody_on_the_way_reads_it",
+    ),
+    Threat(
+        "the page crosses the network in clear",
+        "cell.page.server.PageServer.context",
+        f"{FRONT}::test_a_page_for_other_computers_speaks_tls_with_the_keys_of_the_cell",
+    ),
+    Threat(
+        "somebody guesses the token",
+        "cell.page.token.is_token",
+        f"{PAGE}::test_without_the_token_nothing_moves_and_guessing_ends",
+    ),
+    Threat(
+        "a half-written token is used for ever",
+        "cell.page.token.page_token",
+        f"{PARTS}::test_a_token_that_anybody_could_guess_is_made_anew",
+    ),
+    Threat(
+        "a full disk leaves an empty token",
+        "cell.kept_file.replace",
+        f"{PARTS}::test_a_full_disk_leaves_no_token_behind",
+    ),
+    Threat(
+        "viewers lock the operator out",
+        "cell.page.hub.PageHub.admit",
+        f"{PAGE}::test_an_operator_gets_in_however_many_only_look",
+    ),
+    Threat(
+        "one address takes every place",
+        "cell.page.hub.PageHub.full",
+        f"{PAGE}::test_one_address_has_only_so_many_places_to_look",
+    ),
+    Threat(
+        "a request starts a process, or shows paths",
+        "cell.page.front.Guarded.require_token",
+        f"{PAGE}::test_only_the_token_has_a_config_shown_or_a_file_made",
+    ),
+    Threat(
+        "a message that no parser can read",
+        "cell.page.commands.parse",
+        f"{PAGE}::test_what_no_parser_can_read_is_answered_in_one_line_and_logged_in_none",
+    ),
+    Threat("somebody fills the log", "cell.patient_log.SparseFilter", f"{PAGE}::test_wrong_tokens_fill_no_log"),
+    Threat(
+        "a row that cannot be written stops the records",
+        "cell.journal_index.Index.put",
+        f"{CONTENT}::test_a_row_that_cannot_be_written_holds_up_no_other",
+    ),
+    Threat(
+        "a damaged byte stops a start",
+        "cell.journal_upkeep.made_again",
+        f"{CONTENT}::test_a_damaged_folder_starts_or_is_refused_in_one_line",
+    ),
+    Threat(
+        "a thread dies unseen",
+        "cell.cli.main",
+        "tests/unit/cell/test_stop.py::test_a_thread_that_ends_by_an_error_ends_the_program",
+    ),
+    Threat(
+        "two processes write one journal",
+        "cell.journal_writer.JournalWriter.open",
+        f"{CONTENT}::test_a_second_process_is_refused_with_the_first_and_its_start",
+    ),
+    Threat(
+        "others write the folder of the records",
+        "cell.journal_index.require_own",
+        "tests/unit/cell/test_journal.py::test_a_folder_that_others_may_write_is_refused_in_one_line",
+    ),
+    Threat(
+        "a restart believes where the peg was",
+        "cell.kept_file.KeptFile",
+        f"{CUSTODY}::test_what_a_full_disk_could_not_keep_is_unknown_to_the_next_program_and_kept_later",
+    ),
+    Threat(
+        "a lost run has moved the peg",
+        "cell.custody.Custody",
+        f"{CUSTODY}::test_a_file_older_than_a_lost_run_says_that_nobody_knows",
+    ),
+    Threat(
+        "a damaged file of the peg is believed",
+        "cell.custody.KeptPart",
+        f"{CUSTODY}::test_a_damaged_file_says_that_nobody_knows",
+    ),
+    Threat(
+        "a reading that no sensor can give",
+        "skills.setpoint_gate.require_readings",
+        f"{GATE}::test_a_reading_of_the_arm_that_no_sensor_can_give_is_named",
+    ),
+    Threat(
+        "an arm whose readings stand still",
+        "skills.setpoint_gate.GatedArm.read",
+        f"{GATE}::test_readings_that_stand_still_while_the_setpoint_moves_are_a_fault_within_a_fifth_of_a_second",
+    ),
+    Threat(
+        "a client without, or with a foreign certificate",
+        "plc_bridge.tls.server_context",
+        f"{TLS}::test_client_without_a_certificate_is_refused_and_counted",
+    ),
+    Threat(
+        "a revoked certificate",
+        "plc_bridge.tls.server_context",
+        f"{TLS}::test_a_revoked_certificate_is_refused_and_another_one_served",
+    ),
+    Threat(
+        "a key runs out unseen",
+        "cell.exposure.key_verdict",
+        "tests/unit/cell/test_exposure.py::test_check_reports_open_ports_and_the_age_of_keys",
+    ),
+    Threat(
+        "a port is open to everybody unseen",
+        "cell.exposure.exposures",
+        "tests/unit/cell/test_exposure.py::test_each_open_port_is_named_with_what_it_lets_everybody_do",
+    ),
+    Threat(
+        "a newer dependency behaves in another way",
+        "cell.versions.installed",
+        "tests/unit/docs/test_dependencies.py::test_every_dependency_has_an_upper_bound_and_its_pin_is_within",
+    ),
+    Threat("hostile Modbus frames", "plc_bridge.pdu", "tests/line/test_hostile_frames.py"),
+)
