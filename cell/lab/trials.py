@@ -8,7 +8,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from functools import partial
 from itertools import takewhile
 from pathlib import Path
@@ -164,29 +164,45 @@ class Watcher:
 
 
 def run_trial(config: CellConfig, seed: int) -> TrialRow:
-    """Run `insert_peg` once on a fresh cell of this seed, without sockets and without waiting for the wall clock.
+    """Run `insert_peg` once on a fresh cell of this seed, without sockets and without waiting for the wall clock."""
+    wall = time.perf_counter()
+    with opened(assemble(seeded(config, seed))) as cell:
+        row = trial_in(cell, seed)
+    return replace(row, wall_time=time.perf_counter() - wall)
+
+
+def seeded(config: CellConfig, seed: int) -> CellConfig:
+    """Return the config of a cell whose world is drawn from this seed, as fast as it goes."""
+    assert config.sim is not None
+    return config.model_copy(update={"sim": config.sim.model_copy(update={"seed": seed, "pace": "max"})})
+
+
+def trial_in(cell: Cell, seed: int, each: Callable[[], None] = lambda: None) -> TrialRow:
+    """Run `insert_peg` once in an opened cell, and call `each` in every scan.
 
     A fault ends the trial as a failure whose reason is the fault's name; all the time of its stage counts.
     """
-    assert config.sim is not None
     wall = time.perf_counter()
-    config = config.model_copy(update={"sim": config.sim.model_copy(update={"seed": seed, "pace": "max"})})
-    cell = assemble(config)
     assert cell.truth is not None
     records: list[StageRecord] = []
-    with opened(cell):
-        ctx, began = cell.context(seed), cell.clock.now()
-        watcher = Watcher(cell, ctx)
-        ctx.record, ctx.ended = watcher.record, watcher.clock.end
-        try:
-            records = CATALOGUE["insert_peg"].run(config.skill_set(), ctx)
-            ending = watcher.judged(ending_of(records, None, ctx.stage), records)
-            outcome, reason = ending.outcome, ending.word
-        except CellError as error:
-            ending = ending_of(records, error, ctx.stage)
-            outcome, reason = Outcome.FAILURE, FaultCode(error.code).name.lower()
-        truth = watcher.ending or cell.truth()
-        sim_time = cell.clock.now()
+    ctx, began = cell.context(seed), cell.clock.now()
+    watcher = Watcher(cell, ctx)
+    ctx.ended = watcher.clock.end
+
+    def record(seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
+        watcher.record(seen, setpoint)
+        each()
+
+    ctx.record = record
+    try:
+        records = CATALOGUE["insert_peg"].run(cell.config.skill_set(), ctx)
+        ending = watcher.judged(ending_of(records, None, ctx.stage), records)
+        outcome, reason = ending.outcome, ending.word
+    except CellError as error:
+        ending = ending_of(records, error, ctx.stage)
+        outcome, reason = Outcome.FAILURE, FaultCode(error.code).name.lower()
+    truth = watcher.ending or cell.truth()
+    sim_time = cell.clock.now()
     watcher.clock.leave(sim_time)
     times = watcher.clock.times
     start = next((r.result.start for r in records if isinstance(r.result, SpraySearchResult)), None)
