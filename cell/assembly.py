@@ -146,11 +146,11 @@ def bounds_of(arm: ArmModel) -> ArmBounds:
         turn_speed=arm.tool_turn_speed,
         stiffness=arm.stiffness,
         turn_stiffness=arm.turn_stiffness,
-        torques=np.array(joints.torque),
+        torques=joints.torque,
         torque_rate=min(joints.torque_rate),
-        q_min=np.array(joints.q_min),
-        q_max=np.array(joints.q_max),
-        joint_speeds=np.array(joints.speed),
+        q_min=joints.q_min,
+        q_max=joints.q_max,
+        joint_speeds=joints.speed,
     )
 
 
