@@ -133,19 +133,21 @@ class Watcher:
         """Take one scan."""
         begins = self.clock.enter(self.ctx.stage, seen.stamp)
         self.proof = self.proof.after(seen, setpoint)
-        if self.cell.truth is None or (self.ctx.stage not in WATCHED and self.ctx.stage != "recover"):
+        if self.cell.truth is None or self.cell.pivot is None:
             return
-        truth = self.cell.truth()
         if begins and self.ctx.stage == INSERT.name:
+            truth = self.cell.truth()
             self.found_error = math.dist(truth.tip[:2], truth.hole[:2])
         if self.ctx.stage == "recover":
-            self.ending = self.ending or truth
+            self.ending = self.ending or self.cell.truth()
+        if self.ctx.stage not in WATCHED:
             return
-        if math.isnan(truth.theta):
+        theta, tip = self.cell.pivot()
+        if math.isnan(theta):
             return
         self.count += 1
-        self.theta += (seen.peg.theta - truth.theta) ** 2
-        self.tip += math.dist(seen.tip.tolist(), truth.tip) ** 2
+        self.theta += (seen.peg.theta - theta) ** 2
+        self.tip += math.dist(seen.tip, tip) ** 2
 
     def judged(self, ending: Ending, records: Sequence[StageRecord]) -> Ending:
         """Return how the trial ended by the evidence, as the supervisor would.
@@ -282,6 +284,7 @@ def run_trials(
         missing = [seed for seed in seeds if seed not in rows]
         task = partial(run_trial, config)
         results = on_cluster(task, missing, scheduler) if scheduler else on_processes(task, missing, workers)
+        began, taken_up = time.perf_counter(), len(rows)
         with closing(results):
             while (ordered := _ending(rows, order, is_enough)) is None:
                 row = next(results)
@@ -289,8 +292,10 @@ def run_trials(
                 kept.write(json.dumps(asdict(row)) + "\n")
                 kept.flush()
                 done(row)
+    minutes = (time.perf_counter() - began) / 60.0
     write_table(ordered, folder / TABLE)
-    (folder / SUMMARY).write_text(json.dumps(summarise(ordered, config), indent=2) + "\n", encoding="utf-8")
+    summary = summarise(ordered, config) | {"trials_per_minute": (len(rows) - taken_up) / minutes}
+    (folder / SUMMARY).write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     (folder / PARTIAL).unlink()
     return ordered
 

@@ -105,7 +105,7 @@ def counts_of_starts() -> dict[str, float]:
 def ratio(ours: Callable[[], float], reference: Callable[[], float], pairs: int = PAIRS) -> float:
     """Return the smallest of our times over the smallest of the reference's, both measured in turn."""
     mine, its = zip(*[(ours(), reference()) for _ in range(pairs)], strict=True)
-    return min(mine) / min(its)
+    return float(min(mine) / min(its))
 
 
 def trial_ratio(config: CellConfig) -> float:
