@@ -101,6 +101,8 @@ class Cell:
     """Errors drawn for a simulated cell, by name, for records."""
     truth: "Callable[[], Truth] | None" = None
     """Function that returns the true state, which no sensor tells; None on hardware."""
+    pivot: Callable[[], tuple[float, Vector]] | None = None
+    """Function that returns the part of the truth that is compared in every scan: in-hand angle, rad, and tip, m, base frame; None on hardware."""
     sight: Callable[[], Sight] | None = None
     """Function that returns the true poses of peg and hole, for pictures of a run; None on hardware."""
     arm_calibration: ArmCalibration | None = None
@@ -146,11 +148,11 @@ def bounds_of(arm: ArmModel) -> ArmBounds:
         turn_speed=arm.tool_turn_speed,
         stiffness=arm.stiffness,
         turn_stiffness=arm.turn_stiffness,
-        torques=np.array(joints.torque),
+        torques=joints.torque,
         torque_rate=min(joints.torque_rate),
-        q_min=np.array(joints.q_min),
-        q_max=np.array(joints.q_max),
-        joint_speeds=np.array(joints.speed),
+        q_min=joints.q_min,
+        q_max=joints.q_max,
+        joint_speeds=joints.speed,
     )
 
 
@@ -227,6 +229,7 @@ def assemble(config: CellConfig) -> Cell:
         clear=line.clear,
         errors=recorded(world.drawn),
         truth=world.truth,
+        pivot=world.pivot,
         sight=lambda: Sight(world.peg_pose(), Pose(world.plate.position, world.plate.rotation)),
         boards=boards,
         skin_wire=felt.wire,

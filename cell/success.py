@@ -82,7 +82,7 @@ class Proof:
         if seen.switch is SwitchState.OPEN and seen.gripper.is_gripping:
             return Proof(was_open=True)
         if seen.switch is SwitchState.OPEN:
-            return replace(self, was_open=True)
+            return self if self.was_open else replace(self, was_open=True)
         if not self.was_open or seen.switch is not SwitchState.CLOSED or not seen.gripper.is_gripping:
             return self
         footing = self.footing.after(seen, setpoint)

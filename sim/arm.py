@@ -12,7 +12,7 @@ class SimArm:
 
     def __init__(self, world: World, law: Vector | None = None) -> None:
         """Attach to the world that carries the arm; `law` is the state that the law begins with, None with nothing known."""
-        self._world = world
+        self._world, self._elbow = world, world.arm.kinematics.elbow - 1
         if law is not None:
             world.control.law[:] = law
 
@@ -42,18 +42,18 @@ class SimArm:
     def read(self) -> ArmState:
         """Return the newest state; an ideal arm's external wrench is the plates' force on the peg, low-passed over 5 ms."""
         world = self._world
-        now = world.now()
-        words = world.control.words
+        now, control = world.now(), world.control
         q, dq, wrench = world.scanned()
-        position, rotation, _, _ = impedance.forward(world.control.arm, q)
+        position, rotation, _, _ = impedance.forward(control.arm, q)
+        words, law = control.words, control.law
         return ArmState(
             stamp=now,
             q=q,
             dq=dq,
             tcp=Pose(position, rotation),
-            elbow=world.arm.kinematics.elbow - 1,
+            elbow=self._elbow,
             wrench=Wrench(wrench[:3], wrench[3:]),
             setpoint_age=now - words[impedance.STAMP] if words[impedance.VALID_UNTIL] >= now else math.inf,
-            commanded=impedance.commanded(world.control.law),
-            unexplained=impedance.unexplained(world.control.law),
+            commanded=impedance.commanded(law),
+            unexplained=impedance.unexplained(law),
         )

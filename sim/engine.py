@@ -195,33 +195,3 @@ def judged_step(model: int, state: Bodies, meters: Vector, ticks: int) -> None: 
     metering.clear(state.userdata)
     native.step(model, state.data)
     metering.judge(meters, state.userdata, ticks)
-
-
-@njit(cache=True)
-def replay(
-    model: int,
-    data: int,
-    views: tuple[Vector, Vector, Vector, Vector, Vector],
-    states: Vector,
-    steps: int,
-) -> None:  # pragma: no cover
-    """Take bare steps from each of some states, as a baseline for measurements of speed.
-
-    Args:
-        model: Address of the mjModel.
-        data: Address of the mjData.
-        views: Views of positions, velocities, applied forces, the solver's warm start, and joint friction.
-        states: Rows of the five, one after the other.
-        steps: Number of steps from each state.
-    """
-    qpos, qvel, qfrc, warm, friction = views
-    nq, nv = qpos.shape[0], qvel.shape[0]
-    for i in range(states.shape[0]):
-        row = states[i]
-        qpos[:] = row[:nq]
-        qvel[:] = row[nq : nq + nv]
-        qfrc[:] = row[nq + nv : nq + 2 * nv]
-        warm[:] = row[nq + 2 * nv : nq + 3 * nv]
-        friction[:] = row[nq + 3 * nv :]
-        for _ in range(steps):
-            native.step(model, data)

@@ -35,11 +35,11 @@ class SimGripper:
     def read(self) -> GripperState:
         """Return the newest state."""
         world = self._world
-        width = world.finger_gap()
-        force = float(world.control.drive[engine.DRIVE_FORCE])
+        drive, width = world.control.drive, world.finger_gap()
+        force = float(drive[engine.DRIVE_FORCE])
         is_gripping = force > 0.0 and world.pad_force() > GRIPPING_SHARE * force
         if force > 0.0:
             is_moving = not is_gripping and width > POSITION_TOLERANCE
         else:
-            is_moving = abs(width - float(world.control.drive[engine.DRIVE_WIDTH])) > POSITION_TOLERANCE
+            is_moving = abs(width - float(drive[engine.DRIVE_WIDTH])) > POSITION_TOLERANCE
         return GripperState(width=width, is_gripping=is_gripping, is_moving=is_moving)

@@ -168,13 +168,9 @@ def quiet() -> Iterator[None]:
         mujoco.set_mju_user_warning(before)
 
 
-def stage_times(data: mujoco.MjData) -> dict[str, float]:
-    """Return the time that MuJoCo's stages took since the last call, by name, in the clock's own unit; see `clocked`."""
-    names = list(mujoco.mjtTimer.__members__)[: len(data.timer)]
-    durations = data.timer.duration.tolist()
-    times = {name.removeprefix("mjTIMER_"): value for name, value in zip(names, durations, strict=True)}
-    data.timer.duration[:] = 0.0
-    return times
+def step_time(data: mujoco.MjData) -> float:
+    """Return the wall time that `mj_step` has taken on this data, s; see `clocked`."""
+    return float(data.timer[mujoco.mjtTimer.mjTIMER_STEP].duration)
 
 
 @intrinsic
@@ -216,7 +212,7 @@ def contact_force(data, contact):  # type: ignore[no-untyped-def]
 verify_layout()
 _timer = ctypes.c_void_p.in_dll(ctypes.CDLL(str(library_path())), "mjcb_time")
 _clock, _timer.value = _timer.value, None
-"""Clock that the Python package hangs into MuJoCo, which reads it some thirty times a step; only profiling needs it."""
+"""Clock of the wall that the Python package sets in MuJoCo, which reads it some thirty times a step; only profiling needs it."""
 
 
 @contextmanager

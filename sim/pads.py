@@ -169,14 +169,14 @@ def grip_limits(
         flat: Width of a flat face, m; 0 is the line of a round peg.
     """
     lines = [(flat / 2 * place, weight) for place, weight in GAUSS] if flat > 0.0 else [(0.0, 1.0)]
-    spans = [(beside, weight, _span(theta, offset + beside, *reach, *half)) for beside, weight in lines]
-    length = sum(weight * (high - low) for _, weight, (low, high) in spans)
+    spans = [(beside, weight, *_span(theta, offset + beside, *reach, *half)) for beside, weight in lines]
+    length = sum([weight * (high - low) for _, weight, low, high in spans])
     if length <= 0.0:
         return GripLimits(0.0, 0.0, 0.0, 0.0)
-    middle = sum(weight * (high**2 - low**2) / 2 for _, weight, (low, high) in spans) / length
-    lever = sum(
-        weight * (_lever(high - middle, beside) - _lever(low - middle, beside)) for beside, weight, (low, high) in spans
-    )
+    middle = sum([weight * (high**2 - low**2) / 2 for _, weight, low, high in spans]) / length
+    lever = 0.0
+    for beside, weight, low, high in spans:
+        lever += weight * (_lever(high - middle, beside) - _lever(low - middle, beside))
     force = 2.0 * friction * grip_force
     return GripLimits(force, force * lever / length, middle, length)
 

@@ -70,6 +70,9 @@ class Stepper:
         self._load: Vector = np.zeros(6)
         self._carried = 0.0, 0.0
         self._is_resting = False
+        self._lie: tuple[float, ...] = ()
+        """Lie of the peg for which the limits of the grip were computed last, and those limits."""
+        self._limits = GripLimits(0.0, 0.0, 0.0, 0.0)
 
     @property
     def has_twins(self) -> bool:
@@ -165,9 +168,9 @@ class Stepper:
         for below in (plate, self.scene.rack):
             if below.is_below(middle):
                 place, ground = below.position, below.rotation
-        self._lie(self.scene.job.peg.part.thickness, place, ground)
+        self._lay(self.scene.job.peg.part.thickness, place, ground)
 
-    def _lie(self, width: float, place: Vector, ground: Vector) -> None:
+    def _lay(self, width: float, place: Vector, ground: Vector) -> None:
         """Lay the peg flat on the ground below where it is, between fingers `width` m apart.
 
         Args:
@@ -236,6 +239,7 @@ class Stepper:
         )
         self._set_near(self.scene.hole)
         self._in_grip_since = self._loose_since = now
+        self._lie = ()
 
     def _set_near(self, hole: Vector) -> None:
         addresses = [model._address for model in self._steppers]
@@ -256,7 +260,7 @@ class Stepper:
         """
         if self.peg is PegSituation.HELD:
             shear, carried = self._grip.shear_stiffness, self._carried
-            slip.bear(self.control.grip, self.grip_limits(), self._place(BESIDE), shear, carried)
+            slip.bear(self.control.grip, self.grip_limits(), float(self.running.data.qpos[BESIDE]), shear, carried)
         else:
             self._let_rest()
         pace = self._pace
@@ -313,10 +317,10 @@ class Stepper:
                 self.fall()
             elif grip_force <= 0.0:
                 self.enter_free(self.scene.job.peg.part.thickness, self.peg_pose())
-        elif self.peg is PegSituation.FREE and self.lowest() < TABLE:
-            self._lie(float(self.running.data.qpos[FINGERS].sum()), np.zeros(3), np.eye(3))
+        elif self.peg is PegSituation.FREE and (lowest := self.lowest()) < TABLE:
+            self._lay(float(self.running.data.qpos[FINGERS].sum()), np.zeros(3), np.eye(3))
         elif self.peg is PegSituation.FREE:
-            height = self.lowest() - self.scene.rack.position[2]
+            height = lowest - self.scene.rack.position[2]
             if not situation.is_in_grip(self.pad_force(), grip_force, height):
                 self._in_grip_since = self._pace.now()
             elif self._model_of.grip == "hinge" and self._pace.now() - self._in_grip_since > situation.SETTLED_GRIP:
@@ -365,18 +369,15 @@ class Stepper:
 
     def end(self) -> Vector:
         """Return the middle of the peg's end face, m, base frame."""
-        pose = self.peg_pose()
-        end: Vector = pose.position - self.scene.size.half * pose.rotation[:, 2]
+        end: Vector = self.peg_view.middle - self.scene.size.half * self.peg_view.axes[:, 2]
         return end
 
     def lowest(self) -> float:
         """Return the height of the peg's lowest point, m, base frame."""
-        axis, size = self.peg_view.axes[:, 2], self.scene.size
-        lean = math.hypot(axis[0], axis[1])
+        size, (x, y, z) = self.scene.size, self.peg_view.axes[:, 2].tolist()
+        lean, end = math.hypot(x, y), float(self.peg_view.middle[2]) - size.half * z
         # The lower of the two rims that a chamfer has.
-        return float(
-            self.end()[2] - max((size.reach - size.chamfer) * lean, size.reach * lean - size.chamfer * axis[2])
-        )
+        return float(end - max((size.reach - size.chamfer) * lean, size.reach * lean - size.chamfer * z))
 
     def depth(self) -> tuple[float, bool]:
         """Return the depth of the tip below the hole's mouth along its axis, m, and whether it is in the hole."""
@@ -385,6 +386,11 @@ class Stepper:
             self.scene.size.half, self.peg_view.middle, self.peg_view.axes, plate.position, plate.rotation
         )
         return depth, depth > 0.0 and beside < min(plate.half)
+
+    def pivot(self) -> tuple[float, Vector]:
+        """Return the true in-hand angle, rad, NaN if no hand holds the peg, and the middle of the peg's end face, m."""
+        theta = self.theta() if self.peg is PegSituation.HELD else math.nan
+        return theta, self.end()
 
     def theta(self) -> float:
         """Return the angle of the held peg's hinge, rad."""
@@ -405,18 +411,20 @@ class Stepper:
 
     def grip_limits(self) -> GripLimits:
         """Return the most that friction of the pads bears of the held peg as it lies now."""
-        length, width = self._pad
-        reach_tip = self.peg_length - self._place(ALONG)
-        return grip_limits(
-            theta=self.theta(),
-            offset=self._place(BESIDE),
-            grip_force=self.pad_force(),
-            reach=(reach_tip, 2 * self.scene.size.half - reach_tip),
-            half=(length / 2, width / 2),
-            friction=self._pad_friction,
-            flat=self.scene.job.peg.part.face.flat_width,
-        )
-
-    def _place(self, index: int) -> float:
-        """Return the place of the held peg in the hand, m, along or beside its own axis."""
-        return float(self.running.data.qpos[index])
+        lie = *self.running.data.qpos[HINGE : BESIDE + 1].tolist(), self.pad_force()
+        if lie != self._lie:
+            (theta, along, beside, force), (length, width) = lie, self._pad
+            reach_tip = self.peg_length - along
+            self._lie, self._limits = (
+                lie,
+                grip_limits(
+                    theta=theta,
+                    offset=beside,
+                    grip_force=force,
+                    reach=(reach_tip, 2 * self.scene.size.half - reach_tip),
+                    half=(length / 2, width / 2),
+                    friction=self._pad_friction,
+                    flat=self.scene.job.peg.part.face.flat_width,
+                ),
+            )
+        return self._limits

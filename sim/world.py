@@ -1,6 +1,5 @@
 """The physics of one cell as its devices use it: the clock, the commands, the readings, and the truth."""
 
-import math
 from dataclasses import replace
 
 import mujoco
@@ -185,15 +184,20 @@ class World:
         depth, in_hole = self.stepper.depth()
         return in_hole and depth >= self.job.hole.depth and self.job.hole.evidence == "switch"
 
+    def pivot(self) -> tuple[float, Vector]:
+        """Return the true in-hand angle, rad, NaN if no hand holds the peg, and the middle of the peg's end face, m."""
+        return self.stepper.pivot()
+
     def truth(self) -> Truth:
         """Return the true state of the world."""
         depth, in_hole = self.stepper.depth()
+        theta, tip = self.pivot()
         lasting = float(self.meters[metering.SUSTAINED])
         return Truth(
             stamp=self.now(),
             peg=self.peg,
-            theta=self.stepper.theta() if self.is_held else math.nan,
-            tip=_three(self.stepper.end()),
+            theta=theta,
+            tip=_three(tip),
             hole=_three(self.plate.position),
             depth=depth,
             is_in_hole=in_hole,

@@ -396,7 +396,7 @@ class SkillContext:
         force = seen.arm.wrench.force
         if float(force @ force) > self.limits.force**2:
             self._interrupt(Reason.FORCE_LIMIT)
-        x, y, z = seen.arm.tcp.position
+        x, y, z = seen.arm.tcp.position.tolist()
         low, high = self.limits.low, self.limits.high
         if not (low[0] <= x <= high[0] and low[1] <= y <= high[1] and low[2] <= z <= high[2]):
             self._interrupt(Reason.WORKSPACE)

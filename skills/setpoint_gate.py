@@ -13,18 +13,18 @@ from pydantic import Field
 
 from drivers.config_model import ConfigModel
 from drivers.errors import ArmSilentError, NotFiniteError, SetpointError, TrackingError
-from drivers.frames import angle_between, end_point
+from drivers.frames import angle_between
 from drivers.parts import Point
 from drivers.protocols import Arm
-from drivers.quantities import ArmState, ImpedanceSetpoint, Vector
+from drivers.quantities import ArmState, ImpedanceSetpoint
 from skills.setpoint_bounds import (
     AGE_SLACK,
-    MOST_NUMBER,
     ArmBounds,
+    Numbers,
+    numbers_of,
     require_numbers,
     require_permitted,
     require_values,
-    size_of,
 )
 
 MOST_ASKEW = 1.0
@@ -47,12 +47,14 @@ LONGEST_UNTAKEN = 0.2
 """Longest time for which the arm may report that it follows an older setpoint than it was given, or none, s; its loop takes one in milliseconds.
 Source: chosen, not measured; reason in decision 0092.
 """
+
+
 LONGEST_UNCHANGED = 0.15
 """Longest time for which all readings of an arm may stay the same to the last digit while its setpoint moves, s: 15 scans at 100 Hz, and a fault
 within 0.2 s.
 """
 LEAST_MOVED = 1e-4
-"""Least way of a setpoint to which an arm must answer, m; at 1500 N/m it is a force of 0.15 N, far above the resolution of any sensor."""
+"""Least distance of a setpoint to which an arm must answer, m; at 1500 N/m it is a force of 0.15 N, far above the resolution of any sensor."""
 MOST_LOAD = 1e4
 """Largest force, N, or torque, N·m, that a sensor of an arm can report; arms of this size bear less than a tenth of it."""
 
@@ -86,18 +88,20 @@ def require_readings(arm: ArmState) -> None:
     Raises:
         NotFiniteError: A reading is not; one line that names it.
     """
+    require_numbers("arm", "stamp", (arm.stamp,), NotFiniteError)
     for name, values, most in (
-        ("stamp", (arm.stamp,), MOST_NUMBER),
         ("joint position", arm.q, 100.0),
         ("joint velocity", arm.dq, 1000.0),
         ("TCP position", arm.tcp.position, 100.0),
         ("TCP orientation", arm.tcp.rotation, 2.0),
         ("force", arm.wrench.force, MOST_LOAD),
         ("torque", arm.wrench.torque, MOST_LOAD),
-        ("commanded torque", () if arm.commanded is None else arm.commanded, MOST_LOAD),
-        ("unexplained torque", () if arm.unexplained is None else arm.unexplained, MOST_LOAD),
+        ("commanded torque", arm.commanded, MOST_LOAD),
+        ("unexplained torque", arm.unexplained, MOST_LOAD),
     ):
-        require_numbers("arm", name, values, NotFiniteError, most)
+        # A sum of squares is within the square of the bound only if each term is; beyond it a closer look decides.
+        if values is not None and not np.vdot(values, values) <= most * most:
+            require_numbers("arm", name, values.ravel().tolist(), NotFiniteError, most)
 
 
 def require_sound(
@@ -116,105 +120,106 @@ def require_sound(
         SetpointError: It is no number, outside the workspace, too far, too fast or more than the arm may be asked for.
         TrackingError: The arm stays so far behind it that it would press with more than the force limit.
     """
-    require_values(setpoint, arm.stamp, bounds)
-    _require_inside(setpoint, arm, limits)
-    theta, length = (0.0, 0.0) if setpoint.in_hand is None else (setpoint.in_hand.theta, setpoint.in_hand.length)
-    tip, axis = end_point(arm.tcp, theta, length)
-    _require_aligned(setpoint, arm, axis, bounds)
-    _require_posture(setpoint, arm, before, bounds)
+    asked, here, rotation = numbers_of(setpoint), arm.tcp.position.tolist(), arm.tcp.rotation.tolist()
+    require_values(setpoint, asked, arm.stamp, bounds)
+    _require_inside(asked, here, limits)
+    # v = -(cos t·x + sin t·y) and x_p = x - length·v, as in `drivers.frames.end_point`.
+    c, s = math.cos(asked.theta), math.sin(asked.theta)
+    axis = [-c * x - s * y for x, y, _ in rotation]
+    away = [there - (at - asked.length * v) for there, at, v in zip(asked.tip, here, axis, strict=True)]
+    _require_aligned(asked, axis, [z for _, _, z in rotation], bounds)
+    _require_posture(asked, setpoint.id, arm, before, bounds)
     goes_on = before is not None and _has_same_point(setpoint, before.setpoint)
     if before is not None and goes_on:
-        _require_step(setpoint, before, arm.stamp, bounds.speed)
-    _require_force(setpoint, tip, goes_on, limits)
+        _require_step(asked, before, arm.stamp, bounds.speed)
+    _require_force(asked, away, goes_on, limits)
     if not goes_on:
-        _require_beginning(setpoint, tip, before, arm.stamp, bounds.speed)
+        _require_beginning(asked, math.hypot(*away), before, arm.stamp, bounds.speed)
 
 
-def _require_aligned(setpoint: ImpedanceSetpoint, arm: ArmState, axis: Vector, bounds: ArmBounds) -> None:
+def _require_aligned(asked: Numbers, axis: list[float], closing: list[float], bounds: ArmBounds) -> None:
     """Make sure that neither axis nor roll turns the hand away at once, nor both with more torque than any joint has."""
-    if (askew := angle_between(axis, setpoint.axis)) > MOST_ASKEW:
+    if (askew := angle_between(axis, asked.axis)) > MOST_ASKEW:
         raise SetpointError(f"setpoint: axis {askew:.2f} rad from where it points; at most {MOST_ASKEW} rad allowed")
-    rolled = 0.0 if setpoint.roll is None else _angle_about(axis, arm.tcp.rotation[:, 2], setpoint.roll)
+    rolled = _angle_about(axis, closing, asked.roll) if asked.roll else 0.0
     if abs(rolled) > MOST_ASKEW:
         raise SetpointError(
             f"setpoint: roll {abs(rolled):.2f} rad from the closing axis; at most {MOST_ASKEW} rad allowed"
         )
-    torque = float(setpoint.stiffness[3:].max()) * math.hypot(askew, rolled)
-    if torque > (most := float(bounds.torques.max())):
+    torque = max(asked.turning) * math.hypot(askew, rolled)
+    if torque > (most := max(bounds.torques)):
         raise SetpointError(
             f"setpoint: {math.hypot(askew, rolled):.2f} rad askew turns with {torque:.0f} N·m; at most {most:g} N·m allowed"
         )
 
 
-def _angle_about(axis: Vector, start: Vector, goal: Vector) -> float:
-    """Return the angle about `axis`, unit, from one direction to another, rad, each shape (3,)."""
-    return math.atan2(float(axis @ np.cross(start, goal)), float(start @ goal - (axis @ start) * (axis @ goal)))
+def _angle_about(axis: list[float], start: list[float], goal: list[float]) -> float:
+    """Return the angle about `axis` v, unit, from direction a to b, rad: atan2(v·(a × b), a·b - (v·a)(v·b))."""
+    (x, y, z), (ax, ay, az), (bx, by, bz) = axis, start, goal
+    across = x * (ay * bz - az * by) + y * (az * bx - ax * bz) + z * (ax * by - ay * bx)
+    along = ax * bx + ay * by + az * bz - (x * ax + y * ay + z * az) * (x * bx + y * by + z * bz)
+    return math.atan2(across, along)
 
 
-def _require_force(setpoint: ImpedanceSetpoint, tip: Vector, goes_on: bool, limits: Limits) -> None:
+def _require_force(asked: Numbers, away: list[float], goes_on: bool, limits: Limits) -> None:
     """Make sure that stiffness times error is at most the force limit; an arm that does not follow a sound motion is blocked."""
-    force = size_of(setpoint.stiffness[:3] * (setpoint.tip - tip))
+    (kx, ky, kz), (x, y, z) = asked.pushing, away
+    force = math.hypot(kx * x, ky * y, kz * z)
     if force > limits.force:
-        away = 1e3 * size_of(setpoint.tip - tip)
-        found = f"{away:.0f} mm away presses with {force:.0f} N; limits.force = {limits.force:g} N allowed"
+        found = f"{1e3 * math.hypot(x, y, z):.0f} mm away presses with {force:.0f} N; limits.force = {limits.force:g} N allowed"
         if not goes_on:
             raise SetpointError(f"setpoint: {found}")
         raise TrackingError(f"arm: blocked, or its setpoint cannot be reached: a setpoint {found}")
 
 
-def _require_beginning(
-    setpoint: ImpedanceSetpoint, tip: Vector, before: Handed | None, stamp: float, most: float
-) -> None:
+def _require_beginning(asked: Numbers, away: float, before: Handed | None, stamp: float, most: float) -> None:
     """Make sure that a motion begins where the arm is, or goes on from the setpoint before it, whatever its id."""
-    away = size_of(setpoint.tip - tip)
     if away <= LEAD:
         return
     found = f"setpoint: a motion that begins {1e3 * away:.0f} mm from where the arm is"
     if before is None:
         raise SetpointError(f"{found}; at most {1e3 * LEAD:g} mm allowed")
-    step, allowed = size_of(_hand_of(setpoint) - _hand_of(before.setpoint)), _longest_step(before, stamp, most)
+    step, allowed = math.dist(asked.hand, numbers_of(before.setpoint).hand), _longest_step(before, stamp, most)
     if step > allowed:
         raise SetpointError(
             f"{found}, and a step of {1e3 * step:.0f} mm; at most {1e3 * LEAD:g} mm or {1e3 * allowed:.0f} mm allowed"
         )
 
 
-def _require_posture(setpoint: ImpedanceSetpoint, arm: ArmState, before: Handed | None, bounds: ArmBounds) -> None:
+def _require_posture(asked: Numbers, number: int, arm: ArmState, before: Handed | None, bounds: ArmBounds) -> None:
     """Make sure that a posture lies where the joints may be, and goes on from the one before it no faster than the joints may, or begins near them."""
-    posture, last = setpoint.posture, None if before is None else before.setpoint.posture
-    if posture is None:
+    if not asked.posture:
         return
-    require_permitted(posture, arm.q, bounds)
-    step, allowed = np.abs(posture - arm.q), np.full(posture.shape, POSTURE_LEAD)
-    step[arm.elbow] = 0.0
-    if before is not None and last is not None and (setpoint.id == before.setpoint.id or bool((step > allowed).any())):
-        step = np.abs(posture - last)
-        allowed = bounds.joint_speeds * _time_since(before, arm.stamp) + POSTURE_SLACK
-    joint = int((step - allowed).argmax())
-    if step[joint] > allowed[joint]:
+    q, last = arm.q.tolist(), None if before is None else before.setpoint.posture
+    require_permitted(asked.posture, q, bounds)
+    steps = [0.0 if k == arm.elbow else abs(there - q[k]) for k, there in enumerate(asked.posture)]
+    allowed = [POSTURE_LEAD] * len(steps)
+    if before is not None and last is not None and (number == before.setpoint.id or max(steps) > POSTURE_LEAD):
+        passed = _time_since(before, arm.stamp)
+        steps = [abs(there - was) for there, was in zip(asked.posture, last.tolist(), strict=True)]
+        allowed = [speed * passed + POSTURE_SLACK for speed in bounds.joint_speeds]
+    beyond = [step - most for step, most in zip(steps, allowed, strict=True)]
+    joint = beyond.index(max(beyond))
+    if steps[joint] > allowed[joint]:
         raise SetpointError(
-            f"setpoint: posture of joint {joint + 1} moves by {step[joint]:.3f} rad; at most {allowed[joint]:.3f} rad allowed"
+            f"setpoint: posture of joint {joint + 1} moves by {steps[joint]:.3f} rad; at most {allowed[joint]:.3f} rad allowed"
         )
 
 
 def _is_same(state: ArmState, other: ArmState) -> bool:
     """Return True if all readings of two states are equal to the last digit."""
-    return (
-        bool((state.q == other.q).all())
-        and bool((state.dq == other.dq).all())
-        and bool((state.tcp.position == other.tcp.position).all())
-        and bool((state.wrench.force == other.wrench.force).all())
+    pairs = (
+        (state.q, other.q),
+        (state.dq, other.dq),
+        (state.tcp.position, other.tcp.position),
+        (state.wrench.force, other.wrench.force),
     )
+    return all(np.array_equal(here, there) for here, there in pairs)
 
 
 def _has_same_point(setpoint: ImpedanceSetpoint, before: ImpedanceSetpoint) -> bool:
     """Whether a setpoint goes on from the one before it: of the same id, and of peg or bare hand as that was."""
     return setpoint.id == before.id and (setpoint.in_hand is None) == (before.in_hand is None)
-
-
-def _hand_of(setpoint: ImpedanceSetpoint) -> Vector:
-    """Return where the hand of a setpoint is, shape (3,), m, base frame."""
-    return setpoint.tip if setpoint.in_hand is None else setpoint.tip + setpoint.in_hand.length * setpoint.axis
 
 
 def _time_since(before: Handed, stamp: float) -> float:
@@ -226,25 +231,26 @@ def _longest_step(before: Handed, stamp: float, most: float) -> float:
     return most * _time_since(before, stamp) + STEP_SLACK
 
 
-def _require_inside(setpoint: ImpedanceSetpoint, arm: ArmState, limits: Limits) -> None:
+def _require_inside(asked: Numbers, here: list[float], limits: Limits) -> None:
     """Make sure that the hand's place is inside the workspace, or on its way back from where the hand is outside."""
-    asked = _hand_of(setpoint).tolist()
+    hand = asked.hand
     worst, axis = 0.0, 0
-    for k, (there, here, low, high) in enumerate(
-        zip(asked, arm.tcp.position.tolist(), limits.low, limits.high, strict=True)
-    ):
-        beyond = max(low - there, there - high, 0.0) - max(low - here, here - high, 0.0) - OUTWARD_SLACK
+    for k, (there, low, high) in enumerate(zip(hand, limits.low, limits.high, strict=True)):
+        if low <= there <= high:
+            continue
+        outside = max(low - here[k], here[k] - high, 0.0)
+        beyond = max(low - there, there - high) - outside - OUTWARD_SLACK
         if beyond > worst:
             worst, axis = beyond, k
     if worst > 0.0:
         raise SetpointError(
-            f"setpoint: hand at {'xyz'[axis]} = {asked[axis]:.3f} m;"
+            f"setpoint: hand at {'xyz'[axis]} = {hand[axis]:.3f} m;"
             f" limits: {limits.low[axis]:g} to {limits.high[axis]:g} m allowed"
         )
 
 
-def _require_step(setpoint: ImpedanceSetpoint, before: Handed, stamp: float, most: float) -> None:
-    step, allowed = size_of(setpoint.tip - before.setpoint.tip), _longest_step(before, stamp, most)
+def _require_step(asked: Numbers, before: Handed, stamp: float, most: float) -> None:
+    step, allowed = math.dist(asked.tip, before.setpoint.tip.tolist()), _longest_step(before, stamp, most)
     if step > allowed:
         raise SetpointError(f"setpoint: step of {1e3 * step:.0f} mm; at most {1e3 * allowed:.0f} mm allowed")
 
@@ -259,7 +265,7 @@ class GatedArm:
         self._before: Handed | None = None
         self._untaken_since: float | None = None
         """Time of the first setpoint that the arm has not taken, s; None where it follows the one that it was given."""
-        self._unchanged: tuple[ArmState, Vector] | None = None
+        self._unchanged: tuple[ArmState, list[float]] | None = None
         """First of the newest states that are equal to the last digit, and where the setpoint was then; None if no setpoint is held."""
 
     def open(self) -> None:
@@ -332,12 +338,12 @@ class GatedArm:
         if self._before is None:
             self._unchanged = None
             return
-        asked = self._before.setpoint.tip
+        asked = self._before.setpoint.tip.tolist()
         if self._unchanged is None or not _is_same(state, self._unchanged[0]):
             self._unchanged = state, asked
             return
         since, began = self._unchanged
-        time, moved = state.stamp - since.stamp, size_of(asked - began)
+        time, moved = state.stamp - since.stamp, math.dist(asked, began)
         if time > LONGEST_UNCHANGED and moved > LEAST_MOVED:
             self.halt()
             raise ArmSilentError(

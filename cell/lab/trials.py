@@ -8,7 +8,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from functools import partial
 from itertools import takewhile
 from pathlib import Path
@@ -133,19 +133,21 @@ class Watcher:
         """Take one scan."""
         begins = self.clock.enter(self.ctx.stage, seen.stamp)
         self.proof = self.proof.after(seen, setpoint)
-        if self.cell.truth is None or (self.ctx.stage not in WATCHED and self.ctx.stage != "recover"):
+        if self.cell.truth is None or self.cell.pivot is None:
             return
-        truth = self.cell.truth()
         if begins and self.ctx.stage == INSERT.name:
+            truth = self.cell.truth()
             self.found_error = math.dist(truth.tip[:2], truth.hole[:2])
         if self.ctx.stage == "recover":
-            self.ending = self.ending or truth
+            self.ending = self.ending or self.cell.truth()
+        if self.ctx.stage not in WATCHED:
             return
-        if math.isnan(truth.theta):
+        theta, tip = self.cell.pivot()
+        if math.isnan(theta):
             return
         self.count += 1
-        self.theta += (seen.peg.theta - truth.theta) ** 2
-        self.tip += math.dist(seen.tip.tolist(), truth.tip) ** 2
+        self.theta += (seen.peg.theta - theta) ** 2
+        self.tip += math.dist(seen.tip, tip) ** 2
 
     def judged(self, ending: Ending, records: Sequence[StageRecord]) -> Ending:
         """Return how the trial ended by the evidence, as the supervisor would.
@@ -164,29 +166,45 @@ class Watcher:
 
 
 def run_trial(config: CellConfig, seed: int) -> TrialRow:
-    """Run `insert_peg` once on a fresh cell of this seed, without sockets and without waiting for the wall clock.
+    """Run `insert_peg` once on a fresh cell of this seed, without sockets and without waiting for the wall clock."""
+    wall = time.perf_counter()
+    with opened(assemble(seeded(config, seed))) as cell:
+        row = trial_in(cell, seed)
+    return replace(row, wall_time=time.perf_counter() - wall)
+
+
+def seeded(config: CellConfig, seed: int) -> CellConfig:
+    """Return the config of a cell whose world is drawn from this seed, as fast as it goes."""
+    assert config.sim is not None
+    return config.model_copy(update={"sim": config.sim.model_copy(update={"seed": seed, "pace": "max"})})
+
+
+def trial_in(cell: Cell, seed: int, each: Callable[[], None] = lambda: None) -> TrialRow:
+    """Run `insert_peg` once in an opened cell, and call `each` in every scan.
 
     A fault ends the trial as a failure whose reason is the fault's name; all the time of its stage counts.
     """
-    assert config.sim is not None
     wall = time.perf_counter()
-    config = config.model_copy(update={"sim": config.sim.model_copy(update={"seed": seed, "pace": "max"})})
-    cell = assemble(config)
     assert cell.truth is not None
     records: list[StageRecord] = []
-    with opened(cell):
-        ctx, began = cell.context(seed), cell.clock.now()
-        watcher = Watcher(cell, ctx)
-        ctx.record, ctx.ended = watcher.record, watcher.clock.end
-        try:
-            records = CATALOGUE["insert_peg"].run(config.skill_set(), ctx)
-            ending = watcher.judged(ending_of(records, None, ctx.stage), records)
-            outcome, reason = ending.outcome, ending.word
-        except CellError as error:
-            ending = ending_of(records, error, ctx.stage)
-            outcome, reason = Outcome.FAILURE, FaultCode(error.code).name.lower()
-        truth = watcher.ending or cell.truth()
-        sim_time = cell.clock.now()
+    ctx, began = cell.context(seed), cell.clock.now()
+    watcher = Watcher(cell, ctx)
+    ctx.ended = watcher.clock.end
+
+    def record(seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
+        watcher.record(seen, setpoint)
+        each()
+
+    ctx.record = record
+    try:
+        records = CATALOGUE["insert_peg"].run(cell.config.skill_set(), ctx)
+        ending = watcher.judged(ending_of(records, None, ctx.stage), records)
+        outcome, reason = ending.outcome, ending.word
+    except CellError as error:
+        ending = ending_of(records, error, ctx.stage)
+        outcome, reason = Outcome.FAILURE, FaultCode(error.code).name.lower()
+    truth = watcher.ending or cell.truth()
+    sim_time = cell.clock.now()
     watcher.clock.leave(sim_time)
     times = watcher.clock.times
     start = next((r.result.start for r in records if isinstance(r.result, SpraySearchResult)), None)
@@ -266,6 +284,7 @@ def run_trials(
         missing = [seed for seed in seeds if seed not in rows]
         task = partial(run_trial, config)
         results = on_cluster(task, missing, scheduler) if scheduler else on_processes(task, missing, workers)
+        began, taken_up = time.perf_counter(), len(rows)
         with closing(results):
             while (ordered := _ending(rows, order, is_enough)) is None:
                 row = next(results)
@@ -273,8 +292,10 @@ def run_trials(
                 kept.write(json.dumps(asdict(row)) + "\n")
                 kept.flush()
                 done(row)
+    minutes = (time.perf_counter() - began) / 60.0
     write_table(ordered, folder / TABLE)
-    (folder / SUMMARY).write_text(json.dumps(summarise(ordered, config), indent=2) + "\n", encoding="utf-8")
+    summary = summarise(ordered, config) | {"trials_per_minute": (len(rows) - taken_up) / minutes}
+    (folder / SUMMARY).write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     (folder / PARTIAL).unlink()
     return ordered
 

@@ -1,6 +1,7 @@
 """The shapes that a config may name, the key that sizes each, and the conversion of a size when the shape changes."""
 
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 from typing import Any, Literal
 
 from drivers.part.contract import Part
@@ -15,6 +16,7 @@ SIZED = ("peg", "hole")
 """The sections of a config that have a size."""
 
 
+@lru_cache(maxsize=64)
 def part_of(
     shape: Shape, diameter: float | None, sides: tuple[float, float] | None, chamfer: float = 0.0, owner: str = "peg"
 ) -> Part:

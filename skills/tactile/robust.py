@@ -12,7 +12,7 @@ stands out of the hand changes the print as well: pegs that reach further or les
 
 import math
 from copy import copy
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field
@@ -167,6 +167,21 @@ class Load:
 Prints = Bank | UsualPrints
 
 
+class Explanation(NamedTuple):
+    """One explanation of a frame, compared with it."""
+
+    against: float
+    """Log odds against it beforehand."""
+    found: Found
+    bank: Prints
+    weights: Vector
+    """Weights of the readings under it, shape (40,)."""
+    is_wide: bool
+    """Whether all offsets were tried."""
+    left: Vector
+    """Residuals over their standard deviations, shape (40,)."""
+
+
 class RobustEstimator:
     """Maximum likelihood that considers faults of a frame, and remembers one number, the breadth of the print."""
 
@@ -238,35 +253,43 @@ class RobustEstimator:
     ) -> tuple[Found, Prints, Vector]:
         """Return the likeliest explanation of the frame, its bank and the weights that it leaves."""
         params, load = self._params, self._load.expected
-        tried: list[tuple[float, Found, Prints, Vector]] = [(0.0, usual, self._usual, weights)]
+        tried = [Explanation(0.0, usual, self._usual, weights, False, self._usual.left.copy())]
+
+        def add(against: float, bank: Prints, weights: Vector, is_wide: bool = False) -> None:
+            found = bank.compare(values, weights, is_wide, load=load)
+            tried.append(Explanation(against, found, bank, weights, is_wide, bank.left.copy()))
+
         if usual.misfit > params.wide_misfit:
-            tried.append((0.0, self._usual.compare(values, weights, True, load=load), self._usual, weights))
+            add(0.0, self._usual, weights, is_wide=True)
         for module in silent:
             without = np.where(module == _MODULE, 0.0, weights)
-            tried.append((params.rarity, self._usual.compare(values, without, load=load), self._usual, without))
-            both = params.rarity + self._against_short
-            tried.append((both, self._short.compare(values, without, load=load), self._short, without))
-        tried.append((self._against_short, self._short.compare(values, weights, load=load), self._short, weights))
+            add(params.rarity, self._usual, without)
+            add(params.rarity + self._against_short, self._short, without)
+        add(self._against_short, self._short, weights)
         # Noise may be stronger than configured; all log likelihoods then shrink alike.
-        scale = max(1.0, min(found.misfit for _, found, _, _ in tried))
-        odds = np.array([found.chance / scale - against for against, found, _, _ in tried])
-        _, best, bank, left = tried[int(odds.argmax())]
-        shares, away = np.exp(odds - odds.max()), np.array([found.theta - best.theta for _, found, _, _ in tried])
+        scale = max(1.0, min(each.found.misfit for each in tried))
+        odds = np.array([each.found.chance / scale - each.against for each in tried])
+        best = tried[int(odds.argmax())]
+        shares = np.exp(odds - odds.max())
+        away = np.array([each.found.theta - best.found.theta for each in tried])
         away -= np.pi * np.round(away / np.pi)
-        found, left = self._without_outliers(values, left, best, bank)
+        found, left = self._without_outliers(values, best)
         # Explanations that are about as likely widen sigma.
-        return found._replace(sigma=math.hypot(found.sigma, math.sqrt(shares @ away**2 / shares.sum()))), bank, left
+        sigma = math.hypot(found.sigma, math.sqrt(shares @ away**2 / shares.sum()))
+        return found._replace(sigma=sigma), best.bank, left
 
-    def _without_outliers(self, values: Vector, weights: Vector, found: Found, bank: Prints) -> tuple[Found, Vector]:
+    def _without_outliers(self, values: Vector, best: Explanation) -> tuple[Found, Vector]:
         """Leave out readings that do not fit, the worst first, until none is left or `most_outliers` are left out."""
+        _, found, bank, weights, was_wide, left = best
         is_wide, load = found.misfit > self._params.wide_misfit, self._load.expected
-        found = bank.compare(values, weights, is_wide, load=load)
+        if is_wide != was_wide:
+            found, left = bank.compare(values, weights, is_wide, load=load), bank.left
         for _ in range(self._params.most_outliers):
-            away = np.abs(bank.left)
+            away = np.abs(left)
             usual = max(1.0, float(np.median(away[weights > 0.0])) / MEDIAN_OF_NORMAL) if weights.any() else math.inf
             worst = int(away.argmax())
             if away[worst] < self._params.outlier * usual:
                 break
             weights = np.where(np.arange(weights.size) == worst, 0.0, weights)
-            found = bank.compare(values, weights, is_wide, load=load)
+            found, left = bank.compare(values, weights, is_wide, load=load), bank.left
         return found, weights

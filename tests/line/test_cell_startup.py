@@ -1,21 +1,21 @@
-"""Commands that only tell something start fast, and import only what they use."""
+"""Commands that only show something start fast, and import only what they use."""
 
 import subprocess
 import sys
 
 import pytest
 
-from cell.lab.startup.measure import COMMANDS, heavy_imports, processor_time
+from cell.lab.speed.starts import SHOWING, heavy_imports, processor_time
 
 GENEROUS = 2.0
 """Twice and more of what is wanted, s: a slow computer is no defect, and the program's own measure prints the figures."""
 
 
-@pytest.mark.parametrize("name", COMMANDS)
-def test_a_command_that_only_tells_something_imports_nothing_heavy(name, tmp_path):
-    arguments = (*COMMANDS[name], *(("--journal", str(tmp_path)) if name == "runs" else ()))
+@pytest.mark.parametrize("name", SHOWING)
+def test_a_command_that_only_shows_something_imports_nothing_heavy(name, tmp_path):
+    arguments = (*SHOWING[name], *(("--journal", str(tmp_path)) if name == "runs" else ()))
     assert heavy_imports(arguments) == []
-    assert processor_time(arguments) < GENEROUS
+    assert processor_time(("-m", "cell", *arguments)) < GENEROUS
 
 
 def test_the_list_of_imports_would_show_a_heavy_one():

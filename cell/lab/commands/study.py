@@ -40,7 +40,6 @@ STUDIES = (
     "calibration",
     "paper",
     "events",
-    "startup",
     "records",
     "page",
     "faults",

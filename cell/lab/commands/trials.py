@@ -52,6 +52,7 @@ def run(args: argparse.Namespace) -> int:
     plot_speed_accuracy([Point.of_total(lines[-1])], args.out / CHART)
     summary = json.loads((args.out / TOLD).read_text(encoding="utf-8"))
     cycles = [row.cycle_time for row in rows if row.outcome == "success"]
-    show(args, Group(stages(lines, cycles), outcomes(rows), loads(rows)), summary)
+    pace = f"{summary['trials_per_minute']:.1f} trials per minute"
+    show(args, Group(stages(lines, cycles), outcomes(rows), loads(rows), pace), summary)
     written(args, [args.out / name for name in (TABLE, TOLD, CHART)])
     return GOOD

@@ -21,7 +21,7 @@ import numpy as np
 from cell.journal import Journal
 from cell.journal_index import Index
 from cell.journal_schema import EventRow, RunRow, StageRow
-from cell.lab.startup.measure import heavy_imports
+from cell.lab.speed.starts import heavy_imports
 from cell.page.records import Records
 from cell.run_query import RunQuery
 from drivers.errors import FaultCode

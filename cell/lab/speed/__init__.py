@@ -1,1 +1,1 @@
-"""Study of the simulation's speed."""
+"""Speed of trials, scans, requests and starts: figures that are stored and guarded, and a profile of a scan."""

@@ -1,238 +1,261 @@
-"""Speed of the simulation in each regime, the share of it that is spent outside `mj_step`, and a profile."""
+"""Speed of the program in figures that other programs on the computer change little.
+
+A count is the same on every computer. A ratio is a time over that of a reference which is measured in turn with it, in
+the same minute; the smallest of several times counts, because other programs only ever slow a run.
+"""
 
 import cProfile
-import pstats
+import math
+import statistics
 import time
-from collections.abc import Sequence
+import tomllib
+import tracemalloc
+from collections.abc import Callable, Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass
-from enum import Enum
+from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from tempfile import TemporaryDirectory
 
-import numpy as np
+import mujoco
 
 from cell.assembly import assemble, opened
 from cell.cell_config import CellConfig
-from drivers.quantities import ImpedanceSetpoint, Vector
-from sim import engine, native
-from sim.world import World
-from skills.catalogue import insert_peg
-from skills.contract import Observation
+from cell.config import LoadedConfig
+from cell.lab.line.cell_process import bare_server, cell_process, patient
+from cell.lab.line.client import connected, time_requests
+from cell.lab.speed.starts import processor_time, start_of
+from cell.lab.trials import run_trial, seeded, trial_in
 
-REPEATS = 3
-"""Number of whole trials; the fastest counts, because other programs only ever slow a run."""
-REPLAYS = 3
-"""Number of replays of a trial's steps; the fastest counts."""
-TOUCHED = 1e-3
-"""Net force of the plates on the held peg, low-passed, above which it counts as in contact, N."""
-STAGES = {
-    "mj_step: kinematics": ("POS_KINEMATICS",),
-    "mj_step: inertia": ("POS_INERTIA",),
-    "mj_step: contacts": ("POS_COLLISION",),
-    "mj_step: constraint rows": ("POS_MAKE", "POS_PROJECT"),
-    "mj_step: velocities": ("VELOCITY",),
-    "mj_step: solver": ("CONSTRAINT",),
-}
-"""Stages of MuJoCo's own timers; the rest of a step is integration and overhead."""
-
-
-class Regime(Enum):
-    """Regime of a scan, by what the hand does."""
-
-    GRASP = "hand empty, grasp, release"
-    FREE = "held, free space"
-    CONTACT = "held, contact"
-
-
-WHOLE = "whole trial"
+SEED = 1
+"""Seed of the trial that is measured."""
+PAIRS = 3
+"""Number of times that a figure and its reference are measured in turn."""
+STEPS = {("held", "far"): 751, ("held", "near"): 401, ("free", "free"): 187}
+"""Steps of `mj_step` in a simulated second of a trial of version 0.2.0, by model and keyframe of the reference."""
+FROM_EACH = 5
+"""Number of steps that the reference takes from a keyframe before it returns to it."""
+REQUESTS = 2000
 SMALL = 0.01
-"""Share of the whole below which parts are summed up in one line."""
+"""Share of a scan below which parts are summed up."""
+IMPORT_MUJOCO = ("-c", "import mujoco")
+OPEN_CELL = (
+    "-c",
+    "from cell.assembly import assemble, opened\nfrom cell.config import load\nwith opened(assemble(load().cell)): pass",
+)
 
 
 @dataclass(frozen=True, slots=True)
-class SpeedLine:
-    """One regime of one whole trial."""
+class Stored:
+    """A figure as it was when it was stored."""
 
-    regime: str
+    value: float
+    what: str
+
+
+def stored() -> tuple[dict[str, Stored], dict[str, Stored]]:
+    """Return the stored counts and ratios by name."""
+    text = files(__package__).joinpath("figures.toml").read_text(encoding="utf-8")
+    tables = tomllib.loads(text)
+    counts, ratios = ({name: Stored(**entry) for name, entry in tables[kind].items()} for kind in ("counts", "ratios"))
+    return counts, ratios
+
+
+def counts_of_a_scan(config: CellConfig) -> dict[str, float]:
+    """Return calls, and the memory that is held for a moment, per scan of a trial whose functions are all compiled."""
+    scans = round(run_trial(config, SEED).sim_time * config.scan_rate)
+    watch = cProfile.Profile()
+    with opened(assemble(seeded(config, SEED))) as cell:
+        watch.enable()
+        trial_in(cell, SEED)
+        watch.disable()
+    peaks: list[int] = []
+
+    def note() -> None:
+        now, peak = tracemalloc.get_traced_memory()
+        peaks.append(peak - now)
+        tracemalloc.reset_peak()
+
+    with opened(assemble(seeded(config, SEED))) as cell:
+        tracemalloc.start()
+        trial_in(cell, SEED, note)
+        tracemalloc.stop()
+    calls = sum(entry.callcount for entry in watch.getstats())
+    return {"calls": calls / scans, "memory": statistics.fmean(peaks)}
+
+
+def counts_of_starts() -> dict[str, float]:
+    """Return modules and compilations of commands: of a first demo that finds nothing compiled, and of those that follow it."""
+    found: dict[str, float] = {}
+    with TemporaryDirectory() as folder:
+        environment = {"XDG_CACHE_HOME": folder}
+        journal = ("--journal", f"{folder}/runs")
+        port = ("--set", "plc.modbus.port=0")
+        commands = {
+            "demo": ("demo", "--trials", "1", "--out", f"{folder}/out", *journal, *port),
+            "serve": ("serve", *journal, *port),
+            "map": ("map",),
+        }
+        for name, arguments in commands.items():
+            found[f"{name}_compiled"] = start_of(arguments, environment, counts=True).compiled if name != "map" else 0
+            found[f"{name}_modules"] = len(start_of(arguments, environment).modules)
+    return found
+
+
+def ratio(ours: Callable[[], float], reference: Callable[[], float], pairs: int = PAIRS) -> float:
+    """Return the smallest of our times over the smallest of the reference's, both measured in turn."""
+    mine, its = zip(*[(ours(), reference()) for _ in range(pairs)], strict=True)
+    return float(min(mine) / min(its))
+
+
+def trial_ratio(config: CellConfig) -> float:
+    """Return the time of a simulated second of a trial over that of the same steps, bare, of the stored models."""
+    run_trial(config, SEED)
+    return ratio(lambda: trial_time(config).whole, bare_time)
+
+
+def scan_ratio(config: CellConfig) -> float:
+    """Return the time of a scan outside `mj_step` over that of a fixed piece of Python."""
+    run_trial(config, SEED)
+    return ratio(lambda: trial_time(config).outside, plain_python)
+
+
+def request_ratio(loaded: LoadedConfig) -> float:
+    """Return the median time of a read of ten registers from a served cell over that from pymodbus's own server."""
+    with (
+        cell_process(loaded, [], patient(loaded.cell.plc, 4)) as doors,
+        bare_server() as bare,
+        connected(doors.plain) as ours,
+        connected(bare) as theirs,
+    ):
+        return ratio(
+            lambda: statistics.median(time_requests(ours, REQUESTS)),
+            lambda: statistics.median(time_requests(theirs, REQUESTS)),
+        )
+
+
+def start_ratio() -> float:
+    """Return the processor time from nothing to an opened cell, everything compiled, over that of `import mujoco`."""
+    processor_time(OPEN_CELL)
+    return ratio(lambda: processor_time(OPEN_CELL), lambda: processor_time(IMPORT_MUJOCO))
+
+
+@dataclass(frozen=True, slots=True)
+class TrialTime:
+    """Processor time of one trial."""
+
     simulated: float
     """Simulated time, s."""
-    real_time: float
-    """Seconds simulated in a second of one core; control, skin, skills and records included."""
-    bare_rate: float
-    """Rate of bare `mj_step` in the same scene and states of the same run, steps/s."""
-    bare_real_time: float
-    """Seconds that bare `mj_step` would simulate in a second."""
-    outside: float
-    """Core time outside `mj_step` for one simulated ms, s."""
-
-
-@dataclass(frozen=True, slots=True)
-class ProfileLine:
-    """Cost of one part of a whole trial."""
-
-    part: str
-    cost: float
-    """Core time for one simulated ms, s."""
-    share: float
-    """Share of the whole, fraction."""
-
-
-class _Book:
-    """Books every scan's time to its regime, and keeps the states to step from again."""
-
-    def __init__(self, world: World) -> None:
-        self._world, self._since, self._from = world, time.thread_time(), world.now()
-        self.spent = dict.fromkeys(Regime, 0.0)
-        self.simulated = dict.fromkeys(Regime, 0.0)
-        self.states: dict[Regime, dict[int, tuple[Any, Any, list[Vector]]]] = {regime: {} for regime in Regime}
-
-    def record(self, seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
-        """Book the time since the last scan."""
-        now, world = time.thread_time(), self._world
-        model, data = world.physics()
-        force = world.contact_force()
-        regime = Regime.CONTACT if float(force @ force) > TOUCHED**2 else Regime.FREE
-        if not world.is_held:
-            regime = Regime.GRASP
-        self.spent[regime] += now - self._since
-        self.simulated[regime] += seen.stamp - self._from
-        states = self.states[regime].setdefault(model._address, (model, data, []))[2]
-        states.append(np.concatenate(_views(model, data)))
-        self._since, self._from = time.thread_time(), seen.stamp
+    scans: int
+    total: float
+    """Time of the trial, s."""
+    stepping: float
+    """Time of it that was spent in `mj_step`, s."""
 
     @property
-    def total(self) -> float:
-        """Core time of all scans, s."""
-        return sum(self.spent.values())
+    def whole(self) -> float:
+        """Time of a simulated second, s."""
+        return self.total / self.simulated
 
-    def cost(self, regime: Regime) -> tuple[float, float]:
-        """Return the core time of one bare step, s, and the number of steps in a simulated ms; means over the scans."""
-        seconds = steps = scans = 0.0
-        for model, data, states in self.states[regime].values():
-            # The law sets the torque once for the two steps after a scan, so that these are the trial's own steps.
-            took = min(_replay(model, data, states, 2) for _ in range(REPLAYS)) / (2 * len(states))
-            rate = 1e-3 / model.opt.timestep * len(states)
-            seconds, steps, scans = seconds + took * rate, steps + rate, scans + len(states)
-        return (seconds / steps, steps / scans) if scans else (0.0, 0.0)
+    @property
+    def outside(self) -> float:
+        """Time of a scan outside `mj_step`, s."""
+        return (self.total - self.stepping) / self.scans
 
 
-def measure(config: CellConfig, seed: int) -> list[SpeedLine]:
-    """Run one whole trial on one core and measure its regimes.
+def trial_time(config: CellConfig, watch: cProfile.Profile | None = None) -> TrialTime:
+    """Run one trial and return its times; `watch` profiles it."""
+    from sim import native
+    from sim.world import World
 
-    Args:
-        config: A simulated cell at pace "max".
-        seed: Seed of the trial; it is run several times, once beforehand so that nothing is compiled while the clock runs.
-    """
-    return _lines(_fastest(config, seed))
+    with opened(assemble(seeded(config, SEED))) as cell:
+        world = getattr(cell.truth, "__self__", None)
+        assert isinstance(world, World)
+        stepped = last = 0.0
 
+        def note() -> None:
+            nonlocal stepped, last
+            passed = native.step_time(world.physics()[1])
+            # The time begins anew where another model takes over.
+            stepped, last = stepped + passed - (last if passed >= last else 0.0), passed
 
-def profile(config: CellConfig, seed: int) -> list[ProfileLine]:
-    """Share out the time of one whole trial; arguments as of `measure`.
-
-    `mj_step` is divided by MuJoCo's own timers, the time outside the compiled loop by Python's profiler. Both slow what
-    they watch, so that they only share out the time measured without them.
-    """
-    book = _fastest(config, seed)
-    bare, stages = 0.0, dict.fromkeys(STAGES, 0.0)
-    for regime in Regime:
-        seconds, steps = book.cost(regime)
-        cost = seconds * steps * book.simulated[regime] * 1e3
-        bare += cost
-        for name, share in _stages(book, regime).items():
-            stages[name] += cost * share
-    watch = cProfile.Profile(time.thread_time)
-    watch.enable()
-    _trial(config, seed)
-    watch.disable()
-    loop, packages = 0.0, dict[str, float]()
-    for (file, _, name), (_, _, own, _, _) in pstats.Stats(watch).stats.items():  # type: ignore[attr-defined]
-        if name == "advance" and file.endswith("engine.py"):
-            loop += own
-        else:
-            packages[_package(file)] = packages.get(_package(file), 0.0) + own
-    scale = max(book.total - loop, 0.0) / sum(packages.values())
-    small = [name for name, own in packages.items() if own * scale < SMALL * book.total]
-    packages["the rest"] = sum(packages.pop(name) for name in small)
-    parts = {
-        **stages,
-        "mj_step: integration and the rest": bare - sum(stages.values()),
-        "torque law, meters": loop - bare,
-        **{f"Python: {name}": own * scale for name, own in sorted(packages.items(), key=lambda item: -item[1])},
-    }
-    simulated = 1e3 * sum(book.simulated.values())
-    return [ProfileLine(part, cost / simulated, cost / book.total) for part, cost in parts.items()]
+        with native.clocked(), watch or nullcontext():
+            began, clock, started = world.now(), time.perf_counter(), time.thread_time()
+            trial_in(cell, SEED, note)
+            total, wall, simulated = time.thread_time() - started, time.perf_counter() - clock, world.now() - began
+    # MuJoCo times its steps by the wall; other programs lengthen both times alike.
+    return TrialTime(simulated, round(simulated * config.scan_rate), total, stepped / wall * total)
 
 
-def _lines(book: _Book) -> list[SpeedLine]:
-    lines, bare, count = [], 0.0, 0.0
-    for regime in Regime:
-        seconds, steps = book.cost(regime)
-        simulated = book.simulated[regime]
-        if simulated == 0.0:
-            continue
-        bare += seconds * steps * simulated * 1e3
-        count += steps * simulated * 1e3
-        lines.append(_line(regime.value, simulated, book.spent[regime], seconds, steps))
-    simulated = sum(book.simulated.values())
-    return [*lines, _line(WHOLE, simulated, book.total, bare / count, count / (simulated * 1e3))]
+def bare_time() -> float:
+    """Return the processor time of the steps of a simulated second, s, see `STEPS`."""
+    from sim import shapes
+
+    shapes.install()
+    spent = 0.0
+    for (name, key), steps in STEPS.items():
+        text = files(__package__).joinpath(f"reference_{name}.xml").read_text(encoding="utf-8")
+        model = mujoco.MjModel.from_xml_string(text)
+        data, frame = mujoco.MjData(model), int(model.key(key).id)
+        started = time.thread_time()
+        for _ in range(steps // FROM_EACH):
+            mujoco.mj_resetDataKeyframe(model, data, frame)
+            mujoco.mj_step(model, data, FROM_EACH)
+        spent += time.thread_time() - started
+    return spent
 
 
-def _line(name: str, simulated: float, spent: float, seconds: float, steps: float) -> SpeedLine:
-    bare = seconds * steps
-    return SpeedLine(name, simulated, simulated / spent, 1.0 / seconds, 1e-3 / bare, spent / (simulated * 1e3) - bare)
-
-
-def _fastest(config: CellConfig, seed: int) -> _Book:
-    _trial(config, seed)
-    return min((_trial(config, seed) for _ in range(REPEATS)), key=lambda book: book.total)
-
-
-def _trial(config: CellConfig, seed: int) -> _Book:
-    # Late scans would be counted as time of the physics.
-    config = config.model_copy(update={"reality": config.reality.model_copy(update={"scale": 0.0})})
-    with opened(assemble(config)) as cell:
-        assert isinstance(cell.clock, World)
-        cell.clear()
-        cell.restock(config.job(), seed)
-        ctx, book = cell.context(seed), _Book(cell.clock)
-        ctx.record = book.record
-        insert_peg(config.skill_set(), ctx)
-        return book
-
-
-def _replay(model: Any, data: Any, states: Sequence[Vector], steps: int) -> float:
-    """Return the time of the core that bare steps from these states take, s."""
-    views = _views(model, data)
-    stacked = np.array(states)
-    # The first call loads or compiles and must not be timed.
-    engine.replay(model._address, data._address, views, stacked[:1], 1)
+def plain_python() -> float:
+    """Return the processor time of a fixed piece of Python without arrays, s: calls, attributes, sums and a dictionary."""
     started = time.thread_time()
-    engine.replay(model._address, data._address, views, stacked, steps)
+    kept: dict[int, float] = {}
+    for number in range(1000):
+        kept[number % 64] = math.hypot(number, kept.get(number % 64, 1.0)) / max(number, 1)
     return time.thread_time() - started
 
 
-def _views(model: Any, data: Any) -> tuple[Vector, ...]:
-    """Return views of everything in a state that a step depends on and that changes in a trial."""
-    return (data.qpos, data.qvel, data.qfrc_applied, data.qacc_warmstart, model.dof_frictionloss)
+def profile(config: CellConfig) -> tuple[TrialTime, dict[str, float]]:
+    """Return the times of a trial, and where a scan's time goes, by package, s.
+
+    Python's profiler slows what it watches, so that it only shares out the time outside `mj_step` that was measured
+    without it. Time in a built-in function or a library belongs to the package that called it.
+    """
+    run_trial(config, SEED)
+    plain = min((trial_time(config) for _ in range(PAIRS)), key=lambda taken: taken.total)
+    watch = cProfile.Profile(time.thread_time)
+    watched = trial_time(config, watch)
+    own: dict[str, float] = {}
+    for entry in watch.getstats():
+        package = _package(entry.code)
+        own[package] = own.get(package, 0.0) + entry.inlinetime
+        for called in entry.calls or ():
+            if package != OTHERS and _package(called.code) == OTHERS:
+                own[package] = own.get(package, 0.0) + called.inlinetime
+                own[OTHERS] = own.get(OTHERS, 0.0) - called.inlinetime
+    own[ENGINE] -= watched.stepping
+    scale = plain.outside / sum(own.values())
+    parts = {"mj_step": plain.stepping / plain.scans} | {name: spent * scale for name, spent in own.items()}
+    large = {name: spent for name, spent in parts.items() if spent >= SMALL * plain.total / plain.scans}
+    large["the rest"] = sum(parts.values()) - sum(large.values())
+    return plain, dict(sorted(large.items(), key=lambda part: -part[1]))
 
 
-def _stages(book: _Book, regime: Regime) -> dict[str, float]:
-    """Return the share of each stage of `mj_step`, by MuJoCo's own timers."""
-    spent, whole = dict.fromkeys(STAGES, 0.0), 0.0
-    for model, data, states in book.states[regime].values():
-        native.stage_times(data)
-        with native.clocked():
-            _replay(model, data, states, 2)
-        times = native.stage_times(data)
-        for name, timers in STAGES.items():
-            spent[name] += sum(times[timer] for timer in timers)
-        whole += times["STEP"]
-    return {name: value / whole if whole else 0.0 for name, value in spent.items()}
+ENGINE, OTHERS = "sim/engine", "libraries"
 
 
-def _package(file: str) -> str:
-    path = Path(file)
-    root = Path(__file__).parents[2]
-    if path.is_relative_to(root) and not any(part in path.parts for part in ("site-packages", ".venv")):
-        return "/".join(path.relative_to(root).with_suffix("").parts[:2])
-    return "numpy and built-in functions"
+def _package(code: object) -> str:
+    """Return the first two names of the path of a function of this project."""
+    path, root = Path(getattr(code, "co_filename", "")), Path(__file__).parents[3]
+    if not path.is_relative_to(root) or any(part in path.parts for part in ("site-packages", ".venv")):
+        return OTHERS
+    return "/".join(path.relative_to(root).with_suffix("").parts[:2])
+
+
+def all_ratios(loaded: LoadedConfig) -> Mapping[str, Callable[[], float]]:
+    """Return the measure of each ratio by its name."""
+    return {
+        "trial": lambda: trial_ratio(loaded.cell),
+        "scan": lambda: scan_ratio(loaded.cell),
+        "request": lambda: request_ratio(loaded),
+        "start": start_ratio,
+    }

@@ -40,11 +40,11 @@ BOUNDS = ArmBounds(
     turn_speed=2.5,
     stiffness=3000.0,
     turn_stiffness=300.0,
-    torques=np.array([87.0] * 4 + [12.0] * 3),
+    torques=(87.0,) * 4 + (12.0,) * 3,
     torque_rate=1000.0,
-    q_min=np.full(7, -2.0),
-    q_max=np.full(7, 2.5),
-    joint_speeds=np.array([2.0, 2.0, 2.0, 2.0, 3.0, 3.0, 3.0]),
+    q_min=(-2.0,) * 7,
+    q_max=(2.5,) * 7,
+    joint_speeds=(2.0,) * 4 + (3.0,) * 3,
 )
 HERE = np.array([0.5, 0.0, 0.3])
 UP = np.array([0.0, 0.0, 1.0])

@@ -1,1 +1,0 @@
-"""Study of the time that a command takes to start."""
