@@ -32,6 +32,7 @@ from drivers.switch.absent import NoSwitchConfig
 from drivers.switch.board_config import SerialSwitchConfig
 from plc_bridge.config import PlcConfig
 from sim.config import (
+    CLOSED,
     HOLES,
     BoardsConfig,
     ContactConfig,
@@ -134,6 +135,9 @@ class CellConfig(Catalogued):
 
     preset: str = ""
     """Name of a file of `presets/` that is laid over this one; empty is none. Source: set for each cell."""
+    world: str = ""
+    """Name of a file of `worlds/` that is laid over this one, below the preset: another version of the simulated world, or a scene of it;
+    empty is none. Source: set for each cell."""
     scan_rate: Annotated[float, Field(ge=10.0, le=1000.0)]
     """Rate of the scan, in which a skill senses and decides once, Hz. Source: chosen, not measured."""
     retries: Annotated[int, Field(ge=0, le=10)]
@@ -280,9 +284,22 @@ class CellConfig(Catalogued):
                     f'sim.model.hole = "{self.sim.model.hole}": facets have no chamfer, and {name}.chamfer = {section.chamfer};'
                     ' "exact" allowed'
                 )
-        if not self.hole.present and self.sim.model.hole not in ("exact", "unpredicted"):
+        if not self.sim.plate.present and self.sim.model.hole not in CLOSED:
             raise ValueError(
-                f'sim.model.hole = "{self.sim.model.hole}": facets round a hole, and hole.present = false; "exact" allowed'
+                f'sim.model.hole = "{self.sim.model.hole}": facets round a hole, and sim.plate.present = false; "exact" allowed'
+            )
+        number = self.sim.plate.decoys.number
+        if number[0] > number[1]:
+            raise ValueError(
+                f"sim.plate.decoys.number = {list(number)}: least above largest; at most {number[1]} for the first allowed"
+            )
+        if number[1] > 0 and self.sim.model.hole not in CLOSED:
+            raise ValueError(
+                f'sim.model.hole = "{self.sim.model.hole}": one hole alone, and sim.plate.decoys.number = {list(number)}; "exact" allowed'
+            )
+        if self.sim.plate.shallow >= self.hole.depth:
+            raise ValueError(
+                f"sim.plate.shallow = {self.sim.plate.shallow}: no hole is left; less than hole.depth = {self.hole.depth} allowed"
             )
         return self
 

@@ -1,6 +1,6 @@
 """Config models of the simulated parts and of the world that they share; imports no physics."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, NonNegativeInt
 
@@ -24,6 +24,9 @@ class PadConfig(ConfigModel):
     much."""
     thickness: Annotated[float, Field(ge=2e-4, le=1e-2)] = 1.1e-3
     """Depth at which the pad is solid, m; 1 mm of elastomer ([gibbons], Sec. VI) and some of the cover (assumed)."""
+    exponent: Annotated[float, Field(ge=0.3, le=3.0)] = 1.0
+    """Exponent of the answer at small depth, number; 1 is a bed of springs, 1.5 hardens as Hertz's contact, 0.5 has the plateau of a foam.
+    Source: set for each trial."""
     blur: Annotated[float, Field(ge=1e-4, le=1e-2)] = 1.2e-3
     """Standard deviation of the point spread through 1 mm of elastomer, m; assumed, about the thickness."""
     taxel_diameter: Annotated[float, Field(ge=1e-3, le=7e-3)] = 4e-3
@@ -43,11 +46,12 @@ class SkinModel(ConfigModel):
     are the builder's choice, none of them kinder than the recordings.
     """
 
-    noise: Annotated[float, Field(ge=0.0, le=0.2)] = 0.015
-    """Standard deviation of the white noise, fraction of full scale; within the 0.3 to 4 % of [cyskin]."""
+    noise: Annotated[float, Field(ge=0.0, le=0.2)] = 0.0094
+    """Standard deviation of the white noise, fraction of full scale; 188 counts, the middle one of the modules of [cyskin], see
+    `skin.module_noise` of config/reality.toml."""
     gain_spread: Annotated[float, Field(ge=0.0, le=0.3)] = 0.05
     """Standard deviation of a taxel's gain about 1, fraction; assumed, the remainder after calibration."""
-    drift: Annotated[float, Field(ge=0.0, le=0.01)] = 1.7e-3
+    drift: Annotated[float, Field(ge=0.0, le=0.01)] = 1.0e-3
     """Random walk of a taxel's offset in one second, fraction of full scale; 0.11 of the noise, as in [cyskin]."""
     creep: Fraction = 0.05
     """Part of the answer to a step that comes late, fraction; assumed, usual for silicone."""
@@ -149,8 +153,8 @@ class GripConfig(ConfigModel):
     angle: Annotated[float, Field(ge=0.0, le=0.3)]
     """Largest in-hand angle at which the peg is found in the rack, rad. Source: assumed."""
     shear_stiffness: Annotated[float, Field(ge=5e3, le=5e4)] = 5e4
-    """Stiffness of both pads in their plane under the closed grip, N/m; assumed: rubber of 60 kPa shear modulus, 180 mm² a pad
-    under an 8 mm peg, 0.4 mm of it left."""
+    """Stiffness of both pads in their plane under the closed grip as the cell believes it, N/m; assumed: rubber of 60 kPa shear modulus,
+    180 mm² a pad under an 8 mm peg, 0.4 mm of it left. The true one is drawn below it, see `grip.shear_stiffness` of config/reality.toml."""
     slip: Annotated[float, Field(ge=0.0, le=0.01)] = 0.0
     """Distance by which the peg slides unnoticed into the hand when it is first pushed, m. Source: assumed."""
 
@@ -188,6 +192,8 @@ class ModelConfig(ConfigModel):
     """Model of the arm; `full` is the whole arm, `inertia` an inertia at the tool that the law moves, without the
     friction of joints. Source: measured by `cell study contact`.
     """
+    wrist_backlash: Annotated[float, Field(ge=0.0, le=0.02)] = 0.0
+    """Backlash between encoder and link of the joints 5 to 7, rad; the reading lags by half of it. Source: set for each trial."""
     grip: Literal["hinge", "pads"] = "hinge"
     """Model of the grip; a hinge with the pads' friction, or rigid pads in contact. Source: measured by `cell study contact`."""
 
@@ -207,6 +213,63 @@ class FixtureConfig(ConfigModel):
     evenly over the area of the hole."""
     deviation: Annotated[float, Field(ge=0.0, le=0.02)] = 0.0005
     """Standard deviation of the hole's place between parts, along x and along y, m; no hole lies outside its area."""
+
+
+Times = Annotated[float, Field(gt=0.0, le=5.0)]
+
+
+class DecoyKind(ConfigModel):
+    """One kind of decoy; each value is the interval that a decoy draws from evenly.
+
+    Source: chosen, not measured.
+    """
+
+    size: tuple[Times, Times]
+    """Size of the decoy over the hole's, ratio."""
+    depth: tuple[Annotated[float, Field(ge=1e-4, le=0.1)], Annotated[float, Field(ge=1e-4, le=0.1)]]
+    """Depth of its floor, m."""
+
+
+class DecoyConfig(ConfigModel):
+    """[sim.plate.decoys]: places of the plate that a search may take for the hole; each is of a kind that is drawn alike.
+
+    Source: chosen, not measured.
+    """
+
+    number: tuple[Annotated[int, Field(ge=0, le=5)], Annotated[int, Field(ge=0, le=5)]] = (0, 0)
+    """Least and largest number of decoys on a plate, count."""
+    blind: DecoyKind = DecoyKind(size=(0.8, 1.3), depth=(0.001, 0.005))
+    """A blind hole, as a screw or a pin has it."""
+    through: DecoyKind = DecoyKind(size=(1.5, 2.5), depth=(0.1, 0.1))
+    """A hole through the plate that is too large."""
+    dent: DecoyKind = DecoyKind(size=(0.5, 2.0), depth=(0.0004, 0.001))
+    """A dent deeper than the dip of the tip that stops a search, with straight walls."""
+
+
+class PlateConfig(ConfigModel):
+    """[sim.plate]: what is true of the plate and stated nowhere else, so that no skill can read it.
+
+    Source: set for each trial.
+    """
+
+    tilt: Annotated[float, Field(ge=0.0, le=0.2)] = 0.0
+    """Angle between the plate's normal and the vertical, rad, beside the drawn `place.plate_tilt`."""
+    shallow: Annotated[float, Field(ge=0.0, le=0.02)] = 0.0
+    """Height of the hole's bottom above where `hole.depth` has it, m, as of a chip in the hole."""
+    present: bool = True
+    """Whether the plate has the hole; without it every find is false."""
+    latch_wear: Fraction = 0.0
+    """Share of its force that the hole's latch has lost, fraction."""
+    stick: Annotated[float, Field(ge=0.0, le=3.0)] = 0.0
+    """Friction of the peg on the plate at rest over that of fast sliding, less 1, ratio; Stribeck's law, 0 is Coulomb's."""
+    stick_speed: Annotated[float, Field(ge=1e-4, le=1.0)] = 0.01
+    """Sliding speed at which 1/e of `stick` is left, m/s. Source: assumed."""
+    ripple: Annotated[float, Field(ge=0.0, le=0.9)] = 0.0
+    """Largest change of the friction from place to place, fraction."""
+    ripple_length: Annotated[float, Field(ge=1e-3, le=0.1)] = 0.01
+    """Distance after which that change repeats, along x as along y, m. Source: assumed."""
+    decoys: DecoyConfig = DecoyConfig()
+    """Other holes of the plate."""
 
 
 class DescribedArmConfig(ConfigModel):
@@ -243,6 +306,8 @@ class SimConfig(ConfigModel):
     """Seed of the first run; every further run of a session takes the next. Source: set for each trial."""
     fixture: FixtureConfig | None = None
     """Fixture that holds the plate about one place; none draws the hole's place anew for every part, evenly over its area."""
+    plate: PlateConfig = PlateConfig()
+    """The true plate, where it differs from the stated one."""
     model: ModelConfig = ModelConfig()
     """How much of the physics is modelled."""
     described: DescribedArmConfig | None = None
@@ -264,6 +329,8 @@ class RealityConfig(ConfigModel):
     """Names of errors that are not drawn, as `arm.sigmoid_friction`: in these the cell is as believed."""
     file: FilePath | None = None
     """File with the distributions of the errors; without one it is the `reality.toml` that ships with the program."""
+    errors: dict[str, dict[str, dict[str, Any]]] = Field(default_factory=dict)
+    """Errors in place of those of the file, each a table as it has them, as `errors.arm.gravity`; none takes them all from the file."""
 
 
 class SimArmConfig(ConfigModel):

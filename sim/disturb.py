@@ -23,6 +23,8 @@ FIXTURE_STREAM = 7
 class Draw:
     """One trial's world."""
 
+    seed: int
+    """Seed of the trial."""
     hole: Vector
     """Middle of the hole's mouth, shape (3,), m, base frame."""
     tilt_direction: float
@@ -33,12 +35,14 @@ class Draw:
     """Coulomb coefficient between peg and plate."""
     pad_friction: float
     """Coulomb coefficient between peg and pads."""
+    shear_stiffness: float
+    """Stiffness of both pads in their plane, N/m."""
     grasp_angle: float
     """In-hand angle at which the peg is found in the rack, rad."""
     skin: np.random.Generator
     """Random generator of the skin's gains, dead taxels and noise."""
     tilt: float
-    """Tilt of the plate's normal from the vertical, rad."""
+    """Tilt of the plate's normal from the vertical, rad, beside that of `sim.plate`."""
     rack: Vector
     """Offset of the rack from the job's place, shape (3,), m, base frame."""
     depth_in_hand: float
@@ -70,23 +74,25 @@ def draw(
         arm: The arm as the cell believes it to be.
         job: The part and its believed places.
         contact: Friction of peg and plate.
-        grip: Friction of peg and pads, and the angle in the rack.
+        grip: Friction and shear of the pads, and the angle in the rack.
         seed: Seed of the trial.
-        cell: Errors of arm and places, which stay as long as the cell does.
+        cell: Errors of arm, pads and places, which stay as long as the cell does.
         part: Errors of the peg and its grasp.
     """
     place, feel, skin = np.random.SeedSequence(seed).spawn(3)
     where, how = np.random.default_rng(place), np.random.default_rng(feel)
     half = np.array([*job.hole.area, 0.0]) / 2
     return Draw(
+        seed=seed,
         hole=np.array(job.hole.centre) + where.uniform(-half, half) + [0.0, 0.0, float(cell["place.plate_height"])],
         tilt_direction=float(where.uniform(-np.pi, np.pi)),
         yaw=float(where.uniform(-job.hole.yaw, job.hole.yaw)),
         friction=_one(contact.friction, how),
         pad_friction=_one(grip.friction, how) * float(part["grip.pad_friction"]),
+        shear_stiffness=grip.shear_stiffness * float(cell["grip.shear_stiffness"]),
         grasp_angle=float(how.uniform(-grip.angle, grip.angle)),
         skin=np.random.default_rng(skin),
-        tilt=job.hole.tilt + float(cell["place.plate_tilt"]),
+        tilt=float(cell["place.plate_tilt"]),
         rack=cell["place.rack"],
         depth_in_hand=float(part["peg.depth_in_hand"]),
         grip_force=float(part["grip.force"]),

@@ -20,6 +20,7 @@ from drivers.config_model import ConfigModel
 from drivers.errors import ConfigError
 from drivers.parts import Fraction
 from drivers.quantities import FINGERS, TAXELS, Vector
+from drivers.skin.layout import MODULES
 from sim.config import RealityConfig
 
 REALITY_STREAM = 4
@@ -30,11 +31,12 @@ SHAPES: dict[str, tuple[int, ...]] = {
     "trial": (),
     "axis": (3,),
     "joint": (JOINTS,),
+    "module": (FINGERS * MODULES,),
     "taxel": (FINGERS, TAXELS),
     "taxel_axis": (FINGERS, TAXELS, 2),
 }
 """Shape of a draw by what one value is drawn for."""
-RECORDED = ("trial", "axis", "joint")
+RECORDED = ("trial", "axis", "joint", "module")
 """Kinds of draws that a trial's row records; values of single taxels follow from the seed."""
 
 
@@ -73,8 +75,10 @@ KINDS: dict[str, ErrorKind] = {
     "peg.depth_in_hand": ErrorKind("trial", 0.0),
     "grip.force": ErrorKind("trial", 1.0),
     "grip.pad_friction": ErrorKind("trial", 1.0),
+    "grip.shear_stiffness": ErrorKind("trial", 1.0),
     "latch.force": ErrorKind("trial", 1.0),
     "latch.place": ErrorKind("trial", 0.0),
+    "skin.module_noise": ErrorKind("module", 1.0),
     "skin.noise_level": ErrorKind("taxel", 1.0),
     "skin.taxel_place": ErrorKind("taxel_axis", 0.0),
     "skin.dead_taxel": ErrorKind("taxel", 0.0),
@@ -171,6 +175,47 @@ class Lognormal(ErrorModel):
         return np.asarray(np.exp(scale * self.sigma * _standard(rng, shape)))
 
 
+class Quantiles(ErrorModel):
+    """A factor about 1 whose measured quantiles are stated; even in its logarithm between two of them, and never beyond the outermost."""
+
+    distribution: Literal["quantiles"]
+    shares: tuple[Fraction, ...]
+    """Shares of all draws that are at most the value of the same place."""
+    values: tuple[Annotated[float, Field(gt=0.0)], ...]
+    """Value at each share, in `unit`."""
+
+    @model_validator(mode="after")
+    def _is_ordered(self) -> "Quantiles":
+        if len(self.shares) != len(self.values) or any(
+            np.any(np.diff(each) < 0.0) for each in (self.shares, self.values)
+        ):
+            raise ValueError(f"values = {self.values}: as many as shares, both in ascending order, allowed")
+        return self
+
+    def figures(self) -> Mapping[str, Figure]:
+        """Return nothing, because no figure belongs to a joint, an axis or a module of its own."""
+        return {}
+
+    def draw(self, rng: np.random.Generator, scale: float, shape: tuple[int, ...]) -> Vector:
+        """Return one draw of a shape at a scale."""
+        # x = exp(scale * ln F^-1(u)), with u even on 0 to 1.
+        return np.asarray(np.exp(scale * np.interp(rng.uniform(size=shape), self.shares, np.log(self.values))))
+
+
+class Range(ErrorModel):
+    """A factor that is distributed evenly in its logarithm over a range that nothing physical leaves."""
+
+    distribution: Literal["range"]
+    low: Annotated[float, Field(gt=0.0)]
+    """Least factor."""
+    high: Annotated[float, Field(gt=0.0)]
+    """Largest factor."""
+
+    def draw(self, rng: np.random.Generator, scale: float, shape: tuple[int, ...]) -> Vector:
+        """Return one draw of a shape at a scale; beyond scale 1 the range stays as it is."""
+        return np.asarray(np.exp(min(scale, 1.0) * rng.uniform(np.log(self.low), np.log(self.high), shape)))
+
+
 class Chance(ErrorModel):
     """Draw of 1 with some probability, else of 0."""
 
@@ -183,7 +228,9 @@ class Chance(ErrorModel):
         return np.asarray(rng.uniform(size=shape) < min(scale * self.probability, 1.0), dtype=float)
 
 
-AnyError = Annotated[Normal | Uniform | Factor | Lognormal | Chance, Field(discriminator="distribution")]
+AnyError = Annotated[
+    Normal | Uniform | Factor | Lognormal | Quantiles | Range | Chance, Field(discriminator="distribution")
+]
 
 
 class Reality:
@@ -192,6 +239,14 @@ class Reality:
     def __init__(self, errors: Mapping[str, AnyError]) -> None:
         """Keep the errors by name."""
         self.errors = dict(errors)
+
+    def changed(self, tables: Mapping[str, Mapping[str, Any]]) -> "Reality":
+        """Return these errors with some replaced, as `reality.errors` has them.
+
+        Raises:
+            ConfigError: An error is unknown, without a source or out of bounds.
+        """
+        return Reality(self.errors | _errors("reality.errors", tables))
 
     def draw(self, seed: int, reality: RealityConfig) -> Drawn:
         """Return the draw of the trial with this seed; the values cannot be changed.
@@ -247,14 +302,11 @@ def read(path: Path) -> Reality:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: not TOML: {error}".replace("\n", " ")) from None
-    found = {f"{group}.{name}": table for group, tables in tree.items() for name, table in _tables(path, group, tables)}
-    for name in found:
-        if name not in KINDS:
-            raise ConfigError(f"{path}: {name}: no such error; {', '.join(KINDS)} allowed")
+    errors = _errors(str(path), tree)
     for name in KINDS:
-        if name not in found:
+        if name not in errors:
             raise ConfigError(f"{path}: {name}: missing; a sigma or a spread of nothing leaves an error out")
-    return Reality({name: _error(path, name, found[name]) for name in KINDS})
+    return Reality({name: errors[name] for name in KINDS})
 
 
 def read_shipped() -> Reality:
@@ -273,7 +325,15 @@ def recorded(drawn: Drawn) -> dict[str, str]:
     }
 
 
-def _tables(path: Path, group: str, tables: Any) -> list[tuple[str, Any]]:
+def _errors(path: str, tree: Mapping[str, Any]) -> dict[str, AnyError]:
+    found = {f"{group}.{name}": table for group, tables in tree.items() for name, table in _tables(path, group, tables)}
+    for name in found:
+        if name not in KINDS:
+            raise ConfigError(f"{path}: {name}: no such error; {', '.join(KINDS)} allowed")
+    return {name: _error(path, name, table) for name, table in found.items()}
+
+
+def _tables(path: str, group: str, tables: Any) -> list[tuple[str, Any]]:
     if not isinstance(tables, dict):
         raise ConfigError(f"{path}: {group}: not a table; a table an error allowed, as [arm.gravity]")
     return list(tables.items())
@@ -285,7 +345,7 @@ class _Holder(ConfigModel):
     error: AnyError
 
 
-def _error(path: Path, name: str, table: Any) -> AnyError:
+def _error(path: str, name: str, table: Any) -> AnyError:
     try:
         model = _Holder.model_validate({"error": table}).error
     except ValidationError as error:
@@ -297,7 +357,7 @@ def _error(path: Path, name: str, table: Any) -> AnyError:
     return _one_each(path, name, model)
 
 
-def _one_each(path: Path, name: str, error: AnyError) -> AnyError:
+def _one_each(path: str, name: str, error: AnyError) -> AnyError:
     kind = KINDS[name]
     for key, figure in error.figures().items():
         if isinstance(figure, tuple) and kind.shape != (len(figure),):
