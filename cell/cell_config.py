@@ -9,6 +9,7 @@ from cell.config_checks import (
     require_clear_way,
     require_permitted,
     require_pressed,
+    require_printable,
     require_prior_inside,
     require_reach,
     require_shallow,
@@ -44,12 +45,13 @@ from sim.config import (
     SimSkinConfig,
     SimSwitchConfig,
 )
-from skills.catalogue import ADJUST, CATALOGUE, GRASP, INSERT, SEARCH
+from skills.catalogue import ADJUST, CATALOGUE, GRASP, SEARCH, sections_of
 from skills.contract import SkillParams
 from skills.corner import CornerParams
 from skills.entry import Skill, SkillSet
-from skills.handling import WAYS, Handling, Sections, handling
+from skills.handling import WAYS, Handling, handling
 from skills.motion import Gains, Transfer
+from skills.paper.params import PaperParams
 from skills.prior import LearningConfig
 from skills.scan_guards import ScanLimits
 from skills.setpoint_gate import Limits
@@ -156,6 +158,8 @@ class CellConfig(Catalogued):
     """The rack where pegs stand upright until they are taken."""
     corner: CornerParams | None = None
     """Handling of a peg with corners, which replaces that of a round peg; needed for such a peg."""
+    paper: PaperParams = PaperParams()
+    """The method as [gibbons] prints it."""
     arm: Annotated[SimArmConfig | FrankaArmConfig, Field(discriminator="kind")]
     """The robot arm."""
     gripper: Annotated[SimGripperConfig | FrankaGripperConfig, Field(discriminator="kind")]
@@ -218,6 +222,11 @@ class CellConfig(Catalogued):
     @model_validator(mode="after")
     def _is_turned_as_its_hole(self) -> Self:
         require_turned_as_hole(self.params(SEARCH), self.peg)
+        return self
+
+    @model_validator(mode="after")
+    def _is_printable(self) -> Self:
+        require_printable(self.paper, self.peg, self.hole)
         return self
 
     @model_validator(mode="after")
@@ -398,15 +407,13 @@ class CellConfig(Catalogued):
         return SkillSet(
             sections={skill.section: self.params(skill) for skill in CATALOGUE.skills},
             corner=self.corner,
-            retries=self.handling().retries,
+            retries=self.retries,
+            paper=self.paper,
         )
 
     def handling(self) -> Handling:
         """Return the handling of the cell's own part."""
-        sections = Sections(
-            self.params(SEARCH), self.params(INSERT), self.params(ADJUST), self.corner, self.retries, self.params(GRASP)
-        )
-        return handling(self.peg.part, sections)
+        return handling(self.peg.part, sections_of(self.skill_set()))
 
     def job(self, slot: int = 0) -> Job:
         """Return the part and its places, to be taken from the rack's `slot`."""

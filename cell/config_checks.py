@@ -14,6 +14,7 @@ from drivers.parts import Hole, Latch, Peg, Rack
 from skills.grasp_from_rack import GraspFromRackParams
 from skills.grip import grip_of
 from skills.motion import Gains, Transfer
+from skills.paper.params import PaperParams
 from skills.search.params import TOUCHED_TIME, SpraySearchParams
 from skills.seating import LEAST_PUSH
 from skills.setpoint_gate import Limits
@@ -155,6 +156,22 @@ def require_pressed(
     if latch.force > most:
         raise ValueError(
             f"hole.latch.force = {latch.force:g}: not pressed through, as {why}; at most {max(most, 0.0):.3g} allowed"
+        )
+
+
+def require_printable(paper: PaperParams, peg: Peg, hole: Hole) -> None:
+    """Make sure that the printed skills, if any are chosen, have the part and the evidence that they are made for.
+
+    Raises:
+        ValueError: The peg has corners, or no switch decides; one line.
+    """
+    if paper.skills and peg.part.kind != "round":
+        raise ValueError(
+            f'peg.shape = "{peg.shape}": a printed skill of paper.skills inserts round pegs; "round" allowed'
+        )
+    if "adjust" in paper.skills and hole.evidence != "switch":
+        raise ValueError(
+            f'hole.evidence = "{hole.evidence}": the printed adjustment of paper.skills ends by the switch; "switch" allowed'
         )
 
 

@@ -33,11 +33,11 @@ def insert_peg(skills: SkillSet, ctx: SkillContext) -> list[StageRecord]:
 
     The run's outcome is that of its first stage that neither succeeded nor was tried again, or success.
     """
-    records, belief = GRASP.run(skills, ctx), ANYWHERE
-    for left in reversed(range(skills.retries + 1)):
+    records, belief, retries = GRASP.run(skills, ctx), ANYWHERE, _handling(skills, ctx).retries
+    for left in reversed(range(retries + 1)):
         if records[-1].result.outcome is not Outcome.SUCCESS and not records[-1].retried:
             break
-        tried = find_and_seat(skills, ctx, skills.retries - left, belief)
+        tried = find_and_seat(skills, ctx, retries - left, belief)
         belief = _learnt(belief, tried[0].result, ctx)
         records += tried
         last = records[-1].result
@@ -88,7 +88,7 @@ def _place_of_hole(ctx: SkillContext, plane: Plane | None) -> tuple[float, float
 
 
 def _search(skills: SkillSet, ctx: SkillContext, belief: Belief = ANYWHERE) -> SkillResult:
-    return spray_search.run(_handling(skills, ctx).search, ctx, belief=belief)
+    return _handling(skills, ctx).find(ctx, belief)
 
 
 def _learnt(belief: Belief, found: SkillResult, ctx: SkillContext) -> Belief:
@@ -107,9 +107,21 @@ def _adjust(skills: SkillSet, ctx: SkillContext, plane: Plane | None = None, att
 
 
 def _handling(skills: SkillSet, ctx: SkillContext) -> Handling:
-    search, insert, adjust, grasp = skills[SEARCH], skills[INSERT], skills[ADJUST], skills[GRASP]
-    sections = Sections(search, insert, adjust, skills.corner, skills.retries, grasp, ctx.grip_share)
-    return handling(ctx.job.peg.part, sections)
+    return handling(ctx.job.peg.part, sections_of(skills, ctx.grip_share))
+
+
+def sections_of(skills: SkillSet, grip_share: float = 1.0) -> Sections:
+    """Return what a handling is made of, with this share of the grip counted on, fraction."""
+    return Sections(
+        search=skills[SEARCH],
+        insert=skills[INSERT],
+        adjust=skills[ADJUST],
+        corner=skills.corner,
+        retries=skills.retries,
+        grasp=skills[GRASP],
+        paper=skills.paper,
+        grip_share=grip_share,
+    )
 
 
 GRASP = Skill(

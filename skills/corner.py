@@ -60,7 +60,6 @@ class CornerParams(ConfigModel):
                 "dip_threshold": self.dip_threshold,
                 "lag": self.lag,
                 "fall": self.fall,
-                "edge_leads": True,
                 "fast_axis": "x" if abs(math.cos(search.tilt_azimuth)) > math.sqrt(0.5) else "y",
             }
         )

@@ -10,6 +10,7 @@ from skills.contract import Reason, SkillContext, SkillParams, SkillResult
 from skills.corner import CornerParams
 from skills.flow import StageRecord, run_stage
 from skills.motion import Gains
+from skills.paper.params import PaperParams
 
 P = TypeVar("P", bound=SkillParams)
 
@@ -99,6 +100,8 @@ class SkillSet:
     """
     retries: int
     """Number of further searches when the peg turns out not to be in the hole; 0 in [gibbons]."""
+    paper: PaperParams
+    """Skills that are done as [gibbons] prints them, and their parameters."""
 
     def __getitem__(self, skill: Skill[P]) -> P:
         params = self.sections[skill.section]

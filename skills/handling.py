@@ -1,15 +1,21 @@
-"""Tables of how each kind of part is searched with, aligned and seated; the one place that chooses skills by the part."""
+"""Tables of how each kind of part is searched with, aligned and seated; the one place that chooses skills, by the part and by the method."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from drivers.part.contract import Part
-from skills import corner_adjust, corner_insert, spiral_adjust, tactile_insert
+from skills import corner_adjust, corner_insert, spiral_adjust, spray_search, tactile_insert
 from skills.contract import Outcome, SkillContext, SkillResult
 from skills.corner import CornerParams
 from skills.grasp_from_rack import GraspFromRackParams
 from skills.grip import grip_of
 from skills.motion import Gains
+from skills.paper import adjust as paper_adjust
+from skills.paper import insert as paper_insert
+from skills.paper import search as paper_search
+from skills.paper.params import PaperParams
+from skills.search.belief import Belief
 from skills.search.params import SpraySearchParams
 from skills.search.size import firm, shallow
 from skills.spiral_params import SpiralAdjustParams
@@ -28,6 +34,8 @@ class Sections:
     """Number of further searches, key `retries` of the config."""
     grasp: GraspFromRackParams
     """How the peg was gripped, which bounds what it may be pushed with."""
+    paper: PaperParams
+    """Skills that are done as [gibbons] prints them, and their parameters."""
     grip_share: float = 1.0
     """Share of that grip which is counted on, fraction."""
 
@@ -44,6 +52,8 @@ class Handling:
 
     search: SpraySearchParams
     """Parameters of the search."""
+    find: Callable[[SkillContext, Belief], SkillResult]
+    """Function that searches for the hole, with what is believed of its place."""
     insert: Callable[[SkillContext, Plane | None, int], SkillResult]
     """Function that aligns the peg on the surface that the search estimated, if any, in the attempt with this number,
     from 0.
@@ -69,9 +79,8 @@ class Way:
 
 def _over_the_edge(part: Part, sections: Sections) -> Handling:
     grip = grip_of(sections.grasp, sections.grip_share)
-    first = grip.inserting(sections.insert)
-    # A depth that errs, because plate, peg and arm are elsewhere than stated, errs again: the adjustment finds out then.
-    again = first.model_copy(update={"least_share": 0.0})
+    insert = grip.inserting(sections.insert)
+    search = shallow(grip.searching(firm(sections.search, part.thickness)), part.thickness)
 
     def adjust(ctx: SkillContext, plane: Plane | None, attempt: int) -> SkillResult:
         params = grip.adjusting(sections.adjust, ctx.job.peg.length)
@@ -80,8 +89,9 @@ def _over_the_edge(part: Part, sections: Sections) -> Handling:
         return spiral_adjust.run(patient, ctx, plane)
 
     return Handling(
-        search=shallow(grip.searching(firm(sections.search, part.thickness)), part.thickness),
-        insert=lambda ctx, plane, attempt: tactile_insert.run(again if attempt else first, ctx, plane),
+        search=search,
+        find=lambda ctx, belief: spray_search.run(search, ctx, belief=belief),
+        insert=lambda ctx, plane, attempt: tactile_insert.run(insert, ctx, plane, attempt),
         adjust=adjust,
         retries=sections.retries,
     )
@@ -97,6 +107,7 @@ def stall_share(attempt: int, retries: int) -> float:
 def _over_a_corner(part: Part, sections: Sections) -> Handling:
     assert sections.corner is not None
     grip, corner = grip_of(sections.grasp, sections.grip_share), sections.corner
+    search = grip.searching(corner.searching(sections.search))
 
     def insert(ctx: SkillContext, plane: Plane | None, attempt: int) -> SkillResult:
         return corner_insert.run(grip.raising(corner.insert, corner.tilt, ctx.job.peg), ctx, plane, attempt)
@@ -110,7 +121,8 @@ def _over_a_corner(part: Part, sections: Sections) -> Handling:
         return replace(seated, elapsed=entered.elapsed + seated.elapsed)
 
     return Handling(
-        search=grip.searching(corner.searching(sections.search)),
+        search=search,
+        find=lambda ctx, belief: spray_search.run(search, ctx, belief=belief),
         insert=insert,
         adjust=adjust,
         retries=corner.retries,
@@ -125,4 +137,17 @@ WAYS: Mapping[str, Way] = {"round": Way("insert", _over_the_edge), "rectangular"
 
 def handling(part: Part, sections: Sections) -> Handling:
     """Return how this part is handled."""
-    return WAYS[part.kind].make(part, sections)
+    made = WAYS[part.kind].make(part, sections)
+    return _as_printed(made, sections.search, sections.paper)
+
+
+def _as_printed(made: Handling, search: SpraySearchParams, paper: PaperParams) -> Handling:
+    """Return a handling in which the skills that `paper.skills` names are those that [gibbons] prints."""
+    printed: dict[str, dict[str, Any]] = {
+        "search": {"find": lambda ctx, belief: paper_search.run(paper, search, ctx)},
+        "insert": {"insert": lambda ctx, plane, attempt: paper_insert.run(paper, ctx)},
+        "adjust": {"adjust": lambda ctx, plane, attempt: paper_adjust.run(paper, ctx)},
+    }
+    steered = {f"paper.{name}.gains": getattr(paper, name).gains for name in paper.skills}
+    changes = {key: run for name in paper.skills for key, run in printed[name].items()}
+    return replace(made, steered={**made.steered, **steered}, **changes)

@@ -12,59 +12,6 @@ TURN_TIME = 0.1
 
 
 @dataclass(frozen=True, slots=True)
-class SprayPaint:
-    """Two sinusoids, one for each axis, that cover a rectangle as a spray gun does, [gibbons], Sec. IV and [chhatpar].
-
-    x = a_x sin(w_x t + p_x), y = a_y sin(w_y t + p_y). One axis is swept fast, the other slowly; where the slow
-    one is fastest, in the middle, and the fast one turns, at the edge, passes on the same side are a whole fast
-    period apart: 2 pi a_slow w_slow / w_fast, which is the pitch.
-    """
-
-    half: tuple[float, float]
-    """Half the extents of the rectangle, m."""
-    rate: tuple[float, float]
-    """Angular rates, rad/s."""
-    phase: tuple[float, float]
-    """Phases at time 0, rad."""
-
-    def at(self, time: float) -> tuple[Vector, Vector]:
-        """Return the point, m, and its velocity, m/s, at `time`, each shape (2,), from the middle of the rectangle."""
-        (ax, ay), (wx, wy), (px, py) = self.half, self.rate, self.phase
-        x, y = wx * time + px, wy * time + py
-        return (
-            np.array([ax * math.sin(x), ay * math.sin(y)]),
-            np.array([ax * wx * math.cos(x), ay * wy * math.cos(y)]),
-        )
-
-    def period(self) -> float:
-        """Return the time in which the slow axis goes there and back once, s."""
-        return 2.0 * math.pi / min(self.rate)
-
-
-def spray_paint(
-    half: tuple[float, float], pitch: float, speed: float, fast: int, start: tuple[float, float]
-) -> SprayPaint:
-    """Return a path that begins at `start`, goes slowly towards the nearer edge, and then covers the rest of the
-    rectangle.
-
-    Args:
-        half: Half the extents, m, > 0.
-        pitch: Largest distance between neighbouring passes, m.
-        speed: Peak speed along the fast axis, m/s.
-        fast: Axis that is swept fast, 0 or 1.
-        start: First point, m, from the middle of the rectangle and within it.
-    """
-    slow = 1 - fast
-    rates = [0.0, 0.0]
-    rates[fast] = speed / half[fast]
-    rates[slow] = pitch * rates[fast] / (2.0 * math.pi * half[slow])
-    phases = [math.asin(min(max(s / h, -1.0), 1.0)) for s, h in zip(start, half, strict=True)]
-    if start[slow] < 0.0:
-        phases[slow] = math.pi - phases[slow]
-    return SprayPaint(half, (rates[0], rates[1]), (phases[0], phases[1]))
-
-
-@dataclass(frozen=True, slots=True)
 class Lanes:
     """Straight lanes there and back at one speed, a pitch apart, that cover a rectangle; those of the next cover lie between
     them and along both borders, where a hole has a lane to one side of it alone.

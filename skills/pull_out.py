@@ -3,7 +3,7 @@
 from drivers.frames import UP
 from drivers.quantities import ImpedanceSetpoint, Vector
 from skills.contract import SkillContext
-from skills.motion import VALIDITY, Gains, tilted_by
+from skills.motion import VALIDITY, Gains, Goal, Transfer, move, tilted_by
 from skills.paths import dither
 
 SPEED = 0.05
@@ -55,3 +55,19 @@ def pull_out(height: float, gains: Gains, ctx: SkillContext, limited: bool = Tru
             )
         )
     return tip
+
+
+def approach(goal: Goal, transfer: Transfer, ctx: SkillContext) -> Vector | None:
+    """Move the peg above a place on the plate, first out of the hole if it stands in one, and zero the wrench there.
+
+    Returns:
+        None, or the tip where it is stuck in the hole, shape (3,), m, base frame.
+    """
+    if ctx.observe().tip[2] < goal.tip[2]:
+        stuck = pull_out(goal.tip[2], transfer.gains, ctx)
+        if stuck is not None:
+            return stuck
+    for _ in move(goal, transfer, ctx, ctx.in_hand()):
+        pass
+    ctx.zero_wrench()
+    return None

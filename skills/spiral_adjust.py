@@ -1,4 +1,4 @@
-"""Keep the tip still and tilt the peg along a growing spiral, pushing, until it is seated: [gibbons], Sec. V.B."""
+"""Keep the tip still and tilt the peg along a growing spiral, then dither it down the hole, pushing, until it is seated."""
 
 import math
 from dataclasses import dataclass, replace
@@ -14,6 +14,7 @@ from skills.latch_looks import Looks
 from skills.motion import VALIDITY, anchored
 from skills.play import allowed_tilt
 from skills.seating import (
+    CLOSED_TOLERANCE,
     OPEN_TOLERANCE,
     Arrival,
     depth_of,
@@ -121,7 +122,7 @@ def run(
             is_done = arrival.is_over(seen.stamp)
         if is_done:
             return _result(Outcome.SUCCESS, Reason.NONE, running, offset, depth_of(tip, hole))
-        if depth_of(tip, hole) > hole.depth + params.most_deep:
+        if depth_of(tip, hole) > hole.depth + CLOSED_TOLERANCE:
             ctx.note_slip()  # no tip is below the bottom of an open switch: the fingers have slid down the peg
             break
         depth = plane.depth(tip)
@@ -151,7 +152,7 @@ def run(
                 id=identity,
                 tip=_target(tip, first.tip, looks.pull, guide),
                 axis=aim.axis(offset),
-                twist=_spin(aim.axis(offset), aim.axis(next_offset), ctx.scan_period) if params.feeds_forward else None,
+                twist=_spin(aim.axis(offset), aim.axis(next_offset), ctx.scan_period),
                 roll=(seen if turns_freely else first).arm.tcp.rotation[:, 2],
                 stiffness=stiffness,
                 damping_ratio=damping_ratio,

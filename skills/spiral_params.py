@@ -6,7 +6,6 @@ from pydantic import Field, NonNegativeFloat, PositiveFloat
 
 from skills.contract import SkillParams
 from skills.motion import Gains
-from skills.seating import CLOSED_TOLERANCE
 
 
 class SpiralAdjustParams(SkillParams):
@@ -19,9 +18,6 @@ class SpiralAdjustParams(SkillParams):
     """Growth of the spiral's radius at the finger centre, m/s. Source: derived from [gibbons], Sec. VI, 25 mm in 20 s."""
     turn_rate: PositiveFloat
     """Turning rate of the spiral, rad/s."""
-    feeds_forward: bool = True
-    """Whether the arm damps only the motion that differs from the spiral's. [gibbons], Eq. (6), damps all motion, so that the hand lags behind
-    the spiral. Source: decision 0094."""
     radius: PositiveFloat
     """Largest radius of the spiral, m; `stall_timeout` may end the spiral before. Source: [gibbons], Sec. VI."""
     stall_timeout: Annotated[float, Field(gt=0.0, le=120.0)]
@@ -60,13 +56,11 @@ class SpiralAdjustParams(SkillParams):
     """Distance from the bottom within which the peg is damped more, m; it lets the peg arrive without a blow. Source:
     decision 0028.
     """
-    swing_time: NonNegativeFloat = 0.6
+    swing_time: PositiveFloat = 0.6
     """Time for which a peg is let down gently where the hand still turns from the insertion, s; later the hand turns as this skill
-    asks for. 0 as in [gibbons]. Source: decision 0088.
+    asks for. Source: decision 0088.
     """
-    sweep_time: Annotated[float, Field(ge=0.0, le=5.0)] = 0.5
-    """Time for one tilt sweep of a hand whose peg stands still or creeps, to one side and to the other, s; 0 sweeps nothing, as in [gibbons].
-    It turns the hand about its closing axis; a dither follows. Source: decision 0105.
+    sweep_time: Annotated[float, Field(gt=0.0, le=5.0)] = 0.5
+    """Time for one tilt sweep of a hand whose peg stands still or creeps, to one side and to the other, s. It turns the hand about its
+    closing axis; a dither follows. Source: decision 0105.
     """
-    most_deep: Annotated[float, Field(gt=0.0, le=0.05)] = CLOSED_TOLERANCE
-    """Depth below the bottom of an open switch at which a peg is believed to have slipped, m; the attempt then ends. Source: decision 0070."""

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from drivers.frames import UP
 from drivers.quantities import Vector
 from skills.contract import Observation, Outcome, Reason, SkillContext, SkillResult
-from skills.motion import Goal, move
-from skills.pull_out import LONGEST, pull_out
+from skills.motion import Goal
+from skills.pull_out import LONGEST, approach
 from skills.search.belief import Belief
 from skills.search.course import ANYWHERE, Course, make_course
 from skills.search.feel import Evidence, excess_of
@@ -15,7 +15,6 @@ from skills.search.params import SpraySearchParams
 from skills.search.sweep import Sweep
 from skills.search.tour import Left, Likely
 from skills.surface import Plane, SurfaceEstimate
-from skills.tactile.hole_event import HoleEvent
 
 logger = logging.getLogger(__name__)
 
@@ -28,8 +27,6 @@ class SpraySearchResult(SkillResult):
     """End point of the peg when it fell in, m, base frame; x_h of [gibbons]."""
     start: tuple[float, float]
     """First point of the path, m, base frame."""
-    events: int
-    """Number of events of the skin, false ones included."""
     rests: int
     """Number of times that contact evidence stopped the path."""
     plane: Plane | None
@@ -52,7 +49,6 @@ def run(
     params: SpraySearchParams,
     ctx: SkillContext,
     surface: SurfaceEstimate | None = None,
-    event: HoleEvent | None = None,
     belief: Belief = ANYWHERE,
 ) -> SpraySearchResult:
     """Search the area from a random corner or point of it until the peg's edge falls into the hole.
@@ -63,7 +59,6 @@ def run(
         params: Parameters of the search.
         ctx: The skill's context.
         surface: Estimate of the plate's surface to start from; None starts from one that knows nothing.
-        event: Detector of hole events on the skin; None makes one as `params.event` says.
         belief: Likely place of the hole, which is searched first, and what earlier attempts have not searched yet.
 
     Returns:
@@ -71,33 +66,27 @@ def run(
     """
     course = make_course(params, ctx.job, ctx.rng, _with_prior(belief, ctx), ctx.is_length_known)
     start = (course.first[0], course.first[1])
-    if (stuck := _approach(params, ctx, course)) is not None:
-        return SpraySearchResult(Outcome.FAILURE, Reason.NOT_SEATED, LONGEST, _point(stuck), start, 0, 0, None)
-    evidence = Evidence(
-        params, surface or SurfaceEstimate(), event or HoleEvent(params.event, params.timeout), ctx.scan_period
-    )
+    if (stuck := approach(_above(course), params.transfer, ctx)) is not None:
+        return SpraySearchResult(Outcome.FAILURE, Reason.NOT_SEATED, LONGEST, _point(stuck), start, 0, None)
+    evidence = Evidence(params, surface or SurfaceEstimate(), ctx.scan_period)
     sweep, spent = Sweep(params, ctx, course, evidence), 0.0
     found, spent = _slide(params, ctx, sweep, spent)
     while found is None and spent < params.timeout:
         lifted = ctx.clock.now()
-        if (stuck := _approach(params, ctx, sweep.begin_anew())) is not None:
+        if (stuck := approach(_above(sweep.begin_anew()), params.transfer, ctx)) is not None:
             spent += ctx.clock.now() - lifted
-            counted = (evidence.events, sweep.rests)
-            return SpraySearchResult(Outcome.FAILURE, Reason.NOT_SEATED, spent, _point(stuck), start, *counted, None)
+            return SpraySearchResult(Outcome.FAILURE, Reason.NOT_SEATED, spent, _point(stuck), start, sweep.rests, None)
         sweep.hold_anew()
         found, spent = _slide(params, ctx, sweep, spent + ctx.clock.now() - lifted)
     if found is None:
         tip = ctx.observe().tip
-        return SpraySearchResult(
-            Outcome.FAILURE, Reason.NO_HOLE, params.timeout, _point(tip), start, evidence.events, sweep.rests, None
-        )
+        return SpraySearchResult(Outcome.FAILURE, Reason.NO_HOLE, params.timeout, _point(tip), start, sweep.rests, None)
     return SpraySearchResult(
         outcome=Outcome.SUCCESS,
         reason=Reason.NONE,
         elapsed=spent,
         tip=_point(found.tip),
         start=start,
-        events=evidence.events,
         rests=sweep.rests,
         plane=_referenced(evidence.plane(found.tip), params, ctx, sweep),
         edge=sweep.edge,
@@ -132,24 +121,16 @@ def _slide(
     return None, params.timeout
 
 
+def _above(course: Course) -> Goal:
+    return Goal(course.first, course.axis, course.closing)
+
+
 def _with_prior(belief: Belief, ctx: SkillContext) -> Belief:
     """Return the belief of a first attempt as the job's prior has it; later attempts know better."""
     prior = ctx.job.hole.prior
     if prior is None or belief.failed:
         return belief
     return replace(belief, likely=Likely(prior.mean, prior.deviation))
-
-
-def _approach(params: SpraySearchParams, ctx: SkillContext, course: Course) -> Vector | None:
-    """Move above the first point; return where the tip is stuck if the peg, which may stand in the hole, does not come out."""
-    if ctx.observe().tip[2] < course.first[2]:
-        stuck = pull_out(course.first[2], params.transfer.gains, ctx)
-        if stuck is not None:
-            return stuck
-    for _ in move(Goal(course.first, course.axis, course.closing), params.transfer, ctx, ctx.in_hand()):
-        pass
-    ctx.zero_wrench()
-    return None
 
 
 def _referenced(plane: Plane, params: SpraySearchParams, ctx: SkillContext, sweep: Sweep) -> Plane:

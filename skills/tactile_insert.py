@@ -11,13 +11,11 @@ from drivers.frames import angle_between, rotation_about
 from drivers.quantities import ImpedanceSetpoint, Twist, Vector
 from skills.contract import Outcome, Reason, SkillContext, SkillParams, SkillResult
 from skills.motion import VALIDITY, Gains, anchored
+from skills.paper.equations import k_33
 from skills.play import allowed_depth
 from skills.seating import is_seated
 from skills.surface import Plane, nominal
 from skills.tactile.estimators import EstimatorName
-
-MOST_LEAD = 0.9
-"""Largest angle between the peg and a setpoint that is upright at once, rad: the gate for setpoints refuses 1."""
 
 
 class TactileInsertParams(SkillParams):
@@ -38,29 +36,27 @@ class TactileInsertParams(SkillParams):
     """Least and largest stiffness along z, N/m; K_min and K_max of [gibbons], Eq. (7). Source: chosen, not measured;
     method of [gibbons], Eq. (7).
     """
-    turn_rate: NonNegativeFloat
-    """Rate at which the setpoint of the axis goes from where the peg is to upright, rad/s; 0 sets it upright at once, as [gibbons] does."""
+    turn_rate: PositiveFloat
+    """Rate at which the setpoint of the axis goes from where the peg is to upright, rad/s."""
     turn_run_up: NonNegativeFloat
     """Time in which the setpoint of the axis gets to its rate, s; the hole's wall bears what sets the arm in motion.
     Source: chosen, not measured; reason in decision 0028.
     """
     follow_rate: PositiveFloat = 2.0
-    """Rate at which the hand turns after a peg that has turned in it, 1/s; as fast as the frames come in [gibbons]. Source: decision
-    0070.
-    """
+    """Rate at which the hand turns after a peg that has turned in it, 1/s. Source: decision 0070."""
     aligned: Annotated[float, Field(gt=0.0, lt=0.8)]
     """Tilt phi below which the adjustment takes over, rad; 15 degrees in [gibbons]. Source: decision 0032."""
     compliance_rate: NonNegativeFloat
-    """Rate at which the tip's setpoint along x and y gives way to where the hole keeps the tip, 1/s; 0 in [gibbons]. Source: decision 0021."""
+    """Rate at which the tip's setpoint along x and y gives way to where the hole keeps the tip, 1/s. Source: decision 0021."""
     forward: NonNegativeFloat
     """Distance of the tip's setpoint ahead of the tip, towards the side that the peg leans to, m; raising then cannot lift
     the peg out. Source: chosen, not measured; reason in decision 0021.
     """
     timeout: PositiveFloat
     """Longest insertion, s."""
-    least_share: Annotated[float, Field(ge=0.0, lt=1.0)]
-    """Least depth of an aligned peg that is in the hole, fraction of the depth that the tilt allows; 0 leaves that to
-    the adjustment. Source: decision 0032."""
+    least_share: Annotated[float, Field(gt=0.0, lt=1.0)]
+    """Least depth of an aligned peg that is in the hole, fraction of the depth that the tilt allows; only a first attempt
+    asks for it. Source: decision 0032; only once decision 0081."""
     lost_height: PositiveFloat
     """Height of the tip above the surface at which it is out of the hole, m."""
     estimator: EstimatorName = "image"
@@ -77,8 +73,18 @@ class TactileInsertResult(SkillResult):
     """Angle between the peg and the normal at the end, rad, by the skin."""
 
 
-def run(params: TactileInsertParams, ctx: SkillContext, plane: Plane | None = None) -> TactileInsertResult:
-    """Align the peg, whose tip is in the hole, with the normal of the plate, `plane` where a search has felt it."""
+def run(
+    params: TactileInsertParams, ctx: SkillContext, plane: Plane | None = None, attempt: int = 0
+) -> TactileInsertResult:
+    """Align the peg, whose tip is in the hole, with the normal of the plate.
+
+    Args:
+        params: Parameters of the insertion.
+        ctx: The skill's context.
+        plane: Surface that the search estimated; None is the job's own.
+        attempt: Number of the attempt, from 0. A depth that errs, because plate, peg or arm are not as stated, errs again:
+            later attempts leave the judgement to the adjustment.
+    """
     plane = plane or nominal(ctx.job.hole)
     normal = plane.normal
     first = ctx.observe()
@@ -97,7 +103,7 @@ def run(params: TactileInsertParams, ctx: SkillContext, plane: Plane | None = No
         if is_seated(seen.switch, seen.tip, ctx.job.hole):
             return TactileInsertResult(Outcome.SUCCESS, Reason.NONE, elapsed, first_phi, phi)
         if phi < params.aligned:
-            if params.least_share > 0.0 and plane.depth(seen.tip) + peg.reach * math.sin(phi) < least:
+            if attempt == 0 and plane.depth(seen.tip) + peg.reach * math.sin(phi) < least:
                 return TactileInsertResult(Outcome.FAILURE, Reason.NOT_ALIGNED, elapsed, first_phi, phi)
             return TactileInsertResult(Outcome.SUCCESS, Reason.NONE, elapsed, first_phi, phi)
         if plane.depth(seen.tip) < -params.lost_height - peg.reach * math.sin(phi):
@@ -107,12 +113,10 @@ def run(params: TactileInsertParams, ctx: SkillContext, plane: Plane | None = No
             min(params.compliance_rate * seen.step, 1.0) * (anchored(seen.tip, first.tip, peg.thickness) - hole)[:2]
         )
         tip = hole + params.forward * _ahead(seen.axis)
-        stiffness[2] = push_stiffness(phi, first_phi, *params.push_stiffness)
+        stiffness[2] = k_33(phi, first_phi, *params.push_stiffness)
         theta += min(params.follow_rate * seen.step, 1.0) * (seen.peg.theta - theta)
         left = rotation_about(seen.arm.tcp.rotation[:, 2], seen.peg.theta - theta)
         axis, spin = _on_the_way(first.axis, normal, *turned(seen.elapsed, params.turn_rate, params.turn_run_up))
-        if params.turn_rate == 0.0:
-            axis = within_reach(seen.axis, normal)
         ctx.follow(
             ImpedanceSetpoint(
                 id=identity,
@@ -132,32 +136,10 @@ def run(params: TactileInsertParams, ctx: SkillContext, plane: Plane | None = No
 
 
 def turned(elapsed: float, rate: float, run_up: float) -> tuple[float, float]:
-    """Return angle, rad, and rate, rad/s, after `elapsed` seconds, where the rate grows to `rate` evenly within `run_up`, s.
-
-    A rate of 0 means no limit: the angle is infinite from the beginning.
-    """
-    if rate == 0.0:
-        return math.inf, 0.0
+    """Return angle, rad, and rate, rad/s, after `elapsed` seconds, where the rate grows to `rate` evenly within `run_up`, s."""
     if elapsed < run_up:
         return rate * elapsed**2 / (2.0 * run_up), rate * elapsed / run_up
     return rate * (elapsed - run_up / 2.0), rate
-
-
-def within_reach(axis: Vector, goal: Vector) -> Vector:
-    """Return the setpoint that turns an axis towards `goal` at once, unit, shape (3,), at most `MOST_LEAD` ahead of it."""
-    return _on_the_way(axis, goal, MOST_LEAD, 0.0)[0]
-
-
-def push_stiffness(phi: float, first_phi: float, low: float, high: float) -> float:
-    """Return [K]_33 of [gibbons], Eq. (7): K_max exp(-a phi), a = -ln(K_min / K_max) / phi_0, at most K_max.
-
-    Args:
-        phi: Angle between the peg and the normal, rad, >= 0.
-        first_phi: Angle phi_0 upon contact, rad.
-        low: K_min, N/m.
-        high: K_max, N/m.
-    """
-    return high * math.exp(math.log(low / high) * min(phi / max(first_phi, 1e-3), 1.0))
 
 
 def _ahead(axis: Vector) -> Vector:

@@ -8,7 +8,7 @@ import numpy as np
 
 from drivers.parts import Job
 from drivers.quantities import Vector
-from skills.paths import TURN_TIME, Lanes, lanes, spray_paint
+from skills.paths import TURN_TIME, Lanes, lanes
 from skills.search.belief import Belief
 from skills.search.params import SpraySearchParams
 from skills.search.tour import Left, Path, Rows, Stroke, first_look, outwards, tour
@@ -60,15 +60,15 @@ def make_course(
     belief: Belief = ANYWHERE,
     is_length_known: bool = True,
 ) -> Course:
-    """Return the course over the area: lanes from the corner next to a random point of it, or sinusoids from that
-    point.
+    """Return the course over the area: lanes from the corner next to a random point of it, drawn by the middle of the band in
+    which the leaning edge falls.
 
     Where the hole is likely somewhere, short strokes over that place come first, and the area follows from there outwards.
 
     Args:
         params: Parameters of the search.
         job: The part and the area.
-        rng: Draws the point, and for lanes how far beyond the area, or the likely place, the first one begins.
+        rng: Draws the point, and how far beyond the area, or the likely place, the first lane begins.
         belief: Likely place of the hole, and the rest of the path of earlier attempts.
         is_length_known: Whether the peg in the hand has touched the plate before; a search that is the first comes down from higher.
     """
@@ -77,23 +77,17 @@ def make_course(
     half = [extent / 2 + params.margin[0 if axis == fast else 1] for axis, extent in enumerate(hole.area)]
     start = rng.uniform(-np.array(hole.area) / 2, np.array(hole.area) / 2)
     over, begin = (half[0], half[1]), (start[0], start[1])
-    path: Path
-    outside, speed = hole.part.reach + hole.part.chamfer + rng.uniform(*OUTSIDE), params.speed
-    if params.path == "lanes":
-        speed = min(speed, fastest(params.dip_threshold, hole.part.inscribed))
-        path = lanes(over, pitch, speed, fast, begin, max(outside - params.margin[0], 0.0))
-    else:
-        path = spray_paint(over, pitch, speed, fast, begin)
+    outside = hole.part.reach + hole.part.chamfer + rng.uniform(*OUTSIDE)
+    speed = min(params.speed, fastest(params.dip_threshold, hole.part.inscribed))
+    whole = lanes(over, pitch, speed, fast, begin, max(outside - params.margin[0], 0.0))
     # Strokes end where their turns begin, which reach as far as those of the lanes.
     ends = [extent - speed * TURN_TIME / 4.0 if axis == fast else extent for axis, extent in enumerate(over)]
     rows = Rows((max(ends[0], 0.0), max(ends[1], 0.0)), fast, pitch, speed)
-    path, likely_until = _as_believed(belief, job, rows, path, outside, math.copysign(1.0, begin[fast]))
+    path, likely_until = _as_believed(belief, job, rows, whole, outside, math.copysign(1.0, begin[fast]))
     axis, closing = part.leaning(params.tilt_azimuth, params.tilt)
     azimuth = part.azimuth(params.tilt_azimuth)
-    middle = np.array(hole.centre[:2])
-    if params.edge_leads:
-        ahead = leading(part.reach, params.tilt, params.fall)
-        middle = middle - ahead * np.array([math.cos(azimuth), math.sin(azimuth)])
+    ahead = leading(part.reach, params.tilt, params.fall)
+    middle = np.array(hole.centre[:2]) - ahead * np.array([math.cos(azimuth), math.sin(azimuth)])
     height = params.height if is_length_known else params.first_height(part.reach)
     first = np.array([*(middle + path.at(0.0)[0]), hole.centre[2] + height])
     return Course(path, middle, first, height, axis, closing, fast, likely_until)
@@ -128,14 +122,14 @@ def leading(reach: float, tilt: float, fall: float) -> float:
     return reach * math.cos(tilt) - min(off, reach)
 
 
-def _as_believed(belief: Belief, job: Job, rows: Rows, path: Path, outside: float, way: float) -> tuple[Path, float]:
-    """Return the path that a belief asks for, and the time along it up to which the hole is likely, s; `path` is the one without a belief."""
+def _as_believed(belief: Belief, job: Job, rows: Rows, whole: Lanes, outside: float, way: float) -> tuple[Path, float]:
+    """Return the path that a belief asks for, and the time along it up to which the hole is likely, s; `whole` is the one without a belief."""
     left, width, likely = belief.left, job.hole.part.inscribed, belief.likely
     if likely is None:
         # Down beside the place where the peg was tried last, and not into it.
-        if left is not None:
-            path = tour([], rows.speed, Left(left.path, left.since + 1.5 * width / rows.speed))
-        return path, 0.0
+        if left is None:
+            return whole, 0.0
+        return tour([], rows.speed, Left(left.path, left.since + 1.5 * width / rows.speed)), 0.0
     middle = job.hole.centre[:2]
     looks = first_look(likely, middle, rows, width, outside, way)
     if left is not None:
@@ -145,7 +139,7 @@ def _as_believed(belief: Belief, job: Job, rows: Rows, path: Path, outside: floa
     is_enough = SURE * likely.deviation[1 - rows.fast] <= rows.pitch / 2
     start = end if is_enough else begin
     # What all the strokes have missed lies between them: a second cover of lanes begins half a pitch off.
-    then = Left(path, path.cover if isinstance(path, Lanes) else 0.0)
+    then = Left(whole, whole.cover)
     strokes = [*looks, *outwards(likely, middle, rows, start[rows.fast], way)]
     return tour(strokes, rows.speed, then), _time(looks, rows)
 

@@ -1,6 +1,4 @@
-"""Contact evidence of a search: the height of the plate and events of the skin; and the push, which slips in the hand
-reduce.
-"""
+"""Contact evidence of a search by the height of the plate, and the push, which slips in the hand reduce."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -9,7 +7,6 @@ from drivers.quantities import Vector
 from skills.contract import Observation
 from skills.search.params import TOUCHED_TIME, SpraySearchParams
 from skills.surface import Plane, SurfaceEstimate
-from skills.tactile.hole_event import HoleEvent
 from skills.wrench_zero import WrenchZero
 
 SLIP = 0.1
@@ -108,13 +105,11 @@ def excess_of(height: float, axis: Vector, bound: float, has_touched: bool = Fal
 
 
 class Evidence:
-    """Watches the height of the plate and the skin for evidence of an edge; one object serves one search."""
+    """Watches the height of the plate for evidence of an edge; one object serves one search."""
 
-    def __init__(
-        self, params: SpraySearchParams, surface: SurfaceEstimate, event: HoleEvent, scan_period: float
-    ) -> None:
-        """Take the surface estimate, the detector of the skin's events, and the scan's period, s."""
-        self._params, self._surface, self._event = params, surface, event
+    def __init__(self, params: SpraySearchParams, surface: SurfaceEstimate, scan_period: float) -> None:
+        """Take the surface estimate and the scan's period, s."""
+        self._params, self._surface = params, surface
         self._late = deque[tuple[Vector, int]](maxlen=max(round(LATE / scan_period), 1))
         self._heights = deque[float](maxlen=max(round(SUDDEN / scan_period), 1))
         self._passed = deque[tuple[Vector, float, int]](maxlen=max(round(FALLING / scan_period), 1))
@@ -135,11 +130,10 @@ class Evidence:
         halved = is_likely and self._params.lag is None
         threshold = self._params.dip_threshold * (LIKELY if halved else 1.0)
         height = float(seen.arm.tcp.position[2])
-        is_event = seen.is_new_frame and self._event.update(seen.frame)
         has_fallen = self._fallen(edge, height, sense) > self._faint
         below = self._surface.below(edge, sense)
-        has_dropped = self._params.drop == 0.0 or self._drop(height) >= self._params.drop
-        return below, is_event if self._params.evidence == "skin" else (below > threshold or has_fallen) and has_dropped
+        has_dropped = self._drop(height) >= self._params.drop
+        return below, (below > threshold or has_fallen) and has_dropped
 
     def learn(self, edge: Vector, sense: int) -> None:
         """Take a scan without an edge; the surface estimate is updated by one that is `LATE` back."""
@@ -152,10 +146,7 @@ class Evidence:
         self._faint *= WARIER
 
     def restart(self) -> None:
-        """Tell the skin's detector that the peg has begun to move in another way, which changes the readings; heights of the way
-        before are not learnt any more.
-        """
-        self._event.restart()
+        """Forget the heights of the motion before; the peg has begun to move in another way."""
         self._late.clear()
         self._heights.clear()
         self._passed.clear()
@@ -184,11 +175,6 @@ class Evidence:
         """Take the height of the hand, m, and return by how much it has dropped within `SUDDEN`, m."""
         self._heights.append(height)
         return max(self._heights) - height
-
-    @property
-    def events(self) -> int:
-        """Number of events of the skin so far."""
-        return self._event.count
 
     def plane(self, near: Vector) -> Plane:
         """Return the plane of the surface estimate at `near`, shape (2,) or more, m, base frame."""

@@ -7,7 +7,6 @@ from pydantic import Field, NonNegativeFloat, PositiveFloat
 
 from skills.contract import SkillParams
 from skills.motion import Gains, Transfer
-from skills.tactile.hole_event import HoleEventParams
 
 TOUCHED_TIME = 0.1
 """Time for which the plate has to bear the push before it counts as touched, s; the blow at touch-down is shorter."""
@@ -42,19 +41,15 @@ class SpraySearchParams(SkillParams):
     towards y. For a peg with corners it is the azimuth of the hand's closing axis, and a multiple of the peg's
     symmetry. Source: set for each cell.
     """
-    keeps: Literal["hand", "peg"] = "hand"
-    """What keeps its attitude while the peg turns in the hand: the hand, or the peg, which the hand then turns after. Source: decision 0070."""
-    turned: Annotated[float, Field(ge=0.0, le=1.5)] = 0.35
-    """Turn of the peg in the hand at which it is lifted off and the hand turns after it, rad; 0 never does, as in [gibbons]. In the air the pads hold
-    it; on the plate they would let it turn on. With 0.35 a peg that leaned by 45 degrees leans by 48. Source: decision 0070.
+    turned: Annotated[float, Field(gt=0.0, le=1.5)] = 0.35
+    """Turn of the peg in the hand at which it is lifted off and the hand turns after it, rad. In the air the pads hold it; on the plate they would
+    let it turn on. With 0.35 a peg that leaned by 45 degrees leans by 48. Source: decision 0070.
     """
     fast_axis: Literal["x", "y"]
     """Axis of the base frame that is swept fast; a peg with corners is always swept along its hand's closing axis. Source: set for each cell."""
-    path: Literal["sinusoids", "lanes"]
-    """Path over the plate: sinusoids as in [gibbons], or straight lanes at one speed. Source: decision 0020."""
     speed: Annotated[float, Field(gt=0.0, le=0.5)]
     """Peak speed of the tip, m/s. Source: measured by `cell study frontier`."""
-    run_up: NonNegativeFloat
+    run_up: PositiveFloat
     """Time in which the tip reaches its speed, s; the edge digs in where it slides off at once. Source: chosen, not
     measured; reason in decision 0028.
     """
@@ -62,16 +57,12 @@ class SpraySearchParams(SkillParams):
     """Largest distance between neighbouring passes, multiple of the hole's diameter or shorter side. Source: measured by `cell trials`."""
     margin: tuple[Annotated[float, Field(ge=0.0, le=0.01)], Annotated[float, Field(ge=0.0, le=0.01)]]
     """Reach of the passes beyond the area, along its fast axis and across it, m. Source: decision 0030."""
-    edge_leads: bool
-    """Whether the path is drawn by the middle of the band in which the leaning edge falls, and not by the middle of its
-    end. Source: decision 0020; the band decision 0084.
-    """
     height: Annotated[float, Field(gt=0.0, le=0.1)]
     """Height above the surface at the end of the free-space approach, m."""
     descent: Annotated[float, Field(gt=0.0, le=0.5)]
     """Speed at which the setpoint comes down to the surface, m/s; the blow at touch-down grows with it."""
-    length_bound: Annotated[float, Field(ge=0.0, le=0.02)] = 0.006
-    """Largest correction of the peg's length in the hand by the first touch-down, m; 0 leaves the length as the job states it. Source: decision 0058."""
+    length_bound: Annotated[float, Field(gt=0.0, le=0.02)] = 0.006
+    """Largest correction of the peg's length in the hand by the first touch-down, m. Source: decision 0058."""
     touch_down: Annotated[float, Field(gt=TOUCHED_TIME)]
     """Longest time to come down to the surface, s; the path begins as soon as the plate bears the push."""
     trim_rate: NonNegativeFloat
@@ -80,12 +71,6 @@ class SpraySearchParams(SkillParams):
     """
     trim_limit: NonNegativeFloat
     """Largest move of the setpoint across the lanes, m. Source: chosen, not measured; reason in decision 0030."""
-    evidence: Literal["skin", "height"]
-    """Contact evidence that stops the path: an event of the skin, as in [gibbons], or a dip of the tip, which no frame
-    can miss. Source: measured by `cell study events`.
-    """
-    event: HoleEventParams
-    """How a hole event of the skin is told from noise."""
     dip_threshold: PositiveFloat
     """Dip threshold: depth of the tip below the surface estimate that is evidence of an edge, m; the exact fall at 45
     degrees is 2.4 mm. A round peg of 5 mm or less has 0.025 of its thickness at most. Source: set by hand, its rate of false evidence measured by `cell study events`.
@@ -98,9 +83,9 @@ class SpraySearchParams(SkillParams):
     """Lag of the tip behind its setpoint along a pass that is evidence of an edge as well, m; times the stiffness it bounds the force on a wall
     that holds the tip. None leaves it out. Source: decision 0073.
     """
-    fall: NonNegativeFloat
-    """Depth below the surface at which the resting tip is in the hole, m; 0 takes the evidence for the hole, as [gibbons]
-    does. For a round peg of 5 mm or less it is less in proportion to 8 mm. Source: chosen, not measured; reason in decision 0020.
+    fall: PositiveFloat
+    """Depth below the surface at which the resting tip is in the hole, m. For a round peg of 5 mm or less it is less in
+    proportion to 8 mm. Source: chosen, not measured; reason in decision 0020.
     """
     slip_drop: NonNegativeFloat = 0.0
     """Drop of the tip that a turn of the peg in the hand by one radian explains, because the peg then slips along the fingers, m; it adds to
@@ -128,7 +113,5 @@ class SpraySearchParams(SkillParams):
         Args:
             reach: Largest distance of a point of the peg's end from its axis, m.
         """
-        if self.length_bound == 0.0:
-            return self.height
         lowest = self.length_bound * math.cos(self.tilt) + reach * math.sin(self.tilt)
         return max(self.height, lowest + FREE_GAP)

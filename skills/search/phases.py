@@ -121,7 +121,7 @@ class Resting:
 
     def is_over(self, felt: Felt, params: SpraySearchParams) -> bool:
         """Return whether the tip's depth is known well enough to be judged."""
-        return params.fall == 0.0 or felt.frame_stamp >= self.stopped + params.rest
+        return felt.frame_stamp >= self.stopped + params.rest
 
 
 Phase = ComingDown | Sliding | Probing | Resting

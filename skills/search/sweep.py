@@ -93,7 +93,7 @@ class Sweep:
             self._usual += min(seen.step / USUAL_TIME, 1.0) * (seen.peg.theta - self._usual)
         if isinstance(self._phase, Resting) and self._phase.is_over(felt, params):
             slipped = params.slip_drop * abs(seen.peg.theta - self._usual)
-            if params.fall == 0.0 or felt.below >= params.fall + (0.0 if self._is_stuck(felt) else slipped):
+            if felt.below >= params.fall + (0.0 if self._is_stuck(felt) else slipped):
                 return True
             self._evidence.doubt()
             self._enter(after_rest(self._phase, felt, params, course, point), felt)
@@ -107,8 +107,7 @@ class Sweep:
 
     def is_turned(self, seen: Observation) -> bool:
         """Return whether the peg has turned so far in the hand that the hand should turn after it, in the air."""
-        most = self._params.turned
-        return self._params.keeps == "hand" and 0.0 < most < abs(seen.peg.theta - self._theta)
+        return abs(seen.peg.theta - self._theta) > self._params.turned
 
     def begin_anew(self) -> Course:
         """Return the course on which the peg, once the hand has been turned after it, comes down where it was."""
@@ -175,14 +174,10 @@ class Sweep:
         A setpoint that turns with the peg keeps the hand as it is. A hand that turned after a peg whose tip the plate holds would only
         turn in its pads: it would never catch up with what the skin tells.
         """
-        if self._params.keeps == "peg":
-            return axis
         return rotation_about(seen.arm.tcp.rotation[:, 2], sense * (seen.peg.theta - self._theta)) @ axis
 
     def _measure_length(self, edge: Vector, felt: Felt) -> None:
         """Take from a touch-down how far the peg reaches from the hand; after the first one it may have slipped."""
-        if self._params.length_bound == 0.0:
-            return
         height = float(edge[2]) - self._ctx.job.hole.centre[2]
         excess = excess_of(height, felt.axis, self._params.length_bound, self._ctx.is_length_known)
         if excess is None:
@@ -240,7 +235,7 @@ class Sweep:
             target[:2] = phase.place + phase.looked(seen.elapsed, params) + back * phase.detour.offset
         elif isinstance(phase, Sliding):
             # Under a smaller push the peg falls less far in the same time.
-            run_up = min((seen.elapsed - phase.detour.since) / max(params.run_up, 1e-6), 1.0)
+            run_up = min((seen.elapsed - phase.detour.since) / params.run_up, 1.0)
             pace = self._push.stiffness / params.push_stiffness * run_up
             self._along += pace * seen.step
             target[:2] = course.middle + self._point + back * phase.detour.offset

@@ -157,7 +157,7 @@ def liars(monkeypatch):
     """Let every skill after the grasp say that it is done, and do nothing."""
     done = (Outcome.SUCCESS, Reason.NONE, 0.0)
     for module, said in (
-        (spray_search, SpraySearchResult(*done, (0.5, 0.0, 0.1), (0.5, 0.0), 0, 0, None)),
+        (spray_search, SpraySearchResult(*done, (0.5, 0.0, 0.1), (0.5, 0.0), 0, None)),
         (tactile_insert, TactileInsertResult(*done, 0.0, 0.0)),
         (spiral_adjust, SpiralAdjustResult(*done, 0.0, 0.02)),
     ):

@@ -9,23 +9,18 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cell.lab.events.measure import HEIGHT, Watched, rice_limit
+from cell.lab.events.measure import HEIGHT, SKIN, Watched, rice_limit
 from cell.lab.events.report import NAMES, RATES, EventLine, EventStudy
 from cell.statistics import wilson
 from skills.search.params import SpraySearchParams
 
 CHART = "events.png"
 INK, GREY = "#222222", "#bbbbbb"
-STYLES = {
-    HEIGHT: ("#4477aa", "o"),
-    "derivative": ("#ccbb44", "v"),
-    "difference": ("#228833", "s"),
-    "cusum": ("#aa3377", "D"),
-}
+STYLES = {HEIGHT: ("#4477aa", "o"), SKIN: ("#ccbb44", "v")}
 
 
 def draw(found: EventStudy, search: SpraySearchParams, path: Path) -> None:
-    """Draw detection and delay against false events, and false events against those stated."""
+    """Draw detection and delay against false events, and the false dips against those that their own spread makes."""
     figure = Figure(figsize=(14.0, 5.6), layout="constrained")
     seen, late, told = figure.subplots(1, 3)
     handles = []
@@ -50,7 +45,7 @@ def draw(found: EventStudy, search: SpraySearchParams, path: Path) -> None:
     late.set_ylim(bottom=0.0)
     late.set_ylabel("from fall to event (s): median, bar to the 95th percentile")
     late.set_title("how soon", fontsize=11)
-    _stated(told, found, found.empty, search)
+    _stated(told, found.empty, search)
     figure.legend(handles=handles, loc="outside lower center", ncols=6, fontsize=8.5, frameon=False)
     figure.suptitle(f"Hole events: false alarms against detection and delay\n{found.title}", fontsize=10)
     figure.savefig(path, dpi=150)
@@ -84,38 +79,27 @@ def _place(line: EventLine) -> float:
     return 1e3 * max(line.stopped, 0.5) / line.searches
 
 
-def _stated(axes: Axes, found: EventStudy, empty: Sequence[Watched], search: SpraySearchParams) -> None:
-    """Draw the share of stopped searches where the threshold was derived from a stated rate."""
-    for detector, (colour, marker) in STYLES.items():
-        for rate in RATES:
-            if detector == HEIGHT:
-                stopped = sum(
-                    row.before[HEIGHT].largest > rice_limit(row, rate, search.timeout) for row in empty if row.slid
-                )
-            else:
-                line = next(
-                    (x for x in found.lines if x.detector == detector and x.stated == rate and not x.in_use), None
-                )
-                if line is None:
-                    continue
-                stopped = line.stopped
-            low, high = wilson(stopped, len(empty))
-            place = 1e3 * max(stopped, 0.5) / len(empty)
-            axes.errorbar(
-                [rate],
-                [place],
-                yerr=[[max(place - 1e3 * low, 0.0) if stopped else 0.0], [1e3 * high - place]],
-                fmt=marker,
-                ms=5,
-                color=colour,
-                mfc=colour if stopped else "white",
-                lw=0.8,
-            )
-    shares = [-1e3 * math.expm1(-rate) for rate in RATES]
-    axes.plot(RATES, shares, "--", color=GREY, lw=1.2)
+def _stated(axes: Axes, empty: Sequence[Watched], search: SpraySearchParams) -> None:
+    """Draw the share of searches that a dip stops whose threshold follows from the spread of the height."""
+    colour, marker = STYLES[HEIGHT]
+    for rate in RATES:
+        stopped = sum(row.before[HEIGHT].largest > rice_limit(row, rate, search.timeout) for row in empty if row.slid)
+        low, high = wilson(stopped, len(empty))
+        place = 1e3 * max(stopped, 0.5) / len(empty)
+        axes.errorbar(
+            [rate],
+            [place],
+            yerr=[[max(place - 1e3 * low, 0.0) if stopped else 0.0], [1e3 * high - place]],
+            fmt=marker,
+            ms=5,
+            color=colour,
+            mfc=colour if stopped else "white",
+            lw=0.8,
+        )
+    axes.plot(RATES, [-1e3 * math.expm1(-rate) for rate in RATES], "--", color=GREY, lw=1.2)
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.set_xlabel("false alarms stated, a search\n(dashes: as stated)")
     axes.set_ylabel("searches stopped by a false event, of 1,000")
-    axes.set_title("as stated? (height: from its own spread)", fontsize=11)
+    axes.set_title("height: as its own spread states?", fontsize=11)
     axes.grid(alpha=0.25)

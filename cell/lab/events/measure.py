@@ -1,9 +1,10 @@
 """Hole events, false and true: the share of searches that stop on a plate without a hole, and the delay where there is
 one.
 
-A search slides over the plate and nothing stops it, while every detector watches. Until its first event a search that
-obeys a detector goes the very same way, so that one run tells of all detectors and all thresholds. The seeds with an
-event at the threshold in use are run again, obeying, to see what the judgement at rest makes of it.
+A search slides over the plate and nothing stops it, while both detectors watch: the dip of the tip, by which the cell searches, and the
+change of the skin's average, as [gibbons] prints it. Until its first event a search that obeys a detector goes the very same way, so
+that one run tells of all thresholds. The seeds with a dip at the threshold in use are run again, obeying, to see what the judgement at
+rest makes of it.
 """
 
 import math
@@ -20,20 +21,19 @@ from cell.lab.workers import on_processes
 from cell.record import ending_of
 from drivers.errors import CellError, ConfigError
 from drivers.frames import end_point
-from drivers.quantities import ImpedanceSetpoint, TaxelFrame, Vector
+from drivers.quantities import ImpedanceSetpoint, Vector
 from skills import spray_search
 from skills.catalogue import GRASP, SEARCH
 from skills.contract import Observation, Outcome, Reason, Request, SkillContext
 from skills.flow import run_stage
+from skills.paper.hole_event import HoleEvent
 from skills.search.feel import FAINT
-from skills.search.params import SpraySearchParams
 from skills.spray_search import SpraySearchResult
 from skills.surface import Plane, SurfaceEstimate
-from skills.tactile.hole_event import HoleEvent, HoleEventParams
 
-HEIGHT = "height"
-DETECTORS: tuple[str, ...] = (HEIGHT, "derivative", "difference", "cusum")
-"""Names of the detectors: the dip of the tip, and the methods of the skin, see `skills.tactile.hole_event`."""
+HEIGHT, SKIN = "height", "skin"
+DETECTORS = (HEIGHT, SKIN)
+"""Names of the detectors: the dip of the tip, and the change of the skin's average."""
 OVER = 5e-5
 """Depth of the peg's lowest point below the plate from which it is over the hole, m; the plate's contacts give way by a
 hundredth of it.
@@ -95,7 +95,6 @@ class Listened:
     """Record of one search on a plate without a hole, stopped by its evidence."""
 
     seed: int
-    detector: str
     rests: int
     """Number of false probes."""
     found: bool
@@ -105,11 +104,11 @@ class Listened:
 class _Watch:
     """Sees everything that a search sees, and the truth beside it."""
 
-    def __init__(self, cell: Cell, params: SpraySearchParams, row: Watched) -> None:
+    def __init__(self, cell: Cell, row: Watched) -> None:
         self.row = row
         self.seen: Observation | None = None
         self._cell, self._part, self._length = cell, cell.config.peg.part, cell.config.peg.length
-        self.skin = {name: HoleEvent(_method(params.event, name), params.timeout) for name in DETECTORS[1:]}
+        self._event: HoleEvent | None = None
         self.heights: list[float] = []
         self._start: float | None = None
         self._over: float | None = None
@@ -119,20 +118,18 @@ class _Watch:
 
     def record(self, seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
         self.seen = seen
+        if self._event is not None and seen.is_new_frame:
+            self._note(SKIN, self._event.change(seen.frame))
 
     def poll(self) -> Request:
         return Request.STOP if self.is_done else Request.RUN
 
     def slide(self) -> None:
         """Note that the sliding begins."""
-        for event in self.skin.values():
-            event.restart()
-        assert self.seen is not None
-        self._start = self.seen.stamp
-
-    def feel(self, frame: TaxelFrame) -> None:
-        for name, event in self.skin.items():
-            self._note(name, event.take(frame))
+        if self._start is None:
+            assert self.seen is not None
+            printed = self._cell.config.paper.search
+            self._start, self._event = self.seen.stamp, HoleEvent(printed.threshold, printed.memory)
 
     def height(self, below: float) -> None:
         """Note the dip or the fall of one scan, whichever is larger; the last call of a scan."""
@@ -184,6 +181,7 @@ class _StillSurface(SurfaceEstimate):
         self._watch, self._learnt, self._fallen = watch, SurfaceEstimate(), -math.inf
 
     def learn(self, edge: Vector, sense: int) -> None:
+        self._watch.slide()
         self._learnt.learn(edge, sense)
 
     def below(self, edge: Vector, sense: int) -> float:
@@ -206,33 +204,18 @@ class _StillSurface(SurfaceEstimate):
         return self._learnt.plane(near)
 
 
-class _StillSkin(HoleEvent):
-    """Detector that tells the watch of every frame, but the search of none."""
-
-    def __init__(self, watch: _Watch, params: SpraySearchParams) -> None:
-        super().__init__(params.event, params.timeout)
-        self._watch = watch
-
-    def update(self, frame: TaxelFrame) -> bool:
-        self._watch.feel(frame)
-        return False
-
-    def restart(self) -> None:
-        self._watch.slide()
-
-
 def watch(config: CellConfig, has_hole: bool, seed: int) -> Watched:
     """Let the search of this seed slide on, whatever it meets, while every detector watches."""
     row = Watched(seed, has_hole)
-    cell = _cell(config, has_hole, HEIGHT, seed)
+    cell = _cell(config, has_hole, seed)
     params = cell.config.params(SEARCH)
     with opened(cell):
         ctx = cell.context(seed)
-        seer = _Watch(cell, params, row)
+        seer = _Watch(cell, row)
         outcome, reason = _search(
             cell,
             ctx,
-            lambda c: spray_search.run(params, c, _StillSurface(seer), _StillSkin(seer, params)),
+            lambda c: spray_search.run(params, c, _StillSurface(seer)),
             seer,
         )
     if not seer.is_done and reason is not Reason.NO_HOLE:
@@ -248,9 +231,9 @@ def watch(config: CellConfig, has_hole: bool, seed: int) -> Watched:
     return row
 
 
-def listen(config: CellConfig, detector: str, seed: int) -> Listened:
-    """Run the search of this seed on a plate without a hole, with the evidence of one detector."""
-    cell = _cell(config, False, detector, seed)
+def listen(config: CellConfig, seed: int) -> Listened:
+    """Run the search of this seed on a plate without a hole."""
+    cell = _cell(config, False, seed)
     kept: list[SpraySearchResult] = []
 
     def run(ctx: SkillContext) -> SpraySearchResult:
@@ -260,7 +243,7 @@ def listen(config: CellConfig, detector: str, seed: int) -> Listened:
     with opened(cell):
         _search(cell, cell.context(seed), run)
     rests = kept[-1].rests if kept else 0
-    return Listened(seed, detector, rests, bool(kept) and kept[-1].outcome is Outcome.SUCCESS)
+    return Listened(seed, rests, bool(kept) and kept[-1].outcome is Outcome.SUCCESS)
 
 
 def _search(
@@ -280,24 +263,11 @@ def _search(
     return ending.outcome, ending.reason
 
 
-def _cell(config: CellConfig, has_hole: bool, detector: str, seed: int) -> Cell:
+def _cell(config: CellConfig, has_hole: bool, seed: int) -> Cell:
     assert config.sim is not None
     plate = config.sim.plate.model_copy(update={"present": has_hole})
-    is_height = detector == HEIGHT
-    event = config.params(SEARCH).event
-    if not is_height:
-        event = _method(event, detector)
-    return assemble(
-        config.with_params(SEARCH, evidence=HEIGHT if is_height else "skin", event=event).model_copy(
-            update={
-                "sim": config.sim.model_copy(update={"seed": seed, "pace": "max", "plate": plate}),
-            }
-        )
-    )
-
-
-def _method(params: HoleEventParams, method: str) -> HoleEventParams:
-    return params.model_copy(update={"method": method})
+    sim = config.sim.model_copy(update={"seed": seed, "pace": "max", "plate": plate})
+    return assemble(config.model_copy(update={"sim": sim}))
 
 
 def measure(
@@ -310,7 +280,7 @@ def measure(
     """Watch a search of every seed without a hole, and of the first `with_hole` with one.
 
     Args:
-        config: Config of the cell; its evidence does not matter.
+        config: Config of the cell.
         seeds: Seeds, one search each.
         with_hole: Number of seeds that are also run on a plate with the hole.
         workers: Number of processes.

@@ -1,4 +1,4 @@
-"""Results of the study of hole events: every detector as configured, and over all thresholds."""
+"""Results of the study of hole events: both detectors as configured, and over all thresholds."""
 
 import csv
 import math
@@ -14,6 +14,7 @@ from cell.cell_config import CellConfig
 from cell.lab.events.measure import (
     DETECTORS,
     HEIGHT,
+    SKIN,
     Highs,
     Listened,
     Watched,
@@ -25,7 +26,6 @@ from cell.lab.workers import on_processes
 from cell.provenance import versions
 from cell.statistics import wilson
 from skills.catalogue import SEARCH
-from skills.tactile.hole_event import limit
 
 TABLE = "events.csv"
 RATES = tuple(float(f"{rate:.1g}") for rate in np.geomspace(1e-4, 3.0, 10))
@@ -33,12 +33,7 @@ RATES = tuple(float(f"{rate:.1g}") for rate in np.geomspace(1e-4, 3.0, 10))
 DIPS = (5e-5, 1e-4, 1.5e-4, 2e-4, 2.5e-4, 3e-4, 4e-4, 5e-4, 7e-4, 1e-3)
 FALLS = (0.08, 0.1, 0.12, 0.14, 0.16, 0.18, 0.2, 0.22, 0.25, 0.3, 0.4)
 """Thresholds by hand over which the charts go: m, and fractions of the average."""
-NAMES = {
-    HEIGHT: "height of the tip",
-    "derivative": "skin: change, frame to frame",
-    "difference": "skin: difference of several frames",
-    "cusum": "skin: CUSUM",
-}
+NAMES = {HEIGHT: "height of the tip", SKIN: "skin: change, frame to frame"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,10 +43,8 @@ class EventLine:
     detector: str
     in_use: bool
     """Whether the threshold is that of the config; the other lines are the charts' curves."""
-    stated: float
-    """Stated false alarms in a search from which the threshold was derived; NaN where it was set by hand."""
     threshold: float
-    """Threshold: m for the height, fraction for the derivative, else standard deviations."""
+    """Threshold: m for the height, fraction of the average for the skin."""
     searches: int
     """Number of searches without a hole."""
     stopped: int
@@ -60,11 +53,9 @@ class EventLine:
     """Lower end of the Wilson 95 % interval of the share with a false event."""
     high: float
     expected: float
-    """Expected share with a false event: from what the threshold was derived from or, for the height, from the spread
-    about the plane.
-    """
+    """Expected share with a false event, for the height from the spread about the plane; NaN for the skin."""
     probes: int
-    """Number of false events of all searches, judged at rest; -1 where no search obeyed."""
+    """Number of false events of all searches, judged at rest; -1 for the skin."""
     finds: int
     """Number of searches in which the judgement at rest took such a place for the hole."""
     finds_high: float
@@ -116,14 +107,12 @@ def run(config: CellConfig, seeds: range, with_hole: int, workers: int, done: Ca
     fell = [row for row in full if row.after is not None and not row.began_in_hole]
     lines: list[EventLine] = []
     for detector in DETECTORS:
-        used, stated = _in_use(config, detector)
+        used = config.params(SEARCH).dip_threshold if detector == HEIGHT else config.paper.search.threshold
         stopped = [row.seed for row in empty if row.before[detector].first(used) is not None]
-        heard: list[Listened] = []
-        if detector != "derivative":
-            heard += on_processes(partial(listen, config, detector), stopped, workers)
-        lines.append(_line(config, detector, stated, used, empty, fell, heard, True))
-        for rate, value in _curve(config, detector):
-            lines.append(_line(config, detector, rate, value, empty, fell, None, False))
+        heard = list(on_processes(partial(listen, config), stopped, workers)) if detector == HEIGHT else None
+        lines.append(_line(detector, used, empty, fell, heard, True))
+        for value in DIPS if detector == HEIGHT else FALLS:
+            lines.append(_line(detector, value, empty, fell, None, False))
     title = (
         f"{len(empty)} searches of {config.params(SEARCH).timeout:g} s without a hole, {len(fell)} falls, simulated, from seed {seeds[0]}; "
         f"python {platform.python_version()}, "
@@ -139,34 +128,8 @@ def run(config: CellConfig, seeds: range, with_hole: int, workers: int, done: Ca
     )
 
 
-def _in_use(config: CellConfig, detector: str) -> tuple[float, float]:
-    """Return a detector's configured threshold, and the rate from which it was derived."""
-    search = config.params(SEARCH)
-    if detector == HEIGHT:
-        return search.dip_threshold, math.nan
-    if detector == "derivative":
-        return search.event.threshold, math.nan
-    return _limit(config, detector, search.event.false_alarms), search.event.false_alarms
-
-
-def _limit(config: CellConfig, method: str, rate: float) -> float:
-    params = config.params(SEARCH).event.model_copy(update={"method": method})
-    return limit(params, rate / config.skin.rate / config.params(SEARCH).timeout)
-
-
-def _curve(config: CellConfig, detector: str) -> list[tuple[float, float]]:
-    """Return rates and thresholds over which a detector is charted."""
-    if detector == HEIGHT:
-        return [(math.nan, dip) for dip in DIPS]
-    if detector == "derivative":
-        return [(math.nan, fall) for fall in FALLS]
-    return [(rate, _limit(config, detector, rate)) for rate in RATES]
-
-
 def _line(
-    config: CellConfig,
     detector: str,
-    stated: float,
     threshold: float,
     empty: Sequence[Watched],
     fell: Sequence[Watched],
@@ -176,30 +139,23 @@ def _line(
     stopped = sum(row.before[detector].first(threshold) is not None for row in empty)
     late = [row for row in fell if row.before[detector].first(threshold) is None]
     events = [event for row in late if (event := _after(row)[detector].first(threshold)) is not None]
-    if detector == HEIGHT:
-        expected = float(np.mean([rice_chance(row, threshold) for row in empty]))
-    elif math.isnan(stated):
-        expected = math.nan
-    else:
-        expected = float(np.mean([-math.expm1(-stated * row.slid / config.params(SEARCH).timeout) for row in empty]))
+    expected = float(np.mean([rice_chance(row, threshold) for row in empty])) if detector == HEIGHT else math.nan
     finds = sum(one.found for one in heard) if heard is not None else -1
     low, high = wilson(stopped, len(empty))
     seen_low, seen_high = wilson(len(events), len(late))
     times, ways = [event[0] for event in events], [event[2] for event in events]
-    is_judged = heard is not None and detector != "derivative"
     return EventLine(
         detector=detector,
         in_use=in_use,
-        stated=stated,
         threshold=threshold,
         searches=len(empty),
         stopped=stopped,
         low=low,
         high=high,
         expected=expected,
-        probes=sum(one.rests for one in heard) if heard is not None and is_judged else -1,
-        finds=finds if is_judged else -1,
-        finds_high=wilson(finds, len(empty))[1] if is_judged else math.nan,
+        probes=sum(one.rests for one in heard) if heard is not None else -1,
+        finds=finds,
+        finds_high=wilson(finds, len(empty))[1] if heard is not None else math.nan,
         falls=len(fell),
         early=len(fell) - len(late),
         detected=len(events),

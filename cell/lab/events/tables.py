@@ -57,8 +57,4 @@ def table(found: EventStudy) -> Table:
 
 
 def _threshold(line: EventLine) -> str:
-    if line.detector == HEIGHT:
-        return f"{1e3 * line.threshold:.2f} mm"
-    if line.detector == "derivative":
-        return f"{100 * line.threshold:.0f} %"
-    return f"{line.threshold:.2f} SD"
+    return f"{1e3 * line.threshold:.2f} mm" if line.detector == HEIGHT else f"{100 * line.threshold:.0f} %"

@@ -63,7 +63,7 @@ def _drifting() -> Wrong:
 def _lies(bench: FaultBench) -> Undo:
     """Let every skill that begins from now on, up to the last, say that it is done, and do nothing."""
     said: tuple[tuple[ModuleType, SkillResult], ...] = (
-        (spray_search, SpraySearchResult(*DONE, (0.5, 0.0, 0.1), (0.5, 0.0), 0, 0, None)),
+        (spray_search, SpraySearchResult(*DONE, (0.5, 0.0, 0.1), (0.5, 0.0), 0, None)),
         (tactile_insert, TactileInsertResult(*DONE, 0.0, 0.0)),
         (spiral_adjust, SpiralAdjustResult(*DONE, 0.0, 0.02)),
     )

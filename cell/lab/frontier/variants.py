@@ -10,7 +10,7 @@ from cell.config_files import presets
 from cell.lab.frontier.measure import Variant, load_variant
 from cell.lab.paper.unknowns import LABORATORY, ONE_ARM, ONE_BOARD
 from cell.statistics import RateTest
-from skills.catalogue import INSERT, SEARCH
+from skills.catalogue import INSERT
 from skills.tactile.estimators import ESTIMATORS
 
 PRESET, PUBLISHED, CHAIN = "preset", "published method", "chain"
@@ -42,19 +42,17 @@ SWEEPS: dict[str, dict[str, tuple[str, ...]]] = {
 not go faster than 0.15 m/s over a hole of 8.1 mm, whatever is asked."""
 ALL_DRAWN = "+ arms, boards, pads, plate and skin as drawn"
 STEPS: tuple[tuple[str, tuple[str, ...]], ...] = (
-    (
-        "+ height evidence, judged at rest",
-        ("search.evidence", "search.event", "search.dip", "search.fall", "search.rest", "search.probe"),
-    ),
-    ("+ estimator: {estimator}", ("insert.estimator", *ESTIMATORS, "smoothing", "observer")),
-    ("+ path: {path}", ("search",)),
+    ("+ estimator: {estimator}", ("insert.estimator", *ESTIMATORS, "smoothing")),
+    ("+ search: lanes, height evidence", ("search",)),
     ("+ insertion that yields", ("insert",)),
     ("+ adjustment that is guided", ("adjust",)),
     ("+ retries: {retries}", ("retries",)),
     (ALL_DRAWN, ("reality", *LABORATORY)),
     ("+ all else", ("",)),
 )
-"""Steps of the chain, in order; each takes the keys that begin with its prefixes and that no earlier step took."""
+"""Steps of the chain, in order; each takes the keys that begin with its prefixes and that no earlier step took, and the cell's own skill in
+place of the printed one of that section.
+"""
 QUICK = {"size of the errors": ("reality 0",)}
 """Sweeps that remain in a quick study."""
 CLOSE, COARSE = RateTest(good=0.01, bad=0.05, least=8), RateTest(good=0.02, bad=0.25, least=6)
@@ -91,7 +89,8 @@ def variants(path: Path | None, sets: Sequence[str], is_quick: bool) -> list[Var
 def chain(start: CellConfig, end: CellConfig, sets: tuple[str, ...] = ()) -> list[Variant]:
     """Return the steps from `start`, the preset with `sets`, to `end`, one at a time; steps that change nothing are left out."""
     below, above = dict(_leaves(start)), dict(_leaves(end))
-    left = [key for key in above if key != "preset" and below.get(key) != above[key]]
+    left = [key for key in above if key not in ("preset", "paper.skills") and below.get(key) != above[key]]
+    printed = start.paper.skills
     taken: list[str] = [*sets]
     steps = [Variant(CHAIN, START, START, sets)]
     for name, heads in STEPS:
@@ -99,12 +98,13 @@ def chain(start: CellConfig, end: CellConfig, sets: tuple[str, ...] = ()) -> lis
         left = [key for key in left if key not in new]
         if name == ALL_DRAWN:
             taken = [each for each in taken if each not in ONE_BOARD]
-        if new:
+        kept = tuple(skill for skill in printed if skill not in heads or skill in end.paper.skills)
+        if new or kept != printed:
             taken += [f"{key}={json.dumps(above[key])}" for key in new]
-            text = name.format(
-                estimator=end.params(INSERT).estimator, path=end.params(SEARCH).path, retries=end.retries
-            )
+            taken += [f"paper.skills={json.dumps(kept)}"] if kept != printed else []
+            text = name.format(estimator=end.params(INSERT).estimator, retries=end.retries)
             steps.append(Variant(CHAIN, text, START, tuple(taken)))
+        printed = kept
     return steps
 
 

@@ -82,8 +82,6 @@ class Study:
         The one is that of a peg at rest, which is `fall` deep, the other that of a peg as deep as the dip threshold.
         """
         search, reach = searching(self.config), self.config.job().peg.part.reach
-        if not search.edge_leads:
-            return 0.0
         told, laid = (leading(reach, search.tilt, depth) for depth in (search.dip_threshold, search.fall))
         return told - laid
 

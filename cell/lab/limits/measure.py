@@ -23,9 +23,8 @@ from drivers.errors import CellError, ConfigError, FaultCode
 from drivers.frames import angle_between
 from drivers.quantities import ImpedanceSetpoint, Vector
 from sim.world import World
-from skills.catalogue import ADJUST, CATALOGUE, GRASP, INSERT, SEARCH
+from skills.catalogue import ADJUST, CATALOGUE, INSERT, SEARCH
 from skills.contract import Observation, Outcome, SkillContext
-from skills.handling import Sections, handling
 from skills.paths import Lanes
 from skills.search.course import leading
 from skills.search.params import SpraySearchParams
@@ -126,11 +125,7 @@ def row_from(data: dict[str, Any]) -> LimitsRow:
 
 def searching(config: CellConfig) -> SpraySearchParams:
     """Return the parameters with which a cell searches for its part."""
-    skills = config.skill_set()
-    sections = Sections(
-        skills[SEARCH], skills[INSERT], skills[ADJUST], skills.corner, skills.retries, skills[GRASP], 1.0
-    )
-    return handling(config.job().peg.part, sections).search
+    return config.handling().search
 
 
 @dataclass(slots=True)
@@ -157,7 +152,7 @@ class Tracer:
         self._world = world_of(cell)
         part = ctx.job.peg.part
         self._lean = np.array([math.cos(search.tilt_azimuth), math.sin(search.tilt_azimuth), 0.0])
-        self._ahead = leading(part.reach, search.tilt, search.fall) if search.edge_leads else 0.0
+        self._ahead = leading(part.reach, search.tilt, search.fall)
         self._radius = ctx.job.hole.part.inscribed / 2.0
         self._fast = 0 if search.fast_axis == "x" else 1
         self._stage, self._began = "", 0.0

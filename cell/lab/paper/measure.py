@@ -52,8 +52,8 @@ RUNGS: Mapping[str, Rungs] = {
 }
 QUICK: Mapping[str, Rungs] = {SEARCH: ((2, 1),), INSERT: ((1, 1),), ADJUST: ((1, 1),)}
 ENDED: Mapping[str, tuple[str, ...]] = {
-    SEARCH: ("insert.timeout=0.02",),
-    INSERT: ("adjust.timeout=0.02",),
+    SEARCH: ("paper.insert.timeout=0.02",),
+    INSERT: ("paper.adjust.timeout=0.02",),
     ADJUST: (),
 }
 """Keys that end a trial behind its stage."""

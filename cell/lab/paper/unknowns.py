@@ -25,11 +25,13 @@ class Unknown:
 
 
 UNKNOWNS: tuple[Unknown, ...] = (
-    Unknown("search.speed", SEARCH, 0.07, 0.1, 0.084, "published time over the area at passes of about a hole's width"),
-    Unknown("search.pitch", SEARCH, 0.8, 1.2, 1.18, "half a peg to the width over which a leaning peg falls in"),
-    Unknown("search.push_stiffness", SEARCH, 1100.0, 1700.0, 1170.0, "11 to 17 N at the printed offset of 10 mm"),
     Unknown(
-        "search.gains.translation",
+        "paper.search.speed", SEARCH, 0.07, 0.1, 0.084, "published time over the area at passes of about a hole's width"
+    ),
+    Unknown("paper.search.pitch", SEARCH, 0.8, 1.2, 1.18, "half a peg to the width over which a leaning peg falls in"),
+    Unknown("paper.search.push_stiffness", SEARCH, 1100.0, 1700.0, 1170.0, "11 to 17 N at the printed offset of 10 mm"),
+    Unknown(
+        "paper.search.gains.translation",
         SEARCH,
         500.0,
         1200.0,
@@ -37,7 +39,7 @@ UNKNOWNS: tuple[Unknown, ...] = (
         "an arm that follows its path, to one that does not fall into the hole",
     ),
     Unknown(
-        "search.event.threshold",
+        "paper.search.threshold",
         SEARCH,
         0.095,
         0.13,
@@ -56,27 +58,34 @@ UNKNOWNS: tuple[Unknown, ...] = (
         "[cyskin]: about 1 count on a quiet patch, 87 in the median of all; 20 000 are a touch",
         is_world=True,
     ),
-    Unknown("insert.gains.translation", INSERT, 400.0, 1500.0, 800.0, "soft enough for an end point that errs by 5 mm"),
     Unknown(
-        "insert.gains.rotation",
+        "paper.insert.gains.translation", INSERT, 400.0, 1500.0, 800.0, "soft enough for an end point that errs by 5 mm"
+    ),
+    Unknown(
+        "paper.insert.gains.rotation",
         INSERT,
         0.7,
         6.0,
         1.5,
         "a hand that friction stops at once to one that it stops at the end",
     ),
-    Unknown("insert.integral_gain", INSERT, 0.06, 0.15, 0.09, "a minute to some seconds to make up for friction"),
+    Unknown("paper.insert.integral_gain", INSERT, 0.06, 0.15, 0.09, "a minute to some seconds to make up for friction"),
     Unknown(
-        "adjust.gains.rotation",
+        "paper.adjust.gains.rotation",
         ADJUST,
         4.0,
         16.0,
         8.0,
         "a hand that friction holds still, to one that follows the spiral without a lag",
     ),
-    Unknown("adjust.push_stiffness", ADJUST, 600.0, 1500.0, 1000.0, "6 to 15 N"),
+    Unknown("paper.adjust.push_stiffness", ADJUST, 600.0, 1500.0, 1000.0, "6 to 15 N"),
     Unknown(
-        "adjust.turn_rate", ADJUST, 3.0, 10.0, 6.28, "turns of the spiral 0.8 to 2.6 mm apart, at its printed growth"
+        "paper.adjust.turn_rate",
+        ADJUST,
+        3.0,
+        10.0,
+        6.28,
+        "turns of the spiral 0.8 to 2.6 mm apart, at its printed growth",
     ),
 )
 """Figures that are searched. Joint friction, gravity, grip force and the like are drawn for each trial by `reality.scale=1`."""

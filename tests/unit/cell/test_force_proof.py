@@ -47,7 +47,7 @@ def proven(job, depth=0.02):
 
 def judge(job, proof, away=0.08, hand=WIDE, claim=Claim.INSERTED):
     plane = Plane(np.array(job.hole.centre), UP)
-    found = SpraySearchResult(Outcome.SUCCESS, Reason.NONE, 1.0, (0.0, 0.0, 0.0), (0.0, 0.0), 0, 0, plane)
+    found = SpraySearchResult(Outcome.SUCCESS, Reason.NONE, 1.0, (0.0, 0.0, 0.0), (0.0, 0.0), 0, plane)
     place = proof.seated_hand if proof.seated_hand is not None else np.array(job.hole.centre)
     look = LastLook(hand, place + away * UP, SwitchState.OPEN)
     records = [StageRecord("spray_search", found, 0.0, 1.0)]

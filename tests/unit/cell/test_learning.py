@@ -27,7 +27,7 @@ NOW = datetime(2026, 1, 2, tzinfo=UTC)
 def run_at(hole: tuple[float, float], *, is_seated: bool = True) -> list[StageRecord]:
     """Return the search of a run that found a hole."""
     found = SpraySearchResult(
-        Outcome.SUCCESS, Reason.NONE, 1.0, (*hole, 0.1), hole, 0, 1, None, edge=hole, seated=hole if is_seated else None
+        Outcome.SUCCESS, Reason.NONE, 1.0, (*hole, 0.1), hole, 1, None, edge=hole, seated=hole if is_seated else None
     )
     return [StageRecord("spray_search", found, 0.0, 1.0)]
 

@@ -32,7 +32,7 @@ def job(loaded):
 
 
 def found(plane):
-    result = SpraySearchResult(Outcome.SUCCESS, Reason.NONE, 1.0, NOWHERE, NOWHERE[:2], 0, 0, plane)
+    result = SpraySearchResult(Outcome.SUCCESS, Reason.NONE, 1.0, NOWHERE, NOWHERE[:2], 0, plane)
     return [StageRecord("spray_search", result, 0.0, 1.0)]
 
 

@@ -207,10 +207,10 @@ def test_a_peg_that_the_walls_have_caught_and_that_stands_is_between_them() -> N
 
 def test_a_search_with_a_corner_has_the_keys_of_its_section_and_otherwise_those_of_a_round_peg() -> None:
     corner = CELL.corner
-    stated = CELL.params(SEARCH).model_copy(update={"edge_leads": False, "fast_axis": "y", "tilt_azimuth": 0.0})
+    stated = CELL.params(SEARCH).model_copy(update={"fast_axis": "y", "tilt_azimuth": 0.0})
     search = corner.searching(stated)
     own = {key: getattr(corner, key) for key in ("tilt", "speed", "pitch", "dip_threshold", "lag", "fall")}
-    assert search == stated.model_copy(update={**own, "edge_leads": True, "fast_axis": "x"})
+    assert search == stated.model_copy(update={**own, "fast_axis": "x"})
     assert all(getattr(stated, key) != value for key, value in own.items())
 
 

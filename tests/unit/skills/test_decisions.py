@@ -13,7 +13,7 @@ from skills.motion import minimum_jerk, tilted_by
 from skills.seating import is_seated, require_short_of_bottom
 from skills.tactile.blend import Smoothing
 from skills.tactile.pose import NO_PEG, PegPose
-from skills.tactile_insert import MOST_LEAD, push_stiffness, turned, within_reach
+from skills.tactile_insert import turned
 
 JOB = load().cell.job()
 HOLE = JOB.hole
@@ -26,20 +26,6 @@ def pose(theta: float) -> PegPose:
 
 def tip_at(depth: float) -> np.ndarray:
     return np.array([0.0, 0.0, HOLE.centre[2] - depth])
-
-
-def test_the_push_grows_from_its_least_to_its_largest_as_the_peg_aligns() -> None:
-    assert push_stiffness(0.8, 0.8, 300.0, 1200.0) == pytest.approx(300.0)
-    assert push_stiffness(0.0, 0.8, 300.0, 1200.0) == pytest.approx(1200.0)
-    assert push_stiffness(0.4, 0.8, 300.0, 1200.0) == pytest.approx(600.0)
-
-
-@pytest.mark.parametrize("tilt", [0.2, 0.99 * MOST_LEAD, 1.3])
-def test_a_setpoint_that_is_upright_at_once_leads_the_peg_by_no_more_than_the_gate_allows(tilt: float) -> None:
-    axis, up = np.array([math.sin(tilt), 0.0, math.cos(tilt)]), np.array([0.0, 0.0, 1.0])
-    lead = min(tilt, MOST_LEAD)
-    np.testing.assert_allclose(within_reach(axis, up), [math.sin(tilt - lead), 0.0, math.cos(tilt - lead)], atol=1e-15)
-    assert turned(0.01, 0.0, 0.0) == (math.inf, 0.0)
 
 
 def test_the_closing_axis_lies_in_the_plane_of_the_tilt_and_across_the_peg() -> None:

@@ -40,6 +40,7 @@ def sections(cell=CELL, grip_share=1.0, force=None, inserting=60.0, **adjust):
         adjust=cell.params(ADJUST).model_copy(update=adjust),
         corner=corner.model_copy(update={"insert": brief}),
         retries=RETRIES,
+        paper=cell.paper,
         grasp=grasp if force is None else grasp.model_copy(update={"force": force}),
         grip_share=grip_share,
     )

@@ -12,7 +12,6 @@ from skills.search.course import make_course
 from skills.search.feel import FAINT, LATE, LIKELY, Evidence
 from skills.search.tour import GATE, Likely
 from skills.surface import SurfaceEstimate
-from skills.tactile.hole_event import HoleEvent
 
 CONFIG = load().cell
 JOB, PARAMS = CONFIG.job(), CONFIG.params(SEARCH)
@@ -43,7 +42,7 @@ def felt(
 
     The hand goes down by `with_hand` of what the edge does. The search has rested `in_vain` so many times.
     """
-    evidence = Evidence(PARAMS, SurfaceEstimate(), HoleEvent(PARAMS.event, PARAMS.timeout), PERIOD)
+    evidence = Evidence(PARAMS, SurfaceEstimate(), PERIOD)
     for _ in range(in_vain):
         evidence.doubt()
     place, deepest = 0.0, 0.0
@@ -98,7 +97,7 @@ def test_a_level_plate_is_no_evidence_where_the_hole_is_likely():
 
 def test_a_fall_under_way_does_not_take_the_estimate_with_it():
     """What is left below the full dip is the doubt about slopes that were never felt."""
-    evidence = Evidence(PARAMS, SurfaceEstimate(), HoleEvent(PARAMS.event, PARAMS.timeout), PERIOD)
+    evidence = Evidence(PARAMS, SurfaceEstimate(), PERIOD)
     for k in range(40):
         evidence.learn(np.array([0.0, 1e-3 * k, 0.0]), 1)
     before, _ = evidence.update(BLIND, np.array([0.0, 0.04, -5e-4]), 1)
@@ -114,7 +113,7 @@ def test_elsewhere_the_whole_threshold_counts():
     known = SurfaceEstimate()
     for k in range(400):
         known.learn(np.array([0.0, 1e-3 * (k % 60), 0.0]), 1)
-    evidence = Evidence(PARAMS, known, HoleEvent(PARAMS.event, PARAMS.timeout), PERIOD)
+    evidence = Evidence(PARAMS, known, PERIOD)
     edge = np.array([0.0, 0.03, -dip - 1e-4])
     assert [evidence.update(BLIND, edge, 1, is_likely)[1] for is_likely in (False, True)] == [False, True]
 
@@ -124,7 +123,7 @@ def test_where_a_corner_leads_the_whole_threshold_counts_everywhere():
     known = SurfaceEstimate()
     for k in range(400):
         known.learn(np.array([1e-3 * (k % 60), 0.0, 0.0]), 1)
-    evidence = Evidence(params, known, HoleEvent(params.event, params.timeout), PERIOD)
+    evidence = Evidence(params, known, PERIOD)
     for dip, is_told in ((0.75, False), (1.5, True)):
         edge = np.array([0.03, 0.0, -dip * params.dip_threshold])
         assert evidence.update(BLIND, edge, 1, is_likely=True)[1] is is_told

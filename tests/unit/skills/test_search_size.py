@@ -12,7 +12,6 @@ from skills.search.course import fastest
 from skills.search.feel import Evidence
 from skills.search.size import DIP, PUSH, STATED, THIN, firm, shallow
 from skills.surface import SurfaceEstimate
-from skills.tactile.hole_event import HoleEvent
 
 SEARCH_PARAMS = load().cell.params(SEARCH)
 SLIM = shallow(SEARCH_PARAMS, STATED / 2)
@@ -21,7 +20,7 @@ PERIOD = 0.01
 
 def evidence_of(dip: float, hand: float) -> bool:
     """Return whether it is evidence that a thin peg's end seems to dip by `dip`, m, and the hand to drop by `hand`, m, within a scan."""
-    evidence = Evidence(SLIM, SurfaceEstimate(), HoleEvent(SLIM.event, SLIM.timeout), PERIOD)
+    evidence = Evidence(SLIM, SurfaceEstimate(), PERIOD)
     for k in range(400):
         edge = np.array([0.0, 1e-3 * (k % 60), 0.0])
         evidence.update(seen(0.2), edge, 1)

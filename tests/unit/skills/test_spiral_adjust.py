@@ -113,10 +113,6 @@ def test_a_peg_is_let_down_the_more_gently_the_faster_the_hand_turns_and_as_ever
     assert 1.0 > slow.push > fast.push > 0.3
 
 
-def test_the_published_adjustment_knows_no_swing():
-    assert load(sets=["preset=paper"]).cell.params(ADJUST).swing_time == 0.0
-
-
 @pytest.mark.parametrize("preset", ["balanced", "fast", "careful"])
 def test_torques_that_act_as_late_as_a_careless_arms_bear_the_damping_of_a_swing(preset):
     # One mode of damping alone, v' = -r v, whose torque comes after T behind a low-pass of L, is stable up to
@@ -156,17 +152,16 @@ def test_a_peg_at_the_bottom_is_given_twice_the_time_of_one_that_stalls_above_it
     assert given_up_after(0.02 - short, 0.02, PARAMS) == times * PARAMS.stall_timeout
 
 
-@pytest.mark.parametrize("most_deep", [CLOSED_TOLERANCE, 0.009])
-def test_fingers_that_slide_down_the_peg_are_noticed_below_the_bottom(tmp_path, most_deep):
+def test_fingers_that_slide_down_the_peg_are_noticed_below_the_bottom(tmp_path):
     """The hand of the fakes sinks as it is told, as fingers do that slide; the switch stays open."""
     rig = Rig(load(), tmp_path)
     ctx = rig.cell.context(1)
     hole = ctx.job.hole
     rig.gripper.grip(30.0)
     rig.arm.tcp = Pose(np.array([*hole.centre[:2], hole.centre[2] + ctx.length]), HAND_DOWN)
-    ended = run(PARAMS.model_copy(update={"push_offset": 1e-3, "most_deep": most_deep}), ctx)
+    ended = run(PARAMS.model_copy(update={"push_offset": 1e-3}), ctx)
     assert (ended.outcome, ended.reason) == (Outcome.FAILURE, Reason.NOT_SEATED)
-    assert ended.depth == pytest.approx(hole.depth + most_deep, abs=2e-3)
+    assert ended.depth == pytest.approx(hole.depth + CLOSED_TOLERANCE, abs=2e-3)
 
 
 @pytest.mark.parametrize(("above", "goes_on"), [(-1e-3, True), (1e-3, False)])
@@ -182,16 +177,15 @@ def test_a_peg_that_hangs_above_the_plate_is_given_up_at_once(tmp_path, above, g
     assert (ended.elapsed > 0.4) == goes_on
 
 
-@pytest.mark.parametrize("feeds_forward", [True, False])
-def test_the_spiral_is_fed_forward_where_it_is_asked_for(tmp_path, feeds_forward):
+def test_the_spiral_is_fed_forward(tmp_path):
     """The hand of the fakes rests at the surface, so that the spiral goes on."""
     rig = Rig(load(), tmp_path)
     ctx = rig.cell.context(1)
     rig.gripper.grip(30.0)
     rig.arm.tcp = Pose(np.array([*ctx.job.hole.centre[:2], ctx.job.hole.centre[2] + ctx.length]), HAND_DOWN)
-    run(PARAMS.model_copy(update={"push_offset": 0.0, "timeout": 0.5, "feeds_forward": feeds_forward}), ctx)
+    run(PARAMS.model_copy(update={"push_offset": 0.0, "timeout": 0.5}), ctx)
     assert ctx.held is not None
-    assert (ctx.held.twist is not None) == feeds_forward
+    assert ctx.held.twist is not None
 
 
 def test_ways_down_of_earlier_attempts_are_handed_on_while_the_peg_is_held(tmp_path):
@@ -226,14 +220,12 @@ def test_the_next_tilt_sweep_begins_to_the_other_side_and_none_is_wider_than_the
     assert second.amplitude == -first.amplitude
 
 
-def test_a_tilt_sweep_lasts_as_long_as_the_recipe_says_and_the_published_adjustment_has_none():
+def test_a_tilt_sweep_lasts_as_long_as_the_recipe_says():
     sweep = swept(0.02)
     assert (sweep.is_on(1.0 + 0.99 * PARAMS.sweep_time, PARAMS), sweep.is_on(1.01 + PARAMS.sweep_time, PARAMS)) == (
         True,
         False,
     )
-    published = load(sets=["preset=paper"]).cell.params(ADJUST)
-    assert not sweep.is_on(1.0, published)
 
 
 def test_an_aim_that_is_kept_leaves_the_hand_as_it_is_turned():
@@ -373,7 +365,7 @@ def test_an_open_switch_at_the_bottom_disagrees_with_the_depth(bench):
 
 
 def test_fingers_that_slide_down_the_peg_are_counted_on_for_less(bench):
-    bench.way = at_depth(CELL.hole.depth + PARAMS.most_deep + 1e-5)
+    bench.way = at_depth(CELL.hole.depth + CLOSED_TOLERANCE + 1e-5)
     assert bench.adjust().elapsed == 0.0
     assert bench.ctx.grip_share == 0.5
 

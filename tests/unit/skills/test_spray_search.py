@@ -18,7 +18,6 @@ from skills.search.course import ANYWHERE, make_course
 from skills.search.tour import Likely
 from skills.spray_search import run
 from skills.surface import SurfaceEstimate
-from skills.tactile.hole_event import HoleEvent
 from tests.board import Board
 from tests.fakes import HAND_DOWN, PERIOD, Rig
 from tests.scripted import LIGHT
@@ -26,9 +25,6 @@ from tests.scripted import LIGHT
 LOADED = load(sets=["hole.area=[0.02, 0.02]", LIGHT])
 CELL, PARAMS = LOADED.cell, LOADED.cell.params(SEARCH)
 HOLE, RADIUS = np.array(CELL.hole.centre), CELL.hole.part.inscribed / 2
-
-SUDDEN = PARAMS.event.model_copy(update={"method": "derivative"})
-"""Detector that takes a print that vanishes for an event at once."""
 
 
 class Bench(Board):
@@ -40,9 +36,9 @@ class Bench(Board):
         frame = np.column_stack([-axis, np.cross(closing, -axis), closing])
         rig.arm.tcp = Pose(HOLE + 0.02 * UP + self.length * axis, frame)
 
-    def search(self, surface=None, detector=None, belief=ANYWHERE, **changes):
+    def search(self, surface=None, belief=ANYWHERE, **changes):
         """Run the search with these parameters beside the shipped ones."""
-        return run(PARAMS.model_copy(update={"timeout": 2.0, **changes}), self.ctx, surface, detector, belief)
+        return run(PARAMS.model_copy(update={"timeout": 2.0, **changes}), self.ctx, surface, belief)
 
     @property
     def free_moves(self):
@@ -64,7 +60,7 @@ def test_a_search_finds_the_hole_on_its_lanes_and_tells_where_and_how_long_it_to
     bench.free = np.array([3.0, -2.0, 5.0])
     bench.rig.arm.force = bench.free
     ended = bench.search(timeout=20.0)
-    assert (ended.outcome, ended.reason, ended.rests, ended.events) == (Outcome.SUCCESS, Reason.NONE, 1, 0)
+    assert (ended.outcome, ended.reason, ended.rests) == (Outcome.SUCCESS, Reason.NONE, 1)
     assert math.dist(ended.edge, hole) < 4.1e-3
     assert ended.tip == pytest.approx(tuple(bench.seen[-1].tip))
     lowest = bench.part.lowest(bench.seen[-1].tip, bench.seen[-1].axis, bench.seen[-1].arm.tcp.rotation[:, 2])
@@ -103,7 +99,7 @@ def test_a_peg_that_has_touched_the_plate_before_comes_down_from_lower(bench, is
 def test_a_search_without_a_hole_ends_at_its_time(bench):
     ended = bench.search()
     assert (ended.outcome, ended.reason, ended.elapsed) == (Outcome.FAILURE, Reason.NO_HOLE, 2.0)
-    assert (ended.rests, ended.events, ended.plane, ended.left) == (0, 0, None, None)
+    assert (ended.rests, ended.plane, ended.left) == (0, None, None)
     assert ended.tip == pytest.approx(tuple(bench.ctx.observe().tip))
     assert len(bench.progress) == round(2.0 / PERIOD)
     np.testing.assert_allclose(ended.start, bench.free_moves[0][-1].tip[:2], atol=1e-5)
@@ -129,7 +125,7 @@ def test_a_peg_that_does_not_come_out_of_the_hole_ends_the_search_before_it_begi
     assert ended.tip == pytest.approx((*HOLE[:2], HOLE[2] - 0.02))
     course = make_course(PARAMS, CELL.job(), bench.rig.cell.context(1).rng, is_length_known=False)
     assert ended.start == pytest.approx(tuple(course.first[:2]))
-    assert (ended.events, ended.rests, ended.plane) == (0, 0, None)
+    assert (ended.rests, ended.plane) == (0, None)
     assert not bench.free_moves
     np.testing.assert_array_equal(bench.commanded[0].stiffness, PARAMS.transfer.gains.stiffness())
 
@@ -216,7 +212,7 @@ def test_a_turned_peg_that_does_not_come_off_the_plate_ends_the_search(bench):
     assert ended.elapsed == pytest.approx(0.8 + LONGEST, abs=0.05)
     assert ended.tip == pytest.approx(tuple(bench.seen[-1].tip))
     np.testing.assert_allclose(ended.start, bench.free_moves[0][-1].tip[:2], atol=1e-5)
-    assert (ended.events, ended.rests, ended.plane) == (0, 0, None)
+    assert (ended.rests, ended.plane) == (0, None)
 
 
 def test_the_prior_of_a_job_is_searched_first_in_a_first_attempt_alone(tmp_path):
@@ -256,20 +252,6 @@ def test_a_plate_that_was_felt_before_keeps_its_slope(bench):
     bench.dig(0.0, 0.0)
     ended = bench.search(surface, timeout=20.0)
     np.testing.assert_allclose(ended.plane.normal[:2], [-0.02, 0.01], atol=2e-3)
-
-
-def test_an_event_of_the_given_detector_is_the_hole_where_no_fall_is_asked_for(bench):
-    event = HoleEvent(SUDDEN, 20.0)
-    bench.rig.at(2.5, lambda: setattr(bench.rig.skin, "shows_print", False))
-    ended = bench.search(detector=event, evidence="skin", fall=0.0, timeout=9.0)
-    assert (ended.outcome, ended.events, event.count) == (Outcome.SUCCESS, 1, 1)
-    assert 2.5 <= bench.rig.clock.now() < 2.7
-
-
-def test_events_of_the_skin_are_counted_where_they_stop_nothing(bench):
-    bench.rig.at(2.5, lambda: setattr(bench.rig.skin, "shows_print", False))
-    ended = bench.search(event=SUDDEN, timeout=4.0)
-    assert (ended.reason, ended.events) == (Reason.NO_HOLE, 1)
 
 
 def test_a_peg_that_the_hand_loses_ends_it_at_once_with_the_arm_halted(bench):

@@ -17,7 +17,6 @@ from skills.search.feel import Evidence
 from skills.search.phases import Detour, Sliding
 from skills.search.sweep import REST_DAMPING, STUCK_AFTER, STUCK_WITHIN, TRIMMED_BELOW, USUAL_TIME, Sweep
 from skills.surface import SurfaceEstimate
-from skills.tactile.hole_event import HoleEvent
 from tests.board import Board
 from tests.fakes import PERIOD, Rig
 from tests.scripted import LIGHT, SIDE
@@ -39,7 +38,7 @@ def sweeping(tmp_path):
         closing, axis = course.closing, course.axis
         frame = np.column_stack([-axis, np.cross(closing, -axis), closing])
         rig.arm.tcp = replace(rig.arm.tcp, position=course.first + ctx.length * axis, rotation=frame)
-        evidence = Evidence(params, SurfaceEstimate(), HoleEvent(params.event, params.timeout), ctx.scan_period)
+        evidence = Evidence(params, SurfaceEstimate(), ctx.scan_period)
         sweep = Sweep(params, ctx, course, evidence)
         return sweep, ctx.observe(), ctx
 
@@ -52,37 +51,17 @@ def turned(seen, theta, length):
     return replace(seen, peg=replace(seen.peg, theta=theta), tip=tip, axis=axis)
 
 
-@pytest.mark.parametrize(("keeps", "asked"), [("hand", 0.0), ("peg", TURN)])
-def test_the_hand_does_not_turn_after_a_peg_that_the_plate_turns(sweeping, keeps, asked):
-    sweep, seen, ctx = sweeping(keeps=keeps)
+def test_the_hand_does_not_turn_after_a_peg_that_the_plate_turns(sweeping):
+    sweep, seen, ctx = sweeping()
     seen = turned(seen, seen.peg.theta + TURN, ctx.length)
     sweep.finds(seen)
-    assert angle_between(sweep.setpoint(seen).axis, seen.axis) == pytest.approx(asked, abs=1e-6)
+    assert angle_between(sweep.setpoint(seen).axis, seen.axis) == pytest.approx(0.0, abs=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("keeps", "most", "angle", "is_turned"),
-    [
-        ("hand", 0.35, 0.34, False),
-        ("hand", 0.35, 0.36, True),
-        ("hand", 0.2, 0.21, True),
-        ("hand", 0.0, 1.2, False),
-        ("peg", 0.35, 1.0, False),
-    ],
-)
-def test_a_peg_that_has_turned_far_is_held_anew_unless_it_is_never_to_be(sweeping, keeps, most, angle, is_turned):
-    sweep, seen, ctx = sweeping(keeps=keeps, turned=most)
+@pytest.mark.parametrize(("most", "angle", "is_turned"), [(0.35, 0.34, False), (0.35, 0.36, True), (0.2, 0.21, True)])
+def test_a_peg_that_has_turned_far_is_held_anew(sweeping, most, angle, is_turned):
+    sweep, seen, ctx = sweeping(turned=most)
     assert sweep.is_turned(turned(seen, seen.peg.theta - angle, ctx.length)) is is_turned
-
-
-@pytest.mark.parametrize(("fall", "is_found"), [(0.0, True), (6e-4, False)])
-def test_evidence_is_the_hole_itself_where_no_fall_is_asked_for_however_high_the_tip_seems(
-    sweeping, monkeypatch, fall, is_found
-):
-    sweep, seen, _ = sweeping(fall=fall, rest=0.01)
-    monkeypatch.setattr(Evidence, "update", lambda *args: (-1e-3, True))
-    sweep._phase = Sliding(sweep._phase.detour)
-    assert sweep.finds(seen) is is_found
 
 
 def test_a_peg_that_is_held_anew_comes_down_where_it_was_and_the_hand_turns_after_it(sweeping):
@@ -97,7 +76,7 @@ def test_a_peg_that_is_held_anew_comes_down_where_it_was_and_the_hand_turns_afte
 
 @pytest.mark.parametrize(("lag", "rests"), [(0.99e-2, 0), (1.01e-2, 1)])
 def test_a_tip_that_a_wall_holds_back_stops_the_path(sweeping, lag, rests):
-    sweep, seen, _ = sweeping(lag=1e-2, run_up=0.0, touch_down=0.2)
+    sweep, seen, _ = sweeping(lag=1e-2, run_up=1e-6, touch_down=0.2)
     for elapsed in (0.0, 0.3):
         sweep.finds(replace(seen, elapsed=elapsed))
     way = sweep.setpoint(replace(seen, elapsed=0.3))
@@ -119,7 +98,7 @@ class Slide(Board):
         self.course = course = make_course(self.params, self.ctx.job, np.random.default_rng(1))
         frame = np.column_stack([-course.axis, np.cross(course.closing, -course.axis), course.closing])
         self.rig.arm.tcp = Pose(course.first + self.length * course.axis, frame)
-        evidence = Evidence(self.params, SurfaceEstimate(), HoleEvent(self.params.event, 9.0), PERIOD)
+        evidence = Evidence(self.params, SurfaceEstimate(), PERIOD)
         self.ctx.observe()
         self.sweep = Sweep(self.params, self.ctx, course, evidence)
         self.found = None
@@ -381,12 +360,6 @@ def test_a_length_beyond_the_bound_is_not_believed(slide, caplog):
     assert slide.sweep.touched[2] == pytest.approx(slide.level - 0.007 * slide.course.axis[2])
     assert "expected -4.9 mm above" in caplog.text
     assert "within 6.0 mm believed" in caplog.text
-
-
-def test_a_bound_of_nothing_leaves_the_length_unmeasured(slide):
-    slide.longer = 0.003
-    slide.slide(DOWN + 0.5, length_bound=0.0)
-    assert (slide.ctx.excess, slide.ctx.is_length_known, slide.sweep.touched) == (0.0, False, None)
 
 
 def test_a_plate_that_is_not_felt_tells_no_length(slide):

@@ -1,0 +1,51 @@
+"""The equations of [gibbons] that a skill computes, in its symbols; pure.
+
+Eq. (1), the image I of both fingers, is `skills.tactile.picture`. Eq. (2) and (3), T_f_p, v and x_p, are
+`drivers.frames`; the printed Eq. (2) is no rigid transform and is mended there. Eq. (5) and (6), e and tau, are the arm's
+law, `drivers.impedance`, which takes x_p*, v* and K from the setpoint; the printed Eq. (5) with -K e turns the peg away
+from v*, so the orientation error is (v* x v)·phi / |v* x v| there.
+"""
+
+import math
+
+import numpy as np
+
+from drivers.frames import angle_between, rotation_about
+from drivers.quantities import Vector
+
+MOST_LEAD = 0.9
+"""Largest angle between the peg and its setpoint, rad: the gate for setpoints refuses 1."""
+
+
+def x_star(x_h: Vector, surface: float, offset: float) -> Vector:
+    """Return the setpoint x_p* of the end point, shape (3,), m, base frame: Eq. (4).
+
+    Args:
+        x_h: Place of the hole, shape (3,), m, base frame.
+        surface: Height of the plate, m, base frame.
+        offset: Depth of the setpoint below it, m.
+    """
+    # Eq. (4): x_p* = [x_h,x  x_h,y  x*_p,z]^T
+    return np.array([x_h[0], x_h[1], surface - offset])
+
+
+def k_33(phi: float, phi_0: float, k_min: float, k_max: float) -> float:
+    """Return the stiffness along z, N/m: Eq. (7), at least K_min.
+
+    Args:
+        phi: Angle between v and v*, rad, >= 0.
+        phi_0: The same angle upon contact, rad.
+        k_min: K_min, N/m.
+        k_max: K_max, N/m.
+    """
+    # Eq. (7): [K]_33 = K_max exp(-a phi), a = -ln(K_min / K_max) / phi_0
+    return k_max * math.exp(math.log(k_min / k_max) * min(phi / max(phi_0, 1e-3), 1.0))
+
+
+def towards(v: Vector, v_star: Vector) -> Vector:
+    """Return v* itself, or, if v is further from it, the unit vector that lies `MOST_LEAD` from v towards v*, shape (3,)."""
+    if angle_between(v, v_star) <= MOST_LEAD:
+        return v_star
+    n = np.cross(v, v_star)
+    lead: Vector = rotation_about(n / np.linalg.norm(n), MOST_LEAD) @ v
+    return lead

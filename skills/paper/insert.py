@@ -1,0 +1,43 @@
+"""Turn the peg towards the plate's normal with its end in the hole: [gibbons], Sec. V.A, Eq. (4)-(7)."""
+
+from drivers.frames import UP, angle_between
+from drivers.quantities import ImpedanceSetpoint
+from skills.contract import Outcome, Reason, SkillContext
+from skills.motion import VALIDITY
+from skills.paper.equations import k_33, towards, x_star
+from skills.paper.params import PaperParams
+from skills.seating import is_seated
+from skills.tactile_insert import TactileInsertResult
+
+
+def run(paper: PaperParams, ctx: SkillContext) -> TactileInsertResult:
+    """Align the peg, whose end is in the hole, with v* = [0 0 1]^T until phi is small."""
+    params, hole, first, v_star = paper.insert, ctx.job.hole, ctx.observe(), UP
+    K, D = params.gains.stiffness(), params.gains.damping_ratios()
+    identity, roll = ctx.new_id(), first.arm.tcp.rotation[:, 2]
+    x_p_star = x_star(first.tip, hole.centre[2], paper.push_offset)
+    phi = phi_0 = angle_between(first.axis, v_star)
+    for seen in ctx.scan(params.timeout, holding=True):
+        # phi = arccos(v . v*); computed as atan2(|v x v*|, v . v*)
+        phi = angle_between(seen.axis, v_star)
+        if phi < params.aligned or is_seated(seen.switch, seen.tip, hole):
+            return TactileInsertResult(Outcome.SUCCESS, Reason.NONE, seen.running, phi_0, phi)
+        ctx.progress(1.0 - min(phi / phi_0, 1.0))
+        K[2] = k_33(phi, phi_0, *params.push_stiffness)
+        # Eq. (5): e = [x_p - x_p*; (v x v*) phi], mended in its order, and
+        # Eq. (6): tau = J_p^T (-K e - K_I int(e) - D J_p dq/dt), by the arm's law at 1 kHz
+        ctx.follow(
+            ImpedanceSetpoint(
+                id=identity,
+                tip=x_p_star,
+                axis=towards(seen.axis, v_star),
+                roll=roll,
+                stiffness=K.copy(),
+                damping_ratio=D,
+                valid_until=seen.stamp + VALIDITY,
+                in_hand=ctx.in_hand(),
+                integral_gain=params.integral_gain,
+                integral_limit=params.integral_limit,
+            )
+        )
+    return TactileInsertResult(Outcome.FAILURE, Reason.NOT_ALIGNED, params.timeout, phi_0, phi)

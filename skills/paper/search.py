@@ -1,0 +1,85 @@
+"""Follow a spray-paint path over the area until the skin feels a sudden change: [gibbons], Sec. IV."""
+
+import numpy as np
+
+from drivers.frames import rotation_about
+from drivers.quantities import ImpedanceSetpoint, Twist, Vector
+from skills.contract import Outcome, Reason, SkillContext
+from skills.motion import VALIDITY, Goal
+from skills.paper.equations import x_star
+from skills.paper.hole_event import HoleEvent
+from skills.paper.params import PaperParams
+from skills.paper.spray_paint import SprayPaint, spray_paint
+from skills.pull_out import LONGEST, approach
+from skills.search.params import SpraySearchParams
+from skills.spray_search import SpraySearchResult
+
+
+def run(paper: PaperParams, cell: SpraySearchParams, ctx: SkillContext) -> SpraySearchResult:
+    """Search from a random point x_0 of the area until the skin feels the hole.
+
+    Args:
+        paper: Parameters of the printed method.
+        cell: Parameters of the cell's search, of which the approach, the tilt and the timeout count.
+        ctx: The skill's context.
+    """
+    params, hole = paper.search, ctx.job.hole
+    gains, identity = params.gains, -1
+    K, D = gains.stiffness(), gains.damping_ratios()
+    K[2] = params.push_stiffness
+    path = path_from(ctx.rng.uniform(-np.array(hole.area) / 2, np.array(hole.area) / 2), paper, cell, ctx)
+    x_0 = np.array([*(hole.centre[:2] + path.at(0.0)[0]), hole.centre[2] + cell.height])
+    start, x_p = (float(x_0[0]), float(x_0[1])), x_0
+    v, closing = ctx.job.peg.part.leaning(cell.tilt_azimuth, cell.tilt)
+    if (stuck := approach(Goal(x_0, v, closing), cell.transfer, ctx)) is not None:
+        return _result(Outcome.FAILURE, Reason.NOT_SEATED, LONGEST, stuck, start)
+    identity, theta_0 = ctx.new_id(), ctx.in_hand().theta
+    event, along = HoleEvent(params.threshold, params.memory), 0.0
+    for seen in ctx.scan(cell.timeout, holding=True):
+        x_p, down = seen.tip, cell.descent * seen.elapsed / (cell.height + paper.push_offset)
+        # x_p*: down to an offset below the surface, then along the path.
+        point, velocity = path.at(along)
+        target = x_star(hole.centre[:2] + point, hole.centre[2], paper.push_offset)
+        if down < 1.0:
+            target[2] += (1.0 - down) * (cell.height + paper.push_offset)
+            velocity = np.zeros(2)
+        elif seen.is_new_frame and event.update(seen.frame):
+            # x_h = x_p at the instant of the detection.
+            return _result(Outcome.SUCCESS, Reason.NONE, seen.running, x_p, start)
+        else:
+            along += seen.step
+        ctx.progress(seen.running / cell.timeout)
+        # The hand is kept as it is: v* turns with the peg in the hand.
+        turned = rotation_about(seen.arm.tcp.rotation[:, 2], seen.peg.theta - theta_0)
+        ctx.follow(
+            ImpedanceSetpoint(
+                id=identity,
+                tip=target,
+                axis=turned @ v,
+                roll=closing,
+                stiffness=K,
+                damping_ratio=D,
+                valid_until=seen.stamp + VALIDITY,
+                in_hand=ctx.in_hand(),
+                twist=Twist(np.array([*velocity, 0.0]), np.zeros(3)),
+            )
+        )
+    return _result(Outcome.FAILURE, Reason.NO_HOLE, cell.timeout, x_p, start)
+
+
+def path_from(start: Vector, paper: PaperParams, cell: SpraySearchParams, ctx: SkillContext) -> SprayPaint:
+    """Return the path over the area from a point, shape (2,), m, from the middle of the area."""
+    hole = ctx.job.hole
+    half = (hole.area[0] / 2, hole.area[1] / 2)
+    pitch, fast = paper.search.pitch * hole.part.inscribed, 0 if cell.fast_axis == "x" else 1
+    return spray_paint(half, pitch, paper.search.speed, fast, (float(start[0]), float(start[1])))
+
+
+def _result(
+    outcome: Outcome, reason: Reason, elapsed: float, x_p: Vector, start: tuple[float, float]
+) -> SpraySearchResult:
+    x, y, z = (float(each) for each in x_p)
+    is_found = outcome is Outcome.SUCCESS
+    return SpraySearchResult(
+        outcome, reason, elapsed, (x, y, z), start, rests=int(is_found), plane=None, edge=(x, y) if is_found else None
+    )
