@@ -16,15 +16,17 @@ import os
 import re
 import shutil
 import tempfile
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from types import FunctionType
 
 import numba
 from numba import cfunc as cfunc
-from numba import njit as njit
 
 logger = logging.getLogger(__name__)
+
+njit = partial(numba.njit, error_model="numpy")
+"""Compiles a function; a division by zero gives infinity or NaN, as IEEE 754 has it, and no branch to an exception."""
 
 PROJECT = Path(__file__).parent.parent
 PACKAGES = "drivers", "sim", "skills"

@@ -161,7 +161,8 @@ def links(arm: Vector, q: Vector) -> tuple[Vector, Vector]:  # pragma: no cover
     Returns:
         Their axes as columns, z along the joint's axis, shape (7, 3, 3); their origins, shape (7, 3), m.
     """
-    R = np.eye(3)
+    R = np.zeros((3, 3))
+    R[0, 0] = R[1, 1] = R[2, 2] = 1.0
     o = np.zeros(3)
     rotations = np.empty((7, 3, 3))
     origins = np.empty((7, 3))
@@ -178,7 +179,7 @@ def links(arm: Vector, q: Vector) -> tuple[Vector, Vector]:  # pragma: no cover
     return rotations, origins
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def finger_of(arm: Vector, rotation: Vector, origin: Vector) -> tuple[Vector, Vector]:  # pragma: no cover
     """Return the finger frame that belongs to a frame of the last joint, base frame.
 
@@ -243,7 +244,7 @@ def solve(A: Vector, b: Vector) -> Vector:  # pragma: no cover
 
 
 @njit(cache=True)
-def torque(  # noqa: C901, PLR0915  the whole law at 1 kHz, compiled as one: a call between its parts would copy their arrays
+def torque(
     arm: Vector, words: Vector, state: Vector, q: Vector, dq: Vector, now: float, period: float
 ) -> Vector:  # pragma: no cover
     """Return the joint torques of one control step, within the arm's limits of torque and torque rate.
@@ -263,10 +264,29 @@ def torque(  # noqa: C901, PLR0915  the whole law at 1 kHz, compiled as one: a c
         Torques, shape (7,), N·m.
     """
     rotations, origins = links(arm, q)
-    if now > words[VALID_UNTIL]:
-        held = _held(arm, state, rotations, origins, q, dq, now)
-        tau: Vector = _bounded(arm, state, held, rotations, origins, dq, period, False)
-        return tau
+    is_valid = now <= words[VALID_UNTIL]
+    if is_valid:
+        wished = _steered(arm, words, state, rotations, origins, q, dq, now, period)
+    else:
+        wished = _held(arm, state, rotations, origins, q, dq, now)
+    is_free = is_valid and words[IS_FREE] > 0.0
+    tau: Vector = _bounded(arm, state, wished, rotations, origins, dq, period, is_free)
+    return tau
+
+
+@njit(cache=True, inline="always")
+def _steered(  # noqa: C901, PLR0915  one law, whose blocks share its arrays
+    arm: Vector,
+    words: Vector,
+    state: Vector,
+    rotations: Vector,
+    origins: Vector,
+    q: Vector,
+    dq: Vector,
+    now: float,
+    period: float,
+) -> Vector:  # pragma: no cover
+    """Return the torques of the law of Eq. (5)-(6), shape (7,), N·m, before they are bounded."""
     state[IS_HOLDING] = 0.0
     position, finger = finger_of(arm, rotations[6], origins[6])
     x, v = np.empty(3), np.empty(3)
@@ -361,11 +381,10 @@ def torque(  # noqa: C901, PLR0915  the whole law at 1 kHz, compiled as one: a c
             t += J[k, i] * wrench[k]
             rate += J[k, i] * wanted[k]
         wished[i] = t + learning.feed_forward(state[LEARNING:], i, rate)
-    bounded: Vector = _bounded(arm, state, wished, rotations, origins, dq, period, words[IS_FREE] > 0.0)
-    return bounded
+    return wished
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _held(
     arm: Vector, state: Vector, rotations: Vector, origins: Vector, q: Vector, dq: Vector, now: float
 ) -> Vector:  # pragma: no cover
@@ -397,7 +416,7 @@ def _held(
     return torques
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _bounded(
     arm: Vector,
     state: Vector,

@@ -66,7 +66,7 @@ def joint_inertia(masses: Vector, rotations: Vector, origins: Vector) -> Vector:
         words, R = masses[BODY * body : BODY * (body + 1)], rotations[body]
         for k in range(3):
             com[k] = origins[body, k] + R[k, 0] * words[1] + R[k, 1] * words[2] + R[k, 2] * words[3]
-        tensor = product(product(R, _tensor(words)), R.T)
+        tensor = congruence(R, _tensor(words))
         for i in range(body + 1):
             ax, ay, az = rotations[i, 0, 2], rotations[i, 1, 2], rotations[i, 2, 2]
             rx, ry, rz = com[0] - origins[i, 0], com[1] - origins[i, 1], com[2] - origins[i, 2]
@@ -82,21 +82,29 @@ def joint_inertia(masses: Vector, rotations: Vector, origins: Vector) -> Vector:
     return M
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _tensor(words: Vector) -> Vector:  # pragma: no cover
     """Return a body's inertia about its centre of mass, shape (3, 3), kg·m², from its words."""
     xx, yy, zz, xy, xz, yz = words[4], words[5], words[6], words[7], words[8], words[9]
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    tensor = np.empty((3, 3))
+    tensor[0, 0], tensor[0, 1], tensor[0, 2] = xx, xy, xz
+    tensor[1, 0], tensor[1, 1], tensor[1, 2] = xy, yy, yz
+    tensor[2, 0], tensor[2, 1], tensor[2, 2] = xz, yz, zz
+    return tensor
 
 
 @njit(cache=True)
-def product(A: Vector, B: Vector) -> Vector:  # pragma: no cover
-    """Return the product of two matrices; the compiler's own would need a library of linear algebra."""
-    C = np.zeros((A.shape[0], B.shape[1]))
-    for i in range(A.shape[0]):
-        for j in range(B.shape[1]):
-            for k in range(B.shape[0]):
-                C[i, j] += A[i, k] * B[k, j]
+def congruence(A: Vector, B: Vector) -> Vector:  # pragma: no cover
+    """Return A B Aᵀ, shape (m, m), of A, shape (m, n), and B, shape (n, n); the compiler's own product needs another library."""
+    m, n = A.shape
+    AB, C = np.zeros((m, n)), np.zeros((m, m))
+    for i in range(m):
+        for j in range(n):
+            for k in range(n):
+                AB[i, j] += A[i, k] * B[k, j]
+        for j in range(m):
+            for k in range(n):
+                C[i, j] += AB[i, k] * A[j, k]
     return C
 
 
@@ -119,7 +127,7 @@ def inverse(A: Vector) -> Vector:  # pragma: no cover
     return B
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def geometric_mean(A: Vector, B: Vector) -> Vector:  # pragma: no cover
     """Return the geometric mean of two symmetric positive definite matrices, each shape (n, n).
 
@@ -129,18 +137,24 @@ def geometric_mean(A: Vector, B: Vector) -> Vector:  # pragma: no cover
     high, low = A.copy(), B.copy()
     for _ in range(ROUNDS):
         a, b = inverse(high), inverse(low)
-        high = 0.5 * (high + low)
-        low = inverse(0.5 * (a + b))
+        for i in range(n):
+            for j in range(n):
+                high[i, j] = 0.5 * (high[i, j] + low[i, j])
+                a[i, j] = 0.5 * (a[i, j] + b[i, j])
+        low = inverse(a)
         apart = 0.0
         for i in range(n):
             apart = max(apart, abs(high[i, i] - low[i, i]) / high[i, i])
         if apart < ALIKE:
             break
-    mean = 0.5 * (high + low)
-    return 0.5 * (mean + mean.T)
+    mean = np.empty((n, n))
+    for i in range(n):
+        for j in range(n):
+            mean[i, j] = 0.5 * (0.5 * (high[i, j] + low[i, j]) + 0.5 * (high[j, i] + low[j, i]))
+    return mean
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def inertia_at(M: Vector, J: Vector) -> Vector:  # pragma: no cover
     """Return the inertia of the arm as seen at a point of the hand, (J M⁻¹ Jᵀ)⁻¹, shape (6, 6), base frame: kg, kg·m and kg·m².
 
@@ -148,7 +162,7 @@ def inertia_at(M: Vector, J: Vector) -> Vector:  # pragma: no cover
         M: Mass matrix, shape (7, 7), kg·m².
         J: Jacobian of the point, shape (6, 7), base frame.
     """
-    mobility = product(product(J, inverse(M)), J.T)
+    mobility = congruence(J, inverse(M))
     for k in range(mobility.shape[0]):
         # An outstretched arm cannot move along every direction; the added mobility keeps its inertia finite there.
         mobility[k, k] += LEAST_MOBILITY
@@ -156,7 +170,7 @@ def inertia_at(M: Vector, J: Vector) -> Vector:  # pragma: no cover
     return L
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def critical_damping(L: Vector, stiffness: Vector) -> Vector:  # pragma: no cover
     """Return the damping with which every mode of an inertia on springs is critically damped, shape (6, 6).
 
@@ -172,8 +186,14 @@ def critical_damping(L: Vector, stiffness: Vector) -> Vector:  # pragma: no cove
     for k in range(6):
         K[k, k] = max(stiffness[k], SLACK)
         scale += math.log(K[k, k] / L[k, k]) / 6.0
-    # L is scaled by s to the size of K, so that the iteration needs few rounds; the mean of s L and K is sqrt(s) (L #
-    # K).
+    # L is scaled by s to the size of K, so that the iteration needs few rounds; the mean of s L and K is sqrt(s) (L # K).
     scale = math.exp(scale)
-    D: Vector = 2.0 / math.sqrt(scale) * geometric_mean(scale * L, K)
+    scaled = np.empty((6, 6))
+    for k in range(6):
+        for j in range(6):
+            scaled[k, j] = scale * L[k, j]
+    D: Vector = geometric_mean(scaled, K)
+    for k in range(6):
+        for j in range(6):
+            D[k, j] *= 2.0 / math.sqrt(scale)
     return D

@@ -94,7 +94,7 @@ def unexplained(state: Vector) -> Vector:
     return observed
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def observe(state: Vector, M: Vector, dq: Vector, period: float, is_free: bool) -> None:  # pragma: no cover
     """Update the observer by the torques commanded since the last update, and learn where the hand moves freely.
 
@@ -126,7 +126,7 @@ def observe(state: Vector, M: Vector, dq: Vector, period: float, is_free: bool) 
     state[COUNT], state[IS_BEGUN] = 0.0, 1.0
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _learn(state: Vector, joint: int, explains: Vector, disturbance: float, period: float) -> None:  # pragma: no cover
     """Update a joint's figures by one disturbance: recursive least squares with forgetting."""
     known = state[LEARNT + FIGURES * joint : LEARNT + FIGURES * (joint + 1)]
@@ -166,7 +166,7 @@ def feed_forward(state: Vector, joint: int, wanted: float) -> float:  # pragma: 
     return torque
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def sure_rotor(state: Vector, joint: int) -> float:  # pragma: no cover
     """Return the rotor inertia beyond the model's that a joint has shown for sure, one standard deviation less than learnt, kg·m².
 
