@@ -14,7 +14,7 @@ from tests.pages import PAGES, REASONS, ROOT, Block, blocks, without_blocks
 LINK = re.compile(r"(?<!\\)\[[^\]]*\]\(([^)\s]+)\)|^\[[^\]]+\]: (\S+)", re.M)
 FILE = re.compile(r"`([\w./-]+/[\w.-]+\.(?:py|toml|md|png|hex|c))`")
 COMMAND = re.compile(r"`(?:\.venv/bin/)?cell ([a-z]+)")
-README_WORDS = 900
+README_WORDS = 700
 
 
 @cache
