@@ -58,7 +58,9 @@ def page(results: dict[str, Any]) -> str:
         parts.append(f"## {section['title']}\n")
         if "text" in section:
             parts.append(section["text"].strip() + "\n")
-        parts.append("| claim | n | successes | interval | figures | command | commit |\n| --- | --- | --- | --- | --- | --- | --- |")
+        parts.append(
+            "| claim | n | successes | interval | figures | command | commit |\n| --- | --- | --- | --- | --- | --- | --- |"
+        )
         parts.append("\n".join(_row(claim) for claim in section["claim"]) + "\n")
     parts.append("## Charts\n")
     parts += [_picture(picture) for picture in results["picture"] if "shows" in picture]
