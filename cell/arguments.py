@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 from cell.nearest import did_you_mean
 from cell.terminal import complain
-from drivers.errors import ConfigError
+from drivers.errors import ConfigError, FaultCode
 
 if TYPE_CHECKING:
     from cell.cell_config import JournalConfig
@@ -126,6 +126,8 @@ def query_of(args: argparse.Namespace) -> "RunQuery":
 
     if args.outcome is not None:
         require_known("--outcome", args.outcome, OUTCOMES)
+    if args.fault is not None:
+        require_known("--fault", str(args.fault), [str(int(code)) for code in FaultCode if code])
     since = since_text(args.since, wall_clock.now()) if args.since else ""
     return RunQuery(since, args.outcome, args.fault, args.part, args.program, args.recipe)
 

@@ -143,11 +143,11 @@ class CellConfig(Catalogued):
     scan_rate: Annotated[float, Field(ge=10.0, le=1000.0)]
     """Rate of the scan, in which a skill senses and decides once, Hz. Source: chosen, not measured."""
     retries: Annotated[int, Field(ge=0, le=10)]
-    """Number of times that `insert_peg` searches anew when the peg turns out not to be in the hole. Source: decision 0021."""
+    """Number of times that `insert_peg` searches anew when the peg turns out not to be in the hole. Source: docs/tried/insertion.md."""
     scan: ScanLimits = ScanLimits()
-    """How late the scan may come. Source: decision 0054."""
+    """How late the scan may come. Source: decision 0015."""
     wrench: WrenchConfig = WrenchConfig()
-    """What may be believed of the external wrench that the arm estimates. Source: decision 0058."""
+    """What may be believed of the external wrench that the arm estimates. Source: docs/tried/search.md."""
     limits: Limits
     """Force and workspace that end a skill at once."""
     peg: Peg

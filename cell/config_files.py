@@ -5,11 +5,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import config as shipped
 from drivers.errors import ConfigError
 
-SHIPPED = Path(shipped.__file__).parent
-"""Folder of the configs that come with the program."""
+_HERE = Path(__file__).parent
+SHIPPED = next(place for place in (_HERE / "shipped", _HERE.parent / "config") if (place / "sim.toml").is_file())
+"""Folder of the configs that come with the program: data of the installed package, or the folder `config` of a checkout."""
 DEFAULT = SHIPPED / "sim.toml"
 """The simulated cell, which every command takes where no other is named."""
 ERRORS_FILE = "reality.toml"

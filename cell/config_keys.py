@@ -2,7 +2,7 @@
 
 Everything derives from the models: the docstring of a key is its meaning, and its first clause ends in the unit, as in
 "Peak speed of the tip, m/s; 0.1 in [gibbons].". A pure number says what it is instead: "fraction", "ratio", "count".
-The last sentence says where the figure comes from, as in "Source: decision 0030; measured by `cell trials`.". A key
+The last sentence says where the figure comes from, as in "Source: docs/tried/search.md; measured by `cell trials`.". A key
 without one has the source of its section, which stands in the section's docstring or in that of its model.
 """
 

@@ -12,7 +12,7 @@ from cell.journal_schema import ConfigRow, EventRow, RunRow, StageRow
 from cell.journal_told import Told, told_columns
 from cell.provenance import versions
 from cell.run_query import RunQuery
-from drivers.errors import JournalError
+from drivers.errors import JournalError, UnknownRunError
 
 if TYPE_CHECKING:
     from cell.journal_upkeep import Keep
@@ -161,13 +161,13 @@ class Journal:
         """Return one run.
 
         Raises:
-            JournalError: The run is not on record.
+            UnknownRunError: The run is not on record.
         """
         found = self._reading().rows(RunRow, "WHERE run = ?", [run])
         if not found:
             last = self.last_run()
             known = f"1 to {last} are on record" if last else "no runs are on record yet"
-            raise JournalError(f"run {run}: not in {self.folder / INDEX}; {known}")
+            raise UnknownRunError(f"run {run}: not in {self.folder / INDEX}; {known}")
         return found[0]
 
     def last_run(self) -> int:

@@ -4,13 +4,12 @@ import platform
 import re
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, metadata, requires, version
-from pathlib import Path
 from textwrap import TextWrapper
 
-import config as shipped
+from cell.config_files import SHIPPED
 
 PROGRAM = "tactile-insertion-cell"
-PINS = Path(shipped.__file__).parent / "constraints.txt"
+PINS = SHIPPED / "constraints.txt"
 """File of the pinned versions of the repository, which the wheel carries as well."""
 
 

@@ -1,7 +1,8 @@
 """A report of the line and a run on record in words, as terminals show them; nothing is printed here."""
 
 import json
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 
 from rich.table import Table
@@ -9,6 +10,7 @@ from rich.table import Table
 from cell.journal_schema import RunRow, StageRow
 from cell.part_state import READY, REMEDIES, in_words
 from cell.states import BEFORE_RESET, State
+from cell.wall_clock import local
 from drivers.errors import FAULTS, FaultCode
 from plc_bridge.images import Diagnostics, ReportImage
 from plc_bridge.messages import LeaseState, PartEvidence, PartPlace, Refusal, Result
@@ -60,30 +62,60 @@ def line(image: ReportImage, counts: Diagnostics) -> str:
     return " ".join(f"{key}={value}" for key, value in (*told.items(), *asdict(counts).items()))
 
 
+LABELS: Mapping[str, tuple[str, str, float]] = {
+    "cycle_time": ("cycle time", "s", 1.0),
+    "peak_force": ("largest force", "N", 1.0),
+    "deepest": ("largest depth", "mm", 1e3),
+    "theta": ("theta", "degrees", math.degrees(1.0)),
+    "sigma": ("standard deviation", "degrees", math.degrees(1.0)),
+    "length": ("peg beyond the fingers", "mm", 1e3),
+    "is_simulated": ("simulated", "", 1.0),
+    "config_hash": ("config", "", 1.0),
+    "source": ("requested by", "", 1.0),
+    "samples": ("scans recorded", "", 1.0),
+    "part": ("peg", "", 1.0),
+    "part_evidence": ("evidence", "", 1.0),
+}
+"""Label, unit and factor of what a record shows in other words than its name."""
+
+
 def run(row: RunRow, stages: Sequence[StageRow] = ()) -> Table:
-    """Return the whole record of one run in words, and what the skills of its stages said."""
+    """Return the record of one run in words, with units, and the results of its stages; what is not on record is left out."""
     table = Table(show_header=False)
     for name in RunRow.__slots__:
-        value = getattr(row, name)
-        if name == "stage_times":
-            value = ", ".join(f"{stage} {time:.2f} s" for stage, time in json.loads(value))
-        elif name == "versions":
-            value = ", ".join(f"{package} {version}" for package, version in json.loads(value).items())
-        elif name == "part" and value:
-            value = f"{value}: {REMEDIES[PartPlace[value.upper()]]}"
-        table.add_row(name, str(value))
+        if text := _shown(name, getattr(row, name)):
+            label, unit, _ = LABELS.get(name, (name.replace("_", " "), "", 1.0))
+            table.add_row(label, f"{text} {unit}".rstrip())
+    if row.fault in set(FaultCode) and row.fault:
+        fault = FAULTS[FaultCode(row.fault)]
+        table.add_row("meaning", fault.meaning)
+        table.add_row("remedy", fault.remedy)
     for stage in stages:
-        told = {
-            name: value for name, value in json.loads(stage.facts).items() if not isinstance(value, dict | type(None))
-        }
-        facts = ", ".join(f"{name} {_short(value)}" for name, value in told.items())
-        if facts:
-            table.add_row(stage.name, facts)
+        found = {name: value for name, value in json.loads(stage.facts).items() if not isinstance(value, dict | None)}
+        if found:
+            table.add_row(stage.name, ", ".join(f"{name} {_short(value)}" for name, value in found.items()))
     return table
 
 
+def _shown(name: str, value: object) -> str:
+    """Return a field of a run in words; empty if it is not on record or says nothing."""
+    if value is None or value in ("", "{}", "[]") or (name in ("fault", "recipe", "sequence") and value == 0):
+        return ""
+    if name in ("started", "ended"):
+        return local(str(value))
+    if name == "stage_times":
+        return ", ".join(f"{stage} {time:.3g} s" for stage, time in json.loads(str(value)))
+    if name in ("versions", "parameters"):
+        return ", ".join(f"{key} {_short(each)}" for key, each in json.loads(str(value)).items())
+    if name == "part":
+        return f"{str(value).replace('_', ' ')}: {REMEDIES[PartPlace[str(value).upper()]]}"
+    if name == "is_simulated":
+        return "yes" if value else "no"
+    return _short(value * LABELS[name][2]) if isinstance(value, float) and name in LABELS else str(value)
+
+
 def _short(value: object) -> str:
-    """Return a fact of a result in few digits."""
+    """Return a fact in three significant digits."""
     if isinstance(value, list):
         return f"({', '.join(_short(each) for each in value)})"
-    return f"{value:.5g}" if isinstance(value, float) else str(value)
+    return f"{value:.3g}" if isinstance(value, float) else str(value)

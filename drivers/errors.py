@@ -302,3 +302,7 @@ class JournalError(CellError):
     """The run's record cannot be written or read."""
 
     code = FaultCode.JOURNAL
+
+
+class UnknownRunError(ConfigError, JournalError):
+    """A command names a run that is not on record: wrong use, not a fault of the journal."""

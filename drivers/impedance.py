@@ -46,9 +46,9 @@ NULL_DAMPING = 3.0
 
 HOLD_RATE = 25.0
 """Rate of every mode of an arm that holds still, rad/s, each critically damped; while it is halted anew it loses its momentum at twice
-this rate. Source: `cell.torque_path`, which says how much an arm bears, and decision 0087."""
+this rate. Source: `cell.torque_path`, which says how much an arm bears, and decision 0014."""
 ROTOR_RANGE = 5.0
-"""Largest ratio of the rotor inertia that an arm holds still with, once learnt, to the least that may show. Source: decision 0087."""
+"""Largest ratio of the rotor inertia that an arm holds still with, once learnt, to the least that may show. Source: decision 0014."""
 
 MASSES = 45
 MOST_LEARNT = MASSES + dynamics.WORDS

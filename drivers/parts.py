@@ -59,7 +59,7 @@ class Peg(ConfigModel):
 class HolePrior(ConfigModel):
     """Where in its area the hole is likely: a normal distribution, its axes those of the base frame.
 
-    Source: set for each part, or learnt as decision 0047 says.
+    Source: set for each part, or learnt as decision 0025 says.
     """
 
     mean: tuple[Coordinate, Coordinate]
@@ -113,7 +113,7 @@ class Hole(ConfigModel):
     """Depth of the tip below the surface at which the peg is seated and the switch closes, m. Source: set for each part."""
     yaw: Annotated[float, Field(ge=0.0, le=math.pi / 4)] = math.radians(10.0)
     """Largest angle by which the hole's sides are turned from the base frame's x and y, rad; a round hole has none.
-    Source: assumed; decision 0026.
+    Source: assumed; docs/tried/corners.md.
     """
     evidence: Literal["switch", "force"] = "switch"
     """Evidence of a seated part: the switch under the hole, or force against depth, which needs `hole.latch`. Source: set for each part."""

@@ -180,14 +180,14 @@ class ModelConfig(ConfigModel):
     """Time constant of the contacts, multiple of the time step. Source: measured by `cell study contact`."""
     contact_time: Annotated[float, Field(ge=0.0, le=0.1)] = 1e-3
     """Least time constant of the contacts, s; that of the shipped step near the hole, so that under a finer step they stay
-    as soft, and forces as they are. Source: decision 0062.
+    as soft, and forces as they are. Source: decision 0002.
     """
     stiffness: Annotated[float, Field(ge=1e2, le=1e10)] | None = None
     """Stiffness of the contacts instead of their time constant, with critical damping, 1/s²; force by penetration and
     effective mass. Source: set for each trial.
     """
     long_steps: bool = True
-    """Whether steps are twice as long while nothing can touch the hole. Source: decision 0011; measured by `cell study contact`."""
+    """Whether steps are twice as long while nothing can touch the hole. Source: decision 0004; measured by `cell study contact`."""
     arm: Literal["full", "inertia"] = "full"
     """Model of the arm; `full` is the whole arm, `inertia` an inertia at the tool that the law moves, without the
     friction of joints. Source: measured by `cell study contact`.
@@ -275,7 +275,7 @@ class PlateConfig(ConfigModel):
 class DescribedArmConfig(ConfigModel):
     """[sim.described]: an arm that other people described, in place of the one that the cell believes in.
 
-    Source: set for each trial; decision 0078.
+    Source: set for each trial; decision 0006.
     """
 
     file: FilePath
@@ -299,7 +299,7 @@ class SimConfig(ConfigModel):
     """The simulated world."""
 
     timestep: Annotated[float, Field(ge=5e-5, le=1e-3)]
-    """Time step of the physics, s; the arm's control period must be a multiple of it. Source: decision 0027; measured by `cell study contact`."""
+    """Time step of the physics, s; the arm's control period must be a multiple of it. Source: decision 0002; measured by `cell study contact`."""
     pace: Annotated[float, Field(gt=0.0, le=100.0)] | Literal["max"] = 1.0
     """Pace of the cell's clock, multiple of real time; "max" is as fast as it goes. Source: set for each command."""
     seed: Annotated[int, Field(ge=0)] = 0

@@ -70,7 +70,7 @@ surfaces.
 """
 DEEPEST = 1e-3
 """Depth in the plate or in the wall of its bore beyond which a point makes no contact, m: it came in from the plate's side, which is not
-modelled, or through the plate. Such a penetration makes a trial void; pushed out at once, it would throw the arm (decision 0103).
+modelled, or through the plate. Such a penetration makes a trial void; pushed out at once, it would throw the arm (decision 0002).
 """
 ENDLESS = (0.0, 0.0, 0.1, 0.1)
 """Outline of a plate that ends out of reach: its middle and half its extents along x and y, m, plate frame."""

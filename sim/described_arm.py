@@ -2,7 +2,7 @@
 
 A description is a URDF or MJCF file. MuJoCo reads and compiles it; shapes, actuators and whatever lies behind the flange are left
 out, since hand, pads and contacts stay those of the cell. What a description does not say stays as drawn: noise, the torque
-path, and rotors where it has none. Decision 0078 says what is taken from where.
+path, and rotors where it has none. Decision 0006 says what is taken from where.
 """
 
 import hashlib

@@ -309,13 +309,6 @@ def read(path: Path) -> Reality:
     return Reality({name: errors[name] for name in KINDS})
 
 
-def read_shipped() -> Reality:
-    """Return the errors of the file that comes with the program."""
-    import config
-
-    return read(Path(config.__file__).with_name("reality.toml"))
-
-
 def recorded(drawn: Drawn) -> dict[str, str]:
     """Return the part of a draw that a trial's row records: by name, values parted by spaces; taxels follow from the seed."""
     return {

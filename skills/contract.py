@@ -142,7 +142,7 @@ class Interrupted(Exception):  # noqa: N818  a way to end, not an error
 
 LONGEST_BLIND = 0.7
 """Longest time for which a skill that holds a peg goes on without a new healthy frame, s: with what it takes to stand, the arm
-rests within a second of the last one. Source: decision 0063.
+rests within a second of the last one. Source: decision 0021.
 """
 LATEST_STATE = 0.1
 """Largest age of the arm's state, s; a device that repeats an old state counts as silent."""

@@ -14,7 +14,7 @@ from skills.search.params import SpraySearchParams
 class CornerParams(ConfigModel):
     """How a peg with corners is handled; keys that are not given here are those of the round peg's skills.
 
-    Source: chosen, not measured; reason in decision 0026.
+    Source: chosen, not measured; reason in docs/tried/corners.md.
     """
 
     tilt: Annotated[float, Field(gt=0.0, lt=1.4)]
@@ -27,13 +27,13 @@ class CornerParams(ConfigModel):
     """Largest distance between neighbouring passes, multiple of the hole's shorter side."""
     dip_threshold: PositiveFloat
     """Dip threshold of the corner below the surface estimate that is evidence of an edge, m; larger than a round peg's
-    because an error of theta shows as height. Source: decision 0026.
+    because an error of theta shows as height. Source: docs/tried/corners.md.
     """
     lag: PositiveFloat
-    """Lag of the corner behind its setpoint along a pass that is evidence of an edge as well, m. Source: decision 0073."""
+    """Lag of the corner behind its setpoint along a pass that is evidence of an edge as well, m. Source: docs/tried/corners.md."""
     fall: PositiveFloat
     """Depth below the surface at which the resting corner is in the hole, m; an error of theta shows as height. Source:
-    decision 0026.
+    docs/tried/corners.md.
     """
     blend: Annotated[float, Field(gt=0.0, le=1.0)]
     """Weight of a new frame in the running estimate of theta, fraction; it replaces `smoothing.blend` because an error

@@ -25,17 +25,17 @@ TURNED = 0.2
 """Turn of the peg in the hand beyond which its tip does not move as the hand does, rad; several times the noise of theta."""
 
 STRAYED_FOR = 0.15
-"""Time for which the tip has to have strayed, s: some frames of the skin. Source: decision 0095."""
+"""Time for which the tip has to have strayed, s: some frames of the skin. Source: docs/tried/corners.md."""
 SINKS = 0.25
-"""Share of `caught` by which a peg that still goes in sinks within `STANDS_FOR`, fraction. Source: decision 0095."""
+"""Share of `caught` by which a peg that still goes in sinks within `STANDS_FOR`, fraction. Source: docs/tried/corners.md."""
 STANDS_FOR = 0.8
-"""Time after which a peg that the walls have caught stands, s; the next skill frees it, for it reads theta anew. Source: decision 0095."""
+"""Time after which a peg that the walls have caught stands, s; the next skill frees it, for it reads theta anew. Source: docs/tried/corners.md."""
 
 
 class CornerAdjustParams(SkillParams):
     """How to bring a peg with corners between the walls of its hole. The skill uses no tactile measurements.
 
-    Source: chosen, not measured; reason in decision 0073.
+    Source: chosen, not measured; reason in docs/tried/corners.md.
     """
 
     gains: Gains

@@ -25,7 +25,7 @@ from skills.surface import Plane, nominal
 class CornerInsertParams(SkillParams):
     """How to raise and turn the peg.
 
-    Source: chosen, not measured; reason in decision 0026.
+    Source: chosen, not measured; reason in docs/tried/corners.md.
     """
 
     gains: Gains
@@ -34,7 +34,7 @@ class CornerInsertParams(SkillParams):
     """Stiffness along z, which makes the push, N/m."""
     push_back: Annotated[float, Field(gt=0.0, le=1.0)]
     """Share of the push that is kept while the peg is raised, fraction; under the full push a peg that is raised in the
-    hole turns in the hand, under too small a one the push ahead lifts its corner over the edge. Source: decision 0073.
+    hole turns in the hand, under too small a one the push ahead lifts its corner over the edge. Source: docs/tried/corners.md.
     """
     push_offset: NonNegativeFloat
     """Depth of the tip's setpoint below the tip, m."""
@@ -43,10 +43,10 @@ class CornerInsertParams(SkillParams):
     the hole's own. A push across the closing axis turns the peg in the hand.
     """
     tilt: Annotated[float, Field(gt=0.0, lt=0.4)]
-    """Tilt to which the peg is raised, rad. Source: decision 0026."""
+    """Tilt to which the peg is raised, rad. Source: docs/tried/corners.md."""
     follow_rate: PositiveFloat = 2.0
     """Rate at which the hand turns after a peg that has turned in it, 1/s; where walls hold the tip, a hand that turned after it at once would
-    only turn in its pads. Source: decision 0070.
+    only turn in its pads. Source: docs/tried/search.md.
     """
     integral_gain: NonNegativeFloat
     """Integral gain on orientation, N·m/(rad·s); K_I of [gibbons], Eq. (6)."""
@@ -58,11 +58,11 @@ class CornerInsertParams(SkillParams):
     """Rate at which the setpoint of the axis is raised, rad/s."""
     raise_stop: NonNegativeFloat = 0.3
     """Time in which the setpoint of the raised axis comes to a stand, s; where it stops at once the hand's inertia draws the corner back along the
-    closing axis by 2 mm. Source: decision 0095.
+    closing axis by 2 mm. Source: docs/tried/corners.md.
     """
     press: NonNegativeFloat = 0.003
     """Distance of the tip's setpoint ahead of the tip along the closing axis once the peg is raised, m; it has to exceed what friction of joints and
-    plate holds. The pads stand square to it. Source: decision 0095.
+    plate holds. The pads stand square to it. Source: docs/tried/corners.md.
     """
     turn_rate: PositiveFloat
     """Rate of the yaw sweep's setpoint about the normal, rad/s; slow enough for the peg to sink while it is turned as
@@ -92,7 +92,7 @@ class CornerInsertParams(SkillParams):
     """
     felt: PositiveFloat
     """Angle by which the hand lags behind its setpoint about the normal when walls hold the peg, rad; many times the
-    lag that the joints' friction causes. Source: decision 0026.
+    lag that the joints' friction causes. Source: docs/tried/corners.md.
     """
     sunk: PositiveFloat
     """Distance by which the tip sinks when the peg drops in without a wall having been felt, m."""

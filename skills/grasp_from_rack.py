@@ -23,14 +23,14 @@ to run.
 """
 
 CENTRED = (2e-4, math.radians(0.2))
-"""Error of the hand's place, m, and of its directions, rad, below which it closes. Source: decision 0031."""
+"""Error of the hand's place, m, and of its directions, rad, below which it closes. Source: docs/tried/grasp.md."""
 RESTING = 2e-3
 """Speed of the hand below which it counts as at rest, m/s; a hand that breaks loose from friction passes the slot."""
 CENTRING_TIME = 2.0
 """Longest time to centre the hand on the slot, s."""
 NEAR = (1e-3, math.radians(1.0))
 """Error of the hand's place, m, and of its directions, rad, beyond which it does not close: the slot leaves no more.
-Source: decision 0031.
+Source: docs/tried/grasp.md.
 """
 TRIM = Trim(rate=6.0, limit=0.01)
 """Integral that trims the hand's place over the slot, along each axis."""
@@ -38,7 +38,7 @@ INTEGRAL_GAIN, INTEGRAL_LIMIT = 300.0, 6.0
 """Integral gain of the arm's orientation over the slot, N·m/(rad·s), and its saturation, N·m."""
 DRAWING_SPEED = 0.05
 """Speed at which the peg leaves the slot, m/s; a peg that rubs in the slot is drawn through the pads at higher speeds.
-Source: decision 0031.
+Source: docs/tried/grasp.md.
 """
 PRINT_TIME = 5.0
 """Longest wait for the frames that tell whether the skin shows the peg, s; a skin at 10 Hz tells within 0.9 s, a silent one is a fault before."""
@@ -61,7 +61,7 @@ class GraspFromRackParams(SkillParams):
     """
     grip_margin: Annotated[float, Field(ge=1.0, le=10.0)] = 1.4375
     """Factor by which grip force times friction may fall short of what is stated, ratio; pushes stay below what the pads then bear.
-    Source: decision 0070.
+    Source: docs/tried/search.md.
     """
     opening: Annotated[float, Field(gt=0.0, le=0.08)]
     """Distance between the pads on the way down, m."""

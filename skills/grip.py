@@ -26,7 +26,7 @@ MOST_SHARE = 0.9
 """Largest share of what the pads bear that a load counts as, fraction; near 1 the computed slip of a turn has no bound."""
 MOST_PATIENT = 3.0
 """Largest factor by which a weaker push lengthens an adjustment and the time without progress after which it is given up: a peg that stands beside
-its hole would be pushed for minutes. Source: decision 0099."""
+its hole would be pushed for minutes. Source: docs/tried/adjustment.md."""
 
 P = TypeVar("P", bound=ConfigModel)
 

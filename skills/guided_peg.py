@@ -18,13 +18,13 @@ strikes the wall.
 """
 CREEP = 10.0
 """Multiple of `jammed` that a peg must gain in a period of the dither, or it is freed as one that stands still is: a peg that
-is pushed along its hole gains fifty times as much, and one that wedges creeps. Source: decision 0105."""
+is pushed along its hole gains fifty times as much, and one that wedges creeps. Source: docs/tried/adjustment.md."""
 SWEPT_BEYOND = 0.015
 """Angle of a tilt sweep beyond the lean that the hole allows, rad: friction of the joints holds the hand off its aim by about as much. Source: decision
 0105.
 """
 MOST_SWEPT = 0.06
-"""Largest angle of a tilt sweep, rad; a wider one turns pegs out of their holes. Source: decision 0105."""
+"""Largest angle of a tilt sweep, rad; a wider one turns pegs out of their holes. Source: docs/tried/adjustment.md."""
 LET_GO = 0.5
 """Share of rest below which a swept peg slides, so that the hand stays as it is turned then, fraction."""
 SMOOTHING = 0.3

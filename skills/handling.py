@@ -42,7 +42,7 @@ class Sections:
 
 FIRST_STALL = 0.4
 """Share of `adjust.stall_timeout` that a jammed peg is given in the first of several attempts, fraction: a new search takes 2.5 s, and mostly mends
-what holds it. Source: decision 0093.
+what holds it. Source: docs/tried/adjustment.md.
 """
 
 

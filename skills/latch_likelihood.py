@@ -41,7 +41,7 @@ DOUBT = 1e-3
 known no better than that, one in a thousand of those that are told is none.
 """
 HANGING = 3.5e-4
-"""Way over which the deviations of a curve from its latch hang together, m; measured by `cell study seating`, see decision 0114: a leaning peg rubs
+"""Way over which the deviations of a curve from its latch hang together, m; measured by `cell study seating`, see decision 0022: a leaning peg rubs
 for some tenths of a millimetre, so that a way of 4.3 mm has the weight of twelve independent readings and not that of its scans.
 """
 MOST_FORCE = 3.0

@@ -20,10 +20,10 @@ from skills.signature import Curve
 
 MOST_LOOKS = 5
 """Ways down after which a peg whose latch they have not shown is given up; chosen, not measured: looks add up, and each takes two seconds.
-Source: decision 0114.
+Source: decision 0022.
 """
 LEAST_LOOKS = 2
-"""Ways down before a peg is given up, however sure the first is: the peg may have been wedged just above the bottom. Source: decision 0114."""
+"""Ways down before a peg is given up, however sure the first is: the peg may have been wedged just above the bottom. Source: decision 0022."""
 TURNING_BACK = 0.05
 """Speed at which the setpoint goes from push to pull and back, m/s."""
 

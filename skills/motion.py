@@ -22,11 +22,11 @@ LONGEST_MOVE = 10.0
 
 TWIST = 0.5
 """Share of the rotational stiffness that a hand has about the vertical on the way, fraction: about its own axis it has the least inertia beside rotors
-that may not show, and swung where torques came 3.5 ms late. Source: decision 0101."""
+that may not show, and swung where torques came 3.5 ms late. Source: decision 0012."""
 
 STRAY = 4e-3
 """Largest distance from where the hole was found at which a setpoint still follows the tip of a peg that is not broader than 8 mm, m; a hole keeps
-its place. The tip of a broader peg, whose edge has fallen in, goes as much further while the peg is turned upright. Source: decision 0102."""
+its place. The tip of a broader peg, whose edge has fallen in, goes as much further while the peg is turned upright. Source: docs/tried/insertion.md."""
 
 
 class Gains(ConfigModel):
@@ -37,7 +37,7 @@ class Gains(ConfigModel):
     rotation: PositiveFloat
     """Rotational stiffness, N·m/rad."""
     damping_ratio: PositiveFloat = 1.0
-    """Damping of every mode, multiple of what is critical at the arm's own inertia. Source: decision 0050."""
+    """Damping of every mode, multiple of what is critical at the arm's own inertia. Source: decision 0011."""
 
     def stiffness(self) -> Vector:
         """Return the stiffness, shape (6,)."""
@@ -63,7 +63,7 @@ class Transfer(ConfigModel):
     elbow: Annotated[float, Field(ge=-math.pi, le=math.pi)]
     """Position of the elbow's joint that the null space is drawn to, rad; without it the elbow would wander from run to run."""
     clearance: Annotated[float, Field(ge=0.0, le=0.05)] = 0.002
-    """Least distance of hand and peg from plate and rack on the way, m; only a way that begins or ends nearer may come nearer. Source: decision 0059."""
+    """Least distance of hand and peg from plate and rack on the way, m; only a way that begins or ends nearer may come nearer. Source: decision 0013."""
 
     def stiffness(self) -> Vector:
         """Return the stiffness on the way, shape (6,): N/m along the axes of the base frame, then N·m/rad about them."""

@@ -25,11 +25,11 @@ MEMORY = 20
 class LearningConfig(ConfigModel):
     """[learning]: what a served cell takes over from part to part.
 
-    Source: chosen, not measured; reason in decision 0047.
+    Source: chosen, not measured; reason in decision 0025.
     """
 
     place: bool = True
-    """Whether the cell learns where the hole of each recipe is, and searches there first. Source: decision 0047."""
+    """Whether the cell learns where the hole of each recipe is, and searches there first. Source: decision 0025."""
     scatter: Annotated[float, Field(ge=1e-4, le=0.01)] = 0.001
     """Standard deviation of the hole's place between parts of one fixture that is assumed before parts have told, m. Source: assumed."""
     drift: Annotated[float, Field(ge=0.0, le=0.01)] = 0.0001

@@ -54,7 +54,7 @@ class RecoverParams(SkillParams):
     opening_time: Annotated[float, Field(gt=0.0, le=10.0)]
     """Longest time for the fingers to open, s."""
     first: bool = False
-    """Whether a start that finds a peg in the hand clears it away first, instead of being refused. Source: decision 0048."""
+    """Whether a start that finds a peg in the hand clears it away first, instead of being refused. Source: decision 0021."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,11 +18,11 @@ REST_SCANS = 5
 """Number of scans in a row below that speed after which an arm stands still: one may be where a swing turns."""
 BRAKE_SPEED = 0.03
 """Speed of the fastest joint above which an arm is halted anew at every scan, rad/s: what is slower the held place stops without a
-swing back. Source: decisions 0074 and 0087.
+swing back. Source: decision 0009.
 """
 BRAKE_TIME = 0.1
 """Longest time for which an arm is halted anew, s: five time constants of an arm whose inertia is as believed, after which one that is still
-fast is pulled by something, and has to be held. Source: decision 0087.
+fast is pulled by something, and has to be held. Source: decision 0014.
 """
 REST_TIME = 1.0
 """Time from which on an arm that stays in place is at rest whatever speed it reads, s: that of a real one may never read zero."""

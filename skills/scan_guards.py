@@ -45,9 +45,9 @@ class ScanLimits(ConfigModel):
     """[scan]: how late the scan may come before the run ends; until then a late scan only slows the path."""
 
     late: Fraction = 0.8
-    """Largest share of the last 100 scans that may take longer than two periods, fraction; more of them are a fault. Source: decision 0054."""
+    """Largest share of the last 100 scans that may take longer than two periods, fraction; more of them are a fault. Source: decision 0015."""
     longest: Annotated[float, Field(gt=0.0, le=1.0)] = 0.2
-    """Longest time from one scan to the next, s; later than this the arm is halted, and the run ends with a fault. Source: decision 0053."""
+    """Longest time from one scan to the next, s; later than this the arm is halted, and the run ends with a fault. Source: decision 0015."""
 
 
 def new_window() -> deque[bool]:

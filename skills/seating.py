@@ -21,11 +21,11 @@ seated at once.
 """
 DOUBTED = 0.002
 """Largest depth that a peg may be short of the hole's, m, where the bottom bears it: surface and tip are measured with the hand at two
-attitudes, and err by 0.4 mm against each other, by 0.5 mm where a cell errs twice as much. Source: decision 0072.
+attitudes, and err by 0.4 mm against each other, by 0.5 mm where a cell errs twice as much. Source: decision 0021.
 """
 MOST_DEEP = 0.002
 """Largest depth beyond the hole's at which a peg counts as seated at once where the switch closes, from the surface that its search has felt, m: a peg
-looks deeper that the hole has pushed up in the hand since. One that looks deeper still is seated where the bottom bears it. Source: decision 0100.
+looks deeper that the hole has pushed up in the hand since. One that looks deeper still is seated where the bottom bears it. Source: decision 0021.
 """
 BORNE_FOR = 0.2
 """Time for which the bottom has to bear a peg that is pushed, s; one that is guided goes down by millimetres in it."""

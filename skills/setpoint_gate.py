@@ -45,7 +45,7 @@ OUTWARD_SLACK = 1e-3
 """A setpoint outside the workspace may be so much further out than the hand, m, on the way back in."""
 LONGEST_UNTAKEN = 0.2
 """Longest time for which the arm may report that it follows an older setpoint than it was given, or none, s; its loop takes one in milliseconds.
-Source: chosen, not measured; reason in decision 0092.
+Source: chosen, not measured; reason in decision 0013.
 """
 
 

@@ -37,11 +37,11 @@ rub more than they push is lifted by its own spiral.
 SWINGING = 0.15
 """Turning rate of the hand beyond which it swings, rad/s; the dither turns it at 0.1 rad/s."""
 SWING_DAMPING = 10.0
-"""Growth of the damping along z with the swing, by its value without one, s/rad. Source: decision 0088."""
+"""Growth of the damping along z with the swing, by its value without one, s/rad. Source: docs/tried/adjustment.md."""
 MOST_SWING_DAMPING = 5.0
-"""Largest factor on the damping along z for a swing: torques that come 4 ms late behind 50 Hz bear 1.2 times as much. Source: decision 0088."""
+"""Largest factor on the damping along z for a swing: torques that come 4 ms late behind 50 Hz bear 1.2 times as much. Source: docs/tried/adjustment.md."""
 SWING_PUSH = 2.0
-"""Growth of the divisor of the push with the swing, s/rad. Source: decision 0088."""
+"""Growth of the divisor of the push with the swing, s/rad. Source: docs/tried/adjustment.md."""
 SWING_SMOOTHING = 0.5
 """Share of a new scan in the hand's turning rate."""
 

@@ -40,23 +40,23 @@ class TactileInsertParams(SkillParams):
     """Rate at which the setpoint of the axis goes from where the peg is to upright, rad/s."""
     turn_run_up: NonNegativeFloat
     """Time in which the setpoint of the axis gets to its rate, s; the hole's wall bears what sets the arm in motion.
-    Source: chosen, not measured; reason in decision 0028.
+    Source: chosen, not measured; reason in docs/tried/insertion.md.
     """
     follow_rate: PositiveFloat = 2.0
-    """Rate at which the hand turns after a peg that has turned in it, 1/s. Source: decision 0070."""
+    """Rate at which the hand turns after a peg that has turned in it, 1/s. Source: docs/tried/search.md."""
     aligned: Annotated[float, Field(gt=0.0, lt=0.8)]
-    """Tilt phi below which the adjustment takes over, rad; 15 degrees in [gibbons]. Source: decision 0032."""
+    """Tilt phi below which the adjustment takes over, rad; 15 degrees in [gibbons]. Source: docs/tried/insertion.md."""
     compliance_rate: NonNegativeFloat
-    """Rate at which the tip's setpoint along x and y gives way to where the hole keeps the tip, 1/s. Source: decision 0021."""
+    """Rate at which the tip's setpoint along x and y gives way to where the hole keeps the tip, 1/s. Source: docs/tried/insertion.md."""
     forward: NonNegativeFloat
     """Distance of the tip's setpoint ahead of the tip, towards the side that the peg leans to, m; raising then cannot lift
-    the peg out. Source: chosen, not measured; reason in decision 0021.
+    the peg out. Source: chosen, not measured; reason in docs/tried/insertion.md.
     """
     timeout: PositiveFloat
     """Longest insertion, s."""
     least_share: Annotated[float, Field(gt=0.0, lt=1.0)]
     """Least depth of an aligned peg that is in the hole, fraction of the depth that the tilt allows; only a first attempt
-    asks for it. Source: decision 0032; only once decision 0081."""
+    asks for it. Source: docs/tried/insertion.md; only once docs/tried/insertion.md."""
     lost_height: PositiveFloat
     """Height of the tip above the surface at which it is out of the hole, m."""
     estimator: EstimatorName = "image"

@@ -30,10 +30,10 @@ class WrenchConfig(ConfigModel):
 
     offset: Annotated[float, Field(gt=0.0, le=60.0)] = 35.0
     """Largest force that the arm may report where nothing touches, N; a larger one is no offset of an estimate, but contact or a
-    wrong payload. Source: decision 0058.
+    wrong payload. Source: docs/tried/search.md.
     """
     noise: Annotated[float, Field(gt=0.0, le=20.0)] = 5.0
-    """Largest standard deviation of a component of that force from scan to scan, N. Source: decision 0058."""
+    """Largest standard deviation of a component of that force from scan to scan, N. Source: docs/tried/search.md."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -43,7 +43,13 @@ class PageView:
 
     def press(self, ask: str) -> None:
         """Press one of the controls."""
-        self.front().find_element("css selector", f"[data-ask={ask}]").click()
+        self.click("css selector", f"[data-ask={ask}]")
+
+    def click(self, by: str, name: str) -> None:
+        """Click an element in the middle of the view: the bar with Stop and Abort covers the end, which the driver scrolls to."""
+        element = self.front().find_element(by, name)
+        self._browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", element)
+        element.click()
 
     def is_enabled(self, ask: str) -> bool:
         """Tell whether a control can be pressed."""

@@ -3,13 +3,16 @@
 import argparse
 import csv
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
+from datetime import datetime
 from pathlib import Path
+from shutil import get_terminal_size
 from typing import TYPE_CHECKING
 
 from cell.arguments import add_journal, add_query, out_folder, positive, query_of, read_journal, require_program
 from cell.terminal import GOOD, complain, progress, show, written
+from cell.wall_clock import local
 from drivers.errors import ConfigError, JournalError
 
 if TYPE_CHECKING:
@@ -22,6 +25,10 @@ if TYPE_CHECKING:
 SUMMARY = "runs on record, by time, outcome, fault or part"
 LAST, BLOCK = 20, 100
 """Number of runs that are shown unless another is asked for, and of those below one head."""
+MAIN = "insert_peg"
+"""Program whose runs need no column for their program."""
+TAKEN, SERIAL, PROGRAM = 50, 14, 15
+"""Columns of the terminal that the other fields take, and those that a serial number and a program take in addition."""
 FORMATS = ("parquet", "csv", "mcap")
 
 
@@ -110,37 +117,41 @@ def _write_csv(rows: "Sequence[RunRow]", path: Path) -> None:
         writer.writerows(asdict(row) for row in rows)
 
 
-def _table(rows: "Iterable[RunRow]") -> "Table":
-    """Return a table that fits 80 columns."""
+def _table(rows: "Sequence[RunRow]") -> "Table":
+    """Return one line a run that fits 80 columns; only the cause is shortened, which `cell show` prints whole."""
     from rich import box
     from rich.table import Table
 
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for name in ("run", "started (UTC)", "part, by", "program, outcome, why", "insert (s)", "cycle (s)"):
-        is_whole = name in ("run", "started (UTC)")
-        table.add_column(name, justify="right" if name.endswith("(s)") else "left", no_wrap=is_whole)
-    table.caption = "insert: search + insert + adjust; cycle: from command to answer"
+    serials, programs = any(row.serial for row in rows), any(row.program != MAIN for row in rows)
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+    table.add_column("run", no_wrap=True)
+    table.add_column(f"started ({datetime.now().astimezone().tzname()})", no_wrap=True)
+    for name in [*(["part"] * serials), *(["program"] * programs), "outcome", "cause"]:
+        table.add_column(name, overflow="fold", no_wrap=name in ("program", "outcome"))
+    for name in ("insert", "cycle"):
+        table.add_column(name, justify="right", no_wrap=True)
+    table.caption = "times in s; insert: search + insert + adjust; cycle: from command to answer"
+    room = max(get_terminal_size().columns - TAKEN - (SERIAL if serials else 0) - (PROGRAM if programs else 0), 12)
     for row in rows:
+        cause = _why(row)
         table.add_row(
             str(row.run),
-            row.started[:19].replace("T", " "),
-            ", ".join(filter(None, (row.serial, row.source))),
-            ", ".join(filter(None, (row.program, row.outcome, _why(row), _peg(row)))),
+            local(row.started)[:16],
+            *([row.serial] * serials),
+            *([row.program] * programs),
+            row.outcome,
+            cause if len(cause) <= room else f"{cause[: room - 1]}…",
             _insertion(row),
-            "" if row.cycle_time is None else f"{row.cycle_time:.2f}",
+            "" if row.cycle_time is None else f"{row.cycle_time:.3g}",
         )
     return table
 
 
 def _why(row: "RunRow") -> str:
-    if row.fault:
-        return f"fault {row.fault}: {row.message}"
-    return f"{row.reason} in {row.stage}" if row.reason else row.message
-
-
-def _peg(row: "RunRow") -> str:
-    """Return where a run that did not end in success left its peg; `cell show` says by which evidence."""
-    return f"peg {row.part.replace('_', ' ')}" if row.part and row.outcome != "success" else ""
+    """Return the cause in few words, then the place where the peg was left."""
+    cause = f"fault {row.fault}" if row.fault else row.reason.replace("_", " ") or row.message
+    peg = row.part.replace("_", " ") if row.part and row.outcome != "success" else ""
+    return ", ".join(filter(None, (cause, peg)))
 
 
 def _insertion(row: "RunRow") -> str:
@@ -148,4 +159,4 @@ def _insertion(row: "RunRow") -> str:
 
     times = dict(json.loads(row.stage_times))
     found = [times[name] for name in CATALOGUE.counted if name in times]
-    return f"{sum(found):.2f}" if found else ""
+    return f"{sum(found):.3g}" if found else ""

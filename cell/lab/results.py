@@ -1,16 +1,14 @@
 """Results of trials of one kind: success, time, force, and how far the peg turned in the hand."""
 
-import csv
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
-from pathlib import Path
+from dataclasses import dataclass
 
 import numpy as np
 
+from cell.lab.rows import quantile
 from cell.lab.trials import TrialRow
 from cell.statistics import wilson
-from drivers.quantities import Vector
 from sim.metering import OVER_FORCE
 from skills.contract import Outcome
 
@@ -53,23 +51,10 @@ def result_of(name: str, trials: Sequence[TrialRow], trouble: str = "") -> Trial
         low=low,
         high=high,
         mean=float(times.mean()) if len(times) else float("nan"),
-        p95=_quantile(times, 0.95),
-        force_median=_quantile(forces, 0.5),
+        p95=quantile(times, 0.95),
+        force_median=quantile(forces, 0.5),
         within=int(np.count_nonzero(forces <= OVER_FORCE)),
-        turn_median=_quantile(turns, 0.5),
-        turn_p95=_quantile(turns, 0.95),
+        turn_median=quantile(turns, 0.5),
+        turn_p95=quantile(turns, 0.95),
         endings=trouble or ", ".join(f"{count} x {text}" for text, count in lost.most_common()),
     )
-
-
-def write_results(found: Sequence[TrialsResult], path: Path) -> Path:
-    """Write a row for each result as CSV; return the file."""
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, [field.name for field in fields(TrialsResult)], lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(asdict(each) for each in found)
-    return path
-
-
-def _quantile(values: Vector, share: float) -> float:
-    return float(np.quantile(values, share)) if len(values) else float("nan")

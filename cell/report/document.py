@@ -9,7 +9,8 @@ from matplotlib.figure import Figure
 
 from cell.report.drawings import draw
 from cell.report.facts import Facts
-from cell.report.words import HTML, Table, local, require_kind, tables
+from cell.report.words import HTML, Table, require_kind, tables
+from cell.wall_clock import local
 from drivers.errors import ConfigError
 
 STYLE = """
@@ -42,7 +43,7 @@ def _write_html(facts: Facts, path: Path) -> None:
     parts = [_table(table) for table in tables(facts)]
     title = f"Report of the cell, runs since {local(facts.since)}" if facts.since else "Report of the cell, all runs"
     text = (
-        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title>'
+        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1"><title>{escape(title)}</title>'
         f"<style>{STYLE}</style></head>\n<body><h1>{escape(title)}</h1>\n{''.join(parts)}"
         f'<img alt="Yield by day, reasons, times by stage, forces and residual of theta" '
         f'src="data:image/png;base64,{image}"></body></html>\n'

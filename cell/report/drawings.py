@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from cell.report.facts import Facts
+from cell.statistics import spread
 from drivers.quantities import Vector
 
 GOOD, BAD, PLAIN, FAINT = "#228833", "#bb4455", "#4477aa", "#9aa5ad"
@@ -86,7 +87,9 @@ def _forces(axes: Axes, facts: Facts) -> None:
     axes.set_title(f"Largest force of each run, n = {len(facts.forces)}")
     if facts.forces:
         axes.hist(np.array(facts.forces), bins=min(30, max(5, len(facts.forces) // 3)), color=PLAIN)
-        axes.axvline(float(np.median(facts.forces)), color="#333333", lw=1, ls="--", label="median")
+        found = spread(facts.forces)
+        assert found is not None
+        axes.axvline(found["median"], color="#333333", lw=1, ls="--", label=f"median {found['median']:.1f} N")
         axes.legend(fontsize=8)
     axes.set_xlabel("N")
     axes.set_ylabel("runs")

@@ -1,10 +1,11 @@
 """The facts of a report as tables of words, for terminals and documents; pure."""
 
 from collections.abc import Sequence
-from datetime import datetime
 from pathlib import Path
 
 from cell.report.facts import Facts
+from cell.statistics import spread
+from cell.wall_clock import local
 from drivers.errors import ConfigError
 
 HTML, PDF = ".html", ".pdf"
@@ -40,7 +41,7 @@ def tables(facts: Facts) -> list[Table]:
     for stage in facts.stages:
         name = stage.name.replace("_", " ")
         times.append((name, _time(stage.counted, "median"), _time(stage.counted, "p95"), _n(stage.counted)))
-        times.append(("  with its transfer", _time(stage.whole, "median"), _time(stage.whole, "p95"), _n(stage.whole)))
+        times.append(("with its transfer", _time(stage.whole, "median"), _time(stage.whole, "p95"), _n(stage.whole)))
     counts = ", ".join(f"{count} {outcome}" for outcome, count in facts.outcomes.items())
     found: list[Table] = [
         (
@@ -63,11 +64,6 @@ def tables(facts: Facts) -> list[Table]:
     return found
 
 
-def local(moment: str) -> str:
-    """Return a wall time of the records in local time, with its offset."""
-    return datetime.fromisoformat(moment).astimezone().strftime("%Y-%m-%d %H:%M:%S %z") if moment else "-"
-
-
 def _time(times: dict[str, float] | None, which: str) -> str:
     return "-" if times is None else f"{times[which]:.2f}"
 
@@ -77,11 +73,10 @@ def _n(times: dict[str, float] | None) -> str:
 
 
 def _forces(facts: Facts) -> str:
-    forces = sorted(facts.forces)
-    if not forces:
+    found = spread(facts.forces)
+    if found is None:
         return "not on record"
-    middle, high = forces[len(forces) // 2], forces[min(int(0.95 * len(forces)), len(forces) - 1)]
-    return f"median {middle:.1f} N, p95 {high:.1f} N, most {forces[-1]:.1f} N"
+    return f"median {found['median']:.1f} N, p95 {found['p95']:.1f} N, most {max(facts.forces):.1f} N"
 
 
 def _drift(facts: Facts) -> str:

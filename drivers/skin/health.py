@@ -25,7 +25,7 @@ BASELINE_FRAMES = 50
 FAINT, UNEVEN = 3.8, 1.4
 """Mean height of all taxels above their baselines, standard deviations of a mean of their noise, and scatter of the heights, standard deviations of the noise,
 from which something touches the skin although no taxel shows it by itself. Noise leaves 1 of both, a peg that is gripped with 10 N makes 7.6 and 1.8; what
-warms the skin raises all taxels alike, and drift scatters them to either side. Source: decision 0076.
+warms the skin raises all taxels alike, and drift scatters them to either side. Source: docs/tried/angle.md.
 """
 
 
@@ -47,7 +47,7 @@ class SkinHealthConfig(ConfigModel):
     """Number of frames in a row, equal in every taxel, that come from a board that no longer measures."""
     drift_time: Annotated[float, Field(ge=1.0, le=1e5)] = 3.0
     """Time constant with which the baseline follows the untouched skin, s; derived from the noise and drift of [cyskin].
-    Source: decision 0066.
+    Source: docs/tried/angle.md.
     """
     touch: Annotated[float, Field(ge=3.0, le=20.0)] = 5.0
     """Height above the baseline from which a taxel is touched, standard deviations of its noise."""

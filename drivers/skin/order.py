@@ -21,9 +21,9 @@ AGREES = 3.0
 """Mean square of the differences, in units of the expected, up to which two frames agree."""
 EXPLAINS = 1.8
 """The same, up to which an exchange explains a frame: a skin whose modules change places under a peg at rest shows the noise of its
-taxels and no more, while a peg that slips to about the mirrored angle is left with 2.8 and more. Source: decision 0097."""
+taxels and no more, while a peg that slips to about the mirrored angle is left with 2.8 and more. Source: docs/tried/grasp.md."""
 GAIN = 25.0
-"""Log likelihood by which an exchange has to explain a frame better than the order before. Source: decision 0083."""
+"""Log likelihood by which an exchange has to explain a frame better than the order before. Source: docs/tried/grasp.md."""
 TOLD = 1
 """Number of further frames for which an exchange is told once somebody has asked: it ends every run, and a reset takes note of it."""
 

@@ -15,7 +15,7 @@ from skills.search.tour import Left, Path, Rows, Stroke, first_look, outwards, t
 
 CROSSINGS = 21.0
 """Largest number of hole diameters, or shorter sides, that a lane crosses in a second; 0.17 m/s over a hole of 8.1 mm, and with the dip of a 4 mm peg
-0.15 m/s over its hole, where few falls are missed. Source: decision 0109.
+0.15 m/s over its hole, where few falls are missed. Source: docs/tried/search.md.
 """
 DIP = 3e-4
 """Dip threshold with which that was found, m."""

@@ -38,15 +38,15 @@ FALLING = 0.05
 
 SHARED = 0.5
 """Share of the dip threshold by which the hand has to drop with a peg that falls suddenly, and which its end has to lie below the plane. Source:
-decision 0090."""
+docs/tried/search.md."""
 
 
 FAINT = 0.6
-"""Share of the dip threshold beyond which a sudden fall of the peg, and of the hand with it, is evidence of an edge. Source: decision 0109."""
+"""Share of the dip threshold beyond which a sudden fall of the peg, and of the hand with it, is evidence of an edge. Source: docs/tried/search.md."""
 
 
 WARIER = 1.5
-"""Factor on what counts as a sudden fall after each rest in vain: where pegs hop, such rests would take more time than they save. Source: decision 0109."""
+"""Factor on what counts as a sudden fall after each rest in vain: where pegs hop, such rests would take more time than they save. Source: docs/tried/search.md."""
 
 
 LIKELY = 0.5

@@ -28,10 +28,10 @@ class SpraySearchParams(SkillParams):
     """Stiffness along z, which makes the push, N/m."""
     push_back: Annotated[float, Field(gt=0.0, le=1.0)]
     """Push-back: share of the push that is kept at every slip of the peg in the hand, fraction; friction at the tip turns
-    the peg there. Source: chosen, not measured; reason in decision 0020.
+    the peg there. Source: chosen, not measured; reason in docs/tried/search.md.
     """
     least_push: Annotated[float, Field(gt=0.0, le=1.0)]
-    """Smallest share of the push that is left after slips, fraction. Source: chosen, not measured; reason in decision 0020."""
+    """Smallest share of the push that is left after slips, fraction. Source: chosen, not measured; reason in docs/tried/search.md."""
     push_offset: NonNegativeFloat
     """Depth of the tip's setpoint below the surface, m; 0.01 in [gibbons]. Source: [gibbons], Sec. IV."""
     tilt: Annotated[float, Field(ge=0.0, lt=1.4)]
@@ -43,7 +43,7 @@ class SpraySearchParams(SkillParams):
     """
     turned: Annotated[float, Field(gt=0.0, le=1.5)] = 0.35
     """Turn of the peg in the hand at which it is lifted off and the hand turns after it, rad. In the air the pads hold it; on the plate they would
-    let it turn on. With 0.35 a peg that leaned by 45 degrees leans by 48. Source: decision 0070.
+    let it turn on. With 0.35 a peg that leaned by 45 degrees leans by 48. Source: docs/tried/search.md.
     """
     fast_axis: Literal["x", "y"]
     """Axis of the base frame that is swept fast; a peg with corners is always swept along its hand's closing axis. Source: set for each cell."""
@@ -51,53 +51,53 @@ class SpraySearchParams(SkillParams):
     """Peak speed of the tip, m/s. Source: measured by `cell study frontier`."""
     run_up: PositiveFloat
     """Time in which the tip reaches its speed, s; the edge digs in where it slides off at once. Source: chosen, not
-    measured; reason in decision 0028.
+    measured; reason in docs/tried/search.md.
     """
     pitch: Annotated[float, Field(gt=0.0, le=2.0)]
     """Largest distance between neighbouring passes, multiple of the hole's diameter or shorter side. Source: measured by `cell trials`."""
     margin: tuple[Annotated[float, Field(ge=0.0, le=0.01)], Annotated[float, Field(ge=0.0, le=0.01)]]
-    """Reach of the passes beyond the area, along its fast axis and across it, m. Source: decision 0030."""
+    """Reach of the passes beyond the area, along its fast axis and across it, m. Source: docs/tried/search.md."""
     height: Annotated[float, Field(gt=0.0, le=0.1)]
     """Height above the surface at the end of the free-space approach, m."""
     descent: Annotated[float, Field(gt=0.0, le=0.5)]
     """Speed at which the setpoint comes down to the surface, m/s; the blow at touch-down grows with it."""
     length_bound: Annotated[float, Field(gt=0.0, le=0.02)] = 0.006
-    """Largest correction of the peg's length in the hand by the first touch-down, m. Source: decision 0058."""
+    """Largest correction of the peg's length in the hand by the first touch-down, m. Source: docs/tried/search.md."""
     touch_down: Annotated[float, Field(gt=TOUCHED_TIME)]
     """Longest time to come down to the surface, s; the path begins as soon as the plate bears the push."""
     trim_rate: NonNegativeFloat
     """Rate at which the setpoint across the lanes is moved against the tip's error there, 1/s; it takes out what joint
-    friction holds the arm off. Source: decision 0030.
+    friction holds the arm off. Source: docs/tried/search.md.
     """
     trim_limit: NonNegativeFloat
-    """Largest move of the setpoint across the lanes, m. Source: chosen, not measured; reason in decision 0030."""
+    """Largest move of the setpoint across the lanes, m. Source: chosen, not measured; reason in docs/tried/search.md."""
     dip_threshold: PositiveFloat
     """Dip threshold: depth of the tip below the surface estimate that is evidence of an edge, m; the exact fall at 45
     degrees is 2.4 mm. A round peg of 5 mm or less has 0.025 of its thickness at most. Source: set by hand, its rate of false evidence measured by `cell study events`.
     """
     drop: NonNegativeFloat = 0.0
     """Least drop of the hand that has to go with a dip of the tip, m: a new angle of the peg moves the tip, and not the hand. 0 asks for none; a
-    round peg of 5 mm or less has its dip threshold at least. Source: decision 0082.
+    round peg of 5 mm or less has its dip threshold at least. Source: docs/tried/search.md.
     """
     lag: PositiveFloat | None = None
     """Lag of the tip behind its setpoint along a pass that is evidence of an edge as well, m; times the stiffness it bounds the force on a wall
-    that holds the tip. None leaves it out. Source: decision 0073.
+    that holds the tip. None leaves it out. Source: docs/tried/corners.md.
     """
     fall: PositiveFloat
     """Depth below the surface at which the resting tip is in the hole, m. For a round peg of 5 mm or less it is less in
-    proportion to 8 mm. Source: chosen, not measured; reason in decision 0020.
+    proportion to 8 mm. Source: chosen, not measured; reason in docs/tried/search.md.
     """
     slip_drop: NonNegativeFloat = 0.0
     """Drop of the tip that a turn of the peg in the hand by one radian explains, because the peg then slips along the fingers, m; it adds to
-    `fall`. The grip's own figure is taken where it is larger. Source: decision 0070.
+    `fall`. The grip's own figure is taken where it is larger. Source: docs/tried/search.md.
     """
     rest: PositiveFloat
     """Time for which the hand rests before the tip's depth is judged, by a frame of its end, s. Source: chosen, not
-    measured; reason in decision 0020.
+    measured; reason in docs/tried/search.md.
     """
     probe_radius: NonNegativeFloat
     """Radius of the spiral that probes the place of the evidence where the resting tip is not deep enough, m. Source:
-    chosen, not measured; reason in decision 0020.
+    chosen, not measured; reason in docs/tried/search.md.
     """
     probe_speed: PositiveFloat
     """Speed of the tip along the probing spiral, m/s. Source: chosen, not measured."""

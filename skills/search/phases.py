@@ -16,7 +16,7 @@ from skills.search.course import Course
 from skills.search.params import SpraySearchParams
 
 GONE = 0.2
-"""Share of the dip threshold below which a dip has gone, fraction. Source: decision 0095."""
+"""Share of the dip threshold below which a dip has gone, fraction. Source: docs/tried/corners.md."""
 
 RETURN_TIME = 0.4
 """Time in which the tip comes back to its course after a rest or a probe, s."""

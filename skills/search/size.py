@@ -9,11 +9,11 @@ from skills.search.params import SpraySearchParams
 STATED = 8e-3
 """Thickness of the peg for which `search.dip_threshold` and `search.fall` are stated, m."""
 THIN = 5e-3
-"""Largest thickness of a thin peg, m; with 6 mm nothing was gained, and thicker pegs are searched with as stated. Source: decision 0082."""
+"""Largest thickness of a thin peg, m; with 6 mm nothing was gained, and thicker pegs are searched with as stated. Source: docs/tried/search.md."""
 DIP = 0.025
-"""Dip threshold of a thin peg, share of its thickness. Source: decision 0082."""
+"""Dip threshold of a thin peg, share of its thickness. Source: docs/tried/search.md."""
 PUSH = 7.5
-"""Least push on a thin peg, N: what pads of the shipped grip bear over a plate. Source: decision 0082."""
+"""Least push on a thin peg, N: what pads of the shipped grip bear over a plate. Source: docs/tried/search.md."""
 
 
 def firm(search: SpraySearchParams, thickness: float) -> SpraySearchParams:

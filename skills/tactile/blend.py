@@ -26,13 +26,13 @@ class Smoothing(ConfigModel):
     method: Literal["blend", "observer", "frozen", "straight"] = "blend"
     """How theta is kept from frame to frame; `blend` weighs and holds it, `observer` follows it at every scan, see
     `skills.tactile.observer`; for studies alone, `frozen` holds what the frames of the grasp told and `straight` takes
-    theta for 0, see `skills.tactile.blind`. Source: decision 0017.
+    theta for 0, see `skills.tactile.blind`. Source: docs/tried/angle.md.
     """
     blend: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
     """Weight of a new frame in the running estimate, fraction; 1 takes each frame whole, as [gibbons] does."""
     jump: Annotated[float, Field(gt=0.0)] = 0.15
     """Difference of a frame from the running estimate, rad, beyond which it counts once the next one differs to the same side. No held
-    peg turns so far between two frames; more than pi/2 takes each frame at once, as [gibbons] does. Source: decision 0091.
+    peg turns so far between two frames; more than pi/2 takes each frame at once, as [gibbons] does. Source: docs/tried/angle.md.
     """
 
     def take(self, held: PegPose, new: PegPose) -> PegPose:

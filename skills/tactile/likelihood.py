@@ -26,7 +26,7 @@ class LikelihoodParams(ConfigModel):
     """
 
     kind: Literal["ml", "robust"] = "ml"
-    """The estimator by maximum likelihood over templates. Source: decision 0016."""
+    """The estimator by maximum likelihood over templates. Source: docs/tried/angle.md."""
     templates: TemplateParams = TemplateParams()
     """Model of the pad, as its maker states it."""
     noise: Annotated[float, Field(ge=1.0, le=5000.0)] = 300.0

@@ -31,7 +31,7 @@ STRETCH = 0.1
 class ObserverParams(ConfigModel):
     """How theta may move between frames.
 
-    Source: chosen, not measured; reason in decision 0017.
+    Source: chosen, not measured; reason in docs/tried/angle.md.
     """
 
     walk: Annotated[float, Field(gt=0.0, le=1.0)] = 8e-3

@@ -35,7 +35,7 @@ class PcaParams(ConfigModel):
     """
 
     kind: Literal["pca"] = "pca"
-    """The estimator by the principal axis of the readings. Source: decision 0016."""
+    """The estimator by the principal axis of the readings. Source: docs/tried/angle.md."""
     templates: TemplateParams = TemplateParams(theta_step=math.pi / 180)
     """Model of the pad, as its maker states it."""
     noise: Annotated[float, Field(ge=1.0, le=5000.0)] = 300.0

@@ -34,7 +34,7 @@ STIFFENING = 0.4
 
 A pad that answers with k·d/(1 - d/t) to a depth d = d0 + p·s has a = k·d0/(1 - d0/t), b = k·p/(1 - d0/t)² and c = b²/a·(d0/t), and a hand presses
 30 N to about 0.45 of the thickness t; an answer that grows as a power n of the depth has (n - 1)/(2n), 0.25 for a square. The first law is
-the stand-in's own, and of a real pad it is assumed. Source: decision 0115.
+the stand-in's own, and of a real pad it is assumed. Source: docs/tried/angle.md.
 """
 LEAST_TURN = 0.15
 """Smallest rise over 20 mm from which on the curvature of the load is considered, fraction of the load; with less it is below 1 %."""

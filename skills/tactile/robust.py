@@ -65,7 +65,7 @@ class RobustParams(LikelihoodParams):
     """
 
     kind: Literal["ml", "robust"] = "robust"
-    """The estimator by maximum likelihood that also considers faults of a frame. Source: decision 0016."""
+    """The estimator by maximum likelihood that also considers faults of a frame. Source: docs/tried/angle.md."""
     doubt: Annotated[float, Field(ge=1.0, le=100.0)] = 2.2
     """Misfit beyond which faults of a frame are considered, ratio of squared residuals to those expected."""
     rarity: Annotated[float, Field(ge=0.0, le=30.0)] = 5.0
@@ -75,7 +75,7 @@ class RobustParams(LikelihoodParams):
     most_outliers: Annotated[int, Field(ge=0, le=20)] = 4
     """Number of readings that are left out at the most."""
     reach_spread: Annotated[float, Field(ge=1e-4, le=0.01)] = 1e-3
-    """Standard deviation of how much further than stated the peg stands out of the hand, m. Source: decision 0077."""
+    """Standard deviation of how much further than stated the peg stands out of the hand, m. Source: docs/tried/angle.md."""
 
 
 class UsualPrints:

@@ -14,10 +14,10 @@ JUDGED = 8
 """Largest number of frames that are judged after the first one: 0.8 s of a skin at 10 Hz."""
 NEEDED = 3
 """Number of frames that show the peg from which the print is believed, and of those with a restless module from which it is refused. A noisy skin,
-or a weak grip, shows the peg in most frames but not in all. Source: decision 0113.
+or a weak grip, shows the peg in most frames but not in all. Source: docs/tried/grasp.md.
 """
 STEADY = 3500.0
-"""Largest median change of a module's readings from one frame to the next of a peg at rest, counts. Source: decision 0113."""
+"""Largest median change of a module's readings from one frame to the next of a peg at rest, counts. Source: docs/tried/grasp.md."""
 
 
 class GraspPrint:

@@ -39,7 +39,7 @@ class TemplateParams(ConfigModel):
     offset_step: Annotated[float, Field(ge=5e-5, le=2e-3)] = 2.5e-4
     """Offset between neighbouring templates, m."""
     offset_reach: Annotated[float, Field(ge=1e-3, le=1e-2)] = 1e-2
-    """Largest distance of the peg's axis from the finger centre, m; from there on a print of 8 mm leaves the pad. Source: decision 0098."""
+    """Largest distance of the peg's axis from the finger centre, m; from there on a print of 8 mm leaves the pad. Source: docs/tried/angle.md."""
 
     def broader(self, factor: float) -> Self:
         """Return the pad with prints that are broader by `factor`, point spread and groove alike."""

@@ -12,11 +12,13 @@ from cell import calibrate_arm as module
 from cell.calibrate_arm import Sweep, calibrate_arm
 from cell.cli import NOT_GOOD, WRONG_USE, main
 from cell.config import load
+from cell.config_files import ERRORS_FILE
+from cell.config_files import SHIPPED as SHIPPED_FILES
 from cell.journal import Journal
 from drivers.errors import NotCalibratedError
 from sim import joint_drive
 from sim.drawn_arm import drawn_arm
-from sim.reality import read_shipped
+from sim.reality import read
 
 SHORT = Sweep(speeds=(0.15, 0.35), even=0.4, together=2.0)
 SEED = ["--set", "sim.seed=80001", "--set", "sim.pace=max"]
@@ -36,7 +38,7 @@ def measured(tmp_path_factory):
 def torques(speed):
     """Return what each joint of the drawn arm takes at a velocity, shape (7,), N·m."""
     config = load(sets=["sim.seed=80001"]).cell
-    arm = drawn_arm(config.arm_model(), read_shipped().draw(80001, config.reality))
+    arm = drawn_arm(config.arm_model(), read(SHIPPED_FILES / ERRORS_FILE).draw(80001, config.reality))
     words = joint_drive.words_of(arm, 1e-3, (5e-4, 2e-3))
     return np.array(
         [

@@ -19,7 +19,7 @@ PUMPING = {
 }
 """Far beyond what a config may ask for: so they are put in behind the check, on an arm that says that it may be as stiff.
 
-Twisting pumps where the hand turns at once after a peg that turns in it, as it did before decision 0070.
+Twisting pumps where the hand turns at once after a peg that turns in it, as it did before docs/tried/search.md.
 
 An insertion with 100 kN/m is not among them: there the error of one frame, 0.6 mm, presses with the force limit.
 """

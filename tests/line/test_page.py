@@ -84,9 +84,9 @@ def test_a_film_that_is_asked_for_is_shown_when_it_is_drawn_and_at_once_later(se
     page.until_text("run-rows", "success")
     with Journal(served.folder, is_read_only=True) as journal:
         require_rendering(recorded(journal, 1))
-    page.front().find_element("link text", "Run 1").click()
+    page.click("link text", "Run 1")
     page.until(lambda: page.front().find_element("id", "make-film").is_displayed())
-    page.front().find_element("id", "make-film").click()
+    page.click("id", "make-film")
     page.until_text("film-note", "Drawing the film")
     # As the page's own process does, which has low priority and may take minutes.
     assert main(["film", "1", "--journal", str(served.folder), "--out", str(tmp_path / "film.mp4")]) == GOOD
@@ -127,17 +127,16 @@ def test_a_simulated_cable_is_pulled_and_plugged_from_the_page(served, page):
     served.program.may_end.clear()
     page.press("start")
     page.until_text("state", "Execute")
-    cable = page.front().find_element("css selector", "[data-cable=skin]")
-    cable.click()
+    page.click("css selector", "[data-cable=skin]")
     page.until_text("state", "Aborted")
     page.until_text("cable-skin", "Plug the skin in")
     assert page.text("next").startswith("Plug in what was pulled out: skin.")
-    cable.click()
+    page.click("css selector", "[data-cable=skin]")
     page.until_text("cable-skin", "Unplug the skin")
     page.press("reset")
     page.until_text("state", "Idle")
     assert page.front().find_element("css selector", "#run-rows td:last-child").text == "fault 1001"
-    page.front().find_element("css selector", "#fault-list a").click()
+    page.click("css selector", "#fault-list a")
     page.until_text("event-rows", "skin unplugged")
     assert page.complaints() == []
 
@@ -176,7 +175,7 @@ def test_a_page_without_the_token_may_only_look(served, open_page):
     assert "may only look" in page.text("locked")
     page.press("start")
     page.until_text("answer", "unlock the controls first")
-    page.front().find_element("css selector", "[data-cable=skin]").click()
+    page.click("css selector", "[data-cable=skin]")
     page.until_text("answer", "The cable stays as it is: this page may only look")
     wrong = open_page("wrong")
     wrong.until_text("answer", "not the token of this cell")
@@ -220,6 +219,64 @@ def test_the_page_loads_from_the_cell_alone_and_fits_a_phone(page):
     assert page.complaints() == []
 
 
+SIZES = [(360, 740), (768, 1024), (1024, 768), (1440, 900), (1920, 1080)]
+
+
+def place_of(page, ask):
+    """Return left, top, right, bottom of a control and the size of the view, pixels."""
+    return page.script(
+        f"const r = document.querySelector('[data-ask={ask}]').getBoundingClientRect();"
+        "return [r.left, r.top, r.right, r.bottom, innerWidth, innerHeight]"
+    )
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("size", SIZES, ids=str)
+def test_stop_and_abort_stay_in_view_at_one_place_in_every_state(served, page, size, scheme):
+    width, height = size
+    page.front().execute_cdp_cmd(
+        "Emulation.setDeviceMetricsOverride", {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": True}
+    )
+    page.front().execute_cdp_cmd(
+        "Emulation.setEmulatedMedia", {"features": [{"name": "prefers-color-scheme", "value": scheme}]}
+    )
+    places = {"idle": [place_of(page, ask) for ask in ("stop", "abort")]}
+    served.program.may_end.clear()
+    page.press("start")
+    page.until_text("state", "Execute")
+    places["run"] = [place_of(page, ask) for ask in ("stop", "abort")]
+    page.press("stop")
+    page.until_text("state", "Stopped")
+    page.script("scrollTo(0, document.body.scrollHeight)")
+    places["stopped, scrolled"] = [place_of(page, ask) for ask in ("stop", "abort")]
+    assert len({str(found) for found in places.values()}) == 1
+    for left, top, right, bottom, across, down in places["idle"]:
+        assert 0 <= left < right <= across
+        assert 0 <= top < bottom <= down
+        assert bottom - top >= 60
+    assert page.script("return getComputedStyle(document.querySelector('[data-ask=stop]')).backgroundColor") == (
+        "rgb(179, 38, 30)"
+    )
+    assert page.script("return document.documentElement.scrollWidth") <= width
+
+
+def test_a_long_serial_number_is_kept_whole(served, page):
+    serial = "SN-0123456789-ABCDEFGHIJKLMNOPQR"
+    assert len(serial) == 32
+    page.front().find_element("id", "serial").send_keys(serial)
+    page.press("start")
+    page.until_text("run-rows", serial)
+
+
+def test_the_answer_to_reset_is_the_state_that_followed(served, page):
+    served.program.may_end.clear()
+    served.program.fault = SkinSilentError(WIRE_CUT)
+    page.press("start")
+    page.until_text("state", "Aborted")
+    page.press("reset")
+    page.until_text("answer", "Reset: the cell is idle.")
+
+
 @contextmanager
 def process(folder, port=0):
     """Yield the process of a cell that is served with its page, and the page's port."""
@@ -245,7 +302,7 @@ def test_a_real_run_is_watched_and_a_page_outlives_a_killed_server(browser, tmp_
         page.until_text("theta", "no peg")  # it stays in the hole
         assert page.text("yield") == "100.0 %"
         assert page.script("return document.getElementById('percent').textContent") == "100 %"
-        page.front().find_element("link text", "Run 1").click()
+        page.click("link text", "Run 1")
         page.until_text("stage-rows", "spiral adjust")
         page.until(lambda: page.script("return document.getElementById('picture').naturalWidth") > 1000)
         assert page.complaints() == []

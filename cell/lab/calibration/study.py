@@ -24,7 +24,7 @@ def run(args: argparse.Namespace) -> StudyReport:
     """Calibrate arms of every kind, compare, try each with and without, and write the tables."""
     from cell.lab.calibration import measure, tables
     from cell.lab.frontier.measure import title_of
-    from cell.lab.results import write_results
+    from cell.lab.rows import write_rows
 
     config = load_simulated(args, "study calibration").cell
     folder = out_folder(args.out)
@@ -35,6 +35,6 @@ def run(args: argparse.Namespace) -> StudyReport:
         bar = bars.add_task("arms", total=len(configs) * len(seeds))
         lines = measure.measure(configs, seeds, args.workers, folder, lambda count: bars.advance(bar, count))
     title = title_of(seeds)
-    file = write_results([result for line in lines for result in line.results], folder / "calibration.csv")
+    file = write_rows([result for line in lines for result in line.results], folder / "calibration.csv")
     result = {"title": title, "lines": [asdict(line) for line in lines]}
     return StudyReport([tables.truth(lines, title), tables.pegs(lines)], finite(result), [file])

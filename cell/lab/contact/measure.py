@@ -6,16 +6,16 @@ shows seams, and a peg that is too thick by 20 um, which must stay out. Then who
 fails. Every model is marked, none is dropped: one that penetrates is void, one that never rests is unstable.
 """
 
-import csv
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from statistics import mean, stdev
 
 from cell.cell_config import CellConfig
 from cell.lab.contact.ladder import NOT_RUN, TIGHT, Plan, Rung, model, on_trial
+from cell.lab.rows import write_rows
 from cell.lab.trials import VOID, TrialRow, run_trial
 from cell.lab.workers import Pool
 from drivers.part.contract import Part
@@ -374,17 +374,11 @@ def _tried(name: str, results: Sequence[tuple[TrialRow, float]], finest: Sequenc
 
 def write(found: Findings, folder: Path) -> list[Path]:
     """Write the tables as CSV and return where."""
-    names: dict[str, list[dict[str, object]]] = {
-        "contact.csv": [asdict(row) for row in found.rungs],
-        "arm_and_grip.csv": [asdict(row) for row in found.hands],
-        "integration.csv": [asdict(row) for row in found.integration],
-        "outcomes.csv": [asdict(row) for row in found.trials],
-        "outcomes_tight.csv": [asdict(row) for row in found.tight],
+    names: dict[str, Sequence[object]] = {
+        "contact.csv": found.rungs,
+        "arm_and_grip.csv": found.hands,
+        "integration.csv": found.integration,
+        "outcomes.csv": found.trials,
+        "outcomes_tight.csv": found.tight,
     }
-    for name, rows in names.items():
-        with (folder / name).open("w", newline="", encoding="utf-8") as file:
-            if rows:
-                writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
-                writer.writeheader()
-                writer.writerows(rows)
-    return [folder / name for name in names]
+    return [write_rows(rows, folder / name) for name, rows in names.items()]

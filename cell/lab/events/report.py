@@ -1,12 +1,10 @@
 """Results of the study of hole events: both detectors as configured, and over all thresholds."""
 
-import csv
 import math
 import platform
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
@@ -22,6 +20,7 @@ from cell.lab.events.measure import (
     measure,
     rice_chance,
 )
+from cell.lab.rows import quantile
 from cell.lab.workers import on_processes
 from cell.provenance import versions
 from cell.statistics import wilson
@@ -161,25 +160,13 @@ def _line(
         detected=len(events),
         detected_low=seen_low,
         detected_high=seen_high,
-        delay=_quantile(times, 0.5),
-        delay_p95=_quantile(times, 0.95),
-        way=_quantile(ways, 0.5),
-        way_p95=_quantile(ways, 0.95),
+        delay=quantile(times, 0.5),
+        delay_p95=quantile(times, 0.95),
+        way=quantile(ways, 0.5),
+        way_p95=quantile(ways, 0.95),
     )
 
 
 def _after(row: Watched) -> dict[str, Highs]:
     assert row.after is not None
     return row.after
-
-
-def _quantile(values: Sequence[float], share: float) -> float:
-    return float(np.quantile(values, share)) if values else math.nan
-
-
-def write(lines: Sequence[EventLine], path: Path) -> None:
-    """Write lines as CSV."""
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, [field.name for field in fields(EventLine)], lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(asdict(line) for line in lines)

@@ -24,6 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> StudyReport:
     """Search with and without a hole, write the table, draw the chart."""
     from cell.lab.events import charts, report, tables
+    from cell.lab.rows import write_rows
     from skills.catalogue import SEARCH
 
     config, folder = load_simulated(args, "study events").cell, out_folder(args.out)
@@ -35,7 +36,7 @@ def run(args: argparse.Namespace) -> StudyReport:
         bar = bars.add_task("searches", total=len(seeds) + with_hole)
         found = report.run(config, seeds, with_hole, args.workers, lambda: bars.advance(bar))
     files = [folder / report.TABLE, folder / charts.CHART]
-    report.write(found.lines, files[0])
+    write_rows(found.lines, files[0])
     charts.draw(found, config.params(SEARCH), files[1])
     result = {"title": found.title, "lines": [asdict(line) for line in found.lines], "others": found.others}
     return StudyReport([tables.table(found)], finite(result), files)

@@ -1,13 +1,12 @@
 """What becomes of one fault, and the table of cases on the disk."""
 
-import csv
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from cell.lab.faults.contract import FaultKind
+from cell.lab.rows import kept_rows, write_rows
 from plc_bridge.images import ReportImage
 from plc_bridge.messages import Refusal, Result
 
@@ -99,33 +98,14 @@ def word(report: ReportImage) -> str:
 
 def write(rows: Sequence[FaultCase], folder: Path) -> Path:
     """Write the table, one row a case; return the file."""
-    with (folder / TABLE).open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.DictWriter(stream, [field.name for field in fields(FaultCase)], lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(asdict(row) for row in rows)
-    return folder / TABLE
+    return write_rows(rows, folder / TABLE)
 
 
 def begun(tried: Sequence[Planned], folder: Path) -> list[FaultCase]:
     """Return the rows that a call which was broken off has left of these cases; none where the table is of others."""
-    if not (folder / TABLE).exists():
-        return []
-    with (folder / TABLE).open(newline="", encoding="utf-8") as stream:
-        lines = list(csv.DictReader(stream))
-    names = [field.name for field in fields(FaultCase)]
-    if lines and list(lines[0]) != names:
-        return []
-    rows = [
-        FaultCase(**{field.name: _value(field.type, line[field.name]) for field in fields(FaultCase)}) for line in lines
-    ]
+    rows = kept_rows(FaultCase, folder / TABLE)
     same = [
         (row.kind, row.stage, row.moment) == (kind.name, stage, moment)
         for row, (kind, stage, moment) in zip(rows, tried, strict=False)
     ]
     return rows if all(same) and len(rows) <= len(tried) else []
-
-
-def _value(kind: object, text: str) -> Any:
-    if kind is bool:
-        return text == "True"
-    return text if kind is str else int(text) if kind is int else float(text)

@@ -1,12 +1,10 @@
 """`cell study faults`: every kind of fault in the middle of an insertion."""
 
 import argparse
-import csv
 import signal
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, fields
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING, TypeVar
 
 from cell.arguments import natural, out_folder, positive
 from cell.lab.arguments import add_seed, add_study, load_simulated
@@ -109,6 +107,7 @@ def run(args: argparse.Namespace) -> StudyReport:
 
 def _ends(args: argparse.Namespace) -> StudyReport:
     from cell.lab.faults import disks, kills
+    from cell.lab.rows import kept_rows, write_rows
     from cell.lab.tables import plain
 
     arguments = [word for key in ("sim.pace=max", *args.set) for word in ("--set", key)]
@@ -123,7 +122,7 @@ def _ends(args: argparse.Namespace) -> StudyReport:
         bar = bars.add_task(of_what, total=tries)
 
         def watch(found: Sequence[kills.Kill | disks.FullDisk]) -> None:
-            _write_rows(written, [asdict(each) for each in found])  # what is broken off leaves what it found
+            write_rows(found, written)  # what is broken off leaves what it found
             bars.update(bar, completed=len(found))
 
         cases: Sequence[kills.Kill | disks.FullDisk]
@@ -131,39 +130,17 @@ def _ends(args: argparse.Namespace) -> StudyReport:
         if args.kills:
             ends = (signal.Signals[f"SIG{args.signal}"],) if args.signal else kills.ENDS
             at = kills.draw(tries, args.seed, ends)
-            seen = kills.begun(_read_rows(written, kills.Kill) if records.is_dir() else [], at)
+            seen = kills.begun(kept_rows(kills.Kill, written) if records.is_dir() else [], at)
             killed = kills.kill(at, args.seed, arguments, out_folder(records), seen, watch)
             stood, cases = sum(case.resets > 0 for case in killed), killed
         else:
             when = disks.draw(tries, args.seed)
-            full = disks.begun(_read_rows(written, disks.FullDisk) if records.is_dir() else [], when)
+            full = disks.begun(kept_rows(disks.FullDisk, written) if records.is_dir() else [], when)
             cases = disks.fill(when, args.seed, arguments, out_folder(records), full, watch)
     unsound = sum(not case.is_sound for case in cases)
     title = f"{len(cases)} {of_what}; {unsound} with something lost or untrue"
     title += f"; {stood} cells stood aborted from their start and were reset" if args.kills else ""
     return StudyReport([plain(title, cases)], {"unsound": unsound, "ends": [asdict(case) for case in cases]}, [written])
-
-
-def _read_rows(file: Path, kind: "type[Row]") -> "list[Row]":
-    """Return the cases of an earlier call; none where there is no such table."""
-    if not file.is_file():
-        return []
-    read: dict[object, Callable[[str], Any]] = {bool: "True".__eq__, int: int, str: str}
-    columns = {each.name: read[each.type] for each in fields(kind)}
-    with file.open(newline="", encoding="utf-8") as stream:
-        rows = list(csv.DictReader(stream))
-    return [
-        kind(**{name: take(row[name]) for name, take in columns.items()})
-        for row in rows
-        if row.keys() == columns.keys()
-    ]
-
-
-def _write_rows(file: Path, rows: Sequence[dict[str, object]]) -> None:
-    with file.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
 
 
 def _soak(args: argparse.Namespace) -> StudyReport:

@@ -1,6 +1,5 @@
 """The frontier of speed against accuracy: one point a variant of the cell, all on the same seeds."""
 
-import csv
 import json
 import logging
 import math
@@ -8,18 +7,18 @@ import platform
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from cell.cell_config import CellConfig
 from cell.config import load
+from cell.lab.rows import quantile, write_rows
 from cell.lab.trials import SUMMARY, TABLE, VOID, TrialRow, read_table, run_trials
 from cell.provenance import config_hash, versions
 from cell.statistics import Z95, RateTest, Verdict, mean, wilson
-from drivers.errors import CellError, ConfigError, FaultCode
+from drivers.errors import CellError, FaultCode
 from sim.metering import OVER_FORCE
 from skills.contract import Outcome
 
@@ -168,7 +167,7 @@ def measure(
             place, rows, trouble, test = ran[mark]
             verdict = answer(test, rows) if test is not None and rows else ""
         lines.append(replace(_line(variant, place, rows, trouble, is_base=mark == base), verdict=verdict))
-        _write(lines, folder / FRONTIER)
+        write_rows(lines, folder / FRONTIER)
     return lines
 
 
@@ -261,48 +260,20 @@ def _line(variant: Variant, place: str, rows: Sequence[TrialRow], trouble: str, 
         high=high,
         mean=float(totals.mean()) if len(good) else math.nan,
         mean_error=Z95 * float(totals.std(ddof=1)) / math.sqrt(len(good)) if len(good) > 1 else math.nan,
-        median=_quantile(totals, 0.5),
-        p95=_quantile(totals, 0.95),
+        median=quantile(totals, 0.5),
+        p95=quantile(totals, 0.95),
         search=stage("search_time"),
         insert=stage("insert_time"),
         adjust=stage("adjust_time"),
-        force_median=_quantile(forces, 0.5),
-        force_p95=_quantile(forces, 0.95),
+        force_median=quantile(forces, 0.5),
+        force_p95=quantile(forces, 0.95),
         within=int(np.count_nonzero(forces <= OVER_FORCE)),
         over_longest=max((row.time_over_20N for row in rows), default=math.nan),
-        jerk_free=_quantile([row.jerk_free for row in rows], 0.95),
-        jerk_contact=_quantile([row.jerk_contact for row in rows], 0.95),
+        jerk_free=quantile([row.jerk_free for row in rows], 0.95),
+        jerk_contact=quantile([row.jerk_contact for row in rows], 0.95),
         voids=sum(row.outcome == VOID for row in rows),
         faults=sum(row.reason in faults for row in rows),
         retries=sum(row.retries for row in rows),
         endings=", ".join(f"{count} x {text}" for text, count in endings.most_common()),
         error=trouble,
     )
-
-
-def _quantile(values: Any, share: float) -> float:
-    return float(np.quantile(values, share)) if len(values) else math.nan
-
-
-def _write(lines: Sequence[FrontierLine], path: Path) -> None:
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, [field.name for field in fields(FrontierLine)], lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(asdict(line) for line in lines)
-
-
-def read_lines(path: Path) -> list[FrontierLine]:
-    """Return the lines that `measure` wrote.
-
-    Raises:
-        ConfigError: There is no such file, or it holds something else.
-    """
-    readers: dict[Any, Callable[[str], Any]] = {int: int, float: float, str: str, bool: "True".__eq__}
-    try:
-        with path.open(newline="", encoding="utf-8") as file:
-            return [
-                FrontierLine(**{field.name: readers[field.type](row[field.name]) for field in fields(FrontierLine)})
-                for row in csv.DictReader(file)
-            ]
-    except (OSError, KeyError, TypeError, ValueError) as error:
-        raise ConfigError(f"{path}: not the table of a finished study: {type(error).__name__}: {error}") from None

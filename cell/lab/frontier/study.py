@@ -37,11 +37,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> StudyReport:
     """Run every variant on the same seeds, write the table, draw the charts."""
     from cell.lab.frontier import charts, measure, tables
+    from cell.lab.rows import read_rows
 
     config = load_simulated(args, "study frontier").cell
     folder = out_folder(args.out)
     if args.redraw:
-        lines = measure.read_lines(folder / measure.FRONTIER)
+        lines = read_rows(measure.FrontierLine, folder / measure.FRONTIER)
         title = (folder / measure.TITLE).read_text(encoding="utf-8").strip()
     else:
         lines, title = _measured(args, config, folder)

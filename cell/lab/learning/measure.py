@@ -1,9 +1,8 @@
 """Series of parts on one cell: its fixture moves a little from part to part, and another one stands there in the end."""
 
-import csv
 import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy as np
 
 from cell.assembly import assemble, choices, make_estimator, make_tracker, opened
 from cell.cell_config import CellConfig
+from cell.lab.rows import write_rows
 from cell.lab.workers import on_processes
 from cell.learning import Learning
 from cell.record import ending_of
@@ -147,10 +147,7 @@ def measure(
         done()
     order = {mode.value: number for number, mode in enumerate(Mode)}
     rows.sort(key=lambda row: (order[row.mode], row.seed, row.part))
-    with (folder / TABLE).open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, [field.name for field in fields(PartRow)])
-        writer.writeheader()
-        writer.writerows(asdict(row) for row in rows)
+    write_rows(rows, folder / TABLE)
     return rows
 
 

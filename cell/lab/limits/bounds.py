@@ -48,7 +48,7 @@ class Dip:
         """Return the width of the band across the lanes in which a peg that slides at `speed`, m/s, is noticed, m; 0 where there is none.
 
         A lane at the distance x from the band's middle crosses the hole along a chord 2 sqrt(R² - x²). On it the peg slides on by speed times
-        the time of the fall, and has half the width of its own end at that depth before it. Decision 0082.
+        the time of the fall, and has half the width of its own end at that depth before it. Docs/tried/search.md.
 
         Args:
             speed: Speed along the lane, m/s.

@@ -1,8 +1,7 @@
 """`cell study limits`: what limits each phase of an insertion, by formula, beside what trials reach."""
 
 import argparse
-import csv
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +12,6 @@ from cell.terminal import progress
 
 if TYPE_CHECKING:
     from cell.lab.limits.cases import Case
-    from cell.lab.limits.lines import LimitsLine
 
 SUMMARY = "what limits each phase: the bound by formula beside what trials of what ships and of fast reach"
 TABLE, TITLE = "limits.csv", "title.txt"
@@ -33,6 +31,7 @@ def run(args: argparse.Namespace) -> StudyReport:
     from cell.lab.frontier.measure import load_variant
     from cell.lab.limits import charts, lines, measure, tables
     from cell.lab.limits.cases import cases
+    from cell.lab.rows import write_rows
 
     load_simulated(args, "study limits")
     folder = out_folder(args.out)
@@ -43,7 +42,7 @@ def run(args: argparse.Namespace) -> StudyReport:
     }
     studies = lines.studies(tried, configs, measure.read_rows(folder / measure.ROWS))
     found = [line for study in studies for line in study.lines()]
-    _write(found, folder / TABLE)
+    write_rows(found, folder / TABLE)
     files = [folder / measure.ROWS, folder / TABLE, charts.draw(studies, title, folder)]
     return StudyReport(
         [tables.limits(found, title)], finite({"title": title, "lines": [asdict(line) for line in found]}), files
@@ -70,12 +69,3 @@ def _title(folder: Path) -> str:
     """Return the words of an earlier call; without them there are rows of one that was ended."""
     path = folder / TITLE
     return path.read_text(encoding="utf-8").strip() if path.exists() else "an ended call"
-
-
-def _write(found: "list[LimitsLine]", path: Path) -> None:
-    from cell.lab.limits.lines import LimitsLine
-
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, [each.name for each in fields(LimitsLine)], lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(asdict(line) for line in found)

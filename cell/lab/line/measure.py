@@ -3,7 +3,6 @@
 The cell is the whole product in a process of its own, in real time: bridge, supervisor and simulated devices.
 """
 
-import csv
 import json
 import threading
 import time
@@ -18,6 +17,7 @@ from cell.config import LoadedConfig
 from cell.lab.line.cell_process import Scan, bare_server, cell_process, patient
 from cell.lab.line.client import Address, Load, connected, load, time_requests
 from cell.lab.line.plc import Plc, Start
+from cell.lab.rows import write_rows
 from cell.states import State
 from drivers.quantities import Vector
 
@@ -201,9 +201,6 @@ def write(lines: Sequence[Measure], folder: Path) -> list[Path]:
     """Write line.csv and line.json into `folder`, and return their paths."""
     paths = [folder / f"line.{kind}" for kind in ("csv", "json")]
     rows = [asdict(line) for line in lines]
-    with paths[0].open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(rows[0]))
-        writer.writeheader()
-        writer.writerows(rows)
+    write_rows(rows, paths[0])
     paths[1].write_text(json.dumps(rows, indent=2) + "\n", encoding="utf-8")
     return paths

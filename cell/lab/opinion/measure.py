@@ -1,6 +1,5 @@
 """Whole trials on the cell's own arm and on one that other people described, seed by seed."""
 
-import csv
 import json
 import math
 from collections.abc import Callable, Sequence
@@ -15,6 +14,7 @@ from cell.lab.frontier.measure import Variant
 from cell.lab.frontier.measure import measure as run_variants
 from cell.lab.opinion.figures import Comparison
 from cell.lab.results import TrialsResult, result_of
+from cell.lab.rows import write_rows
 from cell.lab.trials import TABLE as ROWS
 from cell.lab.trials import TrialRow, read_table
 from cell.statistics import Z95
@@ -153,8 +153,4 @@ def _line(result: TrialsResult, rows: Sequence[TrialRow], ours: Sequence[TrialRo
 def write(lines: Sequence[OpinionLine], path: Path) -> Path:
     """Write a row for each line as CSV; return the file."""
     rows = [{**(told := asdict(line)).pop("result"), **told} for line in lines]
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
-    return path
+    return write_rows(rows, path)

@@ -1,7 +1,6 @@
 """`cell study page`: growth, latency and what open pages cost the scan."""
 
 import argparse
-import csv
 import json
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -41,6 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> StudyReport:
     """Measure, and write the figures; without a browser only what the scan pays."""
     from cell.lab.page import browser, growth, jitter, replay, tables
+    from cell.lab.rows import write_rows
 
     folder, curve = out_folder(args.out), list[dict[str, float]]()
     file = folder / "page.json"
@@ -58,7 +58,7 @@ def run(args: argparse.Namespace) -> StudyReport:
                     bars.update(bar, completed=round(100 * share))
                     if look is not None:
                         curve.append({"hours": round(look.hours, 3), "runs": look.runs, **look.memory})
-                        _save_curve(folder / CURVE, curve)  # hours that are broken off leave what was seen
+                        write_rows(curve, folder / CURVE)  # hours that are broken off leave what was seen
 
                 lines = growth.measure_growth(page, opened, looks, hours, seen)
                 latencies = growth.measure_latency(page, opened, looks, events)
@@ -87,13 +87,6 @@ def _told(pairs: "Sequence[Pair]") -> list[dict[str, float]]:
     """Return the figures of the pairs, for programs."""
     told: list[dict[str, float]] = finite([pair.told() for pair in pairs])
     return told
-
-
-def _save_curve(file: Path, curve: list[dict[str, float]]) -> None:
-    with file.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.DictWriter(stream, list(curve[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(curve)
 
 
 def _save(file: Path, result: object) -> None:

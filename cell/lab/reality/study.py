@@ -69,7 +69,7 @@ def _run_rows(args: argparse.Namespace) -> StudyReport:
     """Run the named rows on the same seeds and write their table."""
     from cell.lab.frontier.measure import title_of
     from cell.lab.reality import measure, rows, tables
-    from cell.lab.results import write_results
+    from cell.lab.rows import write_rows
 
     config = load_simulated(args, "study reality").cell
     folder = out_folder(args.out)
@@ -87,4 +87,4 @@ def _run_rows(args: argparse.Namespace) -> StudyReport:
         )
     title = f"at most {title_of(seeds)}"
     result = {"title": title, "rows": [asdict(row) for row in found]}
-    return StudyReport([tables.rows(found, title)], finite(result), [write_results(found, folder / rows.ROWS_FILE)])
+    return StudyReport([tables.rows(found, title)], finite(result), [write_rows(found, folder / rows.ROWS_FILE)])

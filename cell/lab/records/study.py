@@ -1,7 +1,6 @@
 """`cell study records`: what questions cost whose journal holds the runs of weeks."""
 
 import argparse
-import csv
 from dataclasses import asdict
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -27,6 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> StudyReport:
     """Fill a journal, ask, and write the table."""
     from cell.lab.records import measure, tables
+    from cell.lab.rows import write_rows
 
     folder, runs = out_folder(args.out), QUICK_RUNS if args.quick else args.runs
     with progress() as bars, TemporaryDirectory() as journal:
@@ -37,8 +37,5 @@ def run(args: argparse.Namespace) -> StudyReport:
         lines = measure.measure(Path(journal), runs, 1 if args.quick else 5, lambda: bars.advance(bar), asked)
     rows = [asdict(line) | {"holds": line.holds} for line in lines]
     file = folder / "records.csv"
-    with file.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+    write_rows(rows, file)
     return StudyReport([tables.table(lines)], rows, [file])

@@ -1,6 +1,5 @@
 """Results of `cell study stability`: the map beside theory, every case as CSV, figures as JSON."""
 
-import csv
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
@@ -8,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from cell.cell_config import CellConfig
+from cell.lab.rows import write_rows
 from cell.lab.stability.measure import QUICK, WHOLE, Boundary, Shipped, StepTrace, boundaries, measure, shipped_margins
 from cell.margins import HELD, MARGIN
 from cell.provenance import config_hash, versions
@@ -98,7 +98,4 @@ def _write_cases(traces: Sequence[StepTrace], theory: Sequence[Boundary], path: 
     for trace in traces:
         facts = asdict(trace)
         rows.append({**facts.pop("case"), "theory": _limit(trace, theory), **facts})
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, rows[0].keys(), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+    write_rows(rows, path)

@@ -6,14 +6,12 @@ offsets, drift, creep, noise, converter) and through the health check that the l
 follow each other at angles drawn at random, and an estimator that learns of the pads begins anew with each kind.
 """
 
-import csv
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from functools import lru_cache
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -335,11 +333,3 @@ def fidelity(config: CellConfig) -> list[Missed]:
             Missed(layout, "growth of the largest reading with the load: mean", float(np.mean(stiffening))),
         ]
     return found
-
-
-def write_lines(lines: Sequence[TactileLine], path: Path) -> None:
-    """Write lines as CSV."""
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, [field.name for field in fields(TactileLine)], lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(asdict(line) for line in lines)

@@ -18,6 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> StudyReport:
     """Read frames of every kind, write the table, draw the charts."""
+    from cell.lab.rows import write_rows
     from cell.lab.tactile import bound, charts, measure, tables
 
     config, folder = load_simulated(args, "study tactile", pace=None).cell, out_folder(args.out)
@@ -26,7 +27,7 @@ def run(args: argparse.Namespace) -> StudyReport:
         found = measure.study(config, args.quick, lambda: bars.advance(bar))
         bounds = bound.bounds(config, args.quick, lambda: bars.advance(bar))
     files = [folder / "tactile.csv"]
-    measure.write_lines(found.lines, files[0])
+    write_rows(found.lines, files[0])
     files += charts.draw(found.lines, found.nominal, folder)
     data = found.as_data() | {"bounds": [asdict(line) for line in bounds], "files": [str(path) for path in files]}
     return StudyReport([tables.tactile(found), tables.bounds(bounds)], data, files)

@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> StudyReport:
     """Run every hand with every sight on the same seeds, write the table, draw the chart."""
     from cell.lab.frontier.measure import title_of
-    from cell.lab.results import write_results
+    from cell.lab.rows import write_rows
     from cell.lab.touch import charts, measure, tables
 
     load_simulated(args, "study touch")
@@ -45,7 +45,7 @@ def run(args: argparse.Namespace) -> StudyReport:
         )
     title = title_of(seeds)
     files = [
-        write_results([line.result for line in lines], folder / measure.TABLE),
+        write_rows([line.result for line in lines], folder / measure.TABLE),
         charts.draw(lines, title, folder),
     ]
     result = {"title": title, "lines": [asdict(line) for line in lines]}

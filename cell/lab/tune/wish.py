@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cell.lab.rows import quantile
 from cell.lab.trials import TrialRow
 from cell.statistics import wilson
 from drivers.errors import ConfigError
@@ -32,10 +33,6 @@ def _times(rows: Sequence[TrialRow]) -> list[float]:
     return [row.total_time for row in rows if row.outcome == Outcome.SUCCESS and row.total_time is not None]
 
 
-def _quantile(values: Sequence[float], share: float) -> float:
-    return float(np.quantile(values, share)) if values else math.nan
-
-
 def _share(rows: Sequence[TrialRow]) -> float:
     return 100.0 * sum(row.outcome == Outcome.SUCCESS for row in rows) / len(rows) if rows else math.nan
 
@@ -44,11 +41,11 @@ KINDS: dict[str, Kind] = {
     "mean": Kind(
         "<=", "s", lambda rows: float(np.mean(_times(rows) or [math.nan])), "mean of search + insertion + adjustment"
     ),
-    "p95": Kind("<=", "s", lambda rows: _quantile(_times(rows), 0.95), "95th percentile of the same"),
+    "p95": Kind("<=", "s", lambda rows: quantile(_times(rows), 0.95), "95th percentile of the same"),
     "force": Kind(
         "<=",
         "N",
-        lambda rows: _quantile([row.peak_contact_force for row in rows], 0.95),
+        lambda rows: quantile([row.peak_contact_force for row in rows], 0.95),
         "largest contact force of 95 % of the trials",
     ),
     "success": Kind(">=", "%", _share, "share of the trials that succeed"),

@@ -10,7 +10,7 @@ export class Controls {
     this.link = link;
     this.isUnlocked = false;
     this.own = { lease: "free", answered: 0, refusal: "" };
-    this.asked = "";
+    this.asked = this.awaited = "";
     const given = new URLSearchParams(location.hash.slice(1)).get("token");
     if (given) {
       sessionStorage.setItem(KEPT, given);
@@ -93,15 +93,27 @@ export class Controls {
     const before = this.state?.unplugged.join(", "), now = state.unplugged.join(", ");
     if (before !== undefined && before !== now) this.say(now ? `Unplugged: ${now}. Watch what the cell does.` : "Every cable is plugged in.");
     this.state = state;
+    this.tell();
     this.refresh();
+  }
+
+  /** The answer to a command is the state that followed it. */
+  tell() {
+    const { state, fault } = this.state ?? {};
+    if (!this.awaited || !state || state.endsWith("ING")) return;
+    const reached = words(state.toLowerCase()), isFaulted = ["reset", "clear"].includes(this.awaited) && fault;
+    this.say(isFaulted ? `Not ${this.awaited === "reset" ? "reset" : "cleared"}: ${fault.message}.` : `${name(this.awaited)}: the cell is ${reached}.`);
+    if (!isFaulted || reached === "idle") this.awaited = "";
   }
 
   showOwn(own) {
     const isAnswer = own.answered !== this.own.answered;
     this.own = own;
     if (isAnswer && this.asked) {
-      this.say(own.refusal ? `${name(this.asked)} refused: ${own.refusal}.` : `${name(this.asked)}: ${this.asked === "start" ? "taken" : "done"}.`);
+      this.say(own.refusal ? `${name(this.asked)} refused: ${own.refusal}.` : `${name(this.asked)}: accepted.`);
+      this.awaited = own.refusal ? "" : this.asked;
       this.asked = "";
+      this.tell();
     }
     this.refresh();
   }

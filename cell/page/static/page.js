@@ -157,11 +157,16 @@ function showTouch(heard) {
   put("switch", touch.switch);
 }
 
+/** After a fault of the software (4xxx) the scan is at rest, and the age of the frame says nothing about the skin. */
+function isAtRest() {
+  return String(view.state?.fault?.code ?? "").startsWith("4");
+}
+
 /** Dims the touch image while the cell shows none: an old one must not look like the present. */
 setInterval(() => {
   const silent = view.touch && (performance.now() - view.heard) / 1000;
   byId("touch").classList.toggle("old", silent > 1);
-  if (silent > 1) put("age", `no news for ${silent.toFixed(0)} s`);
+  if (silent > 1) put("age", isAtRest() ? "scan at rest" : `no news for ${silent.toFixed(0)} s`);
 }, 500);
 addEventListener("resize", due);
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", due);

@@ -92,9 +92,12 @@ def test_a_serial_number_that_looks_like_markup_is_printed_as_it_is(tmp_path, ca
         )
         journal.begin(row)
     assert main(["runs", "--journal", str(tmp_path)]) == GOOD
-    told = capsys.readouterr().out
-    assert SERIAL in told
-    assert "plc[/]" in told
+    printed = capsys.readouterr().out
+    assert all(word in printed for word in SERIAL.split())
+    assert main(["show", "1", "--journal", str(tmp_path)]) != WRONG_USE
+    printed = capsys.readouterr().out
+    assert SERIAL in printed
+    assert "plc[/]" in printed
 
 
 def test_the_version_is_told_with_those_that_the_suite_ran_with(capsys):
@@ -120,3 +123,30 @@ def test_every_package_of_the_program_says_under_which_licence_it_is():
 def test_every_package_of_the_program_is_pinned():
     assert PINS.read_text() == (ROOT / "constraints.txt").read_text()
     assert [line.name for line in packages() if line.tested == "not pinned"] == []
+
+
+@pytest.mark.parametrize("words", [("show", "99"), ("runs", "--fault", "9999")])
+def test_a_question_about_what_does_not_exist_is_wrong_use(words, tmp_path, capsys):
+    with Journal(tmp_path):
+        pass
+    assert main([*words, "--journal", str(tmp_path)]) == WRONG_USE
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_a_run_fits_one_line_of_80_columns(tmp_path, capsys):
+    with Journal(tmp_path) as journal:
+        journal.begin(
+            RunRow(
+                run=0,
+                started="2026-01-01T00:00:00+00:00",
+                program="insert_peg",
+                recipe=0,
+                serial="",
+                source="10.0.0.1",
+                sequence=1,
+            )
+        )
+    assert main(["runs", "--journal", str(tmp_path)]) == GOOD
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith(" 1 ")]
+    assert len(line.rstrip()) <= 80
+    assert "running" in line

@@ -54,9 +54,9 @@ def test_the_shipped_cell_is_commented_with_what_its_keys_mean():
 
 
 def test_the_last_sentence_of_a_docstring_may_state_the_source():
-    assert split_source("Speed, m/s; slow. Source: decision 0030; [gibbons], Sec. IV.") == (
+    assert split_source("Speed, m/s; slow. Source: docs/tried/search.md; [gibbons], Sec. IV.") == (
         "Speed, m/s; slow.",
-        ("decision 0030", "[gibbons], Sec. IV"),
+        ("docs/tried/search.md", "[gibbons], Sec. IV"),
     )
     assert split_source("Speed, m/s; as in [gibbons], Eq. (7).")[1] == ("[gibbons], Eq. (7)",)
     assert split_source("Speed, m/s; assumed.")[1] == ("assumed",)
@@ -91,8 +91,9 @@ def test_every_source_can_be_looked_up():
         for source in key.sources:
             assert all(each in known for each in re.findall(r"\[[a-z_]+\]", source)), (key.name, source)
             assert set(re.findall(r"decision (\d{4})", source)) <= decisions, (key.name, source)
+            assert all(Path(page).is_file() for page in re.findall(r"docs/tried/\w+\.md", source)), (key.name, source)
             assert re.search(
-                r"\[|decision \d|`cell \w+|data sheet|config/|RFC|Modbus|EN |CiA|IEC"
+                r"\[|decision \d|docs/tried/\w+\.md|`cell \w+|data sheet|config/|RFC|Modbus|EN |CiA|IEC"
                 r"|^(assumed$|chosen, not measured$|derived (from|for) |set for each (cell|part|trial|command)$)",
                 source,
             ), (

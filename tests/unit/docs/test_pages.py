@@ -14,7 +14,7 @@ from tests.pages import PAGES, REASONS, ROOT, Block, blocks, without_blocks
 LINK = re.compile(r"(?<!\\)\[[^\]]*\]\(([^)\s]+)\)|^\[[^\]]+\]: (\S+)", re.M)
 FILE = re.compile(r"`([\w./-]+/[\w.-]+\.(?:py|toml|md|png|hex|c))`")
 COMMAND = re.compile(r"`(?:\.venv/bin/)?cell ([a-z]+)")
-README_WORDS = 900
+README_WORDS = 700
 
 
 @cache
@@ -89,12 +89,16 @@ def test_the_readme_is_short():
     assert len((ROOT / "README.md").read_text(encoding="utf-8").split()) < README_WORDS
 
 
-def test_ci_runs_the_second_command_of_the_readme_and_then_the_campaign_of_faults():
+def test_ci_runs_the_second_command_of_the_readme_the_campaign_and_the_bench():
     (commands,) = [block for block in blocks() if block.page.name == "README.md"]
     demo, tests = commands.text.strip().splitlines()
     assert demo.endswith(".venv/bin/cell demo")
     run = [line for line in (ROOT / ".ci" / "run").read_text(encoding="utf-8").splitlines() if not line.startswith("#")]
-    assert [line for line in run if line][-2:] == [tests, ".venv/bin/python -m tests.campaign"]
+    assert [line for line in run if line][-3:] == [
+        tests,
+        ".venv/bin/python -m tests.campaign",
+        ".venv/bin/pytest tests/bench -n 0",
+    ]
 
 
 def test_the_changelog_has_its_form():

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-PACKAGES = ("cell", "config", "drivers", "plc_bridge", "sim", "skills")
+PACKAGES = ("cell", "drivers", "plc_bridge", "sim", "skills")
 FRAGMENTS = frozenset(
     (
         *("about", "above", "after", "along", "among", "as", "at", "before", "below", "between", "beyond", "beside"),

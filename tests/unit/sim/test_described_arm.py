@@ -1,13 +1,12 @@
 """Arms that other people described, on the joints of the cell's models."""
 
 import math
-from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 
-import config
+from cell.config_files import ARMS
 from drivers import frames
 from drivers.arm.kinematics import finger_frame
 from drivers.arm.model import JOINTS, read_arm
@@ -16,7 +15,7 @@ from sim import described_arm, scene
 from sim.arm_truth import ideal
 from sim.config import DescribedArmConfig
 
-ARM = read_arm(Path(config.__file__).with_name("arms") / "fr3.toml")
+ARM = read_arm(ARMS / "fr3.toml")
 TURNS = (0.3, -1.1, 0.7, 2.0, -0.4, 1.3, 0.9)
 """Turns of the described links' frames about their joints, rad, and shifts along them, m: frames are the author's choice."""
 SHIFTS = (0.05, -0.1, 0.02, 0.0, 0.08, -0.03, 0.01)

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from cell.config import load
+from cell.config_files import ERRORS_FILE
+from cell.config_files import SHIPPED as SHIPPED_FILES
 from sim.arm_truth import ideal
 from sim.config import RealityConfig
 from sim.drawn_arm import drawn_arm
-from sim.reality import AS_BELIEVED, read_shipped
+from sim.reality import AS_BELIEVED, read
 
 PANDA = load().cell.arm_model()
 
@@ -38,6 +40,6 @@ def test_the_published_curve_takes_the_place_of_dry_friction_and_each_joint_has_
 
 
 def test_an_arm_with_errors_at_scale_1_differs_in_everything_that_is_drawn_of_it():
-    truth, believed = drawn_arm(PANDA, read_shipped().draw(8, RealityConfig())), ideal(PANDA)
+    truth, believed = drawn_arm(PANDA, read(SHIPPED_FILES / ERRORS_FILE).draw(8, RealityConfig())), ideal(PANDA)
     for name in ("friction", "rotor_inertia", "path", "reading", "wrench", "gravity", "tcp_offset"):
         assert getattr(truth, name) != getattr(believed, name)

@@ -5,11 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cell.config_files import ERRORS_FILE
+from cell.config_files import SHIPPED as SHIPPED_FILES
 from drivers.errors import ConfigError
 from sim.config import RealityConfig
-from sim.reality import KINDS, Reality, read, read_shipped, recorded
+from sim.reality import KINDS, Reality, read, recorded
 
-SHIPPED = read_shipped()
+SHIPPED = read(SHIPPED_FILES / ERRORS_FILE)
 ONE = """
 [arm.gravity]
 about = "Torque by which the compensation errs"

@@ -1,10 +1,10 @@
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import pytest
 
 from cell.lab.faults.disks import FullDisk
 from cell.lab.faults.kills import Kill, begun, draw
-from cell.lab.faults.study import _read_rows, _write_rows
+from cell.lab.rows import kept_rows, write_rows
 
 SOUND = Kill(
     "SIGKILL",
@@ -56,14 +56,14 @@ def test_what_is_lost_untrue_or_rude_is_not(change):
 def test_a_campaign_goes_on_behind_the_ends_that_were_seen_whole_and_fit(tmp_path):
     drawn = draw(3, 7)
     seen = [replace(SOUND, signal=how.name, progress=at) for how, at in drawn]
-    _write_rows(tmp_path / "kills.csv", [asdict(case) for case in seen])
-    assert begun(_read_rows(tmp_path / "kills.csv", Kill), drawn) == seen
+    write_rows(seen, tmp_path / "kills.csv")
+    assert begun(kept_rows(Kill, tmp_path / "kills.csv"), drawn) == seen
     assert begun([*seen[:2], replace(seen[2], part_next="")], drawn) == seen[:2]
     assert begun(seen, draw(3, 8)) == []
 
 
 def test_a_table_of_full_disks_is_read_as_it_was_written(tmp_path):
     case = FullDisk("killed", 40, 3, "success", False, "lost", 100, 90, 0, 0, -1)
-    _write_rows(tmp_path / "disks.csv", [asdict(case)])
-    assert _read_rows(tmp_path / "disks.csv", FullDisk) == [case]
-    assert _read_rows(tmp_path / "none.csv", FullDisk) == []
+    write_rows([case], tmp_path / "disks.csv")
+    assert kept_rows(FullDisk, tmp_path / "disks.csv") == [case]
+    assert kept_rows(FullDisk, tmp_path / "none.csv") == []

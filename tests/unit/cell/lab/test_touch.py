@@ -6,7 +6,8 @@ import pytest
 
 from cell.config import load
 from cell.config_files import presets
-from cell.lab.results import TrialsResult, write_results
+from cell.lab.results import TrialsResult
+from cell.lab.rows import write_rows
 from cell.lab.touch.charts import draw
 from cell.lab.touch.measure import SIGHTS, TURNING, TouchLine, hands
 from cell.lab.touch.tables import touch
@@ -35,5 +36,5 @@ def test_every_hand_can_be_run_with_every_sight(sight):
 def test_table_file_and_chart_show_every_line(tmp_path):
     lines = [TouchLine(TURNING, sight, replace(SEEN, name=sight)) for sight in SIGHTS]
     assert touch(lines, "a title").row_count == len(lines)
-    assert write_results([line.result for line in lines], tmp_path / "touch.csv").read_text().count("\n") == 4
+    assert write_rows([line.result for line in lines], tmp_path / "touch.csv").read_text().count("\n") == 4
     assert draw(lines, "a title", tmp_path).stat().st_size > 5_000

@@ -1,0 +1,56 @@
+"""Tables of the laboratory as CSV, and quantiles that also bear no values; nothing is measured here."""
+
+import csv
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, fields, is_dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from drivers.errors import ConfigError
+
+Row = TypeVar("Row")
+READERS: Mapping[Any, Callable[[str], Any]] = {int: int, float: float, str: str, bool: "True".__eq__}
+"""Function that reads a cell of each type."""
+
+
+def write_rows(rows: Iterable[Any], path: Path) -> Path:
+    """Write dataclasses or mappings, one row each, with the fields of the first as columns; return the file."""
+    cells = [asdict(row) if is_dataclass(row) and not isinstance(row, type) else row for row in rows]
+    with path.open("w", newline="", encoding="utf-8") as file:
+        if cells:
+            writer = csv.DictWriter(file, list(cells[0]), lineterminator="\n")
+            writer.writeheader()
+            writer.writerows(cells)
+    return path
+
+
+def read_rows(kind: type[Row], path: Path) -> list[Row]:
+    """Return the rows of one dataclass that `write_rows` wrote.
+
+    Raises:
+        ConfigError: The file does not exist or holds another table.
+    """
+    types = {field.name: READERS[field.type] for field in fields(kind)}  # type: ignore[arg-type]
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            return [kind(**{name: read(row[name]) for name, read in types.items()}) for row in csv.DictReader(file)]
+    except (OSError, KeyError, TypeError, ValueError) as error:
+        raise ConfigError(f"{path}: not the table of a finished study: {type(error).__name__}: {error}") from None
+
+
+def kept_rows(kind: type[Row], path: Path) -> list[Row]:
+    """Return the rows that an interrupted call left, or none if there is no such file or it holds another table."""
+    try:
+        return read_rows(kind, path)
+    except ConfigError:
+        return []
+
+
+def quantile(values: ArrayLike | Sequence[float], share: float) -> float:
+    """Return a quantile, linear between values, or NaN of no values."""
+    found = np.asarray(values, dtype=float)
+    return float(np.quantile(found, share)) if found.size else math.nan

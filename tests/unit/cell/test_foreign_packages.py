@@ -1,0 +1,56 @@
+"""The program beside packages of others: its files are data of `cell`, and a package that hides one of its own is named."""
+
+import os
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[3]
+PACKAGES = ("cell", "drivers", "plc_bridge", "sim", "skills")
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """A folder as an installed wheel leaves it, by the mapping of packages that the wheel is built with."""
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]
+    folder = tmp_path_factory.mktemp("site")
+    for name in PACKAGES:
+        shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+    for name, source in settings["package-dir"].items():
+        shutil.copytree(ROOT / source, folder.joinpath(*name.split(".")))
+    return folder
+
+
+def cell(site, foreign, *words):
+    """Run a command with a folder of foreign packages in front."""
+    places = os.pathsep.join(map(str, (foreign, site)))
+    line = [sys.executable, "-c", "import sys; from cell.__main__ import main; sys.exit(main())", *words]
+    return subprocess.run(
+        line, cwd=foreign, env={**os.environ, "PYTHONPATH": places}, capture_output=True, text=True, check=False
+    )
+
+
+def test_no_package_named_config_is_installed(site):
+    names = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]["packages"]
+    assert "config" not in names
+    assert not (site / "config").exists()
+
+
+def test_a_foreign_config_changes_nothing(site, tmp_path):
+    (tmp_path / "config.py").write_text("raise RuntimeError('foreign')\n")
+    shown = cell(site, tmp_path, "config", "explain", "search.speed")
+    assert (shown.returncode, shown.stderr) == (0, "")
+    assert "search.speed" in shown.stdout
+
+
+def test_a_foreign_package_in_front_is_named_in_one_line(site, tmp_path):
+    (tmp_path / "skills").mkdir()
+    (tmp_path / "skills" / "__init__.py").touch()
+    refused = cell(site, tmp_path, "map")
+    assert refused.returncode == 2
+    assert refused.stderr.count("\n") == 1
+    assert f"package skills: found in {tmp_path / 'skills'}" in refused.stderr
