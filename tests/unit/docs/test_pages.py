@@ -97,7 +97,7 @@ def test_ci_runs_the_second_command_of_the_readme_the_campaign_and_the_bench():
     assert [line for line in run if line][-3:] == [
         tests,
         ".venv/bin/python -m tests.campaign",
-        ".venv/bin/pytest tests/bench -n 0",
+        ".venv/bin/python -m pytest tests/bench -n 0",
     ]
 
 
