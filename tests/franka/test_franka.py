@@ -6,6 +6,7 @@ import signal
 import time
 from datetime import date
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from franka_sim.control_modes import ControlMode
 
 from cell.calibrate_places import measured_places
 from cell.config import load
+from cell.hand_motion import DEAD_MAN, JOG_SPEED, moved_by_keys
 from drivers.arm import franka as module
 from drivers.arm.franka import FrankaArm
 from drivers.arm.franka_config import FrankaArmConfig
@@ -233,6 +235,21 @@ def test_a_system_of_another_version_is_named_with_the_one_that_is_needed(simula
             arm.open()
     finally:
         server.system = 10
+
+
+def test_keys_jog_the_arm_and_the_dead_man_ends_it(simulated, arm):
+    world, _ = simulated
+    cell = SimpleNamespace(config=load(sets=["reality.scale=0.0"]).cell, clock=world, arm=arm)
+    start, pressed = arm.read().tcp.position, []
+
+    def key(is_waiting):
+        pressed.append(is_waiting)
+        return "z" if len(pressed) == 1 else "q" if len(pressed) == 100 else ""
+
+    moved_by_keys(cell, SimpleNamespace(next=key), lambda key, state: True, is_guided=False)
+    assert pressed[50:] == [True] * 50
+    assert arm.read().setpoint_age == math.inf
+    assert 0.0005 < arm.read().tcp.position[2] - start[2] < 1.5 * JOG_SPEED * DEAD_MAN
 
 
 def test_a_lost_connection_is_a_silent_arm_until_a_reset_connects_again(simulated, arm):

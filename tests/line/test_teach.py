@@ -4,10 +4,13 @@ import io
 import json
 import tomllib
 
+import numpy as np
 import pytest
 
+from cell.assembly import assemble, opened
 from cell.cli import GOOD, NOT_GOOD, WRONG_USE, main
-from cell.hand_motion import DEAD_MAN, JOG_SPEED
+from cell.config import load
+from cell.hand_motion import DEAD_MAN, GUIDE_SPEED, JOG_SPEED, moved_by_keys
 
 ELSEWHERE = ["--set", "rack.first=[0.45, 0.2, 0.1]"]
 """A rack beside the plate wherever that is shown."""
@@ -48,6 +51,37 @@ def test_an_arm_that_nobody_guides_stays_in_place(typed):
     start, (status, told, _) = where(typed)["tip"], typed("kkkkkkkkp", "teach")
     assert status == NOT_GOOD
     assert json.loads(told.rpartition("p: ")[2].partition(" m")[0]) == pytest.approx(start, abs=2e-3)
+
+
+class Push:
+    """A person who pushes the hand along x from 1 to 3 s with a force, N, and lets it be until 5 s."""
+
+    def __init__(self, cell, force):
+        self.cell, self.force, self.began = cell, force, cell.clock.now()
+        self.places = []
+
+    def next(self, is_waiting):
+        time = self.cell.clock.now() - self.began
+        world = self.cell.arm._world
+        model, data = world.physics()
+        data.xfrc_applied[model.body("link7").id, 0] = self.force if 1.0 < time < 3.0 else 0.0
+        self.places.append((time, *world.tcp().position))
+        return "q" if time > 5.0 else ""
+
+    def at(self, time):
+        return next(np.array(place) for stamp, *place in self.places if stamp >= time)
+
+
+@pytest.mark.parametrize(("force", "is_followed"), [(5.0, False), (15.0, True)])
+def test_an_arm_with_honest_errors_follows_a_push_and_stays_where_it_is_left(force, is_followed):
+    config = load(sets=["sim.pace=max", "sim.seed=7"]).cell
+    with opened(assemble(config), only="arm") as cell:
+        push = Push(cell, force)
+        moved_by_keys(cell, push, lambda key, state: True, is_guided=True)
+    steps = np.linalg.norm(np.diff([place for _, *place in push.places], axis=0), axis=1)
+    assert steps.max() * config.scan_rate < 1.5 * GUIDE_SPEED
+    assert (push.at(3.0)[0] - push.at(1.0)[0] > 0.1) == is_followed
+    assert np.linalg.norm(push.at(4.9) - push.at(4.0)) < 1e-3
 
 
 def test_corners_shown_by_keys_are_written(typed, tmp_path):
