@@ -28,6 +28,7 @@ from drivers.errors import ArmReflexError, ArmSilentError, ArmStoppedError, Cell
 from drivers.gripper.franka import FrankaGripper
 from drivers.gripper.franka_config import FrankaGripperConfig
 from drivers.quantities import ImpedanceSetpoint
+from tests.emulation import emulated_or_skip
 from tests.franka.insertion import inserted, opened
 from tests.franka.simulated import address, served
 
@@ -306,7 +307,8 @@ FORCE = ["hole.latch={kind='detent',force=5.0,height=0.003}", "hole.evidence=for
 
 
 @pytest.mark.parametrize("sets", [[], FORCE], ids=["switch", "force"])
-def test_a_whole_insertion_runs_through_the_clients(simulated, sets):
+def test_a_whole_insertion_runs_through_the_clients(sets):
+    emulated_or_skip()
     told = inserted(address(4), 2, ["hole.area=[0.01, 0.01]", *sets])
     assert told["fault"] == ""
     assert told["outcome"] == "success"
@@ -318,6 +320,7 @@ def test_a_whole_insertion_runs_through_the_clients(simulated, sets):
 
 @pytest.mark.by_hand
 def test_plate_and_rack_are_touched_off_through_the_clients():
+    emulated_or_skip()
     config = load(sets=["sim.pace=max", "reality.scale=0.0", "insert.estimator=pca"]).cell
     with opened(config, address(4)) as wired:
         found = measured_places(wired.cell, date.today(), lambda done, of: None, pegs=2)
