@@ -89,8 +89,8 @@ class Places:
     def sections(self) -> str:
         """What to write in the cell's file; empty where all is as it is stated, as far as the pegs can tell."""
         return "\n".join(
-            [f"[hole]\ncentre = {_point(self.centre)}\n"] * self.is_plate_elsewhere
-            + [f"[rack]\nfirst = {_point(self.first)}\n"] * self.is_rack_elsewhere
+            [f"[hole]\ncentre = {point(self.centre)}\n"] * self.is_plate_elsewhere
+            + [f"[rack]\nfirst = {point(self.first)}\n"] * self.is_rack_elsewhere
         )
 
     def write(self, path: Path) -> None:
@@ -203,7 +203,7 @@ def mouth(hand: Pose, theta: float, offset: float, config: CellConfig) -> Vector
 def places_of(touched: Sequence[PegTouches], config: CellConfig, today: date) -> Places:
     """Return what pegs told together: each the plane of its plate."""
     middle = np.array(config.hole.centre)
-    planes = [_plane(each.points - middle) for each in touched]
+    planes = [plane_through(each.points - middle) for each in touched]
     heights = middle[2] + np.array([values[2] for values, _ in planes])
     height = float(heights.mean())
     quantile = student(len(touched) - 1)
@@ -230,7 +230,7 @@ def places_of(touched: Sequence[PegTouches], config: CellConfig, today: date) ->
     )
 
 
-def _plane(points: Vector) -> tuple[Vector, float]:
+def plane_through(points: Vector) -> tuple[Vector, float]:
     """Return slopes along x and y and height of the plane through points, shape (n, 3), m, and their distance from it, rms, m."""
     rows = np.column_stack([points[:, :2], np.ones(len(points))])
     values, *_ = np.linalg.lstsq(rows, points[:, 2], rcond=None)
@@ -258,5 +258,6 @@ def implausible(found: Places, config: CellConfig) -> str | None:
     return None
 
 
-def _point(values: Sequence[float]) -> str:
+def point(values: Sequence[float]) -> str:
+    """Return a place as a config file has it, m."""
     return f"[{', '.join(f'{value:.5f}' for value in values)}]"

@@ -104,6 +104,8 @@ COMMANDS = {
     "tune": "cell.lab.commands.tune",
     "skin": "cell.commands.skin",
     "where": "cell.commands.where",
+    "jog": "cell.commands.jog",
+    "teach": "cell.commands.teach",
     "calibrate": "cell.commands.calibrate",
     "study": "cell.lab.commands.study",
     "learned": "cell.commands.learned",

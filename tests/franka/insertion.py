@@ -7,9 +7,8 @@ the plain stand-ins, and how the torque loop kept its time; and one that counts 
 
 import argparse
 import json
-import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -24,15 +23,17 @@ from drivers.arm.franka_config import FrankaArmConfig
 from drivers.errors import CellError
 from drivers.gripper.franka import FrankaGripper
 from drivers.gripper.franka_config import FrankaGripperConfig
-from sim.line import SimLine
-from skills.catalogue import CATALOGUE, RECOVER
+from sim.line import EXCHANGE_STEPS, EXCHANGE_TIME
+from skills.catalogue import CATALOGUE
 from skills.contract import Outcome
 from skills.flow import StageRecord
-from tests.franka.simulated import Arm, Seen, Server, served
+from tests.franka import apart
 from tests.wired import Wires
 
 CLEARING = 0.5
 """Time that a person takes with a peg, s: the fingers have met, and the hand says so, when it is said to be gone."""
+ACT_STEP = EXCHANGE_TIME / EXCHANGE_STEPS
+"""Time between two looks of the boards meanwhile, s."""
 
 
 @dataclass
@@ -43,8 +44,8 @@ class WiredCell:
     wires: Wires
     arm: FrankaArm
     gripper: FrankaGripper
-    world: Arm
-    server: Server
+    bench: Any
+    """A `tests.franka.apart.Bench`."""
 
 
 @contextmanager
@@ -53,17 +54,21 @@ def opened(config: CellConfig, host: str) -> Iterator[WiredCell]:
     franka = FrankaArmConfig(
         kind="franka", model="panda", host=host, collision_torque=60.0, collision_force=60.0, realtime="ignore"
     )
-    with served(config, host) as (world, server):
-        seen: Any = Seen(world)
-        wires = Wires(config, seen, seen.draw.skin)
+    with apart.bench(config, host) as bench:
+        wires = Wires(config, bench, bench.skin_noise())
         model = config.arm_model()
         arm = FrankaArm(franka, model, wires.clock)
         gripper = FrankaGripper(FrankaGripperConfig(kind="franka", host=host), model.hand.stroke)
-        line = SimLine(world.world, wires.clock, config.params(RECOVER).bin)
 
-        def clear() -> None:
-            line.clear()
-            wires.clock.wait_until(wires.clock.now() + CLEARING)
+        def act(name: str, seconds: float) -> Callable[[], None]:
+            """Return an act of whoever stands around the cell, and the time that it takes, in which the boards go on."""
+
+            def done() -> None:
+                bench.act(name)
+                for _ in range(round(seconds / ACT_STEP)):
+                    wires.clock.wait_until(wires.clock.now() + ACT_STEP)
+
+            return done
 
         cell = Cell(
             config,
@@ -72,17 +77,17 @@ def opened(config: CellConfig, host: str) -> Iterator[WiredCell]:
             gripper,
             wires.skin,
             wires.switch,
-            world.between_steps(line.stock),
-            exchange=world.between_steps(line.exchange),
-            refill=world.between_steps(line.refill),
-            clear=world.between_steps(clear),
+            bench.stock,
+            exchange=act("exchange", EXCHANGE_TIME),
+            refill=act("refill", 0.0),
+            clear=act("clear", EXCHANGE_TIME + CLEARING),
             boards=(wires,),
         )
         with cell_opened(cell):
             try:
-                yield WiredCell(cell, wires, arm, gripper, world, server)
+                yield WiredCell(cell, wires, arm, gripper, bench)
             finally:
-                world.horizon = math.inf
+                bench.let_go()
 
 
 def inserted(host: str, seed: int, sets: Sequence[str] = ()) -> dict[str, Any]:
@@ -95,7 +100,7 @@ def inserted(host: str, seed: int, sets: Sequence[str] = ()) -> dict[str, Any]:
             records = CATALOGUE["insert_peg"].run(config.skill_set(), wired.cell.context(seed))
         except CellError as error:
             fault = f"{error.code.name}: {error}"
-        figures, truth = asdict(wired.arm.figures()), wired.world.world.truth()
+        figures, truth = asdict(wired.arm.figures()), wired.bench.truth()
         return {
             "seed": seed,
             "outcome": _outcome(records, fault),
@@ -104,9 +109,9 @@ def inserted(host: str, seed: int, sets: Sequence[str] = ()) -> dict[str, Any]:
             "depth": truth.depth,
             "switch_closed": bool(truth.switch_closed),
             "is_void": bool(truth.is_void),
-            "simulated": wired.world.now(),
+            "simulated": wired.bench.now(),
             "wall": time.monotonic() - began,
-            "largest_torque_rate": wired.world.largest_rate,
+            "largest_torque_rate": wired.bench.largest_rate(),
             "loop": figures,
         }
 

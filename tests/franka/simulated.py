@@ -37,8 +37,8 @@ HOLD_STIFFNESS = np.array([600.0, 600.0, 600.0, 250.0, 60.0, 30.0, 10.0])
 HOLD_DAMPING = np.array([40.0, 40.0, 40.0, 20.0, 4.0, 2.0, 1.0])
 """N·m·s/rad."""
 NEVER = 2**40
-PATIENCE = 0.2
-"""Longest wait for the client's torques when lateness shall not count, s of wall time."""
+PATIENCE = 0.7
+"""Longest wait for the client's torques when lateness shall not count, s of wall time; the client waits 1 s for a state."""
 PAUSE = 0.05
 """Longest time without a state for the client, s of wall time: it would take the arm for lost."""
 

@@ -6,6 +6,7 @@ import signal
 import time
 from datetime import date
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from franka_sim.control_modes import ControlMode
 
 from cell.calibrate_places import measured_places
 from cell.config import load
+from cell.hand_motion import DEAD_MAN, JOG_SPEED, moved_by_keys
 from drivers.arm import franka as module
 from drivers.arm.franka import FrankaArm
 from drivers.arm.franka_config import FrankaArmConfig
@@ -26,6 +28,7 @@ from drivers.errors import ArmReflexError, ArmSilentError, ArmStoppedError, Cell
 from drivers.gripper.franka import FrankaGripper
 from drivers.gripper.franka_config import FrankaGripperConfig
 from drivers.quantities import ImpedanceSetpoint
+from tests.emulation import emulated_or_skip
 from tests.franka.insertion import inserted, opened
 from tests.franka.simulated import address, served
 
@@ -235,6 +238,21 @@ def test_a_system_of_another_version_is_named_with_the_one_that_is_needed(simula
         server.system = 10
 
 
+def test_keys_jog_the_arm_and_the_dead_man_ends_it(simulated, arm):
+    world, _ = simulated
+    cell = SimpleNamespace(config=load(sets=["reality.scale=0.0"]).cell, clock=world, arm=arm)
+    start, pressed = arm.read().tcp.position, []
+
+    def key(is_waiting):
+        pressed.append(is_waiting)
+        return "z" if len(pressed) == 1 else "q" if len(pressed) == 100 else ""
+
+    moved_by_keys(cell, SimpleNamespace(next=key), lambda key, state: True, is_guided=False)
+    assert pressed[50:] == [True] * 50
+    assert arm.read().setpoint_age == math.inf
+    assert 0.0005 < arm.read().tcp.position[2] - start[2] < 1.5 * JOG_SPEED * DEAD_MAN
+
+
 def test_a_lost_connection_is_a_silent_arm_until_a_reset_connects_again(simulated, arm):
     _, server = simulated
     server.cut()
@@ -289,7 +307,8 @@ FORCE = ["hole.latch={kind='detent',force=5.0,height=0.003}", "hole.evidence=for
 
 
 @pytest.mark.parametrize("sets", [[], FORCE], ids=["switch", "force"])
-def test_a_whole_insertion_runs_through_the_clients(simulated, sets):
+def test_a_whole_insertion_runs_through_the_clients(sets):
+    emulated_or_skip()
     told = inserted(address(4), 2, ["hole.area=[0.01, 0.01]", *sets])
     assert told["fault"] == ""
     assert told["outcome"] == "success"
@@ -301,6 +320,7 @@ def test_a_whole_insertion_runs_through_the_clients(simulated, sets):
 
 @pytest.mark.by_hand
 def test_plate_and_rack_are_touched_off_through_the_clients():
+    emulated_or_skip()
     config = load(sets=["sim.pace=max", "reality.scale=0.0", "insert.estimator=pca"]).cell
     with opened(config, address(4)) as wired:
         found = measured_places(wired.cell, date.today(), lambda done, of: None, pegs=2)

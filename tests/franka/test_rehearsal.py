@@ -35,7 +35,7 @@ def test_whatever_is_killed_in_the_middle_ends_in_its_fault_and_serves_again_aft
         for stage, pull, fault in [
             ("grasp_from_rack", kill(wired.gripper), FaultCode.GRIPPER_SILENT),
             ("spray_search", kill(wired.arm), FaultCode.ARM_SILENT),
-            ("tactile_insert", wired.server.cut, FaultCode.ARM_SILENT),
+            ("tactile_insert", wired.bench.cut, FaultCode.ARM_SILENT),
         ]:
             report = rehearsal.insert(stage, 0.2, pull)
             assert (report.result, report.fault, report.state) == (Result.FAULT, fault, State.ABORTED)
@@ -44,8 +44,8 @@ def test_whatever_is_killed_in_the_middle_ends_in_its_fault_and_serves_again_aft
             assert rehearsal.reset().state == State.IDLE
             rehearsal.wait(1.0)
         assert rehearsal.insert().result is Result.SUCCESS
-        truth = wired.world.world.truth()
+        truth = wired.bench.truth()
         assert truth.switch_closed
         assert not truth.is_void
         assert wired.arm.figures().missed == 0
-        assert wired.world.largest_rate < loaded.cell.arm_model().joints.torque_rate[0]
+        assert wired.bench.largest_rate() < loaded.cell.arm_model().joints.torque_rate[0]

@@ -1,0 +1,40 @@
+"""`cell jog`: the tool in small steps by keys."""
+
+import argparse
+from typing import TYPE_CHECKING
+
+from cell.arguments import add_config, load_config
+from cell.terminal import GOOD, complain, say
+
+if TYPE_CHECKING:
+    from drivers.quantities import ArmState
+
+SUMMARY = "move the tool by keys: x y z forth, X Y Z back, along the axes of the base frame; q ends"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add --config and --set."""
+    add_config(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Move the tool while a key is held down; 0.2 s after the last one the arm holds still."""
+    from cell.assembly import assemble, opened
+    from cell.hand_motion import DEAD_MAN, JOG_SPEED, moved_by_keys
+    from cell.keys import keys
+
+    tell = complain if args.json else say
+
+    def act(key: str, state: "ArmState") -> bool:
+        tell(f"{key}: no such key; x y z X Y Z and q allowed")
+        return True
+
+    config = load_config(args).cell
+    with opened(assemble(config), only="arm") as cell, keys() as pressed:
+        tell(
+            f"{SUMMARY}; {JOG_SPEED * 1e3:g} mm/s while a key is held, still {DEAD_MAN:g} s after it. Keep a hand on the stop."
+        )
+        moved_by_keys(cell, pressed, act, is_guided=False)
+        x, y, z = cell.arm.read().tcp.position
+        tell(f"finger centre at {x:.4f}, {y:.4f}, {z:.4f} m")
+    return GOOD

@@ -1,0 +1,78 @@
+"""`cell teach`: places of rack, plate, hole and bin, shown by hand."""
+
+import argparse
+from datetime import date
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cell.arguments import add_config, load_config
+from cell.terminal import GOOD, NOT_GOOD, complain, say, show
+
+if TYPE_CHECKING:
+    from drivers.quantities import ArmState
+
+SUMMARY = "guide the arm by hand and show places with the end of a peg, for the cell's file"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what points at the places, and where the file goes."""
+    add_config(parser)
+    parser.add_argument(
+        "--length",
+        type=float,
+        metavar="M",
+        help="distance from the finger centre to the end that shows the places, m; default that of the cell's peg",
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="folder for the file; default calibration/ beside the config file, or among the user's own data",
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Let the arm be guided, take places by keys, and write them if they are plausible."""
+    import numpy as np
+
+    from cell import taught
+    from cell.assembly import assemble, opened
+    from cell.config import load
+    from cell.hand_motion import moved_by_keys
+    from cell.journal import default_folder
+    from cell.keys import keys
+    from drivers.frames import end_point
+
+    config, today = load_config(args).cell, date.today()
+    tell = complain if args.json else say
+    length, shown, is_wanted = args.length or config.peg.length, taught.Shown(), []
+
+    def act(key: str, state: "ArmState") -> bool:
+        if key == taught.WRITE:
+            is_wanted.append(True)
+            return False
+        place, axis = end_point(state.tcp, 0.0, length)
+        taught.key_taken(shown, config.rack, tell, key, place, axis, float(np.abs(state.dq).max()))
+        return True
+
+    with opened(assemble(config), only="arm") as cell, keys() as pressed:
+        tell("Stay at the stop and guide the hand. Keys: " + ", ".join(f"{k}: {v}" for k, v in taught.MEANINGS.items()))
+        moved_by_keys(cell, pressed, act, is_guided=True)
+    found = taught.lines(shown, config.hole, config.rack)
+    if not is_wanted or not found:
+        complain("teach: nothing written")
+        return NOT_GOOD
+    if (why := taught.implausible(shown, config.rack, config.peg.length, config.limits)) is not None:
+        complain(f"teach: {why}; nothing written")
+        return NOT_GOOD
+    load(args.config, sets=[*args.set, *(f"{section}.{key}={value}" for section, key, value in found)])
+    beside = args.config.parent if args.config else default_folder()
+    path = (args.out or beside / "calibration") / f"taught_{today.isoformat()}.toml"
+    text = taught.sections(found)
+    taught.write(path, text, today, config.arm_unit())
+    show(
+        args,
+        f"written: {path}\nfor the cell's file, then `cell calibrate places`:\n\n{text}",
+        {"file": str(path), "write": text},
+    )
+    return GOOD
