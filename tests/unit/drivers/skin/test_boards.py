@@ -221,7 +221,9 @@ def test_modules_that_never_leave_their_boot_loaders_are_named():
     rig = BoardRig(can_config(open_timeout=2.0))
     real = rig.link.write
     rig.link.write = lambda frame: None if frame.data[0] == 0x31 else real(frame)
-    with pytest.raises(SkinSilentError, match="hub 1 has modules that have not left their boot loaders: see their plugs"):
+    with pytest.raises(
+        SkinSilentError, match="hub 1 has modules that have not left their boot loaders: see their plugs"
+    ):
         rig.skin.open()
 
 
