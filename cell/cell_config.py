@@ -417,7 +417,7 @@ class CellConfig(Catalogued):
 
     def job(self, slot: int = 0) -> Job:
         """Return the part and its places, to be taken from the rack's `slot`."""
-        return Job(peg=self.peg, hole=self.hole, rack=self.rack, slot=slot)
+        return Job(peg=self.peg, hole=self.hole, rack=self.rack, hand=self.arm_model().hand, slot=slot)
 
 
 for _name in CellConfig.__annotations__.keys() & Catalogued.model_fields:

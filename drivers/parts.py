@@ -186,12 +186,30 @@ class Rack(ConfigModel):
         return (x - half, y - half), (x + half, y + self.pitch * (self.slots - 1) + half)
 
 
+class HandShape(ConfigModel):
+    """Room that a parallel hand takes: capsules along the closing axis around its body and around its fingers."""
+
+    stroke: Annotated[float, Field(gt=0.0, le=0.5)]
+    """Largest distance between the pads, m."""
+    body_offset: Annotated[float, Field(ge=-0.5, le=0.5)]
+    """Place of the middle line of the body's capsule, along x of the finger frame, m."""
+    body_radius: Annotated[float, Field(gt=0.0, le=0.2)]
+    """Radius of the body's capsule, m."""
+    finger_offset: Annotated[float, Field(ge=-0.5, le=0.5)]
+    """Place of the middle line of the fingers' capsule, along x of the finger frame, m."""
+    finger_radius: Annotated[float, Field(gt=0.0, le=0.2)]
+    """Radius of the fingers' capsule, m."""
+    half_span: Annotated[float, Field(gt=0.0, le=0.5)]
+    """Half the length of both middle lines while the fingers are wide open, m."""
+
+
 class Job(ConfigModel):
-    """One part and its places: what a recipe describes and a program works on."""
+    """One part, its places, and the hand that carries it."""
 
     peg: Peg
     hole: Hole
     rack: Rack
+    hand: HandShape
     slot: Annotated[int, Field(ge=0)] = 0
     """Number of the slot to take the peg from."""
 

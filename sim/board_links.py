@@ -135,7 +135,7 @@ class EmulatedCan(_Link[CanFrame]):
         return frame_bits(len(item.data)) * self._bit
 
     def _spoilt(self, item: CanFrame) -> CanFrame:
-        return CanFrame(item.id, _flipped(item.data, self._rng)) if item.data else item
+        return replace(item, data=_flipped(item.data, self._rng)) if item.data else item
 
 
 class EmulatedLine(_Link[int]):

@@ -14,14 +14,8 @@ SAMPLES = 24
 """Number of places along a way at which the distance is looked at, beside its beginning."""
 RINGS, AROUND = 6, 12
 """Rings of points on the peg, and points on each of them."""
-HAND, FINGERS = (-0.0634, 0.04), (-0.0034, 0.02)
-"""Capsules around hand and fingers along the closing axis: place along x of the finger frame and radius, m. Source: collision model of the
-hand in frankarobotics/franka_description."""
-HALF_SPAN, BALLS = 0.05, 5
-"""Half the length of a capsule's middle line around fingers that are wide open, m, and the number of balls that stand for it."""
-WIDE_OPEN = 0.08
-"""Distance between the pads of fingers that are wide open, m. Source: the same model; around fingers that hold a peg the capsule is
-shorter by what they are closed, and still reaches 30 mm beyond each pad, where the model's own boxes of a finger reach 26 mm."""
+BALLS = 5
+"""Number of balls that stand for a capsule of the hand."""
 DEEP = 1.0
 """Depth of the boxes below their upper faces, m: nothing passes under plate or rack."""
 TOLERANCE = 1e-4
@@ -76,21 +70,22 @@ def nearest(at: Attitude, job: Job, in_hand: InHandTip | None, boxes: Sequence[B
     finger_peg = peg_in_finger(theta, length)
     rotation = peg @ finger_peg.rotation.T
     centre = at.tip - rotation @ finger_peg.position
+    hand = job.hand
+    # Fingers that hold a peg span less than wide open ones by what they are closed.
+    closed = 0.0 if in_hand is None else max(hand.stroke - job.peg.part.thickness, 0.0)
+    capsules = (
+        (hand.body_offset, hand.body_radius, hand.half_span),
+        (hand.finger_offset, hand.finger_radius, hand.half_span - closed / 2),
+    )
     gaps = []
     for box in boxes:
-        for place, radius in (HAND, FINGERS):
-            half = HALF_SPAN if in_hand is None or place == HAND[0] else _half_span(job.peg.part.thickness)
+        for place, radius, half in capsules:
             along = np.linspace(-half, half, BALLS)
             balls = centre + place * rotation[:, 0] + along[:, None] * rotation[:, 2]
             gaps.append((float(box.gaps(balls).min()) - radius, "hand", box.name))
         if in_hand is not None:
             gaps.append((float(box.gaps(_surface(at.tip, peg, job, length)).min()), "peg", box.name))
     return min(gaps)
-
-
-def _half_span(width: float) -> float:
-    """Return half the length of the capsule's middle line around fingers whose pads are `width` apart, m."""
-    return HALF_SPAN - max(WIDE_OPEN - width, 0.0) / 2
 
 
 def require_clear(way: Sequence[Attitude], job: Job, in_hand: InHandTip | None, clearance: float) -> None:

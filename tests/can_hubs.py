@@ -43,7 +43,7 @@ class SlcanHub(_Hub):
             for inner in ready:
                 *lines, self._inner[inner] = (self._inner[inner] + os.read(inner, 4096)).split(b"\r")
                 for line in lines:
-                    for other in self._inner if line.startswith(b"t") else ():
+                    for other in self._inner if line.startswith((b"t", b"T")) else ():
                         if other != inner:
                             os.write(other, line + b"\r")
 

@@ -14,6 +14,7 @@ from pydantic import AfterValidator, Field, ValidationInfo, model_validator
 
 from drivers.config_model import ConfigModel, beside_config
 from drivers.figures_file import read_figures
+from drivers.parts import HandShape
 from drivers.quantities import Vector
 
 JOINTS = 7
@@ -160,15 +161,13 @@ class TorquePathModel(ConfigModel):
     """Least share of `joints.rotor_inertia` that may show at the joints, fraction: the lighter the joint, the earlier it swings."""
 
 
-class Hand(ConfigModel):
+class Hand(HandShape):
     """The parallel hand on the flange."""
 
     turn: Angle
     """Rotation of the hand about the flange's z, rad."""
     finger_centre: Annotated[float, Field(gt=0.0, le=0.5)]
     """Distance from the flange to the middle between the pads, along z, m."""
-    stroke: Annotated[float, Field(gt=0.0, le=0.5)]
-    """Largest distance between the pads, m."""
     finger_speed: Annotated[float, Field(gt=0.0, le=1.0)]
     """Largest speed of one finger, m/s."""
     finger_force: Annotated[float, Field(gt=0.0, le=500.0)]

@@ -91,6 +91,17 @@ def test_commands_run_over_every_interface(two_ends):
     assert runs == list(range(1, 11))
 
 
+@pytest.mark.parametrize("two_ends", ["virtual", "udp_multicast", "socketcand", "slcan", "socketcan"], indirect=True)
+def test_frames_with_29_bit_identifiers_pass_over_every_interface(two_ends):
+    here, there = (CanBus(config.interface, config.channel, config.bitrate) for config in two_ends)
+    here.open()
+    there.open()
+    with closing(here), closing(there):
+        for sent in (CanFrame(0x17FFFFFF, b"out", is_extended=True), CanFrame(0x5FF, b"on")):
+            here.write(sent)
+            assert there.read(MOST_ERRORS) == sent
+
+
 def test_a_socketcand_server_may_go_and_come_back():
     hub = SocketcandHub()
     config = CanConfig(interface="socketcand", channel=f"127.0.0.1:{hub.port}/can0", **PATIENT)

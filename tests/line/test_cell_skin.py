@@ -126,7 +126,7 @@ def test_traffic_of_another_wire_is_told(capsys, tmp_path):
         (["--replay", __file__], "no recording"),
         (["--record", "traffic"], "skin.record: unknown key; creep, "),
         ([*CAN, "--set", "skin.rate=200"], "skin.rate = 200: a number from 1 to 100 allowed"),
-        (["--set", "skin.kind=usb"], '\'usb\': "can", "serial", "sim" allowed'),
+        (["--set", "skin.kind=usb"], '\'usb\': "can", "host", "serial", "sim" allowed'),
         ([*CAN, "--set", "skin.board.kind=ican"], '"cyskin", "icub" allowed'),
         ([*SERIAL, "--set", "skin.board.wire.crc.polynomial=6"], "lets single flipped bits through"),
         ([*CAN, "--out", "/proc/picture.png"], "cannot be written"),

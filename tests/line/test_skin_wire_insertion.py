@@ -39,7 +39,7 @@ def test_the_next_insertion_succeeds_once_the_board_is_back():
             insert_peg(config.skill_set(), ctx)
         assert cell.switch.read() is SwitchState.OPEN
         cell.arm.halt()
-        while cell.clock.now() < 16.5:
+        while cell.clock.now() < 18.5:
             cell.clock.wait_until(cell.clock.now() + 0.01)
             with suppress(SkinSilentError):
                 cell.skin.read()

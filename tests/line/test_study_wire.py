@@ -17,7 +17,7 @@ def test_frames_are_seen_within_a_scan_and_their_way_and_lost_boards_come_back()
     lines = {line.wire: line for line in latencies(2, 1.0)}
     for line in lines.values():
         assert 0.0 < line.age_p50 <= line.age_p99 < 0.02
-        assert 0.0 < line.recovery_p50 <= line.recovery_max < 1.0
+        assert 0.0 < line.recovery_p50 <= line.recovery_max < 2.0
     assert lines["can"].age_p99 < 0.0115
     assert lines["can"].stamp_error < 0.001
     assert lines["serial"].age_p50 > 0.0095

@@ -102,3 +102,10 @@ def test_the_empty_hand_has_no_peg():
     gap, what, _ = nearest(Attitude(PLATE + 0.03 * UP, UP, ALONG), JOB, None, boxes_of(JOB))
     assert what == "hand"
     assert gap == pytest.approx(0.03 - 0.0034 - 0.02 + 2 * 0.0034, abs=0.004)
+
+
+def test_own_fingers_have_their_own_room():
+    at = Attitude(PLATE + 0.03 * UP, UP, ALONG)
+    thicker = JOB.hand.model_copy(update={"finger_radius": JOB.hand.finger_radius + 0.004})
+    gaps = [nearest(at, job, None, boxes_of(job))[0] for job in (JOB, JOB.model_copy(update={"hand": thicker}))]
+    assert gaps[0] - gaps[1] == pytest.approx(0.004)

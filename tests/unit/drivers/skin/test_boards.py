@@ -217,11 +217,13 @@ def test_second_hub_on_the_bus_is_named_and_none_is_started():
     assert rig.hub.number is None
 
 
-def test_modules_that_stay_in_their_boot_loaders_are_named():
+def test_modules_that_never_leave_their_boot_loaders_are_named():
     rig = BoardRig(can_config(open_timeout=2.0))
     real = rig.link.write
     rig.link.write = lambda frame: None if frame.data[0] == 0x31 else real(frame)
-    with pytest.raises(SkinSilentError, match="hub 1 has modules that stay in their boot loaders: see their plugs"):
+    with pytest.raises(
+        SkinSilentError, match="hub 1 has modules that have not left their boot loaders: see their plugs"
+    ):
         rig.skin.open()
 
 

@@ -4,6 +4,8 @@ The form is that of file_publisher.cpp, src/cyskin_acquisition of ladylou899/ros
 ends the first line, times have six decimals.
 """
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -11,7 +13,10 @@ from drivers.errors import DeviceNotOpenedError, SkinSilentError
 from drivers.skin.board_config import HostSkinConfig
 from drivers.skin.boards import HostSkin
 from drivers.skin.health import BASELINE_FRAMES
+from drivers.skin.host_file import HostFile
+from drivers.skin.recording import Recording
 
+RECORDINGS = Path(__file__).parents[5] / "shared" / "data"
 SUIS = (3500, 3501, 3502, 3503)
 PERIOD = 0.1
 
@@ -164,3 +169,23 @@ def test_module_that_the_host_program_lacks_is_not_trusted(tmp_path):
     skin.open()
     assert np.flatnonzero(~skin.read().trusted.reshape(4, 10).all(axis=1)).tolist() == [2]
     skin.close()
+
+
+@pytest.mark.skipif(not RECORDINGS.is_dir(), reason=f"no recordings at {RECORDINGS}")
+def test_every_line_that_the_makers_program_wrote_is_a_scan(tmp_path):
+    source, path = RECORDINGS / "cyskin_2_finger_01.txt", tmp_path / "skin_data.txt"
+    recorded = Recording(source)
+    modules = recorded.most_touched()
+    head, *lines = source.read_text().splitlines(keepends=True)
+    path.write_text(head)
+    config = {"kind": "host", "file": str(path), "board": {"kind": "cyskin", "modules": modules}}
+    port = HostFile(HostSkinConfig.model_validate(config))
+    port.open()
+    path.write_text(head + "".join(lines))
+    scans = port.exchange(100.0)
+    port.close()
+    wanted = np.concatenate(
+        [recorded.counts[:, np.flatnonzero(recorded.module == sui)[:10]] for sui in modules], axis=1
+    )
+    assert [scan.counts.ravel().tolist() for scan in scans] == wanted.tolist()
+    assert [scan.stamp - 100.0 for scan in scans] == pytest.approx((recorded.times - recorded.times[-1]).tolist())
