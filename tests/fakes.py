@@ -115,7 +115,7 @@ class FakeArm:
         now = self.clock.now()
         age = now - self.handed if self.valid_until >= now else math.inf
         noise = 0.0 if self.is_frozen else 1e-12 * math.sin(1e3 * now)
-        return ArmState(now, self.q + noise, self.dq, self.tcp, Wrench(self.force, np.zeros(3)), 2, age)
+        return ArmState(now, self.q.copy(), self.dq + noise, self.tcp, Wrench(self.force, np.zeros(3)), 2, age)
 
 
 class FakeGripper:

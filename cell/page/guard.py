@@ -5,7 +5,6 @@ import re
 import socket
 from collections.abc import Collection
 from functools import cache
-from urllib.parse import urlsplit
 
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; media-src 'self'; "
@@ -30,7 +29,7 @@ def refusal(host: str, origin: str | None, names: Collection[str] = ()) -> str:
     match = _HOST.fullmatch(host)
     if match is None or not _is_own((match["six"] or match["name"]).lower(), names):
         return "not a name of this cell"
-    if origin is not None and urlsplit(origin).netloc.lower() != host.lower():
+    if origin is not None and origin.lower() not in (f"http://{host.lower()}", f"https://{host.lower()}"):
         return "asked for by the page of another site"
     return ""
 

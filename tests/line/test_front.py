@@ -35,6 +35,7 @@ FOREIGN = [
     {"Host": "evil.example", "Origin": "http://evil.example", "Sec-Fetch-Site": "same-origin"},
     {"Origin": "http://evil.example"},
     {"Origin": "null", "Sec-Fetch-Site": "same-origin"},
+    {"Origin": "http://["},
 ]
 
 

@@ -68,6 +68,25 @@ def test_an_unplugged_skin_ends_the_run_at_rest_on_record_and_production_goes_on
     assert (case.record, case.wrong_success, case.is_back) == (True, False, True)
 
 
+def test_an_arm_whose_readings_cannot_be_true_ends_the_run_at_once_and_on_record():
+    kinds = {kind.name: kind for kind in KINDS}
+    tried = [
+        ("arm: readings still", "spiral_adjust", FaultCode.ARM_SILENT),
+        ("arm: readings still", "spray_search", FaultCode.ARM_SILENT),
+        ("arm: force beyond any sensor", "spiral_adjust", FaultCode.NOT_FINITE),
+        ("arm: stamp no number", "tactile_insert", FaultCode.NOT_FINITE),
+    ]
+    found = measure(
+        lambda number: load(sets=[*KEYS, "reality.scale=0.0", "sim.pace=max"]),
+        [(kinds[name], stage, 0.3) for name, stage, _ in tried],
+        lambda case: None,
+    )
+    for case, (_, _, code) in zip(found, tried, strict=True):
+        assert (case.outcome, case.fault, case.state) == ("fault", code, "ABORTED")
+        assert case.detection <= 0.2
+        assert (case.record, case.wrong_success, case.is_back) == (True, False, True)
+
+
 def test_a_program_that_a_signal_ends_has_its_arm_at_rest_and_its_run_on_record():
     hangup = next(kind for kind in KINDS if kind.name == "process: SIGHUP")
     words = [word for key in (*KEYS, "sim.seed=97950") for word in ("--set", key)]

@@ -1,5 +1,6 @@
 """Devices of a cell with something wrong between them and the cell, switched on and off while it runs."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TypeVar
@@ -125,6 +126,27 @@ def silent_arm(_: ArmState) -> ArmState:
 def no_number(state: ArmState) -> ArmState:
     """Report a wrench that is not a number."""
     return replace(state, wrench=Wrench(np.full(3, np.nan), np.full(3, np.nan)))
+
+
+def beyond_any_sensor(state: ArmState) -> ArmState:
+    """Report a force that no sensor can give."""
+    return replace(state, wrench=Wrench(np.full(3, 1e308), state.wrench.torque))
+
+
+def no_stamp(state: ArmState) -> ArmState:
+    """Report a time that is not a number."""
+    return replace(state, stamp=math.nan)
+
+
+def still() -> Change[ArmState]:
+    """Report the first state for ever, each time as a fresh one."""
+    first: list[ArmState] = []
+
+    def change(state: ArmState) -> ArmState:
+        first.append(state)
+        return replace(first[0], stamp=state.stamp, setpoint_age=state.setpoint_age)
+
+    return change
 
 
 def no_joint(state: ArmState) -> ArmState:

@@ -71,6 +71,11 @@ def _late_states(bench: FaultBench) -> Undo:
     return lambda: setattr(bench.arm, "change", lambda state: state)
 
 
+def _readings_still(bench: FaultBench) -> Undo:
+    bench.arm.change = devices.still()
+    return lambda: setattr(bench.arm, "change", lambda state: state)
+
+
 def _lets_go(bench: FaultBench) -> Undo:
     bench.gripper.gripper.release(0.06)
     return lambda: None
@@ -122,6 +127,9 @@ KINDS: tuple[FaultKind, ...] = (
     FaultKind("arm: states late", _late_states),
     FaultKind("arm: wrench no number", _told("arm", devices.no_number)),
     FaultKind("arm: joint no number", _told("arm", devices.no_joint)),
+    FaultKind("arm: stamp no number", _told("arm", devices.no_stamp)),
+    FaultKind("arm: force beyond any sensor", _told("arm", devices.beyond_any_sensor)),
+    FaultKind("arm: readings still", _readings_still),
     FaultKind("arm: wrench offset", _told("arm", devices.offset_wrench)),
     FaultKind("arm: deaf", _obeys_not("arm", "is_deaf")),
     FaultKind("hand: silent", _told("gripper", devices.silent_hand)),
