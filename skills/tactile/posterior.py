@@ -46,7 +46,7 @@ NEVER = -1e30
 """Log likelihood of an impossible template."""
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def _sums(weights, weighed, even, rising, first):  # type: ignore[no-untyped-def]
     """Return one finger's sums of even², even·rising, rising², values·even and values·rising, each times the weight."""
     ee = er = rr = ye = yr = np.float32(0.0)
@@ -60,7 +60,7 @@ def _sums(weights, weighed, even, rising, first):  # type: ignore[no-untyped-def
     return ee, er, rr, ye, yr
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def _solve(left, right, tightness, solution):  # type: ignore[no-untyped-def]
     """Return the log likelihood with the loads integrated out from both fingers' `_sums`; `solution` gets the loads' amounts.
 
@@ -169,20 +169,37 @@ def _whole(borne, solution):  # type: ignore[no-untyped-def]
     return math.log(max(solution[0] * borne[0] + solution[2] * borne[1], 1e-9))
 
 
+@njit(cache=True, forceinline=True)
+def _of_load(borne, load, solution):  # type: ignore[no-untyped-def]
+    """Return the log likelihood of the load under the amounts of `_evidence`, where one is expected."""
+    away = _whole(borne, solution) - load[0]
+    return math.log(OTHER_LOAD + (1.0 - OTHER_LOAD) * math.exp(-0.5 * load[1] * away * away))
+
+
+@njit(cache=True, forceinline=True)
+def _roughly_at(i, j, w, weights, weighed, prior, even, rising, borne, load, tightness, solution):  # type: ignore[no-untyped-def]
+    """Return the log posterior as `_at` does, for loads that rise evenly: a call with so many arrays would cost as much as the sums."""
+    one, other = even[w, i, j], rising[w, i, j]
+    left, right = _sums(weights, weighed, one, other, 0), _sums(weights, weighed, one, other, TAXELS)
+    found = _solve(left, right, tightness, solution) - prior[w, j]
+    if load[1] > 0.0 and found > NEVER:
+        found += _of_load(borne[w, i, j], load, solution)
+    return found
+
+
 @njit(cache=True)
-def _at(i, j, w, is_fine, weights, weighed, prior, even, rising, along, borne, load, tightness, solution):  # type: ignore[no-untyped-def]
+def _at(i, j, w, weights, weighed, prior, even, rising, along, borne, load, tightness, solution):  # type: ignore[no-untyped-def]
     """Return the log posterior at angle i, which may exceed either end of the grid, offset j and print w."""
     n, m = even.shape[1], even.shape[2]
     if i < 0 or i >= n:
         # After half a turn the same axis has the opposite offset.
         i, j = i % n, m - 1 - j
-    middle = _middle(borne[w, i, j]) if is_fine else math.nan
+    middle = _middle(borne[w, i, j])
     found = (
         _evidence(weights, weighed, even[w, i, j], rising[w, i, j], along[i], middle, tightness, solution) - prior[w, j]
     )
     if load[1] > 0.0 and found > NEVER:
-        away = _whole(borne[w, i, j], solution) - load[0]
-        found += math.log(OTHER_LOAD + (1.0 - OTHER_LOAD) * math.exp(-0.5 * load[1] * away * away))
+        found += _of_load(borne[w, i, j], load, solution)
     return found
 
 
@@ -197,33 +214,31 @@ def _row(i, j, w, weights, weighed, prior, even, rising, along, borne, load, tig
     j = min(max(j, 1), m - 2)
     if last > 0:
         w = min(max(w, 1), last - 1)
-    here = _at(i, j, w, True, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
+    here = _at(i, j, w, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
     more = between = surety = 0.0
     if last > 0:
-        low = _at(i, j, w - 1, True, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
-        high = _at(i, j, w + 1, True, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
+        low = _at(i, j, w - 1, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
+        high = _at(i, j, w + 1, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
         while low > here and w > 1:
             w, high, here = w - 1, here, low
-            low = _at(i, j, w - 1, True, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
+            low = _at(i, j, w - 1, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
         while high > here and w < last - 1:
             w, low, here = w + 1, here, high
-            high = _at(
-                i, j, w + 1, True, weights, weighed, prior, even, rising, along, borne, load, tightness, solution
-            )
+            high = _at(i, j, w + 1, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
         bend, lean = 2.0 * here - low - high, 0.5 * (high - low)
         if here > 0.5 * NEVER and bend < -0.5 * NEVER:
             # It and both neighbours are possible.
             surety = max(bend, 0.0)
             between = lean / max(surety, abs(lean), 1e-9)
             more = lean * between - 0.5 * surety * between * between
-    low = _at(i, j - 1, w, True, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
-    high = _at(i, j + 1, w, True, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
+    low = _at(i, j - 1, w, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
+    high = _at(i, j + 1, w, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
     while low > here and j > 1:
         j, high, here = j - 1, here, low
-        low = _at(i, j - 1, w, True, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
+        low = _at(i, j - 1, w, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
     while high > here and j < m - 2:
         j, low, here = j + 1, here, high
-        high = _at(i, j + 1, w, True, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
+        high = _at(i, j + 1, w, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
     bend, lean, middle = 2.0 * here - low - high, 0.5 * (high - low), float(j)
     if 0.0 < bend < -NEVER and low <= here and high <= here:
         # The parabola through the three log posteriors gives the area of a Gaussian.
@@ -257,22 +272,8 @@ def posterior(  # type: ignore[no-untyped-def] # noqa: C901, PLR0915  compiled l
             for way in (1, -1):
                 for k in range(int(way < 0), reach + 1):
                     j = middle + way * k * COARSE_OFFSET
-                    value = _at(
-                        a * COARSE_THETA,
-                        j,
-                        w,
-                        False,
-                        narrow,
-                        weighed,
-                        prior,
-                        even,
-                        rising,
-                        along,
-                        borne,
-                        load,
-                        tightness,
-                        solution,
-                    )
+                    i = a * COARSE_THETA
+                    value = _roughly_at(i, j, w, narrow, weighed, prior, even, rising, borne, load, tightness, solution)
                     if value > coarse[a]:
                         coarse[a], nearest[a], likeliest[a] = value, j, w
                     if value > highest:
