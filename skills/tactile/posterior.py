@@ -42,6 +42,8 @@ FAINT = 0.01
 """Reading below which a taxel tells nothing of the curvature, fraction of that right under the peg."""
 OTHER_LOAD = 0.1
 """Probability that the load is any other than the expected one, fraction: a hand that still closes, another grip."""
+STRAIGHT, CURVED = 0, 1
+"""Loads that rise evenly along the peg, and loads whose curvature follows from their rise. Numbers: of two booleans a function is compiled twice."""
 NEVER = -1e30
 """Log likelihood of an impossible template."""
 
@@ -96,7 +98,7 @@ def _solve(left, right, tightness, solution):  # type: ignore[no-untyped-def]
     return 0.5 * (y0 * y0 * r0 + z1 * z1 * r1 + z2 * z2 * r2 + z3 * z3 * r3 + math.log(shrunk))
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _bend(mean, rise, along):  # type: ignore[no-untyped-def]
     """Return by how much a pad that stiffens bears more than a load that rises evenly, counts, see `STIFFENING`.
 
@@ -151,32 +153,32 @@ def _evidence(weights, weighed, even, rising, along, middle, tightness, solution
     return _solve(left, right, tightness, solution) + lgain + rgain
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _is_tilted(solution):  # type: ignore[no-untyped-def]
     """Return whether the loads rise so much along the peg that their curvature counts."""
     return abs(solution[2]) + abs(solution[3]) > LEAST_TURN * solution[0]
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _middle(borne):  # type: ignore[no-untyped-def]
     """Return the middle of the contact, in units of 20 mm from the finger centre towards the tip."""
     return borne[1] / borne[0] if borne[0] > 0.0 else math.nan
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _whole(borne, solution):  # type: ignore[no-untyped-def]
     """Return the logarithm of the load of one pad, mean of both fingers, counts·m, under the amounts of `_evidence`."""
     return math.log(max(solution[0] * borne[0] + solution[2] * borne[1], 1e-9))
 
 
 @njit(cache=True)
-def _at(i, j, w, is_fine, weights, weighed, prior, even, rising, along, borne, load, tightness, solution):  # type: ignore[no-untyped-def]
-    """Return the log posterior at angle i, which may exceed either end of the grid, offset j and print w."""
+def _at(i, j, w, loads, weights, weighed, prior, even, rising, along, borne, load, tightness, solution):  # type: ignore[no-untyped-def]
+    """Return the log posterior at angle i, which may exceed either end of the grid, offset j and print w; `loads` are STRAIGHT or CURVED."""
     n, m = even.shape[1], even.shape[2]
     if i < 0 or i >= n:
         # After half a turn the same axis has the opposite offset.
         i, j = i % n, m - 1 - j
-    middle = _middle(borne[w, i, j]) if is_fine else math.nan
+    middle = _middle(borne[w, i, j]) if loads == CURVED else math.nan
     found = (
         _evidence(weights, weighed, even[w, i, j], rising[w, i, j], along[i], middle, tightness, solution) - prior[w, j]
     )
@@ -186,7 +188,7 @@ def _at(i, j, w, is_fine, weights, weighed, prior, even, rising, along, borne, l
     return found
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _row(i, j, w, weights, weighed, prior, even, rising, along, borne, load, tightness, solution):  # type: ignore[no-untyped-def]
     """Climb along the prints and offsets of angle i from j and w.
 
@@ -197,18 +199,20 @@ def _row(i, j, w, weights, weighed, prior, even, rising, along, borne, load, tig
     j = min(max(j, 1), m - 2)
     if last > 0:
         w = min(max(w, 1), last - 1)
-    here = _at(i, j, w, True, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
+    here = _at(i, j, w, CURVED, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
     more = between = surety = 0.0
     if last > 0:
-        low = _at(i, j, w - 1, True, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
-        high = _at(i, j, w + 1, True, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
+        low = _at(i, j, w - 1, CURVED, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
+        high = _at(i, j, w + 1, CURVED, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
         while low > here and w > 1:
             w, high, here = w - 1, here, low
-            low = _at(i, j, w - 1, True, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
+            low = _at(
+                i, j, w - 1, CURVED, weights, weighed, prior, even, rising, along, borne, load, tightness, solution
+            )
         while high > here and w < last - 1:
             w, low, here = w + 1, here, high
             high = _at(
-                i, j, w + 1, True, weights, weighed, prior, even, rising, along, borne, load, tightness, solution
+                i, j, w + 1, CURVED, weights, weighed, prior, even, rising, along, borne, load, tightness, solution
             )
         bend, lean = 2.0 * here - low - high, 0.5 * (high - low)
         if here > 0.5 * NEVER and bend < -0.5 * NEVER:
@@ -216,14 +220,14 @@ def _row(i, j, w, weights, weighed, prior, even, rising, along, borne, load, tig
             surety = max(bend, 0.0)
             between = lean / max(surety, abs(lean), 1e-9)
             more = lean * between - 0.5 * surety * between * between
-    low = _at(i, j - 1, w, True, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
-    high = _at(i, j + 1, w, True, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
+    low = _at(i, j - 1, w, CURVED, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
+    high = _at(i, j + 1, w, CURVED, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
     while low > here and j > 1:
         j, high, here = j - 1, here, low
-        low = _at(i, j - 1, w, True, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
+        low = _at(i, j - 1, w, CURVED, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
     while high > here and j < m - 2:
         j, low, here = j + 1, here, high
-        high = _at(i, j + 1, w, True, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
+        high = _at(i, j + 1, w, CURVED, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
     bend, lean, middle = 2.0 * here - low - high, 0.5 * (high - low), float(j)
     if 0.0 < bend < -NEVER and low <= here and high <= here:
         # The parabola through the three log posteriors gives the area of a Gaussian.
@@ -245,7 +249,8 @@ def posterior(  # type: ignore[no-untyped-def] # noqa: C901, PLR0915  compiled l
     middle, usual = m // 2, round(place)
     prior = np.empty((even.shape[0], m))
     for w in range(even.shape[0]):
-        prior[w] = beside + 0.5 * surety * (w - place) ** 2
+        for j in range(m):
+            prior[w, j] = beside[j] + 0.5 * surety * (w - place) ** 2
     coarse, nearest = np.full(n // COARSE_THETA, NEVER), np.zeros(n // COARSE_THETA, np.int64)
     likeliest = np.full(n // COARSE_THETA, usual)
     # Where no print is expected, the angle is looked for among all of them.
@@ -261,7 +266,7 @@ def posterior(  # type: ignore[no-untyped-def] # noqa: C901, PLR0915  compiled l
                         a * COARSE_THETA,
                         j,
                         w,
-                        False,
+                        STRAIGHT,
                         narrow,
                         weighed,
                         prior,
@@ -283,10 +288,13 @@ def posterior(  # type: ignore[no-untyped-def] # noqa: C901, PLR0915  compiled l
     rows, about = np.empty(modes * (2 * FINE + 1)), np.empty(modes * (2 * FINE + 1))
     breadths, sureties = np.empty(rows.size), np.empty(rows.size)
     turns, places, prints = np.empty(rows.size, np.int64), np.empty(rows.size, np.int64), np.empty(rows.size, np.int64)
-    count = 0
+    count = best = 0
     for mode in range(modes):
-        a = int(np.argmax(coarse))
-        if coarse[a] <= NEVER or (mode > 0 and coarse[a] < rows[:count].max() - RIVAL):
+        a = 0
+        for b in range(1, coarse.size):
+            if coarse[b] > coarse[a]:
+                a = b
+        if coarse[a] <= NEVER or (mode > 0 and coarse[a] < rows[best] - RIVAL):
             break
         for way in (1, -1):
             j, w = nearest[a], likeliest[a]
@@ -296,15 +304,17 @@ def posterior(  # type: ignore[no-untyped-def] # noqa: C901, PLR0915  compiled l
                     i, j, w, narrow, weighed, prior, even, rising, along, borne, load, tightness, solution
                 )
                 turns[count], places[count], prints[count] = i, j, w
+                if rows[count] > rows[best]:
+                    best = count
                 count += 1
-                if rows[count - 1] < rows[:count].max() - HOPELESS:
+                if rows[count - 1] < rows[best] - HOPELESS:
                     break
         for b in range(-(FINE // COARSE_THETA), FINE // COARSE_THETA + 1):
             coarse[(a + b) % coarse.size] = NEVER
     if count == 0:
-        left[:] = 0.0
+        for k in range(left.size):
+            left[k] = 0.0
         return 0.0, 0.0, math.pi / 2, 0.0, -NEVER, 1.0, NEVER, place, 0.0, 0.0
-    best = np.argmax(rows[:count])
     i, j, w = turns[best], places[best], prints[best]
     if not 0 <= i < n:
         i, j = i % n, m - 1 - j
