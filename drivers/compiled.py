@@ -21,12 +21,13 @@ from pathlib import Path
 from types import FunctionType
 
 import numba
-from numba import cfunc as cfunc
 
 logger = logging.getLogger(__name__)
 
 njit = partial(numba.njit, error_model="numpy")
 """Compiles a function; a division by zero gives infinity or NaN, as IEEE 754 has it, and no branch to an exception."""
+cfunc = partial(numba.cfunc, error_model="numpy")
+"""Compiles a function that C calls."""
 
 PROJECT = Path(__file__).parent.parent
 PACKAGES = "drivers", "sim", "skills"

@@ -67,7 +67,7 @@ def fill(words: Vector, q: Vector, dq: Vector) -> None:
     words[WRENCH : WRENCH + 6] = 0.0
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def measure(
     words: Vector, q: Vector, dq: Vector, wrench: Vector, noise: Vector
 ) -> tuple[Vector, Vector]:  # pragma: no cover
@@ -122,7 +122,7 @@ def scanned(words: Vector, arm: Vector, felt: Vector) -> tuple[Vector, Vector, V
     return q, dq, wrench
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def unexplained(arm: Vector, q: Vector, torque: Vector, wrench: Vector) -> None:  # pragma: no cover
     """Add the wrench at the tool centre point that explains joint torques best, in the least-squares sense.
 

@@ -83,7 +83,7 @@ class CartesianRig:
 
 
 def _model(job: Job, axis: Vector, inertia: Vector, breakaway: float, timestep: float) -> mujoco.MjModel:
-    shapes.install()
+    shapes.install(job.peg.part)
     half = (job.peg.length + job.peg.overhang) / 2
     plate = Plate(np.zeros(3), np.eye(3), job.hole.part.half, job.hole.depth, chamfer=job.hole.chamfer)
     slides = "".join(

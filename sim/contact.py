@@ -180,7 +180,7 @@ def plate_user(
     return np.array(values, dtype=float)
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def plate_of(model, geom):  # type: ignore[no-untyped-def]
     """Return the address of a plate's `geom_user`."""
     return native.load(model + native.MODEL_GEOM_USER) + PLATE_BYTES * geom
@@ -192,13 +192,13 @@ def plate_at(address):  # type: ignore[no-untyped-def]
     return carray(native.pointer(address), (1,), PLATE)[0]
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def peg_chamfer(model, geom):  # type: ignore[no-untyped-def]
     """Return the chamfer of a peg, m, the first word of its own `geom_user`; see `sim.shapes.peg_geom`."""
     return carray(native.pointer(plate_of(model, geom)), (1,), np.float64)[0]
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def peg_end(data, geom_plate, geom_peg, half):  # type: ignore[no-untyped-def]
     """Return the pose of a peg's end relative to a plate; `half` is half the peg's length, m.
 
@@ -218,7 +218,7 @@ def peg_end(data, geom_plate, geom_peg, half):  # type: ignore[no-untyped-def]
     return _inside(R, A[:, 0]), _inside(R, A[:, 1]), _inside(R, A[:, 2]), _inside(R, g), g
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _inside(R, w):  # type: ignore[no-untyped-def]
     """Return a vector of the base frame in the frame whose axes are the columns of R."""
     return (
@@ -228,7 +228,7 @@ def _inside(R, w):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def meeting(model, data, geom_plate, geom_peg, g, lever):  # type: ignore[no-untyped-def]
     """Return the `Meeting` of two geoms.
 
@@ -275,7 +275,7 @@ def _contact_at(userdata):  # type: ignore[no-untyped-def]
     return carray(native.pointer(userdata), (1,), native.CONTACT)[0]
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _prepare(contact, plate, geom_plate, geom_peg):  # type: ignore[no-untyped-def]
     """Write what all contacts of two geoms have in common; `mj_addContact` copies it."""
     contact.includemargin = contact.adhesion = contact.mu = 0.0
@@ -294,7 +294,7 @@ def _prepare(contact, plate, geom_plate, geom_peg):  # type: ignore[no-untyped-d
     contact.exclude, contact.efc_address = 0, -1
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _reach(cvel, com, origin, g, lever, timestep):  # type: ignore[no-untyped-def]
     """Return the largest gap, m, that a point at the distance `lever` from the middle of the peg's end can close in the
     coming steps.
@@ -317,7 +317,7 @@ def _reach(cvel, com, origin, g, lever, timestep):  # type: ignore[no-untyped-de
 
 
 @njit(cache=True)
-def put(meeting, gap, p, n, judged, band):  # type: ignore[no-untyped-def]
+def put(meeting, gap, p, n, kind, band):  # type: ignore[no-untyped-def]
     """Add a contact where the coming steps could close a gap.
 
     Args:
@@ -325,15 +325,15 @@ def put(meeting, gap, p, n, judged, band):  # type: ignore[no-untyped-def]
         gap: Distance of the two features, m, negative when they penetrate.
         p: Point of the peg, m, plate frame.
         n: Normal from plate to peg, plate frame.
-        judged: Whether a penetration here is one of the bore or its rim, which can make a trial void.
+        kind: Penetration that this is, PENETRATION or SURFACE.
         band: Gap below which it is a contact at any approach speed, m.
     """
     plate = plate_at(meeting.plate)
     deepest = carray(native.pointer(meeting.userdata), (native.NUSERDATA,), np.float64)
     if abs(p[0] - plate.middle_x) > plate.half_x or abs(p[1] - plate.middle_y) > plate.half_y:
         return
-    kind = PENETRATION if judged or gap < -DEEPEST else SURFACE
-    deepest[kind] = max(deepest[kind], -gap)
+    counted = PENETRATION if gap < -DEEPEST else kind
+    deepest[counted] = max(deepest[counted], -gap)
     if gap < -DEEPEST or gap > band + meeting.reach or plate.mode == PROBE or (plate.mode == UNPREDICTED and gap > 0.0):
         return
     origin, (x, y, z) = meeting.origin, meeting.rows
@@ -372,7 +372,7 @@ def put(meeting, gap, p, n, judged, band):  # type: ignore[no-untyped-def]
         contact.friction[0] = contact.friction[1] = max(mu, FRICTION_FLOOR)
     # MuJoCo's convex friction cone lifts a sliding contact by `lift` times mu times its speed. The gap is reported
     # larger by as much, so that the peg lies on the surface; not on rim and wall, where a braked peg would sink in.
-    upward = 0.0 if judged else max(n[2], 0.0)
+    upward = max(n[2], 0.0) if kind == SURFACE else 0.0
     contact.dist = gap + plate.lift * mu * sliding * upward * upward
     pos, frame = contact.pos, contact.frame
     pos[0], pos[1], pos[2] = X0 - 0.5 * gap * N0, X1 - 0.5 * gap * N1, X2 - 0.5 * gap * N2

@@ -12,9 +12,8 @@ which fixed samples of the peg's rims and of the hole's edges stand; samples tha
 import math
 
 import mujoco
-from numba import types
 
-from drivers.compiled import cfunc, njit
+from drivers.compiled import njit
 from sim import flats, native
 from sim.contact import ABOVE, NEAR, NONE, PLATE_TYPE, meeting, peg_chamfer, peg_end, plate_at, plate_of
 from sim.hole_edges import collide_edge
@@ -24,7 +23,7 @@ PEG_TYPE = mujoco.mjtGeom.mjGEOM_CYLINDER
 """Geom type of the peg; against `PLATE_TYPE` no other pair in the scene uses it."""
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def collide(model, data, geom_plate, geom_peg):  # type: ignore[no-untyped-def]
     """Find every place where the end of the peg may touch the plate, and add it as a contact."""
     plate = plate_at(plate_of(model, geom_plate))
@@ -66,7 +65,6 @@ def _collide_rim(meet, rim, is_beside):  # type: ignore[no-untyped-def]
         collide_rim(meet, rim)
 
 
-@cfunc(types.int32(types.intp, types.intp, types.intp, types.int32, types.int32, types.float64), cache=True)
 def _hook(model, data, buffer, geom_plate, geom_peg, margin):  # type: ignore[no-untyped-def]
     collide(model, data, geom_plate, geom_peg)
     return 0
@@ -74,4 +72,4 @@ def _hook(model, data, buffer, geom_plate, geom_peg, margin):  # type: ignore[no
 
 def install() -> None:
     """Put the exact contacts into this process's collision table; harmless when repeated."""
-    native.collide_by(PLATE_TYPE, PEG_TYPE, _hook.address)
+    native.collide_by(PLATE_TYPE, PEG_TYPE, _hook)

@@ -176,7 +176,7 @@ def advance(
     return tick if math.isfinite(total) and abs(total) < 1e4 else 0
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _drive_fingers(state: Bodies, drive: Vector) -> None:  # pragma: no cover
     """Apply the hand's drive to the two fingers, which move at 7 and 8."""
     closing, speed, strongest = drive[DRIVE_FORCE], drive[DRIVE_SPEED], drive[DRIVE_OPENING]

@@ -25,7 +25,7 @@ _COS = np.cos(2.0 * math.pi / SAMPLES * np.arange(SAMPLES))
 _SIN = np.sin(2.0 * math.pi / SAMPLES * np.arange(SAMPLES))
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def aim(end, hole, origin, R, xpos, xmat):  # type: ignore[no-untyped-def]
     """Turn the boxes to the points where the part of the peg below the surface, projected on it, is furthest from the
     hole's axis.

@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from drivers.compiled import njit
-from sim.contact import FEATURE_BAND, NEAR, SAMPLE_BAND, put
+from sim.contact import FEATURE_BAND, NEAR, PENETRATION, SAMPLE_BAND, put
 from sim.peg_rims import ANGLE, COS, SAMPLE_EVERY, SCAN, SIN, SLANT
 
 
@@ -65,14 +65,14 @@ def _clearance(end, p):  # type: ignore[no-untyped-def]
     return side, SLANT * (side - along)
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _is_on_cone(end, p):  # type: ignore[no-untyped-def]
     """Return whether the cone of the peg's chamfer is what a point would touch, and not its side."""
     side, cone = _clearance(end, p)
     return cone > side
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _nearest_the_axis(end, radius, height, angle):  # type: ignore[no-untyped-def]
     """Return the point of the hole's edge that is nearest the peg's axis, searched from `angle`, rad."""
     v = end.v
@@ -97,7 +97,7 @@ def _nearest_the_axis(end, radius, height, angle):  # type: ignore[no-untyped-de
     return angle
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _nearest_the_cone(end, radius, height, angle):  # type: ignore[no-untyped-def]
     """Return the point of the hole's edge that is nearest the cone of the peg's chamfer, searched from `angle`, rad."""
     v = end.v
@@ -135,4 +135,4 @@ def _put_edge(meet, end, chamfer, p, band):  # type: ignore[no-untyped-def]
         gap = SLANT * (gap - along)
         n = (SLANT * (n[0] + v[0]), SLANT * (n[1] + v[1]), SLANT * (n[2] + v[2]))
     if gap >= -above:
-        put(meet, gap, p, n, True, band)
+        put(meet, gap, p, n, PENETRATION, band)

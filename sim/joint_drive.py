@@ -102,7 +102,7 @@ def stiffest(truth: ArmTruth, q: Vector, step: float) -> float:
     return float(np.abs(np.linalg.eigvals(np.linalg.solve(M, slopes))).max()) * step
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def command(words: Vector, arm: Vector, q: Vector, tau: Vector, qfrc: Vector) -> None:  # pragma: no cover
     """Take the law's torques, once every control period.
 
@@ -138,7 +138,7 @@ def command(words: Vector, arm: Vector, q: Vector, tau: Vector, qfrc: Vector) ->
             words[LOADED + i] = words[LOAD] * across
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def act(words: Vector, qvel: Vector, qfrc: Vector, is_long: bool) -> None:  # pragma: no cover
     """Write the torques of the step that begins now into the applied forces.
 
@@ -157,7 +157,7 @@ def act(words: Vector, qvel: Vector, qfrc: Vector, is_long: bool) -> None:  # pr
         qfrc[i] = acting + words[LEFT_OVER + i] + words[LOADED + i] - friction(words, i, qvel[i])
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def friction(words: Vector, joint: int, dq: float) -> float:  # pragma: no cover
     """Return the smooth friction of a joint, counted from 0, at a velocity, rad/s, N·m; it opposes the motion."""
     torque: float = words[VISCOUS + joint] * dq

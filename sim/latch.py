@@ -60,7 +60,7 @@ def loosen(words: Vector) -> None:
     words[APPLIED : APPLIED + 6] = 0.0
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def act(words: Vector, peg: PegView, mass_centre: Vector, load: Vector) -> None:  # pragma: no cover
     """Write what the latch does to the peg in the step that begins now into the load.
 
@@ -86,7 +86,7 @@ def act(words: Vector, peg: PegView, mass_centre: Vector, load: Vector) -> None:
         words[APPLIED + i], words[APPLIED + 3 + i] = f[i], torque[i]
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def resistance(words: Vector, depth: float) -> float:  # pragma: no cover
     """Return the force out of the hole on an end at a depth, m, in N; moves the place where a press fit sticks."""
     way = (depth - words[TOP]) / words[HEIGHT]
@@ -99,7 +99,7 @@ def resistance(words: Vector, depth: float) -> float:  # pragma: no cover
     return pressed
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def add_felt(words: Vector, peg: PegView, pivot: Vector, force: Vector, torque: Vector) -> None:  # pragma: no cover
     """Add the latch's force, N, on the peg's end to what the plates do to the peg, and its torque about the pivot, N·m."""
     f0, f1, f2 = words[APPLIED], words[APPLIED + 1], words[APPLIED + 2]

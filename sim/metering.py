@@ -60,13 +60,13 @@ def new_meters() -> Vector:
     return np.zeros(METER_WORDS)
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def window(timestep: float) -> int:  # pragma: no cover
     """Return the number of ticks of `timestep`, s, that a penetration has to last to count."""
     return math.floor(SUSTAINED_TIME / timestep + 0.5) + 1
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def take(
     meters: Vector, force: Vector, torque: Vector, elapsed: float, hinge: int, qpos: Vector
 ) -> None:  # pragma: no cover
@@ -84,7 +84,7 @@ def take(
         meters[TURN_MAX] = max(meters[TURN_MAX], abs(qpos[hinge] - meters[TURN_FROM]))
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def take_jerk(meters: Vector, hand: HandView, elapsed: float, is_free: bool) -> None:  # pragma: no cover
     """Meter the jerk of the finger centre in a step of `elapsed`, s: the change of its low-passed acceleration.
 
@@ -121,11 +121,11 @@ def take_jerk(meters: Vector, hand: HandView, elapsed: float, is_free: bool) -> 
     meters[at] = max(meters[at], math.sqrt(size) / elapsed)
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def net_force(data: int, pivot: Vector, plates: int, force: Vector, torque: Vector) -> None:  # pragma: no cover
     """Write the force of the plates on the peg, N, and its torque about the pivot, N·m, base frame."""
-    force[:] = 0.0
-    torque[:] = 0.0
+    for i in range(3):
+        force[i] = torque[i] = 0.0
     for c in native.contacts(data):
         if c.efc_address < 0 or min(c.geom1, c.geom2) >= plates:
             continue
@@ -159,18 +159,22 @@ def pad_force(data: int, left: int, right: int) -> float:  # pragma: no cover
     return min(on_left, on_right)
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def clear(userdata: Vector) -> None:  # pragma: no cover
     """Set the penetrations that the contact functions leave back to 0."""
     userdata[contact.PENETRATION] = userdata[contact.SURFACE] = 0.0
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def judge(meters: Vector, userdata: Vector, ticks: int) -> None:  # pragma: no cover
     """Meter one tick's penetrations; the least one of the newest `ticks` is the depth that has lasted so long."""
     at = int(meters[RING_AT])
     meters[RING + at] = userdata[contact.PENETRATION]
     meters[SURFACE_RING + at] = userdata[contact.SURFACE]
     meters[RING_AT] = float((at + 1) % ticks)
-    meters[SUSTAINED] = max(meters[SUSTAINED], meters[RING : RING + ticks].min())
-    meters[SURFACE_SUSTAINED] = max(meters[SURFACE_SUSTAINED], meters[SURFACE_RING : SURFACE_RING + ticks].min())
+    in_bore = at_surface = math.inf
+    for tick in range(ticks):
+        in_bore = min(in_bore, meters[RING + tick])
+        at_surface = min(at_surface, meters[SURFACE_RING + tick])
+    meters[SUSTAINED] = max(meters[SUSTAINED], in_bore)
+    meters[SURFACE_SUSTAINED] = max(meters[SURFACE_SUSTAINED], at_surface)

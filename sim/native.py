@@ -8,7 +8,10 @@ import ctypes
 import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
+from types import FunctionType
+from typing import Any
 
 import llvmlite.binding
 import mujoco
@@ -17,7 +20,7 @@ from numba import carray, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from drivers.compiled import njit
+from drivers.compiled import cfunc, njit
 
 logger = logging.getLogger(__name__)
 
@@ -89,11 +92,19 @@ def library_path() -> Path:
     return next(Path(mujoco.__file__).parent.glob("libmujoco.so*"))
 
 
-def collide_by(plate: mujoco.mjtGeom, peg: mujoco.mjtGeom, function: int) -> None:
-    """Put a compiled `function`, by its address, into this process's collision table for a pair of geom types."""
+@cache
+def _collision(hook: FunctionType) -> Any:
+    """Return a function compiled as MuJoCo calls those of its collision table; kept as long as the process lives."""
+    integer, address = types.int32, types.intp
+    signature = integer(address, address, address, integer, integer, types.float64)
+    return cfunc(signature, cache=True)(hook)
+
+
+def collide_by(plate: mujoco.mjtGeom, peg: mujoco.mjtGeom, function: FunctionType) -> None:
+    """Compile a function and put it into this process's collision table for a pair of geom types."""
     count = int(mujoco.mjtGeom.mjNGEOMTYPES)
     table = (ctypes.c_void_p * (count * count)).in_dll(ctypes.CDLL(str(library_path())), "mjCOLLISIONFUNC")
-    table[int(plate) * count + int(peg)] = function
+    table[int(plate) * count + int(peg)] = _collision(function).address
 
 
 def verify_layout() -> None:

@@ -86,10 +86,12 @@ def lie(  # noqa: C901  one Newton iteration, compiled, whose loops share its ar
         energy -= wanted[i] * amounts[i]
         largest = max(largest, abs(wanted[i]))
     enough = NEWTON_TOLERANCE * max(largest, LIGHTEST * pressed)
-    matrix, missing = np.empty((m, m)), np.empty(m)
+    matrix, missing, move = np.empty((m, m)), np.empty(m), np.empty(m)
     for _ in range(NEWTON_STEPS):
-        missing[:] = wanted
-        matrix[:] = 0.0
+        for i in range(m):
+            missing[i] = wanted[i]
+            for j in range(m):
+                matrix[i, j] = 0.0
         for k in range(n):
             room = _secant(depth[k], thickness, exponent)
             slope = _slope(depth[k], thickness, exponent) if depth[k] > 0.0 else LIFTED_SLOPE
@@ -97,9 +99,13 @@ def lie(  # noqa: C901  one Newton iteration, compiled, whose loops share its ar
                 missing[i] -= motions[i, k] * max(depth[k], 0.0) * room
                 for j in range(m):
                     matrix[i, j] += motions[i, k] * slope * motions[j, k]
-        if np.abs(missing).max() < enough:
+        worst = 0.0
+        for i in range(m):
+            worst = max(worst, abs(missing[i]))
+            move[i] = missing[i]
+        if worst < enough:
             break
-        move = solve(matrix, missing.copy())
+        solve(matrix, move)
         # A step covers at most the share `FURTHEST` of the way to the solid pad.
         share, gain = 0.0, 0.0
         for k in range(n):
@@ -112,7 +118,8 @@ def lie(  # noqa: C901  one Newton iteration, compiled, whose loops share its ar
         size = min(1.0, FURTHEST / share if share > 0.0 else 1.0)
         reached = energy
         while size > SMALLEST:
-            trial[:] = depth + size * change
+            for k in range(n):
+                trial[k] = depth[k] + size * change[k]
             reached = _energy(trial, thickness, exponent)
             for i in range(m):
                 reached -= wanted[i] * (amounts[i] + size * move[i])
@@ -120,8 +127,10 @@ def lie(  # noqa: C901  one Newton iteration, compiled, whose loops share its ar
                 break
             size /= 2.0
         energy = reached
-        amounts += size * move
-        depth += size * change
+        for i in range(m):
+            amounts[i] += size * move[i]
+        for k in range(n):
+            depth[k] += size * change[k]
     return amounts
 
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from drivers.compiled import njit
-from sim.contact import FEATURE_BAND, NEAR, SAMPLE_BAND, put
+from sim.contact import FEATURE_BAND, NEAR, PENETRATION, SAMPLE_BAND, SURFACE, put
 
 SCAN = 48
 """Number of points of a peg's rim, and of a hole's edge, that are scanned for minima."""
@@ -72,13 +72,13 @@ def _inward(p, rho):  # type: ignore[no-untyped-def]
     return (-p[0] / rho, -p[1] / rho, 0.0)
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _mouth(meet):  # type: ignore[no-untyped-def]
     """Return the radius of the hole's chamfer at the surface, m; minus infinity, which is near nothing, where there is none."""
     return meet.hole + meet.chamfer if meet.chamfer > 0.0 else -math.inf
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _cone(mouth, height, rho):  # type: ignore[no-untyped-def]
     """Return the distance of a point from the hole's chamfer, m."""
     return SLANT * (mouth - rho + height)
@@ -88,19 +88,19 @@ def _cone(mouth, height, rho):  # type: ignore[no-untyped-def]
 def _put_cone(meet, distance, p, rho, band):  # type: ignore[no-untyped-def]
     """Add a point of the rim against the hole's chamfer."""
     wall = _inward(p, rho)
-    put(meet, distance, p, (SLANT * wall[0], SLANT * wall[1], SLANT), True, band)
+    put(meet, distance, p, (SLANT * wall[0], SLANT * wall[1], SLANT), PENETRATION, band)
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def collide_plane(meet, end):  # type: ignore[no-untyped-def]
     """Add the rim against the plane where all of it is over solid plate."""
     for i in range(0, SCAN, SAMPLE_EVERY):
         if end.c[2] + end.r * (COS[i] * end.e1[2] + SIN[i] * end.e2[2]) <= SAMPLE_BAND + meet.reach:
             p, _ = _rim(end, COS[i], SIN[i])
-            put(meet, p[2], p, UP, False, SAMPLE_BAND)
+            put(meet, p[2], p, UP, SURFACE, SAMPLE_BAND)
     if end.tilt > 1e-9:
         p = _lowest(end)
-        put(meet, p[2], p, UP, False, FEATURE_BAND)
+        put(meet, p[2], p, UP, SURFACE, FEATURE_BAND)
 
 
 @njit(cache=True)
@@ -113,7 +113,7 @@ def _lowest(end):  # type: ignore[no-untyped-def]
     return p
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def collide_rim(meet, end):  # type: ignore[no-untyped-def]
     """Add the peg's rim against plane, wall, chamfer, edges and floor."""
     hole, mouth = meet.hole, _mouth(meet)
@@ -125,18 +125,18 @@ def collide_rim(meet, end):  # type: ignore[no-untyped-def]
         if i % SAMPLE_EVERY == 0:
             cone = _cone(mouth, Z[i], rho)
             if Z[i] >= max(W[i], cone):
-                put(meet, Z[i], p, UP, False, SAMPLE_BAND)
+                put(meet, Z[i], p, UP, SURFACE, SAMPLE_BAND)
             else:
                 if cone > W[i]:
                     _put_cone(meet, cone, p, rho, SAMPLE_BAND)
                 else:
-                    put(meet, W[i], p, _inward(p, rho), True, SAMPLE_BAND)
-                put(meet, Z[i] + meet.depth, p, UP, False, SAMPLE_BAND)
+                    put(meet, W[i], p, _inward(p, rho), PENETRATION, SAMPLE_BAND)
+                put(meet, Z[i] + meet.depth, p, UP, SURFACE, SAMPLE_BAND)
     if end.tilt > 1e-9:
         p = _lowest(end)
         rho = math.sqrt(p[0] * p[0] + p[1] * p[1])
         is_outside = p[2] >= max(hole - rho, _cone(mouth, p[2], rho))
-        put(meet, p[2] if is_outside else p[2] + meet.depth, p, UP, False, FEATURE_BAND)
+        put(meet, p[2] if is_outside else p[2] + meet.depth, p, UP, SURFACE, FEATURE_BAND)
     near = NEAR + end.r * ANGLE
     for i in range(SCAN):
         j = (i + 1) % SCAN
@@ -149,7 +149,7 @@ def collide_rim(meet, end):  # type: ignore[no-untyped-def]
         _collide_cone(meet, end, Z, W)
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _collide_cone(meet, end, Z, W):  # type: ignore[no-untyped-def]
     """Add the peg's rim against the hole's chamfer and both edges of it, given its distances to plane and wall, m."""
     near = NEAR + end.r * ANGLE
@@ -165,7 +165,7 @@ def _collide_cone(meet, end, Z, W):  # type: ignore[no-untyped-def]
             _edge_on_edge(meet, end, i, (CONE, WALL, PLANE), (S[i] - W[i], S[j] - W[j]))
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _rim_on_wall(meet, end, angle):  # type: ignore[no-untyped-def]
     """Add the point of the rim near `angle` that is nearest the wall, unless another face is nearer there: then it is no minimum."""
     hole, c = meet.hole, end.c
@@ -180,10 +180,10 @@ def _rim_on_wall(meet, end, angle):  # type: ignore[no-untyped-def]
     p, _ = _rim(end, math.cos(angle), math.sin(angle))
     rho = math.sqrt(p[0] * p[0] + p[1] * p[1])
     if hole - rho > max(p[2], _cone(_mouth(meet), p[2], rho)):
-        put(meet, hole - rho, p, _inward(p, rho), True, FEATURE_BAND)
+        put(meet, hole - rho, p, _inward(p, rho), PENETRATION, FEATURE_BAND)
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _rim_on_cone(meet, end, angle):  # type: ignore[no-untyped-def]
     """Add the point of the rim near `angle` that is nearest the chamfer, unless another face is nearer there."""
     c = end.c
@@ -204,7 +204,7 @@ def _rim_on_cone(meet, end, angle):  # type: ignore[no-untyped-def]
         _put_cone(meet, distance, p, rho, FEATURE_BAND)
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _is_crossed(first, second, near):  # type: ignore[no-untyped-def]
     """Return whether two faces change places between a scanned point and the next one, and are near there.
 
@@ -216,13 +216,13 @@ def _is_crossed(first, second, near):  # type: ignore[no-untyped-def]
     return (first[0] >= second[0]) != (first[1] >= second[1]) and max(first[0], second[0]) < near
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _distance(meet, face, p, rho):  # type: ignore[no-untyped-def]
     """Return the distance of a point to a face of the plate, m."""
     return face[0] * (_radius(meet, face) - rho) + face[1] * p[2]
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _radius(meet, face):  # type: ignore[no-untyped-def]
     """Return the radius at which a face meets the surface, m."""
     return meet.hole + meet.chamfer if face[0] * face[1] > 0.0 else meet.hole
@@ -269,4 +269,11 @@ def _edge_on_edge(meet, end, i, faces, values):  # type: ignore[no-untyped-def]
         across, upward = share * one[0] + (1.0 - share) * two[0], share * one[1] + (1.0 - share) * two[1]
         norm = math.sqrt(upward * upward + across * across)
         wall = _inward(p, rho)
-        put(meet, gap / norm, p, (across / norm * wall[0], across / norm * wall[1], upward / norm), True, FEATURE_BAND)
+        put(
+            meet,
+            gap / norm,
+            p,
+            (across / norm * wall[0], across / norm * wall[1], upward / norm),
+            PENETRATION,
+            FEATURE_BAND,
+        )

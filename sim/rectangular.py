@@ -11,17 +11,18 @@ import math
 
 import mujoco
 import numpy as np
-from numba import types
 
-from drivers.compiled import cfunc, njit
+from drivers.compiled import njit
 from sim import native
 from sim.contact import (
     ABOVE,
     FEATURE_BAND,
     NEAR,
     NONE,
+    PENETRATION,
     PLATE_TYPE,
     SAMPLE_BAND,
+    SURFACE,
     meeting,
     peg_end,
     plate_at,
@@ -51,7 +52,7 @@ def _dot(a, b):  # type: ignore[no-untyped-def]
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def collide(model, data, geom_plate, geom_peg):  # type: ignore[no-untyped-def]
     """Find every place where the end of the peg may touch the plate, and add it as a contact."""
     plate = plate_at(plate_of(model, geom_plate))
@@ -74,15 +75,15 @@ def collide(model, data, geom_plate, geom_peg):  # type: ignore[no-untyped-def]
         p = (corners[n, 0], corners[n, 1], corners[n, 2])
         wall = min(half[0] - abs(p[0]), half[1] - abs(p[1]))
         if p[2] >= wall:
-            put(meet, p[2], p, (0.0, 0.0, 1.0), False, FEATURE_BAND)
+            put(meet, p[2], p, (0.0, 0.0, 1.0), SURFACE, FEATURE_BAND)
             continue
         for k in range(2):
             gap = half[k] - abs(p[k])
             if gap < NEAR:
                 away = -1.0 if p[k] > 0.0 else 1.0
                 inward = (away, 0.0, 0.0) if k == 0 else (0.0, away, 0.0)
-                put(meet, gap, p, inward, True, FEATURE_BAND)
-        put(meet, p[2] + depth, p, (0.0, 0.0, 1.0), False, FEATURE_BAND)
+                put(meet, gap, p, inward, PENETRATION, FEATURE_BAND)
+        put(meet, p[2] + depth, p, (0.0, 0.0, 1.0), SURFACE, FEATURE_BAND)
 
     # The hole's edges against the peg's: four round its end, four along it.
     for n in range(4):
@@ -102,7 +103,7 @@ def collide(model, data, geom_plate, geom_peg):  # type: ignore[no-untyped-def]
         _edges(meet, start, round_end, length, between, down)
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _outward(e1, e2, n):  # type: ignore[no-untyped-def]
     """Return the outward normal of the side face that ends at corner n; corners go from (+, +) by way of (-, +)."""
     side = e1 if n % 2 == 0 else e2
@@ -110,7 +111,7 @@ def _outward(e1, e2, n):  # type: ignore[no-untyped-def]
     return (sign * side[0], sign * side[1], sign * side[2])
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _least_way_out(start, along, length, inward, half):  # type: ignore[no-untyped-def]
     """Return the least way, m, straight up or straight into the bore, by which one edge of the peg leaves the solid behind one wall; a large
     one where no part of it is in there.
@@ -173,10 +174,9 @@ def _edges(meet, start, along, length, one, other):  # type: ignore[no-untyped-d
             continue
         p = (start[0] + u * along[0], start[1] + u * along[1], start[2] + u * along[2])
         band = FEATURE_BAND if inside >= 0.0 else SAMPLE_BAND
-        put(meet, gap, p, n, True, band)
+        put(meet, gap, p, n, PENETRATION, band)
 
 
-@cfunc(types.int32(types.intp, types.intp, types.intp, types.int32, types.int32, types.float64), cache=True)
 def _hook(model, data, buffer, geom_plate, geom_peg, margin):  # type: ignore[no-untyped-def]
     collide(model, data, geom_plate, geom_peg)
     return 0
@@ -184,4 +184,4 @@ def _hook(model, data, buffer, geom_plate, geom_peg, margin):  # type: ignore[no
 
 def install() -> None:
     """Put these contacts into this process's collision table; harmless when repeated."""
-    native.collide_by(PLATE_TYPE, PEG_TYPE, _hook.address)
+    native.collide_by(PLATE_TYPE, PEG_TYPE, _hook)

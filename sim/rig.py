@@ -48,7 +48,7 @@ def tilted_peg(
         model: Model of the hole.
         is_judged: Whether the penetration is metered for facets too.
     """
-    shapes.install()
+    shapes.install(peg)
     length, axes = 0.05, attitude(tilt, azimuth)
     plate = Plate(np.zeros(3), np.eye(3), hole.half, HOLE_DEPTH, chamfer=hole.chamfer)
     turn = np.empty(4)

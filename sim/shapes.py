@@ -41,10 +41,9 @@ SOLIDS: Mapping[str, Solid] = {
 """Simulation of each kind of part."""
 
 
-def install() -> None:
-    """Put the contacts of all kinds of parts into this process's collision table; harmless when repeated."""
-    for solid in SOLIDS.values():
-        solid.install()
+def install(part: Part) -> None:
+    """Put the contacts of a kind of part into this process's collision table; harmless when repeated."""
+    SOLIDS[part.kind].install()
 
 
 def peg_geom(part: Part, half_length: float) -> str:

@@ -66,7 +66,7 @@ def bear(words: Vector, limits: GripLimits, beside: float, shear: float, carried
     words[STIFFNESS : TURN_DAMPING + 1] = shear, turning, damping, turn_damping
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def act(words: Vector, qpos: Vector, qvel: Vector, qfrc: Vector, first: int) -> None:  # pragma: no cover
     """Write what the pads do to the peg in the step that begins now into the applied forces.
 

@@ -52,7 +52,6 @@ class World:
         """Length and width of a pad, m."""
         self._pace = Pace(sim.timestep, sim.pace)
         self.stepper = Stepper(arm, sim, grip, self.pad, self._pace)
-        shapes.install()
         native.log_warnings()
         self.restock(job, sim.seed)
 
@@ -69,6 +68,7 @@ class World:
     def begin(self, job: Job, drawn: Draw) -> None:
         """Stand a fresh peg in the rack of a world that is drawn already; the arm stays where it is."""
         self.job, self.draw = job, drawn
+        shapes.install(job.peg.part)
         scene = TrialScene(self._sim, job, drawn, self.pad, self.stepper.has_twins)
         self.stepper.restock(scene, drawn.pad_friction, drawn.senses)
 

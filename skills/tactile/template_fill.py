@@ -18,7 +18,7 @@ SURE = 4.5
 """Distance from an end of the line, in standard deviations times the root of two, from which on the end is not felt; what is left out is 2e-10."""
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _end(distance):  # type: ignore[no-untyped-def]
     """Return the integral of the blur up to an end of the line, and its density there, both times 2 over what is the root of pi."""
     if distance > SURE:
@@ -28,7 +28,7 @@ def _end(distance):  # type: ignore[no-untyped-def]
     return math.erf(distance), math.exp(-distance * distance)
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _spread(beside, groove, groove_weights, blur):  # type: ignore[no-untyped-def]
     """Return the load of the blurred groove at a distance beside its middle."""
     spread = 0.0
