@@ -14,7 +14,7 @@ from itertools import takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
-from cell.assembly import Cell, assemble, opened
+from cell.assembly import Cell, assemble, make_tracker, opened
 from cell.cell_config import CellConfig
 from cell.lab.published import PUBLISHED, Tried, stage_table
 from cell.lab.workers import on_cluster, on_processes
@@ -31,10 +31,13 @@ from skills.contract import Observation, Outcome, SkillContext
 from skills.entry import Claim
 from skills.flow import StageRecord
 from skills.spray_search import SpraySearchResult
+from skills.tactile.pose import Tracker
 
 if TYPE_CHECKING:
     from sim.truth import Truth
 
+MakeTracker = Callable[[CellConfig], Tracker]
+"""Function of a module that makes what keeps theta from frame to frame; a study may replace the cell's own."""
 WATCHED = frozenset({"spray_search", "tactile_insert"})
 """Stages over which the estimate in use is compared with the truth."""
 VOID = "void"
@@ -163,7 +166,7 @@ class Watcher:
         return math.sqrt(total / self.count) if self.count else None
 
 
-def run_trial(config: CellConfig, seed: int) -> TrialRow:
+def run_trial(config: CellConfig, seed: int, tracker: MakeTracker = make_tracker) -> TrialRow:
     """Run `insert_peg` once on a fresh cell of this seed, without sockets and without waiting for the wall clock.
 
     A fault ends the trial as a failure whose reason is the fault's name; all the time of its stage counts.
@@ -177,7 +180,7 @@ def run_trial(config: CellConfig, seed: int) -> TrialRow:
     with opened(cell):
         ctx, began = cell.context(seed), cell.clock.now()
         watcher = Watcher(cell, ctx)
-        ctx.record, ctx.ended = watcher.record, watcher.clock.end
+        ctx.record, ctx.ended, ctx.tracker = watcher.record, watcher.clock.end, tracker(config)
         try:
             records = CATALOGUE["insert_peg"].run(config.skill_set(), ctx)
             ending = watcher.judged(ending_of(records, None, ctx.stage), records)
@@ -234,6 +237,7 @@ def run_trials(
     done: Callable[[TrialRow], None],
     scheduler: str | None = None,
     is_enough: Callable[[Sequence[TrialRow]], bool] | None = None,
+    tracker: MakeTracker = make_tracker,
 ) -> list[TrialRow]:
     """Run a trial of every seed on `workers` processes, or on a cluster, and return the rows, sorted by seed.
 
@@ -248,6 +252,7 @@ def run_trials(
         scheduler: Address of a Dask scheduler whose workers shall run the trials instead.
         is_enough: Whether the rows of the first seeds are enough; the least number that is ends the call, and only those
             rows are returned, so that they do not depend on the number of processes either. None runs every seed.
+        tracker: Function that makes the tracker of theta.
 
     Raises:
         ConfigError: The folder cannot be written, or the packages for a cluster are missing.
@@ -264,7 +269,7 @@ def run_trials(
             done(row)
         order = sorted(seeds)
         missing = [seed for seed in seeds if seed not in rows]
-        task = partial(run_trial, config)
+        task = partial(run_trial, config, tracker=tracker)
         results = on_cluster(task, missing, scheduler) if scheduler else on_processes(task, missing, workers)
         with closing(results):
             while (ordered := _ending(rows, order, is_enough)) is None:

@@ -239,14 +239,6 @@ def test_a_wrong_value_of_the_base_is_told_of_the_base(real):
     assert line_about(path=real).startswith(f"{real.parent / 'sim.toml'}: search.timeout")
 
 
-@pytest.mark.parametrize("method", ["frozen", "straight"])
-def test_only_a_simulated_cell_may_go_blind(real, method):
-    assert load(sets=[f"smoothing.method={method}"]).cell.smoothing.method == method
-    assert f'smoothing.method = "{method}": for simulated cells alone' in line_about(
-        f"smoothing.method={method}", path=real
-    )
-
-
 @pytest.mark.parametrize("force", [0.0, -1.0])
 def test_a_force_limit_is_more_than_nothing(force):
     assert "limits.force" in line_about(f"limits.force={force}")
