@@ -49,9 +49,7 @@ from skills.contract import SkillContext
 from skills.setpoint_bounds import ArmBounds
 from skills.setpoint_gate import GatedArm
 from skills.tactile.blend import Blend
-from skills.tactile.blind import Blind
 from skills.tactile.estimators import ESTIMATORS, TouchSetup
-from skills.tactile.observer import Observer
 from skills.tactile.pose import Estimator, Tracker
 
 if TYPE_CHECKING:
@@ -181,9 +179,7 @@ def make_tracker(config: CellConfig) -> Tracker:
     smoothing = config.smoothing
     if (blend := config.handling().blend) is not None:
         smoothing = smoothing.model_copy(update={"blend": blend})
-    if smoothing.method == "observer":
-        return Observer(config.observer)
-    return Blend(smoothing) if smoothing.method == "blend" else Blind(smoothing)
+    return Blend(smoothing)
 
 
 def assemble(config: CellConfig) -> Cell:

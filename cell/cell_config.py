@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, Annotated, Any, Self, TypeVar
 
-from pydantic import Field, create_model, model_validator
+from pydantic import Field, create_model, field_validator, model_validator
 
 from cell.config_checks import (
     require_apart,
@@ -13,7 +13,6 @@ from cell.config_checks import (
     require_prior_inside,
     require_reach,
     require_shallow,
-    require_sighted,
     require_stable,
     require_steady,
     require_turned_as_hole,
@@ -57,7 +56,6 @@ from skills.scan_guards import ScanLimits
 from skills.setpoint_gate import Limits
 from skills.tactile.blend import Smoothing
 from skills.tactile.estimators import ESTIMATORS, EstimatorEntry
-from skills.tactile.observer import ObserverParams
 from skills.wrench_zero import WrenchConfig
 
 P = TypeVar("P", bound=SkillParams)
@@ -158,8 +156,8 @@ class CellConfig(Catalogued):
     """The rack where pegs stand upright until they are taken."""
     corner: CornerParams | None = None
     """Handling of a peg with corners, which replaces that of a round peg; needed for such a peg."""
-    paper: PaperParams = PaperParams()
-    """The method as [gibbons] prints it."""
+    paper: PaperParams | None = None
+    """The method as [gibbons] prints it, which replaces skills of the cell."""
     arm: Annotated[SimArmConfig | FrankaArmConfig, Field(discriminator="kind")]
     """The robot arm."""
     gripper: Annotated[SimGripperConfig | FrankaGripperConfig, Field(discriminator="kind")]
@@ -168,8 +166,6 @@ class CellConfig(Catalogued):
     """The tactile skin on both fingers."""
     smoothing: Smoothing = Smoothing()
     """How theta is carried from frame to frame."""
-    observer: ObserverParams = ObserverParams()
-    """How theta may move between frames, where `smoothing.method` is "observer"."""
     switch: Annotated[SimSwitchConfig | SerialSwitchConfig | NoSwitchConfig, Field(discriminator="kind")]
     """The success switch under the hole."""
     plc: PlcConfig
@@ -203,8 +199,6 @@ class CellConfig(Catalogued):
         require_shallow(peg, hole, rack)
         if self.is_simulated:
             require_apart(hole, rack)
-        else:
-            require_sighted(self.smoothing)
         require_clear_way(self.params(GRASP), self.params(SEARCH), rack, peg)
         require_workspace(self.limits)
         return self
@@ -224,9 +218,15 @@ class CellConfig(Catalogued):
         require_turned_as_hole(self.params(SEARCH), self.peg)
         return self
 
+    @field_validator("paper")
+    @classmethod
+    def _is_chosen(cls, paper: PaperParams | None) -> PaperParams | None:
+        return paper if paper is not None and paper.skills else None
+
     @model_validator(mode="after")
     def _is_printable(self) -> Self:
-        require_printable(self.paper, self.peg, self.hole)
+        if self.paper is not None:
+            require_printable(self.paper, self.peg, self.hole)
         return self
 
     @model_validator(mode="after")

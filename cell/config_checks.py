@@ -19,7 +19,6 @@ from skills.search.params import TOUCHED_TIME, SpraySearchParams
 from skills.seating import LEAST_PUSH
 from skills.setpoint_gate import Limits
 from skills.spiral_params import SpiralAdjustParams
-from skills.tactile.blend import BLIND, Smoothing
 
 LATCH_MARGIN = 1.2
 """Factor by which a real latch may resist more than is stated, ratio. Source: `latch.force` of config/reality.toml."""
@@ -52,16 +51,6 @@ def require_apart(hole: Hole, rack: Rack) -> None:
             f"rack.first = {list(rack.first)}: the rack overlaps the plate; slots outside x {least[0]:g} to {most[0]:g}, y"
             f" {least[1]:g} to {most[1]:g} allowed"
         )
-
-
-def require_sighted(smoothing: Smoothing) -> None:
-    """Make sure that a physical cell looks at its skin.
-
-    Raises:
-        ValueError: Its theta is one that only studies of what touch is worth want.
-    """
-    if smoothing.method in BLIND:
-        raise ValueError(f'smoothing.method = "{smoothing.method}": for simulated cells alone; blend, observer allowed')
 
 
 def require_clear_way(grasp: GraspFromRackParams, search: SpraySearchParams, rack: Rack, peg: Peg) -> None:
@@ -160,12 +149,12 @@ def require_pressed(
 
 
 def require_printable(paper: PaperParams, peg: Peg, hole: Hole) -> None:
-    """Make sure that the printed skills, if any are chosen, have the part and the evidence that they are made for.
+    """Make sure that the printed skills have the part and the evidence that they are made for.
 
     Raises:
         ValueError: The peg has corners, or no switch decides; one line.
     """
-    if paper.skills and peg.part.kind != "round":
+    if peg.part.kind != "round":
         raise ValueError(
             f'peg.shape = "{peg.shape}": a printed skill of paper.skills inserts round pegs; "round" allowed'
         )

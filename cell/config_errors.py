@@ -13,39 +13,6 @@ from cell.nearest import did_you_mean
 Place = tuple[str, ...]
 _KEY = re.compile(r"[a-z_]+(?:\.[a-z_]+)+")
 
-RENAMED = {
-    "square": "corner",
-    "search.relief": "search.push_back",
-    "search.lean": "search.tilt_azimuth",
-    "search.dip": "search.dip_threshold",
-    "insert.yielding": "insert.compliance_rate",
-    "adjust.patience": "adjust.stall_timeout",
-    "adjust.guided_radius": "adjust.dither_radius",
-    "adjust.guided_rate": "adjust.dither_rate",
-    "adjust.guided_period": "adjust.dither_period",
-    "corner.dip": "corner.dip_threshold",
-    "corner.insert.relief": "corner.insert.push_back",
-    "corner.insert.sweep": "corner.insert.yaw_sweep",
-    "corner.insert.radius": "corner.insert.dither_radius",
-    "corner.insert.rate": "corner.insert.dither_rate",
-    "corner.insert.period": "corner.insert.dither_period",
-    "corner.adjust.radius": "corner.adjust.dither_radius",
-    "corner.adjust.rate": "corner.adjust.dither_rate",
-    "corner.adjust.period": "corner.adjust.dither_period",
-}
-"""New names of sections and keys that files of an older layout use."""
-
-
-def renamed_key(tree: Mapping[str, Any]) -> str | None:
-    """Return the report on the first section or key in `tree` that has been renamed, or None."""
-    for old, new in RENAMED.items():
-        found: Any = tree
-        for name in old.split("."):
-            found = found.get(name) if isinstance(found, Mapping) else None
-        if found is not None:
-            return f"{old}: is called {new} now" if "." in old else f"[{old}]: is called [{new}] now"
-    return None
-
 
 def explain(
     error: ValidationError,

@@ -5,7 +5,6 @@ import tomllib
 from collections.abc import Mapping
 from typing import Any
 
-from cell.config_errors import renamed_key
 from drivers.errors import ConfigError
 from drivers.part.shapes import follow_shape
 
@@ -41,8 +40,6 @@ def nested(place: tuple[str, ...], value: Any) -> dict[str, Any]:
 
 def lay_layer(below: dict[str, Any], above: Mapping[str, Any], name: str, source: dict[tuple[str, ...], str]) -> None:
     """Merge a whole layer into what is below it; a size that it keeps takes the key of the peg's shape."""
-    if (told := renamed_key(above)) is not None:
-        raise ConfigError(f"{name}: {told}")
     lay_over(below, above, name, source)
     try:
         renamed = follow_shape(below, above)

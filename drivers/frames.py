@@ -16,11 +16,6 @@ def compose(T_a_b: Pose, T_b_c: Pose) -> Pose:
     return Pose(T_a_b.position + T_a_b.rotation @ T_b_c.position, T_a_b.rotation @ T_b_c.rotation)
 
 
-def invert(T_a_b: Pose) -> Pose:
-    """Return T_b_a, the inverse of T_a_b."""
-    return Pose(-T_a_b.rotation.T @ T_a_b.position, T_a_b.rotation.T)
-
-
 def peg_in_finger(theta: float, length: float) -> Pose:
     """Return T_tcp_peg, the pose of the peg's end point in the finger frame.
 

@@ -297,7 +297,7 @@ class SkillContext:
             estimate = self.estimator.estimate(frame)
             require_finite_theta(estimate)
             pose = estimate if estimate.healthy else None
-        known = self.tracker.follow(arm.stamp, arm.tcp, self.length, pose)
+        known = self.tracker.follow(pose)
         if known.healthy:
             self._peg = known
         tip, axis = end_point(arm.tcp, self._peg.theta, self.length)

@@ -100,8 +100,8 @@ class SkillSet:
     """
     retries: int
     """Number of further searches when the peg turns out not to be in the hole; 0 in [gibbons]."""
-    paper: PaperParams
-    """Skills that are done as [gibbons] prints them, and their parameters."""
+    paper: PaperParams | None
+    """Skills that are done as [gibbons] prints them, and their parameters; None is none."""
 
     def __getitem__(self, skill: Skill[P]) -> P:
         params = self.sections[skill.section]

@@ -34,8 +34,8 @@ class Sections:
     """Number of further searches, key `retries` of the config."""
     grasp: GraspFromRackParams
     """How the peg was gripped, which bounds what it may be pushed with."""
-    paper: PaperParams
-    """Skills that are done as [gibbons] prints them, and their parameters."""
+    paper: PaperParams | None
+    """Skills that are done as [gibbons] prints them, and their parameters; None is none."""
     grip_share: float = 1.0
     """Share of that grip which is counted on, fraction."""
 
@@ -138,15 +138,15 @@ WAYS: Mapping[str, Way] = {"round": Way("insert", _over_the_edge), "rectangular"
 def handling(part: Part, sections: Sections) -> Handling:
     """Return how this part is handled."""
     made = WAYS[part.kind].make(part, sections)
-    return _as_printed(made, sections.search, sections.paper)
+    return made if sections.paper is None else _as_printed(made, sections.search, sections.paper)
 
 
 def _as_printed(made: Handling, search: SpraySearchParams, paper: PaperParams) -> Handling:
     """Return a handling in which the skills that `paper.skills` names are those that [gibbons] prints."""
     printed: dict[str, dict[str, Any]] = {
-        "search": {"find": lambda ctx, belief: paper_search.run(paper, search, ctx)},
-        "insert": {"insert": lambda ctx, plane, attempt: paper_insert.run(paper, ctx)},
-        "adjust": {"adjust": lambda ctx, plane, attempt: paper_adjust.run(paper, ctx)},
+        "search": {"find": lambda ctx, belief: paper_search.run(paper.search, search, ctx)},
+        "insert": {"insert": lambda ctx, plane, attempt: paper_insert.run(paper.insert, ctx)},
+        "adjust": {"adjust": lambda ctx, plane, attempt: paper_adjust.run(paper.adjust, ctx)},
     }
     steered = {f"paper.{name}.gains": getattr(paper, name).gains for name in paper.skills}
     changes = {key: run for name in paper.skills for key, run in printed[name].items()}

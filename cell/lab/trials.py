@@ -14,7 +14,7 @@ from itertools import takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
-from cell.assembly import Cell, assemble, opened
+from cell.assembly import Cell, assemble, make_tracker, opened
 from cell.cell_config import CellConfig
 from cell.lab.published import PUBLISHED, Tried, stage_table
 from cell.lab.workers import on_cluster, on_processes
@@ -31,10 +31,13 @@ from skills.contract import Observation, Outcome, SkillContext
 from skills.entry import Claim
 from skills.flow import StageRecord
 from skills.spray_search import SpraySearchResult
+from skills.tactile.pose import Tracker
 
 if TYPE_CHECKING:
     from sim.truth import Truth
 
+MakeTracker = Callable[[CellConfig], Tracker]
+"""Function of a module that makes what keeps theta from frame to frame; a study may replace the cell's own."""
 WATCHED = frozenset({"spray_search", "tactile_insert"})
 """Stages over which the estimate in use is compared with the truth."""
 VOID = "void"
@@ -165,11 +168,11 @@ class Watcher:
         return math.sqrt(total / self.count) if self.count else None
 
 
-def run_trial(config: CellConfig, seed: int) -> TrialRow:
+def run_trial(config: CellConfig, seed: int, tracker: MakeTracker = make_tracker) -> TrialRow:
     """Run `insert_peg` once on a fresh cell of this seed, without sockets and without waiting for the wall clock."""
     wall = time.perf_counter()
     with opened(assemble(seeded(config, seed))) as cell:
-        row = trial_in(cell, seed)
+        row = trial_in(cell, seed, tracker=tracker)
     return replace(row, wall_time=time.perf_counter() - wall)
 
 
@@ -179,7 +182,9 @@ def seeded(config: CellConfig, seed: int) -> CellConfig:
     return config.model_copy(update={"sim": config.sim.model_copy(update={"seed": seed, "pace": "max"})})
 
 
-def trial_in(cell: Cell, seed: int, each: Callable[[], None] = lambda: None) -> TrialRow:
+def trial_in(
+    cell: Cell, seed: int, each: Callable[[], None] = lambda: None, tracker: MakeTracker = make_tracker
+) -> TrialRow:
     """Run `insert_peg` once in an opened cell, and call `each` in every scan.
 
     A fault ends the trial as a failure whose reason is the fault's name; all the time of its stage counts.
@@ -189,7 +194,7 @@ def trial_in(cell: Cell, seed: int, each: Callable[[], None] = lambda: None) -> 
     records: list[StageRecord] = []
     ctx, began = cell.context(seed), cell.clock.now()
     watcher = Watcher(cell, ctx)
-    ctx.ended = watcher.clock.end
+    ctx.ended, ctx.tracker = watcher.clock.end, tracker(cell.config)
 
     def record(seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
         watcher.record(seen, setpoint)
@@ -252,6 +257,7 @@ def run_trials(
     done: Callable[[TrialRow], None],
     scheduler: str | None = None,
     is_enough: Callable[[Sequence[TrialRow]], bool] | None = None,
+    tracker: MakeTracker = make_tracker,
 ) -> list[TrialRow]:
     """Run a trial of every seed on `workers` processes, or on a cluster, and return the rows, sorted by seed.
 
@@ -266,6 +272,7 @@ def run_trials(
         scheduler: Address of a Dask scheduler whose workers shall run the trials instead.
         is_enough: Whether the rows of the first seeds are enough; the least number that is ends the call, and only those
             rows are returned, so that they do not depend on the number of processes either. None runs every seed.
+        tracker: Function that makes the tracker of theta.
 
     Raises:
         ConfigError: The folder cannot be written, or the packages for a cluster are missing.
@@ -282,7 +289,7 @@ def run_trials(
             done(row)
         order = sorted(seeds)
         missing = [seed for seed in seeds if seed not in rows]
-        task = partial(run_trial, config)
+        task = partial(run_trial, config, tracker=tracker)
         results = on_cluster(task, missing, scheduler) if scheduler else on_processes(task, missing, workers)
         began, taken_up = time.perf_counter(), len(rows)
         with closing(results):

@@ -6,31 +6,37 @@ from drivers.frames import end_point
 from drivers.quantities import ImpedanceSetpoint
 from skills.contract import Outcome, Reason, SkillContext
 from skills.motion import VALIDITY, tilted_by
-from skills.paper.params import PaperParams
+from skills.paper.equations import OFFSET
+from skills.paper.params import PaperAdjustParams
 from skills.paths import spiral
 from skills.seating import depth_of, is_seated, require_short_of_bottom
 from skills.spiral_adjust import SpiralAdjustResult
 
+RADIUS, GROWING_TIME = 0.025, 20.0
+"""Largest radius of the spiral, m, and the time in which it grows to that, s; then it begins anew. Source: [gibbons], Sec. VII."""
+PUSH_DAMPING_RATIO = 1.5
+"""Damping along z, multiple of the critical one; chosen, not printed."""
 
-def run(paper: PaperParams, ctx: SkillContext) -> SpiralAdjustResult:
+
+def run(params: PaperAdjustParams, ctx: SkillContext) -> SpiralAdjustResult:
     """Tilt the peg along a growing spiral about its end until the switch closes."""
-    params, hole, first = paper.adjust, ctx.job.hole, ctx.observe()
+    hole, first = ctx.job.hole, ctx.observe()
     K, D = params.gains.stiffness(), params.gains.damping_ratios()
-    K[2], D[2] = params.push_stiffness, params.push_damping_ratio
+    K[2], D[2] = params.push_stiffness, PUSH_DAMPING_RATIO
     # The phase is open-loop: theta stays as it was read when it began.
     identity, in_hand, roll = ctx.new_id(), ctx.in_hand(), first.arm.tcp.rotation[:, 2]
-    growth, offset, x_p, running = params.radius / params.growing_time, np.zeros(2), first.tip, 0.0
+    growth, offset, x_p, running = RADIUS / GROWING_TIME, np.zeros(2), first.tip, 0.0
     for seen in ctx.scan(params.timeout, holding=True):
         running, (x_p, _) = seen.running, end_point(seen.arm.tcp, in_hand.theta, in_hand.length)
         if is_seated(seen.switch, x_p, hole):
             return _result(Outcome.SUCCESS, Reason.NONE, running, offset, depth_of(x_p, hole))
         # Finger centre at r (cos wt, sin wt) beside the vertical through the end, with r = growth t.
-        offset = spiral(seen.elapsed % params.growing_time, growth, params.turn_rate)
+        offset = spiral(seen.elapsed % GROWING_TIME, growth, params.turn_rate)
         ctx.progress(seen.elapsed / params.timeout)
         ctx.follow(
             ImpedanceSetpoint(
                 id=identity,
-                tip=np.array([first.tip[0], first.tip[1], x_p[2] - paper.push_offset]),
+                tip=np.array([first.tip[0], first.tip[1], x_p[2] - OFFSET]),
                 axis=tilted_by(offset, in_hand.length),
                 roll=roll,
                 stiffness=K,

@@ -13,20 +13,21 @@ import numpy as np
 from drivers.frames import angle_between, rotation_about
 from drivers.quantities import Vector
 
+OFFSET = 0.01
+"""Depth of the end point's setpoint below the surface, m; in the adjustment below the end point. Source: [gibbons], Sec. IV and V.A."""
 MOST_LEAD = 0.9
 """Largest angle between the peg and its setpoint, rad: the gate for setpoints refuses 1."""
 
 
-def x_star(x_h: Vector, surface: float, offset: float) -> Vector:
+def x_star(x_h: Vector, surface: float) -> Vector:
     """Return the setpoint x_p* of the end point, shape (3,), m, base frame: Eq. (4).
 
     Args:
         x_h: Place of the hole, shape (3,), m, base frame.
         surface: Height of the plate, m, base frame.
-        offset: Depth of the setpoint below it, m.
     """
-    # Eq. (4): x_p* = [x_h,x  x_h,y  x*_p,z]^T
-    return np.array([x_h[0], x_h[1], surface - offset])
+    # Eq. (4): x_p* = [x_h,x  x_h,y  x*_p,z]^T, x*_p,z an offset below the surface
+    return np.array([x_h[0], x_h[1], surface - OFFSET])
 
 
 def k_33(phi: float, phi_0: float, k_min: float, k_max: float) -> float:

@@ -11,6 +11,8 @@ import numpy as np
 
 from drivers.quantities import TaxelFrame
 
+MEMORY = 10
+"""Number of frames that the running average is made of; chosen, not printed."""
 LEAST_COMMON = 10
 """Least number of taxels, trusted in all compared frames, whose average counts."""
 
@@ -18,15 +20,10 @@ LEAST_COMMON = 10
 class HoleEvent:
     """Detects a sudden change of the average of the taxels that are trusted in all frames of its memory."""
 
-    def __init__(self, threshold: float, memory: int) -> None:
-        """Begin without a frame.
-
-        Args:
-            threshold: Change from one frame to the next that is an event, fraction of the running average.
-            memory: Number of frames that the running average is made of.
-        """
+    def __init__(self, threshold: float) -> None:
+        """Begin without a frame; `threshold` is the change from one frame to the next that is an event, fraction of the running average."""
         self._threshold = threshold
-        self._frames: deque[TaxelFrame] = deque(maxlen=memory + 1)
+        self._frames: deque[TaxelFrame] = deque(maxlen=MEMORY + 1)
 
     def change(self, frame: TaxelFrame) -> float:
         """Take a new frame; return the change since the last one, fraction of the running average, >= 0; 0 if unknown."""

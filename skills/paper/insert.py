@@ -1,26 +1,33 @@
 """Turn the peg towards the plate's normal with its end in the hole: [gibbons], Sec. V.A, Eq. (4)-(7)."""
 
+import math
+
 from drivers.frames import UP, angle_between
 from drivers.quantities import ImpedanceSetpoint
 from skills.contract import Outcome, Reason, SkillContext
 from skills.motion import VALIDITY
 from skills.paper.equations import k_33, towards, x_star
-from skills.paper.params import PaperParams
+from skills.paper.params import PaperInsertParams
 from skills.seating import is_seated
 from skills.tactile_insert import TactileInsertResult
 
+ALIGNED = math.radians(15.0)
+"""Angle phi below which the adjustment takes over, rad. Source: [gibbons], Sec. VII."""
+INTEGRAL_LIMIT = 3.0
+"""Saturation of the integral, N·m; chosen, not printed."""
 
-def run(paper: PaperParams, ctx: SkillContext) -> TactileInsertResult:
+
+def run(params: PaperInsertParams, ctx: SkillContext) -> TactileInsertResult:
     """Align the peg, whose end is in the hole, with v* = [0 0 1]^T until phi is small."""
-    params, hole, first, v_star = paper.insert, ctx.job.hole, ctx.observe(), UP
+    hole, first, v_star = ctx.job.hole, ctx.observe(), UP
     K, D = params.gains.stiffness(), params.gains.damping_ratios()
     identity, roll = ctx.new_id(), first.arm.tcp.rotation[:, 2]
-    x_p_star = x_star(first.tip, hole.centre[2], paper.push_offset)
+    x_p_star = x_star(first.tip, hole.centre[2])
     phi = phi_0 = angle_between(first.axis, v_star)
     for seen in ctx.scan(params.timeout, holding=True):
         # phi = arccos(v . v*); computed as atan2(|v x v*|, v . v*)
         phi = angle_between(seen.axis, v_star)
-        if phi < params.aligned or is_seated(seen.switch, seen.tip, hole):
+        if phi < ALIGNED or is_seated(seen.switch, seen.tip, hole):
             return TactileInsertResult(Outcome.SUCCESS, Reason.NONE, seen.running, phi_0, phi)
         ctx.progress(1.0 - min(phi / phi_0, 1.0))
         K[2] = k_33(phi, phi_0, *params.push_stiffness)
@@ -37,7 +44,7 @@ def run(paper: PaperParams, ctx: SkillContext) -> TactileInsertResult:
                 valid_until=seen.stamp + VALIDITY,
                 in_hand=ctx.in_hand(),
                 integral_gain=params.integral_gain,
-                integral_limit=params.integral_limit,
+                integral_limit=INTEGRAL_LIMIT,
             )
         )
     return TactileInsertResult(Outcome.FAILURE, Reason.NOT_ALIGNED, params.timeout, phi_0, phi)

@@ -6,42 +6,41 @@ from drivers.frames import rotation_about
 from drivers.quantities import ImpedanceSetpoint, Twist, Vector
 from skills.contract import Outcome, Reason, SkillContext
 from skills.motion import VALIDITY, Goal
-from skills.paper.equations import x_star
+from skills.paper.equations import OFFSET, x_star
 from skills.paper.hole_event import HoleEvent
-from skills.paper.params import PaperParams
+from skills.paper.params import PaperSearchParams
 from skills.paper.spray_paint import SprayPaint, spray_paint
 from skills.pull_out import LONGEST, approach
 from skills.search.params import SpraySearchParams
 from skills.spray_search import SpraySearchResult
 
 
-def run(paper: PaperParams, cell: SpraySearchParams, ctx: SkillContext) -> SpraySearchResult:
+def run(params: PaperSearchParams, cell: SpraySearchParams, ctx: SkillContext) -> SpraySearchResult:
     """Search from a random point x_0 of the area until the skin feels the hole.
 
     Args:
-        paper: Parameters of the printed method.
+        params: Parameters of the printed search.
         cell: Parameters of the cell's search, of which the approach, the tilt and the timeout count.
         ctx: The skill's context.
     """
-    params, hole = paper.search, ctx.job.hole
-    gains, identity = params.gains, -1
-    K, D = gains.stiffness(), gains.damping_ratios()
+    hole = ctx.job.hole
+    K, D = params.gains.stiffness(), params.gains.damping_ratios()
     K[2] = params.push_stiffness
-    path = path_from(ctx.rng.uniform(-np.array(hole.area) / 2, np.array(hole.area) / 2), paper, cell, ctx)
+    path = path_from(ctx.rng.uniform(-np.array(hole.area) / 2, np.array(hole.area) / 2), params, cell, ctx)
     x_0 = np.array([*(hole.centre[:2] + path.at(0.0)[0]), hole.centre[2] + cell.height])
     start, x_p = (float(x_0[0]), float(x_0[1])), x_0
     v, closing = ctx.job.peg.part.leaning(cell.tilt_azimuth, cell.tilt)
     if (stuck := approach(Goal(x_0, v, closing), cell.transfer, ctx)) is not None:
         return _result(Outcome.FAILURE, Reason.NOT_SEATED, LONGEST, stuck, start)
     identity, theta_0 = ctx.new_id(), ctx.in_hand().theta
-    event, along = HoleEvent(params.threshold, params.memory), 0.0
+    event, along = HoleEvent(params.threshold), 0.0
     for seen in ctx.scan(cell.timeout, holding=True):
-        x_p, down = seen.tip, cell.descent * seen.elapsed / (cell.height + paper.push_offset)
+        x_p, down = seen.tip, cell.descent * seen.elapsed / (cell.height + OFFSET)
         # x_p*: down to an offset below the surface, then along the path.
         point, velocity = path.at(along)
-        target = x_star(hole.centre[:2] + point, hole.centre[2], paper.push_offset)
+        target = x_star(hole.centre[:2] + point, hole.centre[2])
         if down < 1.0:
-            target[2] += (1.0 - down) * (cell.height + paper.push_offset)
+            target[2] += (1.0 - down) * (cell.height + OFFSET)
             velocity = np.zeros(2)
         elif seen.is_new_frame and event.update(seen.frame):
             # x_h = x_p at the instant of the detection.
@@ -67,12 +66,12 @@ def run(paper: PaperParams, cell: SpraySearchParams, ctx: SkillContext) -> Spray
     return _result(Outcome.FAILURE, Reason.NO_HOLE, cell.timeout, x_p, start)
 
 
-def path_from(start: Vector, paper: PaperParams, cell: SpraySearchParams, ctx: SkillContext) -> SprayPaint:
+def path_from(start: Vector, params: PaperSearchParams, cell: SpraySearchParams, ctx: SkillContext) -> SprayPaint:
     """Return the path over the area from a point, shape (2,), m, from the middle of the area."""
     hole = ctx.job.hole
     half = (hole.area[0] / 2, hole.area[1] / 2)
-    pitch, fast = paper.search.pitch * hole.part.inscribed, 0 if cell.fast_axis == "x" else 1
-    return spray_paint(half, pitch, paper.search.speed, fast, (float(start[0]), float(start[1])))
+    pitch, fast = params.pitch * hole.part.inscribed, 0 if cell.fast_axis == "x" else 1
+    return spray_paint(half, pitch, params.speed, fast, (float(start[0]), float(start[1])))
 
 
 def _result(

@@ -1,17 +1,13 @@
-"""Theta from frame to frame as a weighted mean, held in between; the simpler of the two trackers."""
+"""Theta from frame to frame as a weighted mean, held in between."""
 
 import math
 from dataclasses import replace
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import Field
 
 from drivers.config_model import ConfigModel
-from drivers.quantities import Pose
 from skills.tactile.pose import NO_PEG, PegPose
-
-BLIND = ("frozen", "straight")
-"""Methods of a cell that stops looking at its skin, see `skills.tactile.blind`."""
 
 FURTHEST = 2.0
 """Largest in-hand angle of a peg that is held, rad; beyond it the hand would be in its way."""
@@ -23,11 +19,6 @@ class Smoothing(ConfigModel):
     Source: chosen, not measured.
     """
 
-    method: Literal["blend", "observer", "frozen", "straight"] = "blend"
-    """How theta is kept from frame to frame; `blend` weighs and holds it, `observer` follows it at every scan, see
-    `skills.tactile.observer`; for studies alone, `frozen` holds what the frames of the grasp told and `straight` takes
-    theta for 0, see `skills.tactile.blind`. Source: docs/tried/angle.md.
-    """
     blend: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
     """Weight of a new frame in the running estimate, fraction; 1 takes each frame whole, as [gibbons] does."""
     jump: Annotated[float, Field(gt=0.0)] = 0.15
@@ -68,7 +59,7 @@ class Blend:
         self._jump = 0.0
         """Jump of the newest frame, rad; 0 where it was none."""
 
-    def follow(self, stamp: float, tcp: Pose, length: float, new: PegPose | None) -> PegPose:
+    def follow(self, new: PegPose | None) -> PegPose:
         """Return the pose of the peg now; see `Tracker`."""
         if new is not None and new.stamp > self._peg.stamp:
             before, self._jump = self._jump, self._smoothing.jump_of(self._peg, new)

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 from typing import Protocol
 
-from drivers.quantities import Pose, TaxelFrame
+from drivers.quantities import TaxelFrame
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,13 +39,10 @@ class Estimator(Protocol):
 class Tracker(Protocol):
     """Keeps the pose of the peg in the hand from frame to frame, and between them."""
 
-    def follow(self, stamp: float, tcp: Pose, length: float, new: PegPose | None) -> PegPose:
+    def follow(self, new: PegPose | None) -> PegPose:
         """Return the pose of the peg now, at every scan; not healthy as long as nothing is known.
 
         Args:
-            stamp: Time now, s.
-            tcp: T_base_tcp now.
-            length: Distance from the finger centre to the peg's end point, m.
-            new: A healthy estimate from a frame that has just come, if any; its stamp may lie in the past, and one
-                that is no newer than what is known is left out.
+            new: Healthy estimate from a frame that has just come, if any. Its stamp may lie in the past; an estimate that is
+                no newer than the one in use changes nothing.
         """

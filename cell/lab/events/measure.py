@@ -11,12 +11,13 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
-from functools import partial
+from functools import lru_cache, partial
 
 import numpy as np
 
 from cell.assembly import Cell, assemble, opened
 from cell.cell_config import CellConfig
+from cell.config import load
 from cell.lab.workers import on_processes
 from cell.record import ending_of
 from drivers.errors import CellError, ConfigError
@@ -45,6 +46,14 @@ WINDOW = 1.0
 
 High = tuple[float, float, float]
 """Time since sliding began or since the fall, s; largest value so far; way of the peg's edge since then, m."""
+
+
+@lru_cache
+def printed_threshold() -> float:
+    """Return the change of the average that shows the hole to the printed search, fraction."""
+    paper = load(preset="paper").cell.paper
+    assert paper is not None
+    return paper.search.threshold
 
 
 @dataclass(slots=True)
@@ -128,8 +137,7 @@ class _Watch:
         """Note that the sliding begins."""
         if self._start is None:
             assert self.seen is not None
-            printed = self._cell.config.paper.search
-            self._start, self._event = self.seen.stamp, HoleEvent(printed.threshold, printed.memory)
+            self._start, self._event = self.seen.stamp, HoleEvent(printed_threshold())
 
     def height(self, below: float) -> None:
         """Note the dip or the fall of one scan, whichever is larger; the last call of a scan."""

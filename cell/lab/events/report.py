@@ -18,6 +18,7 @@ from cell.lab.events.measure import (
     Watched,
     listen,
     measure,
+    printed_threshold,
     rice_chance,
 )
 from cell.lab.rows import quantile
@@ -106,7 +107,7 @@ def run(config: CellConfig, seeds: range, with_hole: int, workers: int, done: Ca
     fell = [row for row in full if row.after is not None and not row.began_in_hole]
     lines: list[EventLine] = []
     for detector in DETECTORS:
-        used = config.params(SEARCH).dip_threshold if detector == HEIGHT else config.paper.search.threshold
+        used = config.params(SEARCH).dip_threshold if detector == HEIGHT else printed_threshold()
         stopped = [row.seed for row in empty if row.before[detector].first(used) is not None]
         heard = list(on_processes(partial(listen, config), stopped, workers)) if detector == HEIGHT else None
         lines.append(_line(detector, used, empty, fell, heard, True))

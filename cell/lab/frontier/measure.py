@@ -12,10 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
+from cell.assembly import make_tracker
 from cell.cell_config import CellConfig
 from cell.config import load
 from cell.lab.rows import quantile, write_rows
-from cell.lab.trials import SUMMARY, TABLE, VOID, TrialRow, read_table, run_trials
+from cell.lab.trials import SUMMARY, TABLE, VOID, MakeTracker, TrialRow, read_table, run_trials
 from cell.provenance import config_hash, versions
 from cell.statistics import Z95, RateTest, Verdict, mean, wilson
 from drivers.errors import CellError, FaultCode
@@ -40,6 +41,8 @@ class Variant:
     """Preset that replaces the config's own; None keeps that."""
     sets: tuple[str, ...]
     """Single keys, `KEY=VALUE`, laid over the preset."""
+    tracker: MakeTracker = make_tracker
+    """Function that makes the tracker of theta."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,11 +159,11 @@ def measure(
             trouble = str(error)
             done(len(seeds))
         else:
-            mark = _fingerprint(config)
+            mark = _fingerprint(config, variant.tracker)
             if mark not in ran:
                 place = re.sub(r"\W+", "-", f"{variant.family} {variant.name}").strip("-")
                 test = tests.get(variant.family) if tests else None
-                task = Task(config, seeds, test, folder / place, workers, scheduler)
+                task = Task(config, seeds, test, folder / place, workers, scheduler, variant.tracker)
                 ran[mark] = (place, *_run(task, done), test)
             else:
                 done(len(seeds))
@@ -171,9 +174,9 @@ def measure(
     return lines
 
 
-def _fingerprint(config: CellConfig) -> str:
-    """Return a text that is the same for configs with the same values, whatever their origin."""
-    return config_hash(config.model_copy(update={"preset": ""}))
+def _fingerprint(config: CellConfig, tracker: MakeTracker = make_tracker) -> str:
+    """Return a text that is the same for configs with the same values, whatever their origin, and the same tracker."""
+    return f"{config_hash(config.model_copy(update={'preset': ''}))} {tracker.__name__}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,6 +190,7 @@ class Task:
     folder: Path
     workers: int
     scheduler: str | None
+    tracker: MakeTracker
 
     def is_enough(self, rows: Sequence[TrialRow]) -> bool:
         """Return whether the rows of the first seeds answer the question, or are all that may be run."""
@@ -210,7 +214,14 @@ def _run(task: Task, done: Callable[[int], None]) -> tuple[list[TrialRow], str]:
     try:
         if not rows:
             rows = run_trials(
-                task.config, task.seeds, task.workers, task.folder, advance, task.scheduler, task.is_enough
+                task.config,
+                task.seeds,
+                task.workers,
+                task.folder,
+                advance,
+                task.scheduler,
+                task.is_enough,
+                task.tracker,
             )
     except Exception as error:  # whatever it is, the other variants are worth having
         logger.exception("%s", task.folder)

@@ -89,8 +89,8 @@ def variants(path: Path | None, sets: Sequence[str], is_quick: bool) -> list[Var
 def chain(start: CellConfig, end: CellConfig, sets: tuple[str, ...] = ()) -> list[Variant]:
     """Return the steps from `start`, the preset with `sets`, to `end`, one at a time; steps that change nothing are left out."""
     below, above = dict(_leaves(start)), dict(_leaves(end))
-    left = [key for key in above if key not in ("preset", "paper.skills") and below.get(key) != above[key]]
-    printed = start.paper.skills
+    left = [key for key in above if key != "preset" and not key.startswith("paper") and below.get(key) != above[key]]
+    printed, kept_to_the_end = (each.paper.skills if each.paper is not None else () for each in (start, end))
     taken: list[str] = [*sets]
     steps = [Variant(CHAIN, START, START, sets)]
     for name, heads in STEPS:
@@ -98,7 +98,7 @@ def chain(start: CellConfig, end: CellConfig, sets: tuple[str, ...] = ()) -> lis
         left = [key for key in left if key not in new]
         if name == ALL_DRAWN:
             taken = [each for each in taken if each not in ONE_BOARD]
-        kept = tuple(skill for skill in printed if skill not in heads or skill in end.paper.skills)
+        kept = tuple(skill for skill in printed if skill not in heads or skill in kept_to_the_end)
         if new or kept != printed:
             taken += [f"{key}={json.dumps(above[key])}" for key in new]
             taken += [f"paper.skills={json.dumps(kept)}"] if kept != printed else []

@@ -4,21 +4,23 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from cell.assembly import make_tracker
 from cell.config_files import presets
 from cell.lab.frontier.measure import Variant
 from cell.lab.frontier.measure import measure as run_variants
 from cell.lab.results import TrialsResult, result_of
+from cell.lab.touch.blind import frozen, straight
 from cell.lab.trials import TABLE as ROWS
-from cell.lab.trials import read_table
+from cell.lab.trials import MakeTracker, read_table
 from drivers.errors import ConfigError
 
 TABLE = "touch.csv"
-SIGHTS: Mapping[str, tuple[str, ...]] = {
-    "touch": (),
-    "frozen after the grasp": ("smoothing.method=frozen",),
-    "theta = 0": ("smoothing.method=straight",),
+SIGHTS: Mapping[str, MakeTracker] = {
+    "touch": make_tracker,
+    "frozen after the grasp": frozen,
+    "theta = 0": straight,
 }
-"""Keys by what the hand knows of theta; the first is the hand as it is."""
+"""Function that makes the tracker, by what the hand sees of theta; the first is the hand as it is."""
 TURNING = "turning pegs"
 """Name of the regime in which the peg turns in the hand by tens of degrees, as [gibbons] reports it."""
 TURNING_KEYS = ("grasp.force=15.0", "grip.friction=0.3")
@@ -80,7 +82,7 @@ def measure(
         done: Called with the number of further trials done.
     """
     cases = [(hand, sight) for hand in tried for sight in SIGHTS]
-    variants = [Variant(hand.name, sight, hand.preset, (*hand.sets, *SIGHTS[sight])) for hand, sight in cases]
+    variants = [Variant(hand.name, sight, hand.preset, hand.sets, SIGHTS[sight]) for hand, sight in cases]
     found = []
     lines = run_variants(path, sets, variants, seeds, workers, folder, done)
     for (hand, sight), line in zip(cases, lines, strict=True):

@@ -1,19 +1,15 @@
 import re
 import shutil
-from typing import get_args
 
 import pytest
 
 from cell.assembly import make_estimator
-from cell.cell_config import CellConfig
 from cell.config import load, with_parameters
 from cell.config_checks import require_permitted
-from cell.config_errors import RENAMED
 from cell.config_files import DEFAULT, SHIPPED, arm_file
 from cell.config_layers import parse_set
 from cell.margins import inertias
 from cell.supervisor import is_timed
-from drivers.config_model import ConfigModel
 from drivers.errors import ConfigError
 from skills.catalogue import SEARCH
 
@@ -239,14 +235,6 @@ def test_a_wrong_value_of_the_base_is_told_of_the_base(real):
     assert line_about(path=real).startswith(f"{real.parent / 'sim.toml'}: search.timeout")
 
 
-@pytest.mark.parametrize("method", ["frozen", "straight"])
-def test_only_a_simulated_cell_may_go_blind(real, method):
-    assert load(sets=[f"smoothing.method={method}"]).cell.smoothing.method == method
-    assert f'smoothing.method = "{method}": for simulated cells alone' in line_about(
-        f"smoothing.method={method}", path=real
-    )
-
-
 @pytest.mark.parametrize("force", [0.0, -1.0])
 def test_a_force_limit_is_more_than_nothing(force):
     assert "limits.force" in line_about(f"limits.force={force}")
@@ -365,11 +353,6 @@ def test_a_file_that_sizes_a_square_peg_by_a_diameter_is_told_the_new_word(tmp_p
     assert line == f'{path}: peg.diameter = 0.008: not for peg.shape = "square"; peg.sides = [0.008, 0.008] allowed'
 
 
-def test_the_section_of_an_older_layout_is_told_its_new_name(tmp_path):
-    path = cell_file(tmp_path, hole="[square]\nspeed = 0.1")
-    assert line_about(path=path) == f"{path}: [square]: is called [corner] now"
-
-
 def test_unequal_sides_below_leave_a_round_peg_without_its_diameter(tmp_path):
     path = cell_file(tmp_path, 'shape = "rectangular"\nsides = [0.012, 0.008]', "sides = [0.0121, 0.0081]")
     line = line_about("peg.shape=round", path=path)
@@ -417,26 +400,6 @@ def test_a_square_peg_is_tried_as_often_as_its_own_section_says():
     assert load(sets=("peg.shape=square", "retries=1", "corner.retries=4")).cell.handling().retries == 4
     assert load(sets=("retries=1", "corner.retries=4")).cell.handling().retries == 1
     assert load().cell.handling().blend is None
-
-
-def known_places(model, at=()):
-    """Yield the path of every section and key of a config model."""
-    for name, field in model.model_fields.items():
-        yield ".".join((*at, name))
-        for kind in (field.annotation, *get_args(field.annotation)):
-            if isinstance(kind, type) and issubclass(kind, ConfigModel):
-                yield from known_places(kind, (*at, name))
-
-
-def test_every_old_word_leads_to_one_that_is_known_and_no_other():
-    known = set(known_places(CellConfig))
-    assert set(RENAMED.values()) <= known
-    assert not set(RENAMED) & known
-
-
-@pytest.mark.parametrize("old", [old for old in RENAMED if "." in old])
-def test_an_old_key_is_told_with_the_new_word(old):
-    assert line_about(f"{old}=0.5") == f"--set: {old}: is called {RENAMED[old]} now"
 
 
 @pytest.mark.parametrize(

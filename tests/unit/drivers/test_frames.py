@@ -10,7 +10,6 @@ from drivers.frames import (
     angle_between,
     compose,
     end_point,
-    invert,
     peg_in_finger,
     quaternion,
     rotation_about,
@@ -37,11 +36,6 @@ def test_the_end_point_is_the_composed_transform() -> None:
     tip, axis = end_point(T_base_tcp, -0.6, 0.05)
     np.testing.assert_allclose(tip, T.position, atol=1e-15)
     np.testing.assert_allclose(axis, T.rotation[:, 2], atol=1e-15)
-
-
-def test_a_pose_and_its_inverse_are_nothing() -> None:
-    T = Pose(np.array([0.1, 0.2, 0.3]), rotation_about(np.array([1.0, 0.0, 0.0]), 0.5))
-    np.testing.assert_allclose(compose(T, invert(T)).position, 0.0, atol=1e-15)
 
 
 def test_a_nanoradian_between_two_vectors_is_seen() -> None:

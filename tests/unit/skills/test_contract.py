@@ -21,7 +21,6 @@ from skills.contract import (
 from skills.motion import Goal, move
 from skills.passivity import INERTIA, MASS, SOFTEN, STOP
 from skills.scan_guards import RESUME_TIME
-from skills.tactile.pose import NO_PEG
 from skills.wrench_zero import SCANS
 from tests.fakes import PERIOD, FakeArm, FakeClock, FakeGripper, context_of
 
@@ -97,24 +96,6 @@ def test_the_angle_of_the_skin_is_that_of_the_peg_in_the_hand(ctx):
     seen = ctx.observe()
     assert (seen.peg.theta, ctx.in_hand().theta, ctx.in_hand().stamp) == (0.2, 0.2, 0.0)
     assert seen.axis @ UP == pytest.approx(np.cos(0.2))
-
-
-class ToldTracker:
-    """Believes every frame, and keeps when and where the hand was."""
-
-    def __init__(self):
-        self.told = []
-
-    def follow(self, stamp, tcp, length, pose):
-        self.told.append((stamp, tcp.position[2], length))
-        return NO_PEG if pose is None else pose
-
-
-def test_the_peg_is_followed_by_the_time_and_place_of_the_hand_and_the_length_that_is_known(ctx):
-    ctx.tracker, ctx.clock.time = ToldTracker(), 0.2
-    ctx.set_excess(0.004)
-    ctx.observe()
-    assert ctx.tracker.told == [(0.2, ctx.arm.tcp.position[2], ctx.length)]
 
 
 def test_every_device_is_in_the_observation(ctx):

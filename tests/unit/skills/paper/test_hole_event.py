@@ -6,12 +6,12 @@ import pytest
 from drivers.quantities import TaxelFrame
 from skills.paper.hole_event import HoleEvent
 
-THRESHOLD, MEMORY = 0.1, 10
+THRESHOLD = 0.1
 
 
 def events(levels, trusted=None):
     """Return the numbers of the frames that are events, of frames whose taxels all read the same."""
-    event, trusted = HoleEvent(THRESHOLD, MEMORY), np.ones((2, 20), dtype=bool) if trusted is None else trusted
+    event, trusted = HoleEvent(THRESHOLD), np.ones((2, 20), dtype=bool) if trusted is None else trusted
     frames = (TaxelFrame(np.full((2, 20), float(level)), trusted, 0.1 * n, n) for n, level in enumerate(levels))
     return [n for n, frame in enumerate(frames) if event.update(frame)]
 
@@ -27,7 +27,7 @@ def test_a_slow_change_is_no_event():
 
 def test_taxels_that_drop_out_are_no_change():
     half = np.arange(40).reshape(2, 20) % 2 == 0
-    event = HoleEvent(THRESHOLD, MEMORY)
+    event = HoleEvent(THRESHOLD)
     for number in range(40):
         is_whole = number < 30
         values = np.where(half & is_whole, 4000.0, 100.0)

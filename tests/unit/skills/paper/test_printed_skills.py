@@ -13,21 +13,17 @@ from skills.catalogue import SEARCH
 from skills.contract import Outcome, Reason
 from skills.motion import tilted_by
 from skills.paper import adjust, insert, search
-from skills.paper.equations import MOST_LEAD, k_33, towards, x_star
+from skills.paper.equations import MOST_LEAD, OFFSET, k_33, towards, x_star
 from skills.paths import spiral
 from tests import scripted
 from tests.board import Board
 from tests.fakes import PERIOD, Rig
 from tests.scripted import CELL, HOLE, LIGHT, ScriptedHand
 
-LOADED = load(sets=["hole.area=[0.02, 0.02]", LIGHT])
+LOADED = load(preset="paper", sets=["hole.area=[0.02, 0.02]"])
 PAPER, WAY = LOADED.cell.paper, LOADED.cell.params(SEARCH)
 TILT = 0.6
 """Lean of a peg that the search has left in the hole's mouth, rad."""
-
-
-def with_timeout(name, timeout):
-    return PAPER.model_copy(update={name: getattr(PAPER, name).model_copy(update={"timeout": timeout})})
 
 
 @pytest.mark.parametrize(("phi", "stiffness"), [(0.8, 300.0), (0.4, 600.0), (0.0, 1200.0), (1.1, 300.0)])
@@ -36,7 +32,7 @@ def test_equation_7_stiffens_from_k_min_to_k_max(phi, stiffness):
 
 
 def test_equation_4_lies_below_the_hole():
-    np.testing.assert_allclose(x_star(np.array([0.5, 0.1, 0.7]), 0.1, 0.01), [0.5, 0.1, 0.09])
+    np.testing.assert_allclose(x_star(np.array([0.5, 0.1, 0.7]), 0.1), [0.5, 0.1, 0.09])
 
 
 @pytest.mark.parametrize("tilt", [0.2, 0.99 * MOST_LEAD, 1.3])
@@ -57,7 +53,7 @@ def board(tmp_path):
 
 def test_a_print_that_vanishes_is_the_hole_where_the_end_then_is(board):
     board.rig.at(4.0, lambda: setattr(board.rig.skin, "shows_print", False))
-    found = search.run(PAPER, WAY, board.ctx)
+    found = search.run(PAPER.search, WAY, board.ctx)
     assert (found.outcome, found.plane) == (Outcome.SUCCESS, None)
     assert 4.0 <= board.rig.clock.now() < 4.2
     assert found.tip == pytest.approx(tuple(board.seen[-1].tip))
@@ -65,15 +61,15 @@ def test_a_print_that_vanishes_is_the_hole_where_the_end_then_is(board):
 
 
 def test_the_end_follows_the_path_below_the_surface_from_a_random_point(board):
-    found = search.run(PAPER, WAY.model_copy(update={"timeout": 2.0}), board.ctx)
+    found = search.run(PAPER.search, WAY.model_copy(update={"timeout": 2.0}), board.ctx)
     assert (found.outcome, found.reason, found.elapsed) == (Outcome.FAILURE, Reason.NO_HOLE, 2.0)
     along = [
         each for each in board.commanded if each.twist is not None and each.twist.linear.any() and not each.is_free
     ]
-    path = search.path_from(np.array(found.start) - HOLE[:2], PAPER, WAY, board.ctx)
+    path = search.path_from(np.array(found.start) - HOLE[:2], PAPER.search, WAY, board.ctx)
     for number, setpoint in enumerate(along):
         point, velocity = path.at(number * PERIOD)
-        np.testing.assert_allclose(setpoint.tip, [*(HOLE[:2] + point), HOLE[2] - PAPER.push_offset], atol=1e-9)
+        np.testing.assert_allclose(setpoint.tip, [*(HOLE[:2] + point), HOLE[2] - OFFSET], atol=1e-9)
         np.testing.assert_allclose(setpoint.twist.linear[:2], velocity, atol=1e-9)
         assert setpoint.stiffness[2] == PAPER.search.push_stiffness
     assert np.abs(np.array(found.start) - HOLE[:2]).max() <= 0.01
@@ -81,7 +77,7 @@ def test_the_end_follows_the_path_below_the_surface_from_a_random_point(board):
 
 def test_the_hand_keeps_its_attitude_if_the_plate_turns_the_peg(board):
     board.at(1.5, 0.3)
-    search.run(PAPER, WAY.model_copy(update={"timeout": 2.0}), board.ctx)
+    search.run(PAPER.search, WAY.model_copy(update={"timeout": 2.0}), board.ctx)
     last, hand = board.commanded[-1], board.seen[-1].arm.tcp
     assert last.in_hand.theta == 0.3
     np.testing.assert_allclose(last.axis, end_point(hand, 0.3, board.length)[1], atol=1e-6)
@@ -103,11 +99,11 @@ def bench(tmp_path):
 
 def test_the_insertion_commands_equations_4_to_7(bench):
     bench.way = lambda time: scripted.hand(HOLE - 1e-3 * UP, TILT - 0.5 * time)
-    ended = insert.run(with_timeout("insert", 0.5), bench.ctx)
+    ended = insert.run(PAPER.insert.model_copy(update={"timeout": 0.5}), bench.ctx)
     assert (ended.reason, ended.first_phi) == (Reason.NOT_ALIGNED, pytest.approx(TILT))
     for seen, setpoint in zip(bench.seen, bench.commanded, strict=True):
         phi = angle_between(seen.axis, UP)
-        np.testing.assert_allclose(setpoint.tip, HOLE - PAPER.push_offset * UP, atol=1e-9)
+        np.testing.assert_allclose(setpoint.tip, HOLE - OFFSET * UP, atol=1e-9)
         np.testing.assert_array_equal(setpoint.axis, UP)
         assert setpoint.stiffness[2] == k_33(phi, ended.first_phi, *PAPER.insert.push_stiffness)
         assert setpoint.integral_gain == PAPER.insert.integral_gain
@@ -115,34 +111,38 @@ def test_the_insertion_commands_equations_4_to_7(bench):
 
 def test_the_insertion_ends_below_15_degrees(bench):
     bench.way = lambda time: scripted.hand(HOLE - 1e-3 * UP, math.radians(15.01 - 0.1 * time))
-    assert insert.run(PAPER, bench.ctx).elapsed == pytest.approx(0.1, abs=PERIOD + 1e-9)
+    assert insert.run(PAPER.insert, bench.ctx).elapsed == pytest.approx(0.1, abs=PERIOD + 1e-9)
 
 
 def test_the_adjustment_spirals_about_the_end_and_pushes(bench):
     bench.way = lambda time: scripted.hand(HOLE - 1e-3 * UP)
-    ended = adjust.run(with_timeout("adjust", 1.0), bench.ctx)
+    ended = adjust.run(PAPER.adjust.model_copy(update={"timeout": 1.0}), bench.ctx)
     assert (ended.outcome, ended.reason) == (Outcome.FAILURE, Reason.NOT_SEATED)
-    growth = PAPER.adjust.radius / PAPER.adjust.growing_time
+    growth = adjust.RADIUS / adjust.GROWING_TIME
     for number, setpoint in enumerate(bench.commanded):
-        np.testing.assert_allclose(setpoint.tip, HOLE - (1e-3 + PAPER.push_offset) * UP, atol=1e-9)
+        np.testing.assert_allclose(setpoint.tip, HOLE - (1e-3 + OFFSET) * UP, atol=1e-9)
         offset = spiral(number * PERIOD, growth, PAPER.adjust.turn_rate)
         np.testing.assert_allclose(setpoint.axis, tilted_by(offset, CELL.peg.length), atol=1e-9)
 
 
-@pytest.mark.parametrize("skill", [insert, adjust])
-def test_the_switch_ends_it_well(bench, skill):
+@pytest.mark.parametrize(("skill", "params"), [(insert, PAPER.insert), (adjust, PAPER.adjust)])
+def test_the_switch_ends_it_well(bench, skill, params):
     bench.rig.switch.state = SwitchState.CLOSED
     bench.way = lambda time: scripted.hand(HOLE - CELL.hole.depth * UP, 0.3)
     bench.move()
-    assert skill.run(PAPER, bench.ctx).outcome is Outcome.SUCCESS
+    assert skill.run(params, bench.ctx).outcome is Outcome.SUCCESS
 
 
 def test_the_preset_chooses_all_three():
-    handling = load(preset="paper").cell.handling()
+    handling = LOADED.cell.handling()
     assert (handling.retries, set(handling.steered)) == (0, {f"paper.{each}.gains" for each in PRINTED})
 
 
 PRINTED = ("search", "insert", "adjust")
+
+
+def test_a_section_without_skills_chooses_nothing():
+    assert load(preset="paper", sets=["paper.skills=[]"]).cell.paper is None
 
 
 @pytest.mark.parametrize(

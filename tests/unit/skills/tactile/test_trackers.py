@@ -1,4 +1,4 @@
-"""What holds of everything that keeps theta between frames: time stamps count, and the age of theta is there to see."""
+"""Theta between frames: time stamps count, and the age of theta is there to see."""
 
 import math
 from collections.abc import Callable
@@ -7,16 +7,13 @@ import numpy as np
 import pytest
 
 from cell.config import load
-from drivers.quantities import Pose
 from skills.tactile.blend import Blend, Smoothing
-from skills.tactile.observer import Observer, ObserverParams
 from skills.tactile.pose import PegPose, Tracker
 
-HAND = Pose(np.array([0.5, 0.0, 0.15]), np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]]))
-LENGTH, SIGMA = 0.05, math.radians(0.4)
-TRACKERS = [lambda: Blend(Smoothing()), lambda: Blend(Smoothing(blend=0.3)), lambda: Observer(ObserverParams())]
+SIGMA = math.radians(0.4)
+TRACKERS = [lambda: Blend(Smoothing()), lambda: Blend(Smoothing(blend=0.3))]
 
-every_tracker = pytest.mark.parametrize("make", TRACKERS, ids=["held", "blended", "observed"])
+every_tracker = pytest.mark.parametrize("make", TRACKERS, ids=["held", "blended"])
 Make = Callable[[], Tracker]
 
 
@@ -24,15 +21,11 @@ def frame(theta: float, stamp: float) -> PegPose:
     return PegPose(theta, 0.0, SIGMA, 0.0, True, stamp)
 
 
-def follow(tracker: Tracker, now: float, new: PegPose | None = None) -> PegPose:
-    return tracker.follow(now, HAND, LENGTH, new)
-
-
 def settled(make: Make) -> Tracker:
     """Return one that has seen theta = 0.3 for a second, the last frame at 1.0 s."""
     tracker = make()
     for scan in range(101):
-        follow(tracker, 0.01 * scan, frame(0.3, 0.01 * scan) if scan % 10 == 0 else None)
+        tracker.follow(frame(0.3, 0.01 * scan) if scan % 10 == 0 else None)
     return tracker
 
 
@@ -40,31 +33,26 @@ def settled(make: Make) -> Tracker:
 def test_age_of_theta_is_that_of_its_newest_frame(make: Make) -> None:
     tracker = settled(make)
     for now in (1.01, 1.2, 1.5):
-        assert now - follow(tracker, now).stamp == pytest.approx(now - 1.0)
+        assert now - tracker.follow(None).stamp == pytest.approx(now - 1.0)
 
 
 @every_tracker
 def test_frame_that_comes_late_is_as_old_as_when_it_was_measured(make: Make) -> None:
-    assert follow(settled(make), 1.18, frame(0.3, 1.1)).stamp == pytest.approx(1.1)
+    assert settled(make).follow(frame(0.3, 1.1)).stamp == pytest.approx(1.1)
 
 
 @every_tracker
 @pytest.mark.parametrize("stamp", [0.95, 1.0])
 def test_frame_that_was_overtaken_changes_nothing(make: Make, stamp: float) -> None:
     tracker, other = settled(make), settled(make)
-    late, undisturbed = follow(tracker, 1.05, frame(0.9, stamp)), follow(other, 1.05)
+    late, undisturbed = tracker.follow(frame(0.9, stamp)), other.follow(None)
     assert (late.theta, late.stamp) == (undisturbed.theta, undisturbed.stamp)
-
-
-def test_slip_in_the_hand_is_observed_at_the_frame_that_shows_it() -> None:
-    tracker = settled(lambda: Observer(ObserverParams()))
-    assert follow(tracker, 1.1, frame(0.8, 1.1)).theta == pytest.approx(0.8, abs=2.0 * SIGMA)
 
 
 @pytest.mark.parametrize("blend", [1.0, 0.3])
 def test_slip_in_the_hand_is_held_at_the_second_frame_that_shows_it(blend: float) -> None:
     tracker = settled(lambda: Blend(Smoothing(blend=blend)))
-    first, second = (follow(tracker, now, frame(theta, now)) for now, theta in ((1.1, 0.8), (1.2, 1.1)))
+    first, second = (tracker.follow(frame(theta, now)) for now, theta in ((1.1, 0.8), (1.2, 1.1)))
     assert (first.theta, first.stamp) == (pytest.approx(0.3, abs=1e-6), 1.1)
     assert (second.theta, second.stamp) == (1.1, 1.2)
 
@@ -72,12 +60,12 @@ def test_slip_in_the_hand_is_held_at_the_second_frame_that_shows_it(blend: float
 def test_false_frames_that_come_alone_make_no_jump_of_theta() -> None:
     tracker = settled(lambda: Blend(Smoothing()))
     told = [(1.1, -0.5), (1.2, 0.3), (1.3, -0.5), (1.4, 1.0), (1.5, 0.31)]
-    assert [follow(tracker, now, frame(theta, now)).theta for now, theta in told] == pytest.approx([0.3] * 4 + [0.31])
+    assert [tracker.follow(frame(theta, now)).theta for now, theta in told] == pytest.approx([0.3] * 4 + [0.31])
 
 
 def test_published_method_takes_each_frame_as_it_is() -> None:
     tracker = settled(lambda: Blend(load(preset="paper").cell.smoothing))
-    assert follow(tracker, 1.1, frame(1.2, 1.1)).theta == pytest.approx(1.2)
+    assert tracker.follow(frame(1.2, 1.1)).theta == pytest.approx(1.2)
 
 
 @every_tracker
@@ -85,7 +73,7 @@ def test_peg_that_stands_still_is_known_no_worse_than_a_frame_tells(make: Make) 
     rng, tracker, errors = np.random.default_rng(4), settled(make), []
     for scan in range(101, 1100):
         new = frame(0.3 + SIGMA * rng.standard_normal(), 0.01 * scan) if scan % 10 == 0 else None
-        errors.append(follow(tracker, 0.01 * scan, new).theta - 0.3)
+        errors.append(tracker.follow(new).theta - 0.3)
     assert float(np.std(errors)) < 1.05 * SIGMA
 
 
