@@ -182,6 +182,18 @@ def seeded(config: CellConfig, seed: int) -> CellConfig:
     return config.model_copy(update={"sim": config.sim.model_copy(update={"seed": seed, "pace": "max"})})
 
 
+def _insert(watcher: Watcher) -> tuple[list[StageRecord], Ending, Outcome, str]:
+    """Run `insert_peg`; return its stages, how it ended, and outcome and reason, where a fault is a failure with the fault's name."""
+    records: list[StageRecord] = []
+    try:
+        records = CATALOGUE["insert_peg"].run(watcher.cell.config.skill_set(), watcher.ctx)
+        ending = watcher.judged(ending_of(records, None, watcher.ctx.stage), records)
+    except CellError as error:
+        ending = ending_of(records, error, watcher.ctx.stage)
+        return records, ending, Outcome.FAILURE, FaultCode(error.code).name.lower()
+    return records, ending, ending.outcome, ending.word
+
+
 def trial_in(
     cell: Cell, seed: int, each: Callable[[], None] = lambda: None, tracker: MakeTracker = make_tracker
 ) -> TrialRow:
@@ -191,7 +203,6 @@ def trial_in(
     """
     wall = time.perf_counter()
     assert cell.truth is not None
-    records: list[StageRecord] = []
     ctx, began = cell.context(seed), cell.clock.now()
     watcher = Watcher(cell, ctx)
     ctx.ended, ctx.tracker = watcher.clock.end, tracker(cell.config)
@@ -201,13 +212,7 @@ def trial_in(
         each()
 
     ctx.record = record
-    try:
-        records = CATALOGUE["insert_peg"].run(cell.config.skill_set(), ctx)
-        ending = watcher.judged(ending_of(records, None, ctx.stage), records)
-        outcome, reason = ending.outcome, ending.word
-    except CellError as error:
-        ending = ending_of(records, error, ctx.stage)
-        outcome, reason = Outcome.FAILURE, FaultCode(error.code).name.lower()
+    records, ending, outcome, reason = _insert(watcher)
     truth = watcher.ending or cell.truth()
     sim_time = cell.clock.now()
     watcher.clock.leave(sim_time)
