@@ -13,7 +13,7 @@ from enum import IntEnum
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from drivers.config_model import ConfigModel
 from drivers.skin.health import Counts
@@ -87,6 +87,13 @@ class SkinWireConfig(ConfigModel):
     """Check sum of the messages."""
     start_up: Annotated[tuple[Step, ...], Field(min_length=1)] = MAKERS_START_UP
     """Steps of the start-up in their order; the one that leaves the boot loader exists on CAN alone."""
+
+    @field_validator("start_up")
+    @classmethod
+    def _ends_with_start(cls, start_up: tuple[Step, ...]) -> tuple[Step, ...]:
+        if start_up[-1] != "start":
+            raise ValueError(f'ends with "{start_up[-1]}"; "start" needed as the last step')
+        return start_up
 
 
 @dataclass(frozen=True, slots=True)

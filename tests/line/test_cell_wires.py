@@ -35,7 +35,7 @@ def test_killed_and_revived_boards_end_runs_in_their_fault_and_never_in_a_succes
     def put_back():
         wires.plug_in_skin()
         wires.switch_board.open()
-        rehearsal.wait(1.0)
+        rehearsal.wait(3.0)
 
     for stage, kill, fault in [
         ("spray_search", wires.unplug_skin, FaultCode.SKIN_SILENT),

@@ -37,8 +37,8 @@ CELL_CASES = 10
 """Number of cases that one served cell goes through before a new one, whose errors are drawn anew."""
 SEEN_ON = 1.5
 """Time for which the arm is looked at after the run, s."""
-MENDED = 0.5
-"""Time between mending and the reset, s, in which a board is found again."""
+MENDED = 2.5
+"""Time between mending and the reset, s, in which a board is found again; a skin's hub needs up to two seconds."""
 _INSERT = CATALOGUE["insert_peg"].code
 
 

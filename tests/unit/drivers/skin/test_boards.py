@@ -202,6 +202,16 @@ def test_wrong_baud_rate_is_guessed_from_noise():
         rig.skin.open()
 
 
+def test_start_up_of_a_firmware_without_boot_loaders_is_a_key():
+    steps = ("discover", "set_number", "declare", "details", "start")
+    rig = BoardRig(can_config(open_timeout=1.0, board={"kind": "cyskin", "wire": {"start_up": steps}}))
+    rig.link.write(SENT[0])
+    rig.clock.wait_until(0.1)
+    rig.hub.are_modules_in_boot_loaders = False
+    rig.skin.open()
+    assert rig.skin.read().trusted.all()
+
+
 def test_second_hub_on_the_bus_is_named_and_none_is_started():
     rig = BoardRig(can_config(open_timeout=1.0))
     real = rig.link.board.take

@@ -79,6 +79,11 @@ def test_polynomial_that_lets_single_bits_through_is_refused():
         Crc8(polynomial=6)
 
 
+def test_start_up_that_starts_nothing_is_refused():
+    with pytest.raises(ValidationError, match='ends with "declare"; "start" needed as the last step'):
+        SkinWireConfig(start_up=("discover", "declare"))
+
+
 @same
 @given(messages, wires)
 def test_message_comes_back_as_it_went(message, wire):

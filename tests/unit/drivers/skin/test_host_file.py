@@ -25,7 +25,7 @@ class HostProgram:
     """Writes a sample every 100 ms of the clock that it is; a Clock."""
 
     def __init__(self, path, suis=SUIS):
-        self.path, self.time = path, 0.0
+        self.path, self.time, self.is_hub_silent = path, 0.0, False
         self.touch = np.zeros(48, dtype=int)
         self._rng = np.random.default_rng(0)
         self.begin(suis)
@@ -46,7 +46,9 @@ class HostProgram:
     def wait_until(self, stamp):
         while self.is_running and self._next <= stamp:
             self.time, self._next = self._next, self._next + PERIOD
-            counts = 5000 + self._rng.integers(-40, 41, len(self.uids)) + self.touch[: len(self.uids)]
+            if not self.is_hub_silent:
+                self._noise = self._rng.integers(-40, 41, len(self.uids))
+            counts = 5000 + self._noise + self.touch[: len(self.uids)]
             self.append(" ".join(map(str, [self.number, f"{self.number * PERIOD:.6f}", *counts])) + "\n")
             self.number += 1
         self.time = max(self.time, stamp)
@@ -125,6 +127,12 @@ def test_host_program_that_stops_is_silent_and_named(skin, host):
     assert host.scans(skin, 1.0)[-1] is None
     with pytest.raises(SkinSilentError, match=r"skin_data.txt grows no more: see cyskin_acquisition and the hub"):
         skin.read()
+
+
+def test_hub_that_falls_silent_behind_the_host_program_is_not_trusted(skin, host):
+    skin.open()
+    host.is_hub_silent = True
+    assert not host.scans(skin, 1.0)[-1].trusted.any()
 
 
 def test_host_program_that_starts_again_is_followed(skin, host):
