@@ -75,9 +75,7 @@ class TorqueLoop:
         self._figures, self._period = np.array(figures), period
         rates = self._figures[impedance.TORQUE_RATE : impedance.TORQUE_RATE + JOINTS]
         self._step = RATE_USED * rates * period
-        self._most = self._figures[impedance.TORQUE_MAX : impedance.TORQUE_MAX + JOINTS]
         self._robot: Any = None
-        self._model: Any = None
         self._sent = np.zeros(JOINTS)
         self._time = 0.0
         self._taken = -1
@@ -113,7 +111,6 @@ class TorqueLoop:
     def _connect(self) -> None:
         config = pylibfranka.RealtimeConfig
         self._robot = pylibfranka.Robot(self._host, config.kEnforce if self._realtime == "enforce" else config.kIgnore)
-        self._model = self._robot.load_model()
 
     def _control(self) -> None:
         """Run cycles until the standard input ends and the arm is braked.
@@ -159,15 +156,14 @@ class TorqueLoop:
             link["phase"][0] = LoopPhase.RUNNING
 
     def _torques(self, state: Any, q: Vector, dq: Vector) -> list[float]:
-        """Return the torques of one cycle, N·m: the law's and those of Coriolis, which the arm does not add, within its limits."""
-        own, coriolis = slice(impedance.TORQUE, impedance.TORQUE + JOINTS), np.array(self._model.coriolis(state))
+        """Return the torques of one cycle, N·m, within the arm's limits."""
+        own = slice(impedance.TORQUE, impedance.TORQUE + JOINTS)
         applied, sent, step = np.array(state.tau_J_d), self._sent, self._step
-        self._law[own] = applied - coriolis
-        tau = impedance.torque(self._figures, self._words, self._law, q, dq, self._time, self._period) + coriolis
-        tau = np.clip(tau, -self._most, self._most)
+        self._law[own] = applied
+        tau = impedance.torque(self._figures, self._words, self._law, q, dq, self._time, self._period)
         # |tau - sent| <= step and |tau - tau_J_d| <= step: whether the last command arrives late or was lost.
         tau = np.clip(np.clip(tau, sent - step, sent + step), applied - step, applied + step)
-        self._law[own], self._sent = tau - coriolis, tau
+        self._law[own] = self._sent = tau
         torques: list[float] = tau.tolist()
         return torques
 
