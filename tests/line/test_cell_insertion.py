@@ -44,7 +44,7 @@ def test_a_plc_has_a_peg_inserted_and_the_next_command_runs(served, tmp_path):
         assert inserted.result == Result.SUCCESS, inserted
         assert cell.switch.read() is SwitchState.CLOSED
         assert peer.run(RECOVER, timeout=LONGEST).result == Result.SUCCESS
-    with Journal(tmp_path) as journal:
+    with Journal(tmp_path, is_read_only=True) as journal:
         assert [(row.program, row.serial) for row in journal.runs(2)] == [("recover", ""), ("insert_peg", "A-1")]
 
 
