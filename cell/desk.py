@@ -47,6 +47,7 @@ class Desk:
     ) -> None:
         """Begin in IDLE; every report includes the peg's place, trouble with records, and late scans."""
         self._line, self._live, self._journal, self._part, self._late = line, live, journal, part, late
+        self.poll, self.accept = line.poll, line.accept
         self.events = EventLog(journal, clock.now)
         self.misfit = ""
         """Line that says where the arm's torques in the last run differed from its calibration; empty where they agreed."""
@@ -119,14 +120,6 @@ class Desk:
     def show(self, look: Look) -> None:
         """Let onlookers see one scan."""
         self._live.show(look)
-
-    def poll(self) -> Command | None:
-        """Return the next command, or None; raises as `CommandLine.poll`."""
-        return self._line.poll()
-
-    def accept(self, command: Command) -> None:
-        """Answer that a command is obeyed."""
-        self._line.accept(command)
 
     def refuse(self, command: Command, refusal: Refusal) -> None:
         """Answer that a command is not obeyed, and why."""

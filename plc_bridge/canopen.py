@@ -14,9 +14,10 @@ from typing import Protocol
 
 from drivers.errors import CellError
 from drivers.transport.wires import CanFrame, CanLostError
-from plc_bridge.canopen_node import CanMailbox, CanopenNode
+from plc_bridge.canopen_node import CanopenNode
 from plc_bridge.config import CanConfig
 from plc_bridge.images import Diagnostics
+from plc_bridge.mailbox import Mailbox
 from plc_bridge.registers import Register
 
 logger = logging.getLogger(__name__)
@@ -97,7 +98,7 @@ class CanopenServer:
         config: CanConfig,
         registers: Sequence[Register],
         bus: Bus,
-        mailbox: CanMailbox,
+        mailbox: Mailbox,
         now: Callable[[], float] = time.monotonic,
         wait: Callable[[float], object] | None = None,
     ) -> None:

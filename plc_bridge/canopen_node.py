@@ -16,7 +16,6 @@ its boot-up begins the link anew, so that its next sequence number is adopted, n
 import logging
 from collections.abc import Callable, Sequence
 from enum import IntEnum
-from typing import Protocol
 
 from canopen import SdoAbortedError
 
@@ -25,6 +24,7 @@ from plc_bridge.config import CanConfig
 from plc_bridge.emcy import BUS_RECOVERED, HEARTBEAT_LOST, NO_ERROR, PDO_NOT_PROCESSED, PDO_TOO_SHORT, Emergency
 from plc_bridge.heartbeat import HeartbeatConsumer, HeartbeatProducer
 from plc_bridge.images import Diagnostics
+from plc_bridge.mailbox import Mailbox
 from plc_bridge.object_values import Values
 from plc_bridge.objects import (
     CONSUMER,
@@ -41,7 +41,7 @@ from plc_bridge.pdo import Reports
 from plc_bridge.peer_log import PeerLog
 from plc_bridge.registers import RPDOS, Register
 from plc_bridge.sdo import ABORT, SdoServer
-from plc_bridge.station import LinkStation, LinkWords, Mailbox
+from plc_bridge.station import LinkStation, LinkWords
 
 logger = logging.getLogger(__name__)
 
@@ -65,17 +65,6 @@ _STATE_ON_ERROR = {0: NmtState.PRE_OPERATIONAL, 2: NmtState.STOPPED}
 """State after an error, by object 0x1029; 1 stays in the state, and only operational is left for pre-operational."""
 
 
-class CanMailbox(Mailbox, Protocol):
-    """The part of the bridge that the node needs."""
-
-    @property
-    def run(self) -> int:
-        """Number in the journal of the run under way or last, whoever started it."""
-
-    def lost(self, source: str) -> None:
-        """Take a link for lost: its run stops."""
-
-
 class CanopenNode:
     """The cell as one CANopen node.
 
@@ -90,7 +79,7 @@ class CanopenNode:
         self,
         config: CanConfig,
         registers: Sequence[Register],
-        mailbox: CanMailbox,
+        mailbox: Mailbox,
         send: Callable[[CanFrame], None],
     ) -> None:
         self._config, self._id, self._mailbox, self._send = config, config.node_id, mailbox, send

@@ -13,7 +13,7 @@ from drivers.transport.wires import CanFrame, CanLostError
 from plc_bridge.canopen_node import NmtState
 from plc_bridge.config import CanConfig
 from plc_bridge.heartbeat import HeartbeatProducer
-from plc_bridge.images import CommandImage, Diagnostics, ReportImage, command_words
+from plc_bridge.images import CommandImage, Diagnostics, ReportImage, Value, command_words, report_of
 from plc_bridge.objects import RPDO_BASES, bytes_of, dictionary
 from plc_bridge.peer import CellSilentError, PlcPeer
 from plc_bridge.registers import RPDOS, STAGES, Register, table
@@ -99,7 +99,7 @@ class CanPeer(PlcPeer):
         self._values: dict[str, int] = {}
         self._heard: set[str] = set()
         self._has_report = threading.Event()
-        self._rest: tuple[tuple[int, ...], dict[str, float]] = ((), {})
+        self._rest: tuple[tuple[Value, ...], dict[str, Value]] = ((), {})
 
     def close(self) -> None:
         """Fall silent and leave the bus; may be called again."""
@@ -123,48 +123,18 @@ class CanPeer(PlcPeer):
         holder = self._read("report_holder")
         if self._node is not None and self._node.nmt.state != "OPERATIONAL":
             raise CellSilentError(f"{self._where}: it is {self._node.nmt.state}")
-        values = dict(self._values)
+        values: dict[str, Value] = dict(self._values)
         state = tuple(values[name] for name in _NEWS)
         if self._rest[0] != state:
             self._rest = state, {name: self._number(f"report_{name}") for name in _BY_SDO}
-        rest = self._rest[1]
-        return ReportImage(
-            life=values["report_life"],
-            version=round(rest["version"]),
-            sequence=values["report_sequence"],
-            answered=values["report_answered"],
-            refusal=values["report_refusal"],
-            result=values["report_result"],
-            state=values["report_state"],
-            fault=values["report_fault"],
-            stage=values["report_stage"],
-            reason=values["report_reason"],
-            progress=values["report_progress"],
-            code=round(rest["code"]),
-            run=values["report_run"],
-            lease=values["report_lease"],
-            holder=holder.decode("ascii"),
-            stage_times=tuple(rest[name] for name in _TIMES),
-            total_time=rest["total_time"],
-            answered_result=values["report_answered_result"],
-            refusal_detail=round(rest["refusal_detail"]),
-            transition=round(rest["transition"]),
-            part=round(rest["part"]),
-            part_depth=rest["part_depth"],
-            hole_x=rest["hole_x"],
-            hole_y=rest["hole_y"],
-            warnings=round(rest["warnings"]),
-            overruns=round(rest["overruns"]),
-            peak_force=rest["peak_force"],
-            life_tail=values["report_life"],
-            part_evidence=round(rest["part_evidence"]),
-            part_width=rest["part_width"],
-        )
+        values |= {f"report_{name}": value for name, value in self._rest[1].items()}
+        values |= {"report_holder": holder.decode("ascii"), "report_life_tail": values["report_life"]}
+        return report_of(values)
 
     def read_diagnostics(self) -> Diagnostics:
         """Return the cell's counts; writes nothing."""
         names = [name for name in self._places if name.startswith("diagnostics_")]
-        return Diagnostics(**{name.removeprefix("diagnostics_"): round(self._number(name)) for name in names})
+        return Diagnostics(**{name.removeprefix("diagnostics_"): int(self._number(name)) for name in names})
 
     def stop(self) -> None:
         """Stop the cell, whoever holds the lease."""
@@ -227,9 +197,10 @@ class CanPeer(PlcPeer):
         with self._asking() as node:
             return bytes(node.sdo.upload(self._places[name].index, self._places[name].subindex))
 
-    def _number(self, name: str) -> float:
+    def _number(self, name: str) -> int | float:
         place = self._places[name]
-        return place.scale * int.from_bytes(self._read(name), "little", signed=place.type.startswith("i"))
+        count = int.from_bytes(self._read(name), "little", signed=place.type.startswith("i"))
+        return count if place.scale == 1.0 else place.scale * count
 
     def _name(self, index: int, subindex: int) -> str:
         return next(r.name for r in self._places.values() if (r.index, r.subindex) == (index, subindex))

@@ -56,7 +56,7 @@ def as_eds(registers: Sequence[Register]) -> str:
         lines += _section(name, {"SupportedObjects": len(indices), **numbered})
         for index in indices:
             lines += _object(objects, index, by_place)
-    return "\n".join(lines)
+    return "\r\n".join(lines)  # CiA 306 asks for lines that end with CR LF
 
 
 def _section(name: str, entries: Mapping[str, object], comment: str = "") -> Iterator[str]:

@@ -39,7 +39,7 @@ from plc_bridge.orders import Counts, Orders
 from plc_bridge.peer_log import PeerLog
 from plc_bridge.refusals import CONTROLS, STOPS, BadParameterError, Rules
 from plc_bridge.registers import AFTER_A_LOSS, Lease, Parameter
-from plc_bridge.sequence_numbers import SequenceNumbers, Verdict
+from plc_bridge.sequence_numbers import Verdict
 from plc_bridge.sight import PlcSight, sight_of
 from plc_bridge.watchdog import LinkWatchdog
 
@@ -94,8 +94,7 @@ class Handshake:
         """End a connection of a link that others share; the stop that it held falls."""
         link = self._links.get(source)
         if link is not None:
-            link.stops.discard(by)
-            link.writer = None if link.writer == by else link.writer
+            link.leave(by)
 
     def lost(self, source: str) -> None:
         """Take `source` for lost, whatever its life counter says: its run stops, and its next number is adopted."""
@@ -131,9 +130,7 @@ class Handshake:
             self._take_torn(link, image)
             return
         if by is not None:
-            if link.writer not in (None, by):
-                link.numbers = SequenceNumbers()  # two writers count for themselves
-            link.writer = by
+            link.turn_to(by)
         if is_numbered and link.numbers.must_adopt:
             self._resume(link, image)
         if image.lease in (Lease.TAKE, Lease.TAKE_FOR_HOST):
@@ -236,11 +233,11 @@ class Handshake:
         if numbers.is_anew and not numbers.is_in_doubt:
             numbers.is_anew = False
             link.begin_anew()
-        if verdict is Verdict.LATE:
+        if verdict is Verdict.LATE or (verdict is Verdict.DOUBT and image.code in STOPS):
             self._take_late(link, image)
         elif verdict is Verdict.SAME:
             self._take_same(link, image, code_before)
-        elif verdict is not Verdict.ANEW:
+        elif verdict in (Verdict.FIRST, Verdict.NEW):
             link.executed = link.resetting = None
             if verdict is Verdict.FIRST and image.code not in STOPS:
                 self._adopt(link, image)
@@ -300,7 +297,10 @@ class Handshake:
         return order
 
     def _stop(self, link: Link, image: CommandImage, sequence: int = UNNUMBERED) -> Order:
-        """Stop at once; the stop has an answer of its own if it came under a number."""
+        """Stop at once; a stop under a number of its own has an answer of its own, one under the run's number the run's."""
+        shown = link.shown
+        if shown is not None and shown.is_program and shown.sequence == sequence:
+            sequence = UNNUMBERED
         order = Order(_command_of(link, sequence, image), link if sequence != UNNUMBERED else None)
         if order.link is not None:
             link.add(order)
@@ -393,7 +393,7 @@ class Handshake:
         link.has_resumed = False
         for order in (self.orders.run, self.orders.seen):
             earlier = order.link if order is not None else None
-            if order is None or earlier is None or not link.follows(earlier):
+            if order is None or earlier is None or not (link.follows(earlier) and earlier.gave(order)):
                 continue
             if not (order.repeats(image) or _goes_on(image, earlier)):
                 continue

@@ -177,9 +177,13 @@ def report_words(image: ReportImage) -> list[int]:
 
 def report_image(words: Sequence[int]) -> ReportImage:
     """Return the report block in `words` as values."""
-    values = REPORT.unpack(words)
-    times = tuple(float(values.pop(f"report_stage_time_{n}")) for n in range(1, STAGES + 1))
-    return ReportImage(stage_times=times, **{name.removeprefix("report_"): value for name, value in values.items()})  # type: ignore[arg-type]
+    return report_of(REPORT.unpack(words))
+
+
+def report_of(values: Mapping[str, Value]) -> ReportImage:
+    """Return the report block from the value of each of its registers."""
+    times = tuple(float(values[f"report_stage_time_{n}"]) for n in range(1, STAGES + 1))
+    return ReportImage(stage_times=times, **{name: values[register] for register, name in _REPORT_FIELDS})  # type: ignore[arg-type]
 
 
 def diagnostics_words(counts: Diagnostics) -> list[int]:

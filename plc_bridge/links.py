@@ -24,6 +24,8 @@ class Order:
     command: Command
     link: "Link | None" = None
     """Link that reads how the order ended; None where nobody does."""
+    program: int = 0
+    """Program of the link that gave it, see `Link.program`."""
     is_decided: bool = False
     """Whether the order was refused, obeyed or, if it is a program, begun."""
     result: Result = Result.NONE
@@ -92,8 +94,12 @@ class Link:
     """Whether the link has written anything but a stop; until then it is a spectator."""
     image: CommandImage | None = None
     numbers: SequenceNumbers = field(default_factory=SequenceNumbers)
+    program: int = 0
+    """Number of programs that have started anew on the link while it was open."""
     writer: Hashable = None
     """Connection that wrote the last number, where several share the link; None once it has gone."""
+    others: dict[Hashable, SequenceNumbers] = field(default_factory=dict)
+    """Numbers of other connections that have written some: each counts for itself."""
     stops: set[Hashable] = field(default_factory=set)
     """Connections of the link that hold their stop coil at 1."""
     coils: Coils = field(default_factory=Coils)
@@ -122,14 +128,33 @@ class Link:
     def forget(self) -> None:
         """Let the next number be adopted, and the coils begin anew."""
         self.was_lost = True
-        self.numbers.forget()
+        for each in (self.numbers, *self.others.values()):
+            each.forget()
         self.coils = Coils()
+
+    def turn_to(self, writer: Hashable) -> None:
+        """Go on with the numbers of a connection that has written one: its first number after another's is adopted.
+
+        A connection that comes after the last writer has gone goes on with the numbers of that.
+        """
+        if self.writer not in (None, writer):
+            self.others[self.writer] = self.numbers
+            self.numbers = self.others.pop(writer, SequenceNumbers())
+            self.numbers.forget()
+        self.writer = writer
+
+    def leave(self, connection: Hashable) -> None:
+        """End a connection: the stop that it held falls."""
+        self.stops.discard(connection)
+        self.others.pop(connection, None)
+        self.writer = None if self.writer == connection else self.writer
 
     def add(self, order: Order) -> None:
         """Take a new order of this link; its run stays in view, unless the PLC sent that run's number once more."""
         self.aside, self.was_lost = None, False
         self._forget_older_answers()
         self._asked.append(order)
+        order.program = self.program
         shown = self.shown
         if shown is None or not shown.is_program or shown.sequence == order.sequence:
             self.shown = order
@@ -140,10 +165,15 @@ class Link:
     def begin_anew(self) -> None:
         """Let a program that has started anew see nothing of the program before, but a run that it names."""
         order, self.aside = self.aside, None
+        self.program += 1
         if order is not None:
             self._asked = [order]
             if self.shown is None or self.shown.sequence != order.sequence:
                 self.shown = order
+
+    def gave(self, order: Order) -> bool:
+        """Tell whether its present program gave an order."""
+        return order.link is self and order.program == self.program and not self.numbers.is_in_doubt
 
     def came_empty(self, sequence: int) -> bool:
         """Tell whether a number came without a command and is the newest that was answered."""
@@ -155,7 +185,7 @@ class Link:
         earlier, self.shown, self.has_resumed = order.link, order, True
         self._asked = [order] if earlier is None else [*earlier._asked] or [order]
         for each in (order, *self._asked):
-            each.link = self
+            each.link, each.program = self, self.program
 
     @property
     def in_view(self) -> Order | None:

@@ -30,7 +30,7 @@ class Refusal(IntEnum):
     ADOPTED = 9
     """First sequence number after start, reconnect or a lost PLC: taken over, never run."""
     LATE = 10
-    """Sequence number just behind the last one: an old write that arrived late."""
+    """Sequence number behind the last one: an old write that arrived late, or a counter that went back."""
     STOP_HELD = 11
     """A stop coil is 1 somewhere: nothing starts, goes on or is reset before it falls."""
     PART_UNRESOLVED = 12
@@ -56,7 +56,7 @@ REMEDIES: dict[Refusal, str] = {
     Refusal.TORN: "write the whole block in one request, command_life and command_life_tail equal; send the next number",
     Refusal.ADOPTED: "the first number of a connection, the first one after its PLC was lost, and one that came with code 0 "
     "before is taken over and never run: send the same command under the next number",
-    Refusal.LATE: "send a number above the last one; a counter that restarts lets its first number be adopted",
+    Refusal.LATE: "send a number above the last one; a program that counts anew first writes a number with code 0",
     Refusal.PART_UNRESOLVED: "look at report_part: run `recover` for a peg that the hand holds; take any other away by hand, "
     "then send CLEARED",
     Refusal.HOLE_OCCUPIED: "take the workpiece away; if there is none, mend the switch",

@@ -12,9 +12,10 @@ from drivers.errors import DeviceNotOpenedError
 from plc_bridge.admission import NoPlaceError, who_leaves
 from plc_bridge.config import ModbusConfig
 from plc_bridge.images import Diagnostics
+from plc_bridge.mailbox import Mailbox
 from plc_bridge.modbus_connection import Connection
 from plc_bridge.peer_log import PeerLog
-from plc_bridge.station import LinkStation, LinkWords, Mailbox
+from plc_bridge.station import LinkStation, LinkWords
 
 logger = logging.getLogger(__name__)
 

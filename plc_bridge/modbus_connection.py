@@ -11,9 +11,10 @@ from typing import Protocol
 
 from plc_bridge.config import ALL_RIGHTS, Right
 from plc_bridge.images import Diagnostics
+from plc_bridge.mailbox import Mailbox
 from plc_bridge.pdu import is_exception, respond
 from plc_bridge.peer_log import PeerLog
-from plc_bridge.station import LinkStation, Mailbox
+from plc_bridge.station import LinkStation
 
 HEADER = struct.Struct(">HHHB")
 """Transaction, protocol, length of what follows the length field, unit."""

@@ -5,9 +5,9 @@ import ssl
 from collections import deque
 
 from plc_bridge.config import TlsConfig
+from plc_bridge.mailbox import Mailbox
 from plc_bridge.modbus import ModbusServer
 from plc_bridge.modbus_connection import Connection
-from plc_bridge.station import Mailbox
 from plc_bridge.tls import BadRoleError, rights_of, role_of, server_context
 
 HANDSHAKE_TIMEOUT = 10.0

@@ -293,7 +293,12 @@ def _packml_block() -> list[Register]:
     block.add("processed", "u32", "PackTags ProdProcessedCount: insertions that have ended since the start")
     block.add("defective", "u32", "PackTags ProdDefectiveCount: those of them that did not end in success")
     for number in range(1, STATES + 1):
-        block.add(f"state_time_{number}", "u32", f"PackTags AccTime: time in state {number} since the start", unit="s")
+        block.add(
+            f"state_time_{number}",
+            "u32",
+            f"PackTags StateCumulativeTime: time in state {number} since the start",
+            unit="s",
+        )
     return block.registers
 
 

@@ -13,9 +13,10 @@ from typing import Protocol
 from drivers.errors import CellError
 from plc_bridge.config import RtuConfig
 from plc_bridge.images import Diagnostics
+from plc_bridge.mailbox import Mailbox
 from plc_bridge.pdu import is_exception, respond
 from plc_bridge.rtu_frames import BROADCAST, Receiver, with_check_sum
-from plc_bridge.station import LinkStation, LinkWords, Mailbox
+from plc_bridge.station import LinkStation, LinkWords
 
 logger = logging.getLogger(__name__)
 

@@ -9,7 +9,7 @@ Numbers are compared modulo 65536: one is ahead of another by up to 32768, else 
     | ahead of the last one                      | NEW             | NEW             | NEW                  |
     | ahead, the first one after a loss          | FIRST           | FIRST           | FIRST                |
     | behind the last one                        | ANEW            | LATE            | LATE                 |
-    | in doubt: a block of the count before      | SAME or LATE    | SAME or LATE    | SAME or LATE         |
+    | in doubt: a block of the count before      | ANEW            | DOUBT           | DOUBT                |
 
     | meaning | what becomes of it                                                        | next to count |
     | ------- | ------------------------------------------------------------------------- | ------------- |
@@ -18,11 +18,12 @@ Numbers are compared modulo 65536: one is ahead of another by up to 32768, else 
     | NEW     | the command counts, once                                                  | from here     |
     | ANEW    | a program that starts anew on an open link: the number is known           | from here     |
     | LATE    | a stop is obeyed; another command is refused and never run                | as before     |
+    | DOUBT   | a stop is obeyed; another command waits for the next block                | as before     |
 
 A number behind the last one, in a block whose life counter lies behind as well, is either an old block that came late or
-the first of a program that starts anew. So the count before it stays in doubt. If its life counter goes on, the old
-block was late, and the count before it goes on. The count in doubt ends with the next command that it never had, or
-with the third block in a row that does not belong to it. A block that it had runs nothing again.
+the first of a program that starts anew. So both counts are kept, and the next blocks decide. If the life counter of the
+count before goes on, that count goes on. It ends with a command that it never had, or with the third block in a row
+whose life counters follow the new count.
 """
 
 from dataclasses import dataclass, field
@@ -52,6 +53,8 @@ class Verdict(Enum):
     """The number is a command, which counts once."""
     ANEW = auto()
     """The number begins the count of a program that has started anew."""
+    DOUBT = auto()
+    """The number is that of an old block or a new command, which the next block will tell."""
 
 
 @dataclass(slots=True)
@@ -72,17 +75,14 @@ class _Count:
     life: int
     """Life counter of the newest block."""
     blocks: int = 1
-    """Blocks in a row whose life counter did not go back."""
-    is_alive: bool = False
-    """Whether the life counter has changed."""
+    """Blocks in a row whose life counters moved on."""
     seen: dict[int, _Seen] = field(default_factory=dict)
 
     def take(self, number: int, asked: Asked, life: int) -> None:
         """Take a block that belongs to this count."""
-        self.is_alive |= life != self.life
-        self.blocks = 1 if _is_behind(life, self.life) else self.blocks + 1
-        if number != self.last or not _is_behind(life, self.life):
-            self.life = life
+        newest = life if number != self.last or _is_behind(self.life, life) else self.life
+        self.follow(life)
+        self.life = newest
         if number != self.last or number not in self.seen:
             self.seen.pop(number, None)
             self.seen[number] = _Seen(asked, life, life)
@@ -92,12 +92,19 @@ class _Count:
         seen.asked, seen.newest = seen.asked or asked, self.life
         self.last = number
 
-    def goes_on(self, number: int, asked: Asked, life: int, other: int) -> bool:
-        """Tell whether a block repeats the last number or is ahead of it, and its life counter follows closer than on `other`."""
-        is_repeated = number == self.last and asked in (None, self.seen[number].asked)
-        is_ahead = number != self.last and not _is_behind(number, self.last)
-        ahead = (life - self.life) % _MODULUS
-        return (is_repeated or is_ahead) and ahead < _HALF and ahead < (life - other) % _MODULUS
+    def follow(self, life: int) -> None:
+        """Count a block in a row if its life counter has moved on; begin again if it has gone back."""
+        if life != self.life:
+            self.blocks = 1 if _is_behind(life, self.life) else self.blocks + 1
+        self.life = life
+
+    def repeats(self, number: int, asked: Asked) -> bool:
+        """Tell whether a block is the last one again, or the last one without its command."""
+        return number == self.last and asked in (None, self.seen[number].asked)
+
+    def goes_on(self, life: int, other: int) -> bool:
+        """Tell whether a life counter follows this count, and more closely than `other`."""
+        return _is_behind(self.life, life) and (life - self.life) % _MODULUS < (life - other) % _MODULUS
 
     def had(self, number: int, asked: Asked, life: int) -> bool:
         """Tell whether a block was there before, or was overtaken by one that was."""
@@ -137,13 +144,15 @@ class SequenceNumbers:
             self._begin(number, asked, life)
             return Verdict.FIRST
         if doubted is not None:
-            if doubted.goes_on(number, asked, life, count.life):
+            if doubted.goes_on(life, count.life):
                 self._count, self._doubted, self.is_anew, count = doubted, None, False, doubted
-            elif count.blocks >= CONFIRMED - 1:
+            elif count.blocks >= CONFIRMED - 1 and _is_behind(count.life, life):
                 self._doubted = None
-            elif number != count.last and doubted.had(number, asked, life):
-                count.take(number, asked, life)
-                return Verdict.ANEW if asked is None else Verdict.LATE
+            elif not count.repeats(number, asked) and doubted.had(number, asked, life):
+                if asked is None:
+                    return self._begin_anew(number, asked, life)
+                count.follow(life)
+                return Verdict.DOUBT
         if number == count.last:
             self.must_adopt = False
             count.take(number, asked, life)
@@ -153,11 +162,11 @@ class SequenceNumbers:
             self.must_adopt, self._doubted = False, None
             count.take(number, asked, life)
             return verdict
-        is_old = count.is_alive and _is_behind(life, count.life)
+        is_old = _is_behind(life, count.life)
         if asked is None or is_old:
-            self._begin(number, asked, life)
-            self.is_anew, self._doubted = True, self._doubted or (count if is_old else None)
-        return Verdict.ANEW if asked is None else Verdict.LATE
+            self._doubted = self._doubted or (count if is_old else None)
+            return self._begin_anew(number, asked, life)
+        return Verdict.LATE
 
     def count_up(self) -> int:
         """Return the next number, for a command that comes without one, and take it for seen."""
@@ -175,6 +184,11 @@ class SequenceNumbers:
     def would_count(self, number: int) -> bool:
         """Tell whether a number would be a new one."""
         return not self.must_adopt and self.last not in (None, number) and not _is_behind(number, self.last or 0)
+
+    def _begin_anew(self, number: int, asked: Asked, life: int) -> Verdict:
+        self._begin(number, asked, life)
+        self.is_anew = True
+        return Verdict.ANEW if asked is None else Verdict.LATE
 
     def _begin(self, number: int, asked: Asked, life: int) -> None:
         self._count = _Count(number, number, life, seen={number: _Seen(asked, life, life)})

@@ -1,14 +1,15 @@
 """The registers and bits of one link, behind the requests of any bus, and the rights to them."""
 
 import logging
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 from pymodbus.constants import ExcCodes
 
 from plc_bridge.config import ALL_RIGHTS, Right
-from plc_bridge.images import COMMAND, DIAGNOSTICS, PACKML, CommandImage, Diagnostics, command_image
+from plc_bridge.images import COMMAND, DIAGNOSTICS, PACKML, Diagnostics, command_image
+from plc_bridge.mailbox import Mailbox
 from plc_bridge.registers import COILS, MIRROR, Lease
 
 logger = logging.getLogger(__name__)
@@ -17,52 +18,6 @@ T = TypeVar("T")
 
 _LEASE = next(register for register in COMMAND.registers if register.name == "command_lease")
 _SEQUENCE = next(register.address for register in COMMAND.registers if register.name == "command_sequence")
-
-
-class Mailbox(Protocol):
-    """The part of the bridge that a server needs."""
-
-    def opened(self, source: str, host: str) -> None:
-        """Begin a link."""
-
-    def closed(self, source: str) -> None:
-        """End a link."""
-
-    def heard(self, source: str) -> None:
-        """Note that a request came."""
-
-    def left(self, source: str, by: Hashable) -> None:
-        """End a connection of a link that others share."""
-
-    def wrote(self, source: str, image: CommandImage, is_numbered: bool, by: Hashable) -> None:
-        """Take the command block; `by` has just written its number, None where nobody has."""
-
-    def switched(self, source: str, coils: Mapping[str, bool], by: Hashable) -> None:
-        """Take the coils just written by a connection."""
-
-    def report_words(self, source: str) -> list[int]:
-        """Return the report block."""
-
-    def diagnostics_words(self) -> list[int]:
-        """Return the diagnostics block."""
-
-    def packml_words(self) -> list[int]:
-        """Return the block of PackTags."""
-
-    def discrete_inputs(self, source: str) -> list[bool]:
-        """Return the discrete inputs."""
-
-    @property
-    def is_scanned(self) -> bool:
-        """Whether a report was published within the last moment."""
-
-    @property
-    def holder(self) -> str:
-        """Name of the link that holds the lease; empty when it is free."""
-
-    @property
-    def kept(self) -> frozenset[str]:
-        """The links that hold the lease or have a run under way: nobody takes their places."""
 
 
 @dataclass(slots=True)

@@ -13,9 +13,12 @@ def as_structured_text(registers: Sequence[Register], names: Mapping[str, int]) 
 
 
 def _types(block: FunctionBlock) -> Iterator[str]:
-    yield "TYPE"
+    """Yield each type in a TYPE of its own: TwinCAT takes no more than one."""
     for array in block.arrays:
+        yield "TYPE"
         yield f"    {array.name} : ARRAY[{array.low}..{array.high}] OF {array.of};"
+        yield "END_TYPE"
+    yield "TYPE"
     yield f"    {NAMES} : STRUCT"
     for name, number in block.names.items():
         yield f"        {name} : UINT := {number};"

@@ -91,11 +91,11 @@ class Cell:
     def scan(self, seconds: float = 0.01) -> None:
         """Let time pass, then take every command that waits."""
         self.now += seconds
-        self.node.tick(self.now)
         while (command := self.bridge.poll()) is not None:
             self._take(command)
             self.bridge.publish(self.report)
         self.bridge.publish(self.report)
+        self.node.tick(self.now)
 
     def wait(self, seconds: float) -> None:
         """Scan so long, every 50 ms."""
@@ -198,6 +198,14 @@ class Rtu(Client):
 
     def __init__(self, cell: Cell) -> None:
         self.cell = cell
+
+    def open(self) -> None:
+        """Do nothing: the next request opens the link."""
+
+    def close(self) -> None:
+        """Be silent for longer than the idle time-out."""
+        self.cell.now += 61.0
+        self.cell.rtu.turn()
 
     def ask(self, request: bytes) -> bytes:
         """Send a frame to unit 1 and return the PDU of the answer."""

@@ -263,12 +263,13 @@ def test_a_connection_that_comes_to_share_the_block_changes_no_more_of_it_than_i
         assert [command.code for command in supervisor.commands] == [FIRST_PROGRAM]
 
 
-def test_a_stop_goes_with_its_connection_into_the_shared_block_and_falls_with_the_last_one(bridge):
+def test_a_stop_goes_with_its_connection_into_the_shared_block_and_falls_with_it(bridge):
     with connect(bridge) as one, connect(bridge) as other:
         ask(one, STOP_ON)
         ask(one, SHARE)
         ask(other, SHARE)
-        assert ask(other, bytes.fromhex("01 0001 0001")) == bytes.fromhex("01 01 01")
+        assert ask(one, bytes.fromhex("01 0001 0001")) == bytes.fromhex("01 01 01")
+        assert ask(other, bytes.fromhex("01 0001 0001")) == bytes.fromhex("01 01 00")
         assert bridge.diagnostics.stops_held == 1
     wait_for(lambda: not bridge.diagnostics.stops_held)
     assert (bridge.holder, bridge.diagnostics.connections) == ("127.0.0.1", 0)

@@ -89,6 +89,11 @@ def test_every_object_is_listed_once_and_where_it_belongs(sheet):
     assert found == sorted(int(section, 16) for section in sheet.sections() if len(section) == 4)
 
 
+def test_lines_end_as_the_standard_asks():
+    text = as_eds(table())
+    assert text.count("\n") == text.count("\r\n") > 100
+
+
 def test_no_line_is_longer_than_the_standard_allows(tmp_path):
     path = tmp_path / "many.eds"
     path.write_text(as_eds(table({code: f"program_{code}" for code in range(100, 150)})), encoding="ascii")

@@ -48,7 +48,7 @@ def test_names_are_identifiers_of_the_standard():
 
 
 def test_structured_text_has_no_anonymous_array_and_no_keyword_for_a_variable():
-    types, _, block = as_structured_text(REGISTERS, NAMES).partition("END_TYPE")
+    types, _, block = as_structured_text(REGISTERS, NAMES).partition("FUNCTION_BLOCK")
     declared = re.findall(r"^    (\w+) : (\w+)", block, re.M)
     assert not [name for name, kind in declared if kind == "ARRAY"]
     assert {kind for name, kind in declared if kind.startswith("T_")} <= set(re.findall(r"^    (T_\w+) :", types, re.M))
@@ -82,7 +82,7 @@ def test_xml_holds_the_same_types_variables_and_body_as_the_text():
     project = ET.fromstring(as_plcopen_xml(REGISTERS, NAMES))
     text = as_structured_text(REGISTERS, NAMES)
     names = {each.get("name") for each in project.iter(f"{{{NAMESPACE}}}dataType")}
-    assert names == set(re.findall(r"^    (T_\w+) :", text.partition("END_TYPE")[0], re.M))
+    assert names == set(re.findall(r"^    (T_\w+) :", text.partition("FUNCTION_BLOCK")[0], re.M))
     variables = [
         each.get("name") for each in project.find(f".//{{{NAMESPACE}}}interface").iter(f"{{{NAMESPACE}}}variable")
     ]

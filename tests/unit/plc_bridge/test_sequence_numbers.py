@@ -3,7 +3,7 @@ import pytest
 from plc_bridge.sequence_numbers import KEPT, SequenceNumbers, Verdict
 
 RUN, OTHER = (100, 0, ""), (101, 0, "")
-FIRST, SAME, NEW, LATE, ANEW = Verdict.FIRST, Verdict.SAME, Verdict.NEW, Verdict.LATE, Verdict.ANEW
+FIRST, SAME, NEW, LATE, ANEW, DOUBT = (Verdict[name] for name in ("FIRST", "SAME", "NEW", "LATE", "ANEW", "DOUBT"))
 
 
 def seen(*blocks):
@@ -64,12 +64,13 @@ BEFORE = ((4, None, 8), (5, RUN, 9), (6, RUN, 11), (6, RUN, 12))
     [
         ([(5, None, 10), (6, RUN, 13)], [ANEW, SAME]),
         ([(5, None, 10), (7, RUN, 13)], [ANEW, NEW]),
-        ([(5, None, 10), (6, RUN, 11), (6, RUN, 13)], [ANEW, LATE, SAME]),
-        ([(5, None, 10), (4, None, 8), (5, RUN, 9), (6, RUN, 13)], [ANEW, ANEW, LATE, SAME]),
+        ([(5, None, 10), (6, RUN, 11), (6, RUN, 13)], [ANEW, DOUBT, SAME]),
+        ([(5, None, 10), (6, RUN, 12), (6, RUN, 12), (6, RUN, 12)], [ANEW, DOUBT, DOUBT, DOUBT]),
+        ([(5, None, 10), (4, None, 8), (5, RUN, 9), (6, RUN, 13)], [ANEW, ANEW, DOUBT, SAME]),
         ([(4, RUN, 8), (6, RUN, 13)], [LATE, SAME]),
         ([(4, None, 1), (5, RUN, 2)], [ANEW, NEW]),
         ([(4, None, 1), (5, OTHER, 9)], [ANEW, NEW]),
-        ([(4, None, 1), (5, RUN, 9), (6, RUN, 10)], [ANEW, LATE, NEW]),
+        ([(4, None, 1), (5, RUN, 9), (5, RUN, 10)], [ANEW, DOUBT, NEW]),
         ([(4, None, 1), (4, None, 8), (5, RUN, 9)], [ANEW, SAME, NEW]),
         ([(4, RUN, 1), (5, RUN, 2), (6, RUN, 3)], [LATE, NEW, NEW]),
         ([(4, None, 13), (5, RUN, 14)], [ANEW, NEW]),

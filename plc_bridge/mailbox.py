@@ -1,0 +1,188 @@
+"""The mailbox between the scan thread and the servers: the one place where the threads meet.
+
+One lock guards the handshake; every method takes it for a few microseconds and waits for nothing else.
+"""
+
+import logging
+import math
+import threading
+from collections.abc import Callable, Hashable, Mapping, Sequence
+
+from plc_bridge.config import PlcConfig
+from plc_bridge.handshake import Handshake
+from plc_bridge.images import CommandImage, Diagnostics, ReportImage, diagnostics_words, report_words
+from plc_bridge.intervals import Intervals
+from plc_bridge.messages import Command, Refusal, Report
+from plc_bridge.peer_log import PeerLog
+from plc_bridge.registers import DISCRETE_INPUTS, Parameter
+from plc_bridge.sight import PlcSight
+
+SCANNED_WITHIN = 1.0
+"""Age of the last report up to which the cell counts as scanned, s; ten periods of the slowest scan."""
+
+
+class Mailbox:
+    """Commands for the scan thread, reports for everybody else; servers write and read through it.
+
+    Args:
+        config: The time-outs.
+        programs: Name of each program and skill by its command code, from 100 on.
+        parameters: Meaning of the numbered parameters, at most eight.
+        now: Monotonic time, s.
+    """
+
+    def __init__(
+        self, config: PlcConfig, programs: Mapping[int, str], parameters: Sequence[Parameter], now: Callable[[], float]
+    ) -> None:
+        self._now = now
+        self._lock = threading.Lock()
+        self._handshake = Handshake(
+            dict(programs),
+            tuple(parameters),
+            config.life_timeout,
+            config.lease_timeout,
+            log=PeerLog(logging.getLogger("plc_bridge.handshake"), now),
+        )
+        self._life = 0
+        self._published = -math.inf
+        self._intervals = Intervals()
+
+    def poll(self) -> Command | None:
+        """Return the next thing for the scan thread to do, each once; stops and a lost PLC come first.
+
+        Whatever it is, the scan thread tells before its next `poll` whether it accepts or refuses it.
+        """
+        with self._lock:
+            return self._handshake.poll(self._now())
+
+    def publish(self, report: Report) -> None:
+        """Show `report` to everybody; a result in it ends the command whose sequence number it echoes."""
+        with self._lock:
+            self._life, self._published = (self._life + 1) % 0x10000, self._now()
+            self._handshake.orders.publish(report)
+            self._intervals.note(self._published)
+            self._handshake.orders.tags.publish(report, self._published)
+
+    def accept(self, command: Command) -> None:
+        """Tell whoever sent `command` that it is done: a program begins, a control is obeyed; for the scan thread."""
+        with self._lock:
+            self._handshake.orders.accept(command)
+
+    def refuse(self, command: Command, refusal: Refusal) -> None:
+        """Tell whoever sent `command` why the scan thread does not do it; it belongs to the scan thread."""
+        with self._lock:
+            self._handshake.orders.refuse(command, refusal)
+
+    @property
+    def is_scanned(self) -> bool:
+        """Whether a report was published within the last moment."""
+        with self._lock:
+            return self._now() - self._published < SCANNED_WITHIN
+
+    @property
+    def holder(self) -> str:
+        """Name of the link that holds the lease; empty when it is free."""
+        with self._lock:
+            return self._handshake.holder
+
+    @property
+    def kept(self) -> frozenset[str]:
+        """The links that hold the lease or have a run under way: nobody takes their places."""
+        with self._lock:
+            return self._handshake.kept
+
+    @property
+    def run(self) -> int:
+        """Number in the journal of the run under way or last, whoever started it."""
+        return self._handshake.orders.report.run
+
+    @property
+    def diagnostics(self) -> Diagnostics:
+        """Counts since the start, those of the servers left out."""
+        with self._lock:
+            counts, stops_held = self._handshake.counts, self._handshake.stops_held
+        return Diagnostics(refusals=counts.refusals, torn=counts.torn, lost=counts.lost, stops_held=stops_held)
+
+    def sight(self, host: str) -> PlcSight | None:
+        """Return what is seen of the PLC at `host`, an address, node or line; None while it is not there."""
+        with self._lock:
+            return self._handshake.sight(host, self._now())
+
+    def take(self, source: str) -> bool:
+        """Give the lease to a user of this process, as "terminal"; return whether it was free."""
+        with self._lock:
+            self._handshake.opened(source, source, self._now(), is_local=True)
+            is_taken = self._handshake.take(source)
+            if not is_taken:
+                self._handshake.closed(source)
+            return is_taken
+
+    def submit(self, source: str, image: CommandImage) -> Refusal:
+        """Pass on a command of the local user `source` that holds the lease; return why it was refused, or NONE."""
+        with self._lock:
+            return self._handshake.submit(source, image, self._now())
+
+    def release(self, source: str) -> None:
+        """Give back the lease of a local user."""
+        with self._lock:
+            self._handshake.release(source)
+            self._handshake.closed(source)
+
+    def opened(self, source: str, host: str) -> None:
+        """Begin a link, for a server."""
+        with self._lock:
+            self._handshake.opened(source, host, self._now())
+
+    def closed(self, source: str) -> None:
+        """End a link, for a server."""
+        with self._lock:
+            self._handshake.closed(source)
+
+    def lost(self, source: str) -> None:
+        """Take a link for lost, for a server: its heartbeat has ended."""
+        with self._lock:
+            self._handshake.lost(source)
+
+    def left(self, source: str, by: Hashable) -> None:
+        """End a connection of a link that others share, for a server."""
+        with self._lock:
+            self._handshake.left(source, by)
+
+    def wrote(self, source: str, image: CommandImage, is_numbered: bool = True, by: Hashable = None) -> None:
+        """Take the command block after a write, for a server; see `Handshake.wrote`."""
+        with self._lock:
+            self._handshake.wrote(source, image, self._now(), is_numbered, by)
+
+    def switched(self, source: str, coils: Mapping[str, bool], by: Hashable = None) -> None:
+        """Take the coils just written, for a server."""
+        with self._lock:
+            self._handshake.switched(source, coils, self._now(), by)
+
+    def heard(self, source: str) -> None:
+        """Note that a request came, for a server."""
+        with self._lock:
+            self._handshake.heard(source, self._now())
+
+    def report_for(self, source: str) -> ReportImage:
+        """Return the report as the link `source` shall read it, for a server."""
+        with self._lock:
+            return self._handshake.answer(source, self._life)
+
+    def report_words(self, source: str) -> list[int]:
+        """Return the report block as the link `source` shall read it, for a server."""
+        return report_words(self.report_for(source))
+
+    def diagnostics_words(self) -> list[int]:
+        """Return the diagnostics block, for a server."""
+        return diagnostics_words(self.diagnostics)
+
+    def packml_words(self) -> list[int]:
+        """Return the block of PackTags, for a server."""
+        with self._lock:
+            return self._handshake.orders.tags.words()
+
+    def discrete_inputs(self, source: str) -> list[bool]:
+        """Return the discrete inputs, for a server."""
+        with self._lock:
+            inputs = self._handshake.inputs(source)
+        return [getattr(inputs, name) for name in DISCRETE_INPUTS]

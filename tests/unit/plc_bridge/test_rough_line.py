@@ -1,0 +1,72 @@
+"""What an integrator reads is true, however roughly the line is treated; see `tests.rough_line` for what must hold."""
+
+import logging
+
+import pytest
+from hypothesis import note, settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
+
+from tests.rough_line import CLIENTS, WEIGHTS, Line, shrink, steps, told, walk
+
+STEPS, SEEDS = 25_000, range(1, 9)
+OFTEN = [name for name, weight in WEIGHTS.items() for _ in range(weight)]
+
+
+@pytest.fixture(autouse=True)
+def quiet(caplog):
+    """Write no lines about clients that misbehave."""
+    caplog.set_level(logging.CRITICAL)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_200000_random_steps_give_no_false_answer(seed):
+    taken = steps(seed, STEPS)
+    count, why, line = walk(taken)
+    if why:
+        pytest.fail(told(shrink(taken[:count])))
+    assert len({name for name, result in line.seen if result == "SUCCESS"}) >= CLIENTS - 2
+
+
+def test_a_fault_of_the_rules_is_found_and_shrunk_to_few_bytes(monkeypatch):
+    monkeypatch.setattr("plc_bridge.sequence_numbers.SequenceNumbers.forget", lambda self: None)
+    monkeypatch.setattr("plc_bridge.sequence_numbers._Count.had", lambda *_: False)
+    taken = steps(1, STEPS)
+    count, why, _ = walk(taken)
+    few = shrink(taken[:count])
+    assert why
+    assert len(few) < 15
+    assert "bytes:" in told(few)
+
+
+class RoughLine(RuleBasedStateMachine):
+    """The same steps, chosen by Hypothesis."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.line = Line()
+
+    @rule(name=st.sampled_from(OFTEN), who=st.integers(0, CLIENTS - 1), n=st.integers(0, 0xFFFF))
+    def step(self, name: str, who: int, n: int) -> None:
+        """Take a step, and print the bytes so far if it breaks what must hold."""
+        try:
+            self.line.take((name, who, n))
+        except AssertionError:
+            note("\n".join(self.line.sent))
+            raise
+
+    @rule()
+    def restart_cell(self) -> None:
+        """Restart the cell."""
+        self.line.take(("restart_cell", 0, 0))
+
+    @invariant()
+    def holds(self) -> None:
+        """Nothing ran twice, against a stop or after a refusal; `Line.take` checks what the client reads."""
+        self.line.check()
+
+
+RoughLine.TestCase.settings = settings(
+    max_examples=60, stateful_step_count=80, deadline=None, derandomize=True, database=None
+)
+test_no_sequence_of_steps_gives_a_false_answer = RoughLine.TestCase
