@@ -253,7 +253,7 @@ class PlateConfig(ConfigModel):
     """
 
     tilt: Annotated[float, Field(ge=0.0, le=0.2)] = 0.0
-    """Angle between the plate's normal and the vertical, rad, beside the drawn `place.plate_tilt`."""
+    """Angle between the plate's normal and the vertical, rad, in addition to the drawn `place.plate_tilt`; `hole.tilt` sets it too."""
     shallow: Annotated[float, Field(ge=0.0, le=0.02)] = 0.0
     """Height of the hole's bottom above where `hole.depth` has it, m, as of a chip in the hole."""
     present: bool = True
