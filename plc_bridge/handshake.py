@@ -201,11 +201,6 @@ class Handshake:
         """How many connections hold their stop coil at 1."""
         return sum(len(link.stops) for link in self._links.values())
 
-    @property
-    def is_busy(self) -> bool:
-        """Whether a program or skill was asked for and has not ended."""
-        return self.orders.run is not None
-
     def answer(self, source: str, life: int = 0) -> ReportImage:
         """Return the report that `source` reads, with the life counter of the cell."""
         return answer_for(self._links[source], self.orders, self._lease, life)
