@@ -7,6 +7,7 @@ Links come and go; what may run is decided here, once for all buses, with the he
     | `sequence_numbers` | which number is adopted, is a command, is late, changes nothing    |
     | `coils`            | which write of a coil is a command                                 |
     | `refusals`         | what is refused without asking the scan thread                     |
+    | `intake`           | what of all that becomes an order, and what a refusal              |
     | `orders`           | in which order commands reach the scan thread, and how each ended  |
     | `links`            | whose answer and result a link reads                               |
     | `answers`          | what its report and its inputs say of them                         |
@@ -25,21 +26,19 @@ Stops
 
 import logging
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import count
-from typing import Literal
 
 from plc_bridge.answers import Inputs, answer_for, inputs_for
-from plc_bridge.coils import Edge
 from plc_bridge.images import CommandImage, ReportImage
+from plc_bridge.intake import Intake
 from plc_bridge.lease import CellLease
 from plc_bridge.links import Link, Order
-from plc_bridge.messages import UNNUMBERED, Command, Control, Refusal
+from plc_bridge.messages import Command, Control, Refusal
 from plc_bridge.orders import Counts, Orders
 from plc_bridge.peer_log import PeerLog
-from plc_bridge.refusals import CONTROLS, STOPS, BadParameterError, Rules
-from plc_bridge.registers import AFTER_A_LOSS, Lease, Parameter
-from plc_bridge.sequence_numbers import Verdict
+from plc_bridge.refusals import Rules
+from plc_bridge.registers import Lease, Parameter
 from plc_bridge.sight import PlcSight, sight_of
 from plc_bridge.watchdog import LinkWatchdog
 
@@ -71,12 +70,12 @@ class Handshake:
     _events: "count[int]" = field(default_factory=count)
     """Number of links opened and closed so far."""
     _lease: CellLease = field(init=False)
-    _rules: Rules = field(init=False)
+    _intake: Intake = field(init=False)
 
     def __post_init__(self) -> None:
         self._lease = CellLease(self.lease_timeout, self.log)
         self.orders = Orders(self._lease, self.log)
-        self._rules = Rules(self.programs, self.parameters)
+        self._intake = Intake(Rules(self.programs, self.parameters), self._lease, self.orders, self._links)
 
     # Links.
 
@@ -127,7 +126,7 @@ class Handshake:
         link.has_spoken = True
         before, link.image = link.image, image
         if not link.watchdog.see(image.life, image.life_tail, now):
-            self._take_torn(link, image)
+            self._intake.take_torn(link, image)
             return
         if by is not None:
             link.turn_to(by)
@@ -140,30 +139,21 @@ class Handshake:
         if image.acknowledge != (before.acknowledge if before else 0):
             self._acknowledge(link, image.acknowledge)
         if is_numbered:
-            self._take_number(link, image, now, before.code if before else Control.NONE)
+            self._intake.take_number(link, image, now, before.code if before else Control.NONE)
 
     def switched(self, source: str, coils: Mapping[str, bool], now: float, by: Hashable = None) -> None:
         """Take the coils that `source` has just written: execute, stop, reset; `by` names the connection, where several share the link."""
         self._expire(now)
         link = self._links[source]
         link.watchdog.heard = now
-        if coils.get("stop") is False:
-            link.stops.discard(by)
-        elif "stop" in coils and by not in link.stops:
-            link.stops.add(by)
-            self._stop(link, CommandImage(code=Control.STOP))
-        image = link.image or CommandImage()
-        link.has_spoken |= bool(coils.keys() & {"execute", "reset"})
-        link.executed = self._take_edge(link, "execute", coils, link.executed, image, now)
-        image = replace(image, code=Control.RESET)
-        link.resetting = self._take_edge(link, "reset", coils, link.resetting, image, now)
+        self._intake.take_coils(link, coils, by, now)
 
     def submit(self, source: str, image: CommandImage, now: float) -> Refusal:
         """Submit an order of a local user under the next number of `source`; return why it was refused, if it was."""
         self._expire(now)
         link = self._links[source]
         link.has_spoken, link.image = True, image
-        return self._command(link, link.numbers.count_up(), image, now).refusal
+        return self._intake.command(link, link.numbers.count_up(), image, now).refusal
 
     def take(self, source: str) -> bool:
         """Give `source` the lease if it is free; return whether it holds it now."""
@@ -199,12 +189,7 @@ class Handshake:
     @property
     def stops_held(self) -> int:
         """How many connections hold their stop coil at 1."""
-        return sum(len(link.stops) for link in self._links.values())
-
-    @property
-    def is_busy(self) -> bool:
-        """Whether a program or skill was asked for and has not ended."""
-        return self.orders.run is not None
+        return self._intake.stops_held
 
     def answer(self, source: str, life: int = 0) -> ReportImage:
         """Return the report that `source` reads, with the life counter of the cell."""
@@ -220,164 +205,6 @@ class Handshake:
         Of several links of one host it is the one whose life counter changed most often.
         """
         return sight_of(self._links.values(), host, now)
-
-    # Numbers.
-
-    def _take_number(self, link: Link, image: CommandImage, now: float, code_before: int) -> None:
-        """Take the number of a whole block; `code_before` is the code of the write before."""
-        numbers = link.numbers
-        verdict = numbers.see(image.sequence, image.asked, image.life)
-        if verdict is Verdict.ANEW:
-            link.was_lost, link.executed, link.resetting = False, None, None
-            link.aside = Order(_command_of(link, image.sequence, image), is_decided=True)
-        if numbers.is_anew and not numbers.is_in_doubt:
-            numbers.is_anew = False
-            link.begin_anew()
-        if verdict is Verdict.LATE or (verdict is Verdict.DOUBT and image.code in STOPS):
-            self._take_late(link, image)
-        elif verdict is Verdict.SAME:
-            self._take_same(link, image, code_before)
-        elif verdict in (Verdict.FIRST, Verdict.NEW):
-            link.executed = link.resetting = None
-            if verdict is Verdict.FIRST and image.code not in STOPS:
-                self._adopt(link, image)
-            elif image.code == Control.NONE:
-                self._empty(link, image)
-            else:
-                self._command(link, image.sequence, image, now)
-
-    def _take_same(self, link: Link, image: CommandImage, code_before: int) -> None:
-        """Take a number that is known: only a stop is obeyed, and a number that came empty is not to be used again."""
-        link.was_lost = False
-        if link.aside is not None and link.aside.sequence != image.sequence:
-            link.aside = None
-        if image.code == code_before:
-            return
-        is_empty = link.came_empty(image.sequence)
-        if image.code in STOPS:
-            self._stop(link, image, image.sequence if is_empty else UNNUMBERED)
-        elif image.code != Control.NONE and is_empty:
-            self._refuse_new(link, image, image.sequence, Refusal.ADOPTED)
-
-    def _take_late(self, link: Link, image: CommandImage) -> None:
-        """Answer a number behind the last one beside the answer of that: a stop is obeyed, another command refused."""
-        run, aside = link.shown, link.aside
-        if run is not None and run.is_program and run.repeats(image):
-            return  # the run's own number, behind those of later controls
-        if aside is not None and aside.repeats(image) and aside.command.code == image.code:
-            return
-        link.aside = Order(_command_of(link, image.sequence, image))
-        if image.code in STOPS:
-            self.orders.stop(link.aside)
-        else:
-            self.orders.turn_down(link.aside, Refusal.LATE)
-
-    def _adopt(self, link: Link, image: CommandImage) -> None:
-        """Adopt a first number, whose command is not run; that of the run in view changes nothing."""
-        shown = link.shown
-        if link.has_resumed or (shown is not None and shown.is_program and shown.repeats(image)):
-            link.was_lost = False
-        elif image.code == Control.NONE:
-            self._empty(link, image)
-        else:
-            self._refuse_new(link, image, image.sequence, Refusal.ADOPTED)
-
-    def _empty(self, link: Link, image: CommandImage) -> None:
-        """Answer a number without a command."""
-        order = Order(_command_of(link, image.sequence, image), link)
-        link.add(order)
-        self.orders.decide(order)
-
-    def _refuse_new(self, link: Link, image: CommandImage, sequence: int, refusal: Refusal) -> Order:
-        """Answer a number with a refusal."""
-        detail = AFTER_A_LOSS if refusal is Refusal.ADOPTED and link.was_lost else 0
-        order = Order(_command_of(link, sequence, image), link, detail=detail)
-        link.add(order)
-        self.orders.turn_down(order, refusal)
-        return order
-
-    def _stop(self, link: Link, image: CommandImage, sequence: int = UNNUMBERED) -> Order:
-        """Stop at once; a stop under a number of its own has an answer of its own, one under the run's number the run's."""
-        shown = link.shown
-        if shown is not None and shown.is_program and shown.sequence == sequence:
-            sequence = UNNUMBERED
-        order = Order(_command_of(link, sequence, image), link if sequence != UNNUMBERED else None)
-        if order.link is not None:
-            link.add(order)
-        self.orders.stop(order)
-        return order
-
-    def _take_edge(
-        self,
-        link: Link,
-        coil: Literal["execute", "reset"],
-        coils: Mapping[str, bool],
-        before: Order | None,
-        image: CommandImage,
-        now: float,
-    ) -> Order | None:
-        """Return the request that a write of a coil makes, or `before`, the one of the write before it."""
-        edge = link.coils.take(coil, coils)
-        if edge is Edge.ROSE:
-            return self._command(link, link.numbers.count_up(), image, now)
-        if edge is Edge.UNSEEN:
-            return self._refuse_new(link, image, link.numbers.count_up(), Refusal.ADOPTED)
-        if edge is Edge.LOW and before is not None and before.is_read:
-            self.orders.end(before)
-        return before
-
-    def _command(self, link: Link, sequence: int, image: CommandImage, now: float) -> Order:
-        """Answer a number that counts, or pass it on to the scan thread."""
-        if image.code in STOPS:
-            return self._stop(link, image, sequence)
-        refusal, detail = self._why_not(link, image), 0
-        parameters: tuple[tuple[str, float], ...] = ()
-        try:
-            parameters = self._rules.parameters_of(image)
-        except BadParameterError as error:
-            if refusal is Refusal.NONE:
-                refusal, detail = Refusal.PARAMETER, error.detail
-        order = Order(_command_of(link, sequence, image, parameters), link, detail=detail)
-        link.add(order)
-        if refusal is not Refusal.NONE:
-            self.orders.turn_down(order, refusal)
-            return order
-        self._lease.take(link)
-        self.orders.add(order)
-        if order.is_program:
-            link.watchdog.revive(now)
-        return order
-
-    def _why_not(self, link: Link, image: CommandImage) -> Refusal:
-        refusal = self._rules.refuse_code(image)
-        if refusal is not Refusal.NONE:
-            return refusal
-        if image.code != Control.HOLD and self.stops_held:
-            return Refusal.STOP_HELD
-        if not self._lease.is_open_to(link):
-            return Refusal.NOT_HOLDER
-        if (self.orders.run is not None and image.code not in CONTROLS) or self.orders.is_full:
-            return Refusal.BUSY
-        return Refusal.NONE
-
-    # Torn blocks.
-
-    def _take_torn(self, link: Link, image: CommandImage) -> None:
-        """Stop at once for a new number whose code says so, although it may not be that number's code.
-
-        The number is answered when the block is whole.
-        """
-        self.counts.torn += 1
-        if image.code in STOPS and image.sequence not in (link.numbers.last, link.torn_stop):
-            link.torn_stop = image.sequence
-            self._stop(link, image)
-
-    def _refuse_torn(self, link: Link) -> None:
-        """Answer the number of a block that has been torn for too long."""
-        link.watchdog.torn_since, image = None, link.image
-        if image is not None and link.numbers.would_count(image.sequence):
-            link.numbers.see(image.sequence, image.asked, image.life)
-            self._refuse_new(link, image, image.sequence, Refusal.TORN)
 
     # Results that were read, links that come back, and links that fall silent.
 
@@ -415,7 +242,7 @@ class Handshake:
         self._lease.expire(now)
         for each in self._links.values():
             if each.watchdog.is_torn(now, self.life_timeout):
-                self._refuse_torn(each)
+                self._intake.refuse_torn(each)
 
     def _lose(self, run: Order, link: Link, why: str) -> None:
         self.log.warning(link.host, "%s is lost: %s", link.source, why)
@@ -431,9 +258,3 @@ def _goes_on(image: CommandImage, earlier: Link) -> bool:
     stood = earlier.image
     is_known = stood is not None and image.sequence == earlier.numbers.last == stood.sequence
     return is_known and stood is not None and image.asked in (None, stood.asked)
-
-
-def _command_of(
-    link: Link, sequence: int, image: CommandImage, parameters: tuple[tuple[str, float], ...] = ()
-) -> Command:
-    return Command(sequence, image.code, image.recipe, image.serial, parameters, link.source)

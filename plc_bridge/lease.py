@@ -50,7 +50,8 @@ class CellLease:
         """Return whether `link` holds the lease or could take it, also from a closed link of its host."""
         if self.holder is None or self.holder is link:
             return True
-        return self.holder is not self.runner and link.follows(self.holder)
+        is_passed_on = self.holder is not self.runner or self.is_given_back
+        return is_passed_on and link.follows(self.holder)
 
     def state_for(self, link: Link) -> LeaseState:
         """Return the state of the lease as `link` reads it."""
@@ -60,11 +61,12 @@ class CellLease:
 
     def take(self, link: Link) -> bool:
         """Give the lease to `link` if it is open to it; return whether `link` holds it now."""
-        self.is_given_back &= self.holder is not link
-        if self.holder is not link and self.is_open_to(link):
-            self.holder = link
+        if not self.is_open_to(link):
+            return False
+        if self.holder is not link:
             self.log.info(link.host, "%s takes the lease", link.source)
-        return self.holder is link
+        self.holder, self.is_given_back = link, False
+        return True
 
     def resume(self, earlier: Link, link: Link) -> None:
         """Give the lease of `earlier`, if it holds it, to `link`, which resumes its run."""

@@ -54,7 +54,7 @@ class Verdict(Enum):
     ANEW = auto()
     """The number begins the count of a program that has started anew."""
     DOUBT = auto()
-    """The number is that of an old block or a new command, which the next block will tell."""
+    """The number is that of an old block or a new command; the next block decides."""
 
 
 @dataclass(slots=True)

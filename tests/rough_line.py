@@ -62,7 +62,7 @@ class Plc:
         self, line: "Line", name: str, client: Any, counts_life: bool = True, program: Program | None = None
     ) -> None:
         self.line, self.name, self.client, self.counts_life = line, name, client, counts_life
-        self.program = self.before = program or Program(0, 0)
+        self.program = program or Program(0, 0)
         if program is None:
             self.begin(0, 0)
         else:
@@ -72,7 +72,6 @@ class Plc:
 
     def begin(self, number: int, life: int) -> None:
         """Begin a program: its first number comes with code 0."""
-        self.before = self.program
         self.program = Program(number, life if self.counts_life else 0)
         self.write(number, 0)
 
@@ -115,6 +114,10 @@ class Plc:
             self.write(self.program.number, self.program.code)
         else:
             self.deliver(self.program.sent[-1])
+
+    def lose(self, n: int) -> None:
+        """Lose some blocks on their way."""
+        self.program.life = (self.program.life + n % 5) % 0xFFFF if self.counts_life else 0
 
     def empty(self, n: int) -> None:
         """Take the code out of the block, as the function block does at the end of a run."""
@@ -323,6 +326,7 @@ class GatewayPlc(Plc):
         """Take the gateway's turn: write what changed, or the same again, then read; an answer may be lost."""
         if self.pending is not None:
             super().deliver(self.pending)
+        self.line.cell.scan()
         if n % 4:
             self.report = super().read()
             self.pending = self.pending if n % 5 == 0 else None
@@ -427,7 +431,11 @@ class Ladder(Plc):
     def lease(self, n: int) -> None:
         """Do nothing: a ladder has no lease of its own."""
 
-    come_late = ask_late = acknowledge = stop_by_code = lease
+    come_late = ask_late = acknowledge = stop_by_code = lose = lease
+
+    def release_stop(self, n: int) -> None:
+        """Let the stop coil fall, alone: the other coils are the ladder's own."""
+        super().release_stop(1)
 
     def restart(self, n: int) -> None:
         """Start anew; the first write is 0."""
@@ -466,7 +474,7 @@ class Line:
 
     def __init__(self) -> None:
         self.sent: list[str] = []
-        self.cell, self.stops, self.seen = Cell(lease_timeout=2.0), set[str](), Counter[tuple[str, str]]()
+        self.cell, self.stops, self.seen = Cell(lease_timeout=0.2), set[str](), Counter[tuple[str, str]]()
         self.judged = 0
         self.connect(None)
 
@@ -557,8 +565,6 @@ class Line:
             assert not self.stops, f"{plc.name}: {number} began while {self.stops} hold a stop"
             if isinstance(plc, Ladder):
                 continue
-            if number in plc.before.asked and number not in plc.program.asked:
-                continue  # the scan thread had it already when the program started anew
             assert number in plc.program.asked, f"{plc.name}: {number} ran, which this program never sent"
             since = plc.program.asked[number][0]
             again = [each for each in self.cell.runs if each.command.sequence == number and each.began >= since]
@@ -598,6 +604,7 @@ WEIGHTS = {
     "order": 26,
     "repeat": 10,
     "empty": 4,
+    "lose": 3,
     "come_late": 8,
     "ask_late": 3,
     "acknowledge": 8,
@@ -607,7 +614,7 @@ WEIGHTS = {
     "freeze": 1,
     "reconnect": 2,
     "hold_stop": 1,
-    "release_stop": 3,
+    "release_stop": 8,
     "tear": 2,
     "swap": 2,
     "forward": 5,

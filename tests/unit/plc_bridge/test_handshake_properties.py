@@ -240,7 +240,7 @@ class RoughLine:
 
     def check(self):
         """A result under a PLC's number must be the result of the command that it wrote on this connection."""
-        assert self.running is None or self.handshake.is_busy
+        assert self.running is None or self.handshake.orders.run is not None
         for plc in self.plcs.values():
             answer, image = self.handshake.answer(plc.link), plc.image
             is_asked = image.code in PROGRAMS and image.serial in {each.serial for each in plc.arrived}

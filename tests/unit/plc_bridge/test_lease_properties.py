@@ -63,7 +63,7 @@ class Cell:
         """Tell whether a host's connection may have it: a closed one of its own passes it on, but not during its run."""
         if self.holder in ("", self.sources[host]):
             return True
-        return self.holder.partition("#")[0] == host and not self.is_runner
+        return self.holder.partition("#")[0] == host and (not self.is_runner or self.is_given_back)
 
     @property
     def is_runner(self):
