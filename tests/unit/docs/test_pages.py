@@ -89,12 +89,16 @@ def test_the_readme_is_short():
     assert len((ROOT / "README.md").read_text(encoding="utf-8").split()) < README_WORDS
 
 
-def test_ci_runs_the_second_command_of_the_readme_and_then_the_campaign_of_faults():
+def test_ci_runs_the_readmes_second_command_then_faults_then_speed():
     (commands,) = [block for block in blocks() if block.page.name == "README.md"]
     demo, tests = commands.text.strip().splitlines()
     assert demo.endswith(".venv/bin/cell demo")
     run = [line for line in (ROOT / ".ci" / "run").read_text(encoding="utf-8").splitlines() if not line.startswith("#")]
-    assert [line for line in run if line][-2:] == [tests, ".venv/bin/python -m tests.campaign"]
+    assert [line for line in run if line][-3:] == [
+        tests,
+        ".venv/bin/python -m tests.campaign",
+        ".venv/bin/python -m pytest tests/bench",
+    ]
 
 
 def test_the_changelog_has_its_form():
