@@ -43,8 +43,7 @@ class SimArm:
         """Return the newest state; an ideal arm's external wrench is the plates' force on the peg, low-passed over 5 ms."""
         world = self._world
         now, control = world.now(), world.control
-        q, dq, wrench = world.scanned()
-        position, rotation, _, _ = impedance.forward(control.arm, q)
+        q, dq, wrench, position, rotation = world.scanned()
         words, law = control.words, control.law
         return ArmState(
             stamp=now,

@@ -6,6 +6,7 @@ wrench (J Jᵀ)⁻¹ J of those torques at the pose of that cycle.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -102,9 +103,32 @@ def measure(
     return entry[:JOINTS], entry[JOINTS : 2 * JOINTS]
 
 
+class Reading(NamedTuple):
+    """What a scan reads of the arm."""
+
+    q: Vector
+    """Joint positions, shape (7,), rad."""
+    dq: Vector
+    """Joint velocities, shape (7,), rad/s."""
+    wrench: Vector
+    """Wrench at the TCP, shape (6,), N and N·m, base frame."""
+    position: Vector
+    """Place of the TCP as those positions tell it, shape (3,), m, base frame."""
+    rotation: Vector
+    """Its axes as columns, shape (3, 3)."""
+
+
+def scanned(words: Vector, arm: Vector, felt: Vector) -> Reading:
+    """Return what a scan reads now; arguments as of `_packed`."""
+    # One array, because each one that compiled code returns costs a microsecond.
+    packed = _packed(words, arm, felt)
+    q, dq, wrench = packed[:JOINTS], packed[JOINTS : 2 * JOINTS], packed[2 * JOINTS : ENTRY]
+    return Reading(q, dq, wrench, packed[ENTRY : ENTRY + 3], packed[ENTRY + 3 :].reshape(3, 3))
+
+
 @njit(cache=True)
-def scanned(words: Vector, arm: Vector, felt: Vector) -> tuple[Vector, Vector, Vector]:  # pragma: no cover
-    """Return what a scan reads now: joint positions, rad, velocities, rad/s, and the wrench, N and N·m, shape (6,).
+def _packed(words: Vector, arm: Vector, felt: Vector) -> Vector:  # pragma: no cover
+    """Return the fields of `Reading` one after the other, shape (ENTRY + 12,).
 
     Args:
         words: The senses.
@@ -112,27 +136,36 @@ def scanned(words: Vector, arm: Vector, felt: Vector) -> tuple[Vector, Vector, V
         felt: Torques on the joints that the arm's model does not know and that move it, shape (7,), N·m.
     """
     at = (int(words[AT]) - int(words[DELAY])) % (LONGEST_DELAY + 1)
-    entry = words[RING + ENTRY * at : RING + ENTRY * (at + 1)].copy()
-    q, dq, wrench = entry[:JOINTS], entry[JOINTS : 2 * JOINTS], entry[2 * JOINTS :]
-    unexplained(arm, q, words[UNMODELLED : UNMODELLED + JOINTS] + felt, wrench)
+    packed = np.empty(ENTRY + 12)
+    for i in range(ENTRY):
+        packed[i] = words[RING + ENTRY * at + i]
+    q, wrench = packed[:JOINTS], packed[2 * JOINTS : ENTRY]
+    position, rotation, axes, origins = impedance.forward(arm, q)
+    unexplained(position, axes, origins, words[UNMODELLED : UNMODELLED + JOINTS] + felt, wrench)
     for k in range(6):
         wrench[k] += words[FORCE + k] if k < 3 else 0.0
         dead = words[FORCE_DEAD] if k < 3 else words[TORQUE_DEAD]
         wrench[k] = math.copysign(max(abs(wrench[k]) - dead, 0.0), wrench[k])
-    return q, dq, wrench
+    for i in range(3):
+        packed[ENTRY + i] = position[i]
+        for j in range(3):
+            packed[ENTRY + 3 + 3 * i + j] = rotation[i, j]
+    return packed
 
 
 @njit(cache=True, inline="always")
-def unexplained(arm: Vector, q: Vector, torque: Vector, wrench: Vector) -> None:  # pragma: no cover
+def unexplained(
+    position: Vector, axes: Vector, origins: Vector, torque: Vector, wrench: Vector
+) -> None:  # pragma: no cover
     """Add the wrench at the tool centre point that explains joint torques best, in the least-squares sense.
 
     Args:
-        arm: Figures of the arm, see `drivers.impedance.figures`.
-        q: Joint positions, shape (7,), rad.
+        position: Tool centre point, shape (3,), m, base frame.
+        axes: Axes of the joints, shape (7, 3), base frame.
+        origins: Points on them, shape (7, 3), m.
         torque: Joint torques, shape (7,), N·m.
         wrench: Force, N, and torque, N·m, shape (6,); updated.
     """
-    position, _, axes, origins = impedance.forward(arm, q)
     J = np.empty((6, JOINTS))
     for i in range(JOINTS):
         rx, ry, rz = position[0] - origins[i, 0], position[1] - origins[i, 1], position[2] - origins[i, 2]

@@ -338,17 +338,17 @@ class Stepper:
         """Joint velocities, shape (7,), rad/s."""
         return np.array(self.running.data.qvel[:7])
 
-    def scanned(self) -> tuple[Vector, Vector, Vector]:
-        """Return the arm's readings for a scan: positions, rad, velocities, rad/s, and the wrench at the TCP, N and N·m."""
+    def scanned(self) -> arm_senses.Reading:
+        """Return the arm's readings for a scan."""
         control = self.control
         if control.senses[arm_senses.IS_IDEAL] > 0.0:
             felt = self.meters[metering.FORCE : metering.TORQUE + 3].copy() if self.feels_plates() else np.zeros(6)
-            return self.q, self.dq, felt
+            position, rotation, _, _ = impedance.forward(control.arm, self.q)
+            return arm_senses.Reading(self.q, self.dq, felt, position, rotation)
         felt = joint_drive.unmodelled(control.joints)
         if self._scratch is not None:
             felt += described_arm.left_over(self.running.model, self._scratch, self.running.data.qpos)
-        q, dq, wrench = arm_senses.scanned(control.senses, control.arm, felt)
-        return q, dq, wrench
+        return arm_senses.scanned(control.senses, control.arm, felt)
 
     def physics(self) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """Return the model that the next step takes, and the data."""

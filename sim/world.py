@@ -11,6 +11,7 @@ from drivers.parts import Job
 from drivers.quantities import Pose, Vector
 from drivers.skin.layout import Layout, pad_size
 from sim import described_arm, engine, metering, native, shapes, slip
+from sim.arm_senses import Reading
 from sim.config import ContactConfig, GripConfig, SimConfig
 from sim.disturb import Draw, draw, in_fixture
 from sim.pace import Pace
@@ -130,8 +131,8 @@ class World:
         """Return the true T_base_tcp."""
         return self.stepper.tcp()
 
-    def scanned(self) -> tuple[Vector, Vector, Vector]:
-        """Return the arm's readings for a scan: positions, rad, velocities, rad/s, and the wrench at the TCP, N and N·m."""
+    def scanned(self) -> Reading:
+        """Return the arm's readings for a scan."""
         return self.stepper.scanned()
 
     def physics(self) -> tuple[mujoco.MjModel, mujoco.MjData]:

@@ -192,29 +192,35 @@ def _require_posture(asked: Numbers, number: int, arm: ArmState, before: Handed 
         return
     q, last = arm.q.tolist(), None if before is None else before.setpoint.posture
     require_permitted(asked.posture, q, bounds)
-    steps = [0.0 if k == arm.elbow else abs(there - q[k]) for k, there in enumerate(asked.posture)]
-    allowed = [POSTURE_LEAD] * len(steps)
-    if before is not None and last is not None and (number == before.setpoint.id or max(steps) > POSTURE_LEAD):
+    near = [there if k == arm.elbow else at for k, (there, at) in enumerate(zip(asked.posture, q, strict=True))]
+    found = _furthest(asked.posture, near, [POSTURE_LEAD] * len(near))
+    if before is not None and last is not None and (number == before.setpoint.id or found is not None):
         passed = _time_since(before, arm.stamp)
-        steps = [abs(there - was) for there, was in zip(asked.posture, last.tolist(), strict=True)]
         allowed = [speed * passed + POSTURE_SLACK for speed in bounds.joint_speeds]
-    beyond = [step - most for step, most in zip(steps, allowed, strict=True)]
-    joint = beyond.index(max(beyond))
-    if steps[joint] > allowed[joint]:
+        found = _furthest(asked.posture, last.tolist(), allowed)
+    if found is not None:
+        joint, step, most = found
         raise SetpointError(
-            f"setpoint: posture of joint {joint + 1} moves by {steps[joint]:.3f} rad; at most {allowed[joint]:.3f} rad allowed"
+            f"setpoint: posture of joint {joint + 1} moves by {step:.3f} rad; at most {most:.3f} rad allowed"
         )
 
 
 def _is_same(state: ArmState, other: ArmState) -> bool:
     """Return True if all readings of two states are equal to the last digit."""
-    pairs = (
-        (state.q, other.q),
-        (state.dq, other.dq),
-        (state.tcp.position, other.tcp.position),
-        (state.wrench.force, other.wrench.force),
-    )
-    return all(np.array_equal(here, there) for here, there in pairs)
+    if state.q.tolist() != other.q.tolist() or state.dq.tolist() != other.dq.tolist():
+        return False
+    same: bool = state.tcp.position.tolist() == other.tcp.position.tolist()
+    return same and bool((state.wrench.force == other.wrench.force).all())
+
+
+def _furthest(posture: list[float], start: list[float], allowed: list[float]) -> tuple[int, float, float] | None:
+    """Return the joint that goes furthest beyond what is allowed, its step and that, rad; None if none does."""
+    worst, found = 0.0, None
+    for joint, (there, was, most) in enumerate(zip(posture, start, allowed, strict=True)):
+        step = there - was if there > was else was - there
+        if step - most > worst:
+            worst, found = step - most, (joint, step, most)
+    return found
 
 
 def _has_same_point(setpoint: ImpedanceSetpoint, before: ImpedanceSetpoint) -> bool:

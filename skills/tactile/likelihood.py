@@ -124,6 +124,7 @@ class Bank:
         self._middle = (float(len(templates.even) // 2), 0.0)
         self._arguments = (prior, tightness, templates.theta, templates.offset, templates.even, templates.rising)
         self._places = (templates.along, templates.borne)
+        self._coarse = templates.coarse
         self.left: Vector = np.zeros(FINGERS * TAXELS)
         """Residuals of the last comparison over their standard deviations, shape (40,)."""
         # The first call compiles the comparison or fetches it from the cache; it must not happen in the first scan.
@@ -149,7 +150,8 @@ class Bank:
         from skills.tactile.posterior import posterior  # imports the compiler, which only a comparison needs
 
         expected = believed or self._middle
-        return Found(*posterior(is_wide, *expected, values, weights, *self._arguments, *self._places, load, self.left))
+        arguments = (*self._arguments, *self._places, self._coarse, load, self.left)
+        return Found(*posterior(is_wide, *expected, values, weights, *arguments))
 
 
 def weights_of(params: LikelihoodParams, values: Vector, trusted: Mask) -> Vector:

@@ -10,11 +10,10 @@ import numpy as np
 
 from drivers.compiled import njit
 from drivers.quantities import TAXELS
+from skills.tactile.templates import COARSE_OFFSET, COARSE_THETA
 
-COARSE_THETA = 5
-COARSE_OFFSET = 4
 COARSE_PRINT = 2
-"""Steps along angle, offset and, where none is expected, print between the templates that are tried first."""
+"""Step, where none is expected, between the prints that are tried first."""
 NEAR = 2
 """Number of those offsets to either side of the finger centre that are tried; all are tried only when none of these fits."""
 FINE = 10
@@ -177,13 +176,17 @@ def _of_load(borne, load, solution):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, forceinline=True)
-def _roughly_at(i, j, w, weights, weighed, prior, even, rising, borne, load, tightness, solution):  # type: ignore[no-untyped-def]
-    """Return the log posterior as `_at` does, for loads that rise evenly: a call with so many arrays would cost as much as the sums."""
-    one, other = even[w, i, j], rising[w, i, j]
-    left, right = _sums(weights, weighed, one, other, 0), _sums(weights, weighed, one, other, TAXELS)
-    found = _solve(left, right, tightness, solution) - prior[w, j]
+def _roughly_at(a, c, w, weights, weighed, against, tables, load, tightness, solution):  # type: ignore[no-untyped-def]
+    """Return the log posterior at coarse angle a, offset c and print w as `_at` does, for loads that rise evenly.
+
+    `against` is the prior's share. The function is inlined, because a call with so many arrays costs as much as the sums.
+    """
+    even, rising, borne = tables
+    left = _sums(weights, weighed, even[w, a, c], rising[w, a, c], 0)
+    right = _sums(weights, weighed, even[w, a, c], rising[w, a, c], TAXELS)
+    found = _solve(left, right, tightness, solution) - against
     if load[1] > 0.0 and found > NEVER:
-        found += _of_load(borne[w, i, j], load, solution)
+        found += _of_load(borne[w, a, c], load, solution)
     return found
 
 
@@ -249,7 +252,22 @@ def _row(i, j, w, weights, weighed, prior, even, rising, along, borne, load, tig
 
 @njit(cache=True)
 def posterior(  # type: ignore[no-untyped-def] # noqa: C901, PLR0915  compiled loops that share one scratch in registers
-    is_wide, place, surety, values, weights, beside, tightness, theta, offset, even, rising, along, borne, load, left
+    is_wide,
+    place,
+    surety,
+    values,
+    weights,
+    beside,
+    tightness,
+    theta,
+    offset,
+    even,
+    rising,
+    along,
+    borne,
+    tables,
+    load,
+    left,
 ):
     """Compare one frame with the templates; return the fields of `Found` and fill the residuals."""
     n, m = theta.size, offset.size
@@ -272,8 +290,9 @@ def posterior(  # type: ignore[no-untyped-def] # noqa: C901, PLR0915  compiled l
             for way in (1, -1):
                 for k in range(int(way < 0), reach + 1):
                     j = middle + way * k * COARSE_OFFSET
-                    i = a * COARSE_THETA
-                    value = _roughly_at(i, j, w, narrow, weighed, prior, even, rising, borne, load, tightness, solution)
+                    value = _roughly_at(
+                        a, j // COARSE_OFFSET, w, narrow, weighed, prior[w, j], tables, load, tightness, solution
+                    )
                     if value > coarse[a]:
                         coarse[a], nearest[a], likeliest[a] = value, j, w
                     if value > highest:

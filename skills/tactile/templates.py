@@ -46,6 +46,10 @@ class TemplateParams(ConfigModel):
         return self.model_copy(update={"blur": factor * self.blur, "indentation": factor**2 * self.indentation})
 
 
+COARSE_THETA, COARSE_OFFSET = 5, 4
+"""Steps along angle and offset between the templates that are tried first."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Templates:
     """Readings of every taxel for all angles and offsets of one grid, for one print or several."""
@@ -62,16 +66,28 @@ class Templates:
     """Places of the taxels along the peg, from the finger centre towards the tip, in units of `HALF_LINE`, shape (n, 40)."""
     borne: NDArray[np.float32]
     """Whole load of one pad under a load of 1 along the peg, and under one that rises as above, shape (p, n, m, 2), m."""
+    coarse: tuple[NDArray[np.float32], ...] = ()
+    """Copies of even, rising and borne at the coarse steps, the middle offset among them: they stay in the processor's
+    cache, where the whole tables take a hundred megabytes.
+    """
 
     def __post_init__(self) -> None:
-        """Forbid writing: estimators share the tables."""
+        """Copy the coarse steps, and forbid writing: estimators share the tables."""
+        if not self.coarse:
+            first = self.offset.size // 2 % COARSE_OFFSET
+            tables = (self.even, self.rising, self.borne)
+            copies = tuple(np.ascontiguousarray(table[:, ::COARSE_THETA, first::COARSE_OFFSET]) for table in tables)
+            object.__setattr__(self, "coarse", copies)
         for array in (self.theta, self.offset, self.even, self.rising, self.along, self.borne):
             array.flags.writeable = False
+        for table in self.coarse:
+            table.flags.writeable = False
 
     def part(self, first: int, last: int) -> "Templates":
         """Return the prints from `first` to before `last`; the tables are shared."""
         even, rising, borne = (table[first:last] for table in (self.even, self.rising, self.borne))
-        return Templates(self.theta, self.offset, even, rising, self.along, borne)
+        coarse = tuple(table[first:last] for table in self.coarse)
+        return Templates(self.theta, self.offset, even, rising, self.along, borne, coarse)
 
 
 def make_templates(layout: Layout, peg: Peg, params: TemplateParams) -> Templates:

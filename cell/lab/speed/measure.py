@@ -17,8 +17,6 @@ from importlib.resources import files
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import mujoco
-
 from cell.assembly import assemble, opened
 from cell.cell_config import CellConfig
 from cell.config import LoadedConfig
@@ -31,10 +29,6 @@ SEED = 1
 """Seed of the trial that is measured."""
 PAIRS = 3
 """Number of times that a figure and its reference are measured in turn."""
-STEPS = {("held", "far"): 751, ("held", "near"): 401, ("free", "free"): 187}
-"""Steps of `mj_step` in a simulated second of a trial of version 0.2.0, by model and keyframe of the reference."""
-FROM_EACH = 5
-"""Number of steps that the reference takes from a keyframe before it returns to it."""
 REQUESTS = 2000
 SMALL = 0.01
 """Share of a scan below which parts are summed up."""
@@ -94,11 +88,11 @@ def counts_of_starts() -> dict[str, float]:
         commands = {
             "demo": ("demo", "--trials", "1", "--out", f"{folder}/out", *journal, *port),
             "serve": ("serve", *journal, *port),
-            "map": ("map",),
         }
         for name, arguments in commands.items():
-            found[f"{name}_compiled"] = start_of(arguments, environment, counts=True).compiled if name != "map" else 0
+            found[f"{name}_compiled"] = start_of(arguments, environment, counts=True).compiled
             found[f"{name}_modules"] = len(start_of(arguments, environment).modules)
+        found["map_modules"] = len(start_of(("map",), environment).modules)
     return found
 
 
@@ -110,8 +104,10 @@ def ratio(ours: Callable[[], float], reference: Callable[[], float], pairs: int 
 
 def trial_ratio(config: CellConfig) -> float:
     """Return the time of a simulated second of a trial over that of the same steps, bare, of the stored models."""
+    from sim.reference import bare_second
+
     run_trial(config, SEED)
-    return ratio(lambda: trial_time(config).whole, bare_time)
+    return ratio(lambda: trial_time(config).whole, bare_second)
 
 
 def scan_ratio(config: CellConfig) -> float:
@@ -185,24 +181,6 @@ def trial_time(config: CellConfig, watch: cProfile.Profile | None = None) -> Tri
             total, wall, simulated = time.thread_time() - started, time.perf_counter() - clock, world.now() - began
     # MuJoCo times its steps by the wall; other programs lengthen both times alike.
     return TrialTime(simulated, round(simulated * config.scan_rate), total, stepped / wall * total)
-
-
-def bare_time() -> float:
-    """Return the processor time of the steps of a simulated second, s, see `STEPS`."""
-    from sim import shapes
-
-    shapes.SOLIDS["round"].install()
-    spent = 0.0
-    for (name, key), steps in STEPS.items():
-        text = files(__package__).joinpath(f"reference_{name}.xml").read_text(encoding="utf-8")
-        model = mujoco.MjModel.from_xml_string(text)
-        data, frame = mujoco.MjData(model), int(model.key(key).id)
-        started = time.thread_time()
-        for _ in range(steps // FROM_EACH):
-            mujoco.mj_resetDataKeyframe(model, data, frame)
-            mujoco.mj_step(model, data, FROM_EACH)
-        spent += time.thread_time() - started
-    return spent
 
 
 def plain_python() -> float:

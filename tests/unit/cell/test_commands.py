@@ -36,9 +36,9 @@ def test_a_study_has_its_parts_and_a_help_of_its_own(name, capsys):
     assert callable(study.run)
 
 
-def test_a_profile_is_an_option_of_the_study_that_has_one(capsys):
-    assert main(["study", "contact", "--profile"]) == WRONG_USE
-    assert "--profile" in capsys.readouterr().err
+def test_an_option_of_one_study_is_refused_by_another(capsys):
+    assert main(["study", "contact", "--attacks"]) == WRONG_USE
+    assert "--attacks" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -89,7 +89,7 @@ def test_the_readme_is_short():
     assert len((ROOT / "README.md").read_text(encoding="utf-8").split()) < README_WORDS
 
 
-def test_ci_runs_the_second_command_of_the_readme_the_campaign_and_the_bench():
+def test_ci_runs_the_readmes_second_command_then_faults_then_speed():
     (commands,) = [block for block in blocks() if block.page.name == "README.md"]
     demo, tests = commands.text.strip().splitlines()
     assert demo.endswith(".venv/bin/cell demo")
@@ -97,7 +97,7 @@ def test_ci_runs_the_second_command_of_the_readme_the_campaign_and_the_bench():
     assert [line for line in run if line][-3:] == [
         tests,
         ".venv/bin/python -m tests.campaign",
-        ".venv/bin/python -m pytest tests/bench -n 0",
+        ".venv/bin/python -m pytest tests/bench",
     ]
 
 

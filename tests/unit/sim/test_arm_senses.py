@@ -71,7 +71,7 @@ def test_a_scan_reads_a_state_so_many_cycles_old_and_the_law_the_newest(cycles):
 
 
 def test_before_the_first_cycle_a_scan_reads_where_the_arm_stands():
-    q, dq, wrench = arm_senses.scanned(senses(reading=StateReading(delay=5)), FIGURES, NO_TORQUE)
+    q, dq, wrench, _, _ = arm_senses.scanned(senses(reading=StateReading(delay=5)), FIGURES, NO_TORQUE)
     np.testing.assert_array_equal(q, Q)
     np.testing.assert_array_equal(dq, DQ)
     np.testing.assert_array_equal(wrench, 0.0)
