@@ -43,11 +43,12 @@ class SkinModel(ConfigModel):
     are the builder's choice, none of them kinder than the recordings.
     """
 
-    noise: Annotated[float, Field(ge=0.0, le=0.2)] = 0.015
-    """Standard deviation of the white noise, fraction of full scale; within the 0.3 to 4 % of [cyskin]."""
+    noise: Annotated[float, Field(ge=0.0, le=0.2)] = 0.0094
+    """Standard deviation of the white noise, fraction of full scale; 188 counts, the middle one of the modules of [cyskin], see
+    `skin.module_noise` of config/reality.toml."""
     gain_spread: Annotated[float, Field(ge=0.0, le=0.3)] = 0.05
     """Standard deviation of a taxel's gain about 1, fraction; assumed, the remainder after calibration."""
-    drift: Annotated[float, Field(ge=0.0, le=0.01)] = 1.7e-3
+    drift: Annotated[float, Field(ge=0.0, le=0.01)] = 1.0e-3
     """Random walk of a taxel's offset in one second, fraction of full scale; 0.11 of the noise, as in [cyskin]."""
     creep: Fraction = 0.05
     """Part of the answer to a step that comes late, fraction; assumed, usual for silicone."""

@@ -20,6 +20,7 @@ from drivers.config_model import ConfigModel
 from drivers.errors import ConfigError
 from drivers.parts import Fraction
 from drivers.quantities import FINGERS, TAXELS, Vector
+from drivers.skin.layout import MODULES
 from sim.config import RealityConfig
 
 REALITY_STREAM = 4
@@ -30,11 +31,12 @@ SHAPES: dict[str, tuple[int, ...]] = {
     "trial": (),
     "axis": (3,),
     "joint": (JOINTS,),
+    "module": (FINGERS * MODULES,),
     "taxel": (FINGERS, TAXELS),
     "taxel_axis": (FINGERS, TAXELS, 2),
 }
 """Shape of a draw by what one value is drawn for."""
-RECORDED = ("trial", "axis", "joint")
+RECORDED = ("trial", "axis", "joint", "module")
 """Kinds of draws that a trial's row records; values of single taxels follow from the seed."""
 
 
@@ -75,6 +77,7 @@ KINDS: dict[str, ErrorKind] = {
     "grip.pad_friction": ErrorKind("trial", 1.0),
     "latch.force": ErrorKind("trial", 1.0),
     "latch.place": ErrorKind("trial", 0.0),
+    "skin.module_noise": ErrorKind("module", 1.0),
     "skin.noise_level": ErrorKind("taxel", 1.0),
     "skin.taxel_place": ErrorKind("taxel_axis", 0.0),
     "skin.dead_taxel": ErrorKind("taxel", 0.0),
@@ -171,6 +174,33 @@ class Lognormal(ErrorModel):
         return np.asarray(np.exp(scale * self.sigma * _standard(rng, shape)))
 
 
+class Quantiles(ErrorModel):
+    """A factor about 1 whose measured quantiles are stated; even in its logarithm between two of them, and never beyond the outermost."""
+
+    distribution: Literal["quantiles"]
+    shares: tuple[Fraction, ...]
+    """Shares of all draws that are at most the value of the same place."""
+    values: tuple[Annotated[float, Field(gt=0.0)], ...]
+    """Value at each share, in `unit`."""
+
+    @model_validator(mode="after")
+    def _is_ordered(self) -> "Quantiles":
+        if len(self.shares) != len(self.values) or any(
+            np.any(np.diff(each) < 0.0) for each in (self.shares, self.values)
+        ):
+            raise ValueError(f"values = {self.values}: as many as shares, both in ascending order, allowed")
+        return self
+
+    def figures(self) -> Mapping[str, Figure]:
+        """Return nothing, because no figure belongs to a joint, an axis or a module of its own."""
+        return {}
+
+    def draw(self, rng: np.random.Generator, scale: float, shape: tuple[int, ...]) -> Vector:
+        """Return one draw of a shape at a scale."""
+        # x = exp(scale * ln F^-1(u)), with u even on 0 to 1.
+        return np.asarray(np.exp(scale * np.interp(rng.uniform(size=shape), self.shares, np.log(self.values))))
+
+
 class Chance(ErrorModel):
     """Draw of 1 with some probability, else of 0."""
 
@@ -183,7 +213,7 @@ class Chance(ErrorModel):
         return np.asarray(rng.uniform(size=shape) < min(scale * self.probability, 1.0), dtype=float)
 
 
-AnyError = Annotated[Normal | Uniform | Factor | Lognormal | Chance, Field(discriminator="distribution")]
+AnyError = Annotated[Normal | Uniform | Factor | Lognormal | Quantiles | Chance, Field(discriminator="distribution")]
 
 
 class Reality:

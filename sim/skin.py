@@ -45,7 +45,7 @@ class SkinTruth:
 def skin_truth(drawn: Drawn) -> SkinTruth:
     """Return the skin of a cell with these errors."""
     return SkinTruth(
-        noise_level=drawn["skin.noise_level"],
+        noise_level=drawn["skin.module_noise"][MODULE_OF] * drawn["skin.noise_level"],
         misplaced=drawn["skin.taxel_place"],
         dead=drawn["skin.dead_taxel"] > 0.0,
         age=float(drawn["skin.age"]),

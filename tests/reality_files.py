@@ -5,7 +5,11 @@ import tomllib
 from pathlib import Path
 
 NOTHING = {"normal": {"sigma": 0.0}, "uniform": {"low": 0.0, "high": 0.0}, "factor": {"spread": 1.0}}
-NOTHING |= {"lognormal": {"sigma": 0.0}, "chance": {"probability": 0.0}}
+NOTHING |= {
+    "lognormal": {"sigma": 0.0},
+    "chance": {"probability": 0.0},
+    "quantiles": {"shares": [0.5], "values": [1.0]},
+}
 
 
 def reality_of(folder, *, alone=True, **figures):

