@@ -150,8 +150,8 @@ class GripConfig(ConfigModel):
     angle: Annotated[float, Field(ge=0.0, le=0.3)]
     """Largest in-hand angle at which the peg is found in the rack, rad. Source: assumed."""
     shear_stiffness: Annotated[float, Field(ge=5e3, le=5e4)] = 5e4
-    """Stiffness of both pads in their plane under the closed grip, N/m; assumed: rubber of 60 kPa shear modulus, 180 mm² a pad
-    under an 8 mm peg, 0.4 mm of it left."""
+    """Stiffness of both pads in their plane under the closed grip as the cell believes it, N/m; assumed: rubber of 60 kPa shear modulus,
+    180 mm² a pad under an 8 mm peg, 0.4 mm of it left. The true one is drawn below it, see `grip.shear_stiffness` of config/reality.toml."""
     slip: Annotated[float, Field(ge=0.0, le=0.01)] = 0.0
     """Distance by which the peg slides unnoticed into the hand when it is first pushed, m. Source: assumed."""
 

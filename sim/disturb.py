@@ -33,6 +33,8 @@ class Draw:
     """Coulomb coefficient between peg and plate."""
     pad_friction: float
     """Coulomb coefficient between peg and pads."""
+    shear_stiffness: float
+    """Stiffness of both pads in their plane, N/m."""
     grasp_angle: float
     """In-hand angle at which the peg is found in the rack, rad."""
     skin: np.random.Generator
@@ -70,9 +72,9 @@ def draw(
         arm: The arm as the cell believes it to be.
         job: The part and its believed places.
         contact: Friction of peg and plate.
-        grip: Friction of peg and pads, and the angle in the rack.
+        grip: Friction and shear of the pads, and the angle in the rack.
         seed: Seed of the trial.
-        cell: Errors of arm and places, which stay as long as the cell does.
+        cell: Errors of arm, pads and places, which stay as long as the cell does.
         part: Errors of the peg and its grasp.
     """
     place, feel, skin = np.random.SeedSequence(seed).spawn(3)
@@ -84,6 +86,7 @@ def draw(
         yaw=float(where.uniform(-job.hole.yaw, job.hole.yaw)),
         friction=_one(contact.friction, how),
         pad_friction=_one(grip.friction, how) * float(part["grip.pad_friction"]),
+        shear_stiffness=grip.shear_stiffness * float(cell["grip.shear_stiffness"]),
         grasp_angle=float(how.uniform(-grip.angle, grip.angle)),
         skin=np.random.default_rng(skin),
         tilt=job.hole.tilt + float(cell["place.plate_tilt"]),

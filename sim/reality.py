@@ -75,6 +75,7 @@ KINDS: dict[str, ErrorKind] = {
     "peg.depth_in_hand": ErrorKind("trial", 0.0),
     "grip.force": ErrorKind("trial", 1.0),
     "grip.pad_friction": ErrorKind("trial", 1.0),
+    "grip.shear_stiffness": ErrorKind("trial", 1.0),
     "latch.force": ErrorKind("trial", 1.0),
     "latch.place": ErrorKind("trial", 0.0),
     "skin.module_noise": ErrorKind("module", 1.0),
@@ -201,6 +202,20 @@ class Quantiles(ErrorModel):
         return np.asarray(np.exp(scale * np.interp(rng.uniform(size=shape), self.shares, np.log(self.values))))
 
 
+class Range(ErrorModel):
+    """A factor that is distributed evenly in its logarithm over a range that nothing physical leaves."""
+
+    distribution: Literal["range"]
+    low: Annotated[float, Field(gt=0.0)]
+    """Least factor."""
+    high: Annotated[float, Field(gt=0.0)]
+    """Largest factor."""
+
+    def draw(self, rng: np.random.Generator, scale: float, shape: tuple[int, ...]) -> Vector:
+        """Return one draw of a shape at a scale; beyond scale 1 the range stays as it is."""
+        return np.asarray(np.exp(min(scale, 1.0) * rng.uniform(np.log(self.low), np.log(self.high), shape)))
+
+
 class Chance(ErrorModel):
     """Draw of 1 with some probability, else of 0."""
 
@@ -213,7 +228,9 @@ class Chance(ErrorModel):
         return np.asarray(rng.uniform(size=shape) < min(scale * self.probability, 1.0), dtype=float)
 
 
-AnyError = Annotated[Normal | Uniform | Factor | Lognormal | Quantiles | Chance, Field(discriminator="distribution")]
+AnyError = Annotated[
+    Normal | Uniform | Factor | Lognormal | Quantiles | Range | Chance, Field(discriminator="distribution")
+]
 
 
 class Reality:

@@ -255,7 +255,7 @@ class Stepper:
             SimulationUnstableError: The state is no longer finite.
         """
         if self.peg is PegSituation.HELD:
-            shear, carried = self._grip.shear_stiffness, self._carried
+            shear, carried = self.scene.shear_stiffness, self._carried
             slip.bear(self.control.grip, self.grip_limits(), self._place(BESIDE), shear, carried)
         else:
             self._let_rest()

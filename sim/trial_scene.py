@@ -78,6 +78,8 @@ class TrialScene:
         self.plate, self.rack = _plate(job, drawn), _rack(job, drawn)
         self.latch = latch.words_of(job.hole.latch, self.plate, job.hole.depth, drawn.latch_force, drawn.latch_place)
         """What resists the peg near the bottom, see `sim.latch`."""
+        self.shear_stiffness = drawn.shear_stiffness
+        """Stiffness of both pads in their plane, N/m."""
         dt, how = sim.timestep, sim.model
         held = scene.held_model(self.arm, job, self.plate, drawn.friction, dt, how)
         free = scene.free_model(self.arm, job, self.plate, self.rack, drawn.friction, drawn.pad_friction, pad, dt)

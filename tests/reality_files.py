@@ -9,6 +9,7 @@ NOTHING |= {
     "lognormal": {"sigma": 0.0},
     "chance": {"probability": 0.0},
     "quantiles": {"shares": [0.5], "values": [1.0]},
+    "range": {"low": 1.0, "high": 1.0},
 }
 
 

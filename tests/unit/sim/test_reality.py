@@ -85,6 +85,12 @@ def test_noise_within_a_module_is_as_unequal_as_in_the_recordings():
     assert np.median(high / low) == pytest.approx(3.3, rel=0.1)
 
 
+@pytest.mark.parametrize("scale", [1.0, 2.0])
+def test_the_pads_shear_never_leaves_its_assumed_range(scale: float):
+    drawn = many("grip.shear_stiffness", scale)
+    assert np.percentile(drawn, [0, 50, 100]) == pytest.approx([0.1, 0.32, 1.0], rel=0.15)
+
+
 def test_joints_have_figures_of_their_own():
     spread = many("arm.gravity").std(axis=0)
     assert spread == pytest.approx([0.05, 0.5, 0.2, 0.5, 0.1, 0.1, 0.03], rel=0.15)
