@@ -268,9 +268,13 @@ class CellConfig(Catalogued):
                     f'sim.model.hole = "{self.sim.model.hole}": facets have no chamfer, and {name}.chamfer = {section.chamfer};'
                     ' "exact" allowed'
                 )
-        if not self.hole.present and self.sim.model.hole not in ("exact", "unpredicted"):
+        if not self.sim.plate.present and self.sim.model.hole not in ("exact", "unpredicted"):
             raise ValueError(
-                f'sim.model.hole = "{self.sim.model.hole}": facets round a hole, and hole.present = false; "exact" allowed'
+                f'sim.model.hole = "{self.sim.model.hole}": facets round a hole, and sim.plate.present = false; "exact" allowed'
+            )
+        if self.sim.plate.shallow >= self.hole.depth:
+            raise ValueError(
+                f"sim.plate.shallow = {self.sim.plate.shallow}: no hole is left; less than hole.depth = {self.hole.depth} allowed"
             )
         return self
 

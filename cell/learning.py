@@ -277,10 +277,7 @@ def unusable(place: LearnedPlace, job: Job, learning: LearningConfig, now: datet
 
 def digest(job: Job) -> str:
     """Return a short digest of part and place; what was learnt with one is of no use with another."""
-    # A part without chamfers has the digest that it had before they could be stated.
-    peg = job.peg.model_dump(exclude={"chamfer"} if job.peg.chamfer == 0.0 else set())
-    hole = job.hole.model_dump(exclude={"prior", "present"} | ({"chamfer"} if job.hole.chamfer == 0.0 else set()))
-    text = json.dumps([peg, hole], sort_keys=True)
+    text = json.dumps([job.peg.model_dump(), job.hole.model_dump(exclude={"prior"})], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 

@@ -85,10 +85,6 @@ class Latch(ConfigModel):
     deeper, and from half of it on the detent draws the part in.
     """
 
-    wear: Fraction = 0.0
-    """Share of that force which the real part has lost, fraction; the simulation alone reads it. Source: set for each trial.
-    """
-
 
 Bounds = tuple[tuple[float, float], tuple[float, float]]
 """Least x and y, and largest x and y, of a rectangle, m, base frame."""
@@ -115,28 +111,16 @@ class Hole(ConfigModel):
     """
     depth: Annotated[float, Field(ge=0.002, le=0.1)]
     """Depth of the tip below the surface at which the peg is seated and the switch closes, m. Source: set for each part."""
-    tilt: Annotated[float, Field(ge=0.0, le=0.2)] = 0.0
-    """Angle between the real plate's normal and the vertical, rad; the simulation alone reads it, and the skills do not
-    know it. Source: set for each trial.
-    """
     yaw: Annotated[float, Field(ge=0.0, le=math.pi / 4)] = math.radians(10.0)
     """Largest angle by which the hole's sides are turned from the base frame's x and y, rad; a round hole has none.
     Source: assumed; decision 0026.
     """
     evidence: Literal["switch", "force"] = "switch"
     """Evidence of a seated part: the switch under the hole, or force against depth, which needs `hole.latch`. Source: set for each part."""
-    shallow: Annotated[float, Field(ge=0.0, le=0.02)] = 0.0
-    """Height of the real bottom above where `depth` has it, m, as of a chip in the hole; the simulation alone reads it, and the skills do not
-    know it. Source: set for each trial.
-    """
     latch: Latch | None = None
     """What resists the part on the last way to the bottom; without one nothing does."""
     prior: HolePrior | None = None
     """Where in the area the hole is likely, which is searched first; without it the hole is anywhere in the area alike."""
-    present: bool = True
-    """Whether the real plate has the hole, as the simulation reads it; without a hole every find is false, and the skills
-    do not know it. Source: set for each trial.
-    """
 
     @property
     def part(self) -> Part:
@@ -167,10 +151,6 @@ class Hole(ConfigModel):
         if self.latch is not None and self.latch.height >= self.depth:
             raise ValueError(
                 f"hole.latch.height = {self.latch.height}: begins above the hole; less than hole.depth = {self.depth} allowed"
-            )
-        if self.shallow >= self.depth:
-            raise ValueError(
-                f"hole.shallow = {self.shallow}: no hole is left; less than hole.depth = {self.depth} allowed"
             )
         if self.prior is not None:
             for axis, mean, centre, extent in zip("xy", self.prior.mean, self.centre, self.area, strict=False):

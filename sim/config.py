@@ -210,6 +210,22 @@ class FixtureConfig(ConfigModel):
     """Standard deviation of the hole's place between parts, along x and along y, m; no hole lies outside its area."""
 
 
+class PlateConfig(ConfigModel):
+    """[sim.plate]: what is true of the plate and stated nowhere else, so that no skill can read it.
+
+    Source: set for each trial.
+    """
+
+    tilt: Annotated[float, Field(ge=0.0, le=0.2)] = 0.0
+    """Angle between the plate's normal and the vertical, rad, beside the drawn `place.plate_tilt`."""
+    shallow: Annotated[float, Field(ge=0.0, le=0.02)] = 0.0
+    """Height of the hole's bottom above where `hole.depth` has it, m, as of a chip in the hole."""
+    present: bool = True
+    """Whether the plate has the hole; without it every find is false."""
+    latch_wear: Fraction = 0.0
+    """Share of its force that the hole's latch has lost, fraction."""
+
+
 class DescribedArmConfig(ConfigModel):
     """[sim.described]: an arm that other people described, in place of the one that the cell believes in.
 
@@ -244,6 +260,8 @@ class SimConfig(ConfigModel):
     """Seed of the first run; every further run of a session takes the next. Source: set for each trial."""
     fixture: FixtureConfig | None = None
     """Fixture that holds the plate about one place; none draws the hole's place anew for every part, evenly over its area."""
+    plate: PlateConfig = PlateConfig()
+    """The true plate, where it differs from the stated one."""
     model: ModelConfig = ModelConfig()
     """How much of the physics is modelled."""
     described: DescribedArmConfig | None = None

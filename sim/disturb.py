@@ -40,7 +40,7 @@ class Draw:
     skin: np.random.Generator
     """Random generator of the skin's gains, dead taxels and noise."""
     tilt: float
-    """Tilt of the plate's normal from the vertical, rad."""
+    """Tilt of the plate's normal from the vertical, rad, beside that of `sim.plate`."""
     rack: Vector
     """Offset of the rack from the job's place, shape (3,), m, base frame."""
     depth_in_hand: float
@@ -89,7 +89,7 @@ def draw(
         shear_stiffness=grip.shear_stiffness * float(cell["grip.shear_stiffness"]),
         grasp_angle=float(how.uniform(-grip.angle, grip.angle)),
         skin=np.random.default_rng(skin),
-        tilt=job.hole.tilt + float(cell["place.plate_tilt"]),
+        tilt=float(cell["place.plate_tilt"]),
         rack=cell["place.rack"],
         depth_in_hand=float(part["peg.depth_in_hand"]),
         grip_force=float(part["grip.force"]),

@@ -48,7 +48,7 @@ def words_of(latch: Latch | None, plate: Plate, bottom: float, force: float, pla
     words = np.zeros(WORDS)
     if latch is None:
         return words
-    words[KIND], words[FORCE] = KINDS[latch.kind], latch.force * (1.0 - latch.wear) * force
+    words[KIND], words[FORCE] = KINDS[latch.kind], latch.force * force
     words[TOP], words[HEIGHT] = bottom - latch.height - place, latch.height
     words[REACH] = min(plate.half)
     words[MOUTH : MOUTH + 3], words[AXES : AXES + 9] = plate.position, plate.rotation.ravel()

@@ -13,7 +13,7 @@ from drivers.parts import Job
 from drivers.quantities import Pose, Vector
 from sim import contact, engine, joint_drive, latch, scene
 from sim.arm_truth import ArmTruth, JointFriction
-from sim.config import SimConfig
+from sim.config import PlateConfig, SimConfig
 from sim.disturb import Draw
 from sim.plate import Plate, outline_of
 
@@ -75,8 +75,10 @@ class TrialScene:
         self.arm = drawn.arm if sim.model.arm == "full" else replace(drawn.arm, friction=JointFriction())
         """The true arm."""
         has_twins = has_twins and _can_step(self.arm, sim.timestep)
-        self.plate, self.rack = _plate(job, drawn), _rack(job, drawn)
-        self.latch = latch.words_of(job.hole.latch, self.plate, job.hole.depth, drawn.latch_force, drawn.latch_place)
+        true = sim.plate
+        self.plate, self.rack = _plate(job, drawn, true), _rack(job, drawn)
+        force = drawn.latch_force * (1.0 - true.latch_wear)
+        self.latch = latch.words_of(job.hole.latch, self.plate, job.hole.depth, force, drawn.latch_place)
         """What resists the peg near the bottom, see `sim.latch`."""
         self.shear_stiffness = drawn.shear_stiffness
         """Stiffness of both pads in their plane, N/m."""
@@ -100,7 +102,7 @@ class TrialScene:
             half=(job.peg.length + job.peg.overhang) / 2,
             weight=float(held.body("peg").mass[0] * GRAVITY),
         )
-        reach = job.hole.part.reach + job.hole.chamfer if job.hole.present else contact.SOLID
+        reach = job.hole.part.reach + job.hole.chamfer if true.present else contact.SOLID
         self.hole: Vector = np.array([*self.plate.position, *self.plate.rotation[:, 2], reach])
         """Middle of the mouth, outward axis and reach of the hole with its chamfer, see `peg_distances.is_far`."""
 
@@ -126,17 +128,17 @@ def _can_step(arm: ArmTruth, timestep: float) -> bool:
     return engine.COARSE * share <= 1.0
 
 
-def _plate(job: Job, drawn: Draw) -> Plate:
+def _plate(job: Job, drawn: Draw, true: PlateConfig) -> Plate:
     hole = job.hole
     lean = frames.rotation_about(
-        np.array([-math.sin(drawn.tilt_direction), math.cos(drawn.tilt_direction), 0.0]), drawn.tilt
+        np.array([-math.sin(drawn.tilt_direction), math.cos(drawn.tilt_direction), 0.0]), drawn.tilt + true.tilt
     )
     if hole.part.symmetry > 0.0:
         lean = lean @ frames.rotation_about(frames.UP, drawn.yaw)
-    half = hole.part.half if hole.present else (contact.SOLID, contact.SOLID)
+    half = hole.part.half if true.present else (contact.SOLID, contact.SOLID)
     # A switch needs some way to close; without one the bottom is where the part is seated.
-    floor = hole.depth - hole.shallow + (FLOOR_MARGIN if hole.evidence == "switch" else 0.0)
-    chamfer = hole.chamfer if hole.present else 0.0
+    floor = hole.depth - true.shallow + (FLOOR_MARGIN if hole.evidence == "switch" else 0.0)
+    chamfer = hole.chamfer if true.present else 0.0
     return Plate(drawn.hole, lean, half, floor, outline_of(drawn.hole, lean, *hole.plate_bounds), chamfer)
 
 

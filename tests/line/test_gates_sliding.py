@@ -22,7 +22,7 @@ class Slider:
 
     def __init__(self, beside: float, *sets: str) -> None:
         # A grip that holds: how the peg slips in the hand is another test's matter.
-        flat = ("grip.friction=1.5", "hole.tilt=0.0", "hole.area=[0.0001, 0.0001]", 'sim.pace="max"')
+        flat = ("grip.friction=1.5", "hole.area=[0.0001, 0.0001]", 'sim.pace="max"')
         config = load(sets=(*flat, *sets)).cell
         assert config.sim is not None
         assert config.contact is not None

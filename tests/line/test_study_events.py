@@ -62,7 +62,7 @@ def listened(cell_config, seed):
 
 @pytest.mark.parametrize("seed", [SEED, SEED + 2, SEED + 3])
 def test_search_that_listens_goes_the_same_way_until_its_first_event(seed):
-    sets = ("hole.present=false", "search.evidence=skin", "search.event.false_alarms=50")
+    sets = ("sim.plate.present=false", "search.evidence=skin", "search.event.false_alarms=50")
     first, begun = listened(config(*sets), seed)
     row = watch(config(), False, seed)
     limit = HoleEvent(config(*sets).search.event, 4.0)
@@ -84,7 +84,7 @@ def test_peg_falls_where_there_is_a_hole_and_nowhere_else():
 
 def test_plate_of_facets_has_a_hole():
     with pytest.raises(ConfigError, match=r"hole\.present = false"):
-        config("hole.present=false", "sim.model.hole=boxes")
+        config("sim.plate.present=false", "sim.model.hole=boxes")
 
 
 def test_dip_from_the_spread_is_passed_as_often_as_stated():

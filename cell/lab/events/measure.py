@@ -282,6 +282,7 @@ def _search(
 
 def _cell(config: CellConfig, has_hole: bool, detector: str, seed: int) -> Cell:
     assert config.sim is not None
+    plate = config.sim.plate.model_copy(update={"present": has_hole})
     is_height = detector == HEIGHT
     event = config.params(SEARCH).event
     if not is_height:
@@ -289,8 +290,7 @@ def _cell(config: CellConfig, has_hole: bool, detector: str, seed: int) -> Cell:
     return assemble(
         config.with_params(SEARCH, evidence=HEIGHT if is_height else "skin", event=event).model_copy(
             update={
-                "sim": config.sim.model_copy(update={"seed": seed, "pace": "max"}),
-                "hole": config.hole.model_copy(update={"present": has_hole}),
+                "sim": config.sim.model_copy(update={"seed": seed, "pace": "max", "plate": plate}),
             }
         )
     )

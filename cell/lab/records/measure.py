@@ -32,7 +32,7 @@ PERIOD = 15.0
 """Time from one run of the line to the next, s."""
 MADE: tuple[tuple[str, ...], ...] = (
     ("--set", "sim.seed=1"),
-    ("--set", "sim.seed=2", "--set", "hole.present=false", "--set", "search.timeout=2.0"),
+    ("--set", "sim.seed=2", "--set", "sim.plate.present=false", "--set", "search.timeout=2.0"),
     ("--set", "sim.seed=3", "--set", "limits.force=6.0"),
 )
 """Runs that are made, each by these options of `cell run insert_peg`: a good one, one without a hole, and a fault."""

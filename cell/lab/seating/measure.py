@@ -171,13 +171,13 @@ def run_trial(config: CellConfig, kind: str, case: Case, seed: int) -> tuple[Sea
     hole = config.hole.model_copy(
         update={
             "evidence": "force",
-            "latch": latch.model_copy(update={"wear": case.wear}),
-            "shallow": case.shallow,
-            "present": case.has_hole,
+            "latch": latch,
             "area": AREA,
         }
     )
-    sim = config.sim.model_copy(update={"seed": seed, "pace": "max"})
+    true = {"latch_wear": case.wear, "shallow": case.shallow, "present": case.has_hole}
+    plate = config.sim.plate.model_copy(update=true)
+    sim = config.sim.model_copy(update={"seed": seed, "pace": "max", "plate": plate})
     config = config.with_params(SEARCH, timeout=SEARCHED)
     config = config.model_copy(update={"hole": hole, "sim": sim, "retries": 0})
     cell = assemble(config)

@@ -5,8 +5,10 @@ import pytest
 
 from drivers.parts import Latch
 from sim import latch
+from sim.config import PlateConfig
 from sim.peg_distances import PegView
 from sim.plate import Plate
+from sim.world import World
 from skills.latch_likelihood import resistance
 
 BOTTOM = 0.02
@@ -86,10 +88,18 @@ def test_a_push_below_the_force_of_a_detent_rests_on_it():
     assert x < 0.25
 
 
-def test_a_worn_latch_resists_with_what_is_left_and_a_drawn_one_with_what_was_drawn():
-    worn = words(DETENT.model_copy(update={"wear": 0.75}), force=1.2, place=1e-4)
+def test_a_drawn_latch_resists_with_what_was_drawn():
     crest = BOTTOM - 0.75 * DETENT.height - 1e-4
-    assert felt(worn, crest) == pytest.approx(0.25 * 1.2 * DETENT.force)
+    assert felt(words(DETENT, force=1.2, place=1e-4), crest) == pytest.approx(1.2 * DETENT.force)
+
+
+def test_a_worn_latch_resists_with_what_is_left(loaded):
+    cell = loaded.cell
+    hole, plate = cell.hole.model_copy(update={"latch": DETENT}), PlateConfig(latch_wear=0.75)
+    job = cell.job().model_copy(update={"hole": hole})
+    sim = cell.sim.model_copy(update={"plate": plate})
+    world = World(cell.arm_model(), sim, cell.contact, cell.grip, "parallelogram", job)
+    assert world.stepper.scene.latch[latch.FORCE] == pytest.approx(0.25 * DETENT.force)
 
 
 def test_an_end_beside_the_hole_feels_nothing():
