@@ -32,6 +32,7 @@ from drivers.switch.absent import NoSwitchConfig
 from drivers.switch.board_config import SerialSwitchConfig
 from plc_bridge.config import PlcConfig
 from sim.config import (
+    CLOSED,
     HOLES,
     BoardsConfig,
     ContactConfig,
@@ -268,9 +269,18 @@ class CellConfig(Catalogued):
                     f'sim.model.hole = "{self.sim.model.hole}": facets have no chamfer, and {name}.chamfer = {section.chamfer};'
                     ' "exact" allowed'
                 )
-        if not self.sim.plate.present and self.sim.model.hole not in ("exact", "unpredicted"):
+        if not self.sim.plate.present and self.sim.model.hole not in CLOSED:
             raise ValueError(
                 f'sim.model.hole = "{self.sim.model.hole}": facets round a hole, and sim.plate.present = false; "exact" allowed'
+            )
+        number = self.sim.plate.decoys.number
+        if number[0] > number[1]:
+            raise ValueError(
+                f"sim.plate.decoys.number = {list(number)}: least above largest; at most {number[1]} for the first allowed"
+            )
+        if number[1] > 0 and self.sim.model.hole not in CLOSED:
+            raise ValueError(
+                f'sim.model.hole = "{self.sim.model.hole}": one hole alone, and sim.plate.decoys.number = {list(number)}; "exact" allowed'
             )
         if self.sim.plate.shallow >= self.hole.depth:
             raise ValueError(

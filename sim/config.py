@@ -210,6 +210,34 @@ class FixtureConfig(ConfigModel):
     """Standard deviation of the hole's place between parts, along x and along y, m; no hole lies outside its area."""
 
 
+Times = Annotated[float, Field(gt=0.0, le=5.0)]
+
+
+class DecoyKind(ConfigModel):
+    """One kind of decoy; each value is the interval that a decoy draws from evenly."""
+
+    size: tuple[Times, Times]
+    """Size of the decoy over the hole's, ratio."""
+    depth: tuple[Annotated[float, Field(ge=1e-4, le=0.1)], Annotated[float, Field(ge=1e-4, le=0.1)]]
+    """Depth of its floor, m."""
+
+
+class DecoyConfig(ConfigModel):
+    """[sim.plate.decoys]: places of the plate that a search may take for the hole; each is of a kind that is drawn alike.
+
+    Source: chosen, not measured.
+    """
+
+    number: tuple[Annotated[int, Field(ge=0, le=5)], Annotated[int, Field(ge=0, le=5)]] = (0, 0)
+    """Least and largest number of decoys on a plate, count."""
+    blind: DecoyKind = DecoyKind(size=(0.8, 1.3), depth=(0.001, 0.005))
+    """A blind hole, as a screw or a pin has it."""
+    through: DecoyKind = DecoyKind(size=(1.5, 2.5), depth=(0.1, 0.1))
+    """A hole through the plate that is too large."""
+    dent: DecoyKind = DecoyKind(size=(0.5, 2.0), depth=(0.0004, 0.001))
+    """A dent deeper than the dip of the tip that stops a search, with straight walls."""
+
+
 class PlateConfig(ConfigModel):
     """[sim.plate]: what is true of the plate and stated nowhere else, so that no skill can read it.
 
@@ -224,6 +252,8 @@ class PlateConfig(ConfigModel):
     """Whether the plate has the hole; without it every find is false."""
     latch_wear: Fraction = 0.0
     """Share of its force that the hole's latch has lost, fraction."""
+    decoys: DecoyConfig = DecoyConfig()
+    """Other holes of the plate."""
 
 
 class DescribedArmConfig(ConfigModel):

@@ -23,6 +23,8 @@ FIXTURE_STREAM = 7
 class Draw:
     """One trial's world."""
 
+    seed: int
+    """Seed of the trial."""
     hole: Vector
     """Middle of the hole's mouth, shape (3,), m, base frame."""
     tilt_direction: float
@@ -81,6 +83,7 @@ def draw(
     where, how = np.random.default_rng(place), np.random.default_rng(feel)
     half = np.array([*job.hole.area, 0.0]) / 2
     return Draw(
+        seed=seed,
         hole=np.array(job.hole.centre) + where.uniform(-half, half) + [0.0, 0.0, float(cell["place.plate_height"])],
         tilt_direction=float(where.uniform(-np.pi, np.pi)),
         yaw=float(where.uniform(-job.hole.yaw, job.hole.yaw)),

@@ -1,4 +1,4 @@
-"""A plate with one hole, and its models: closed form, or facets for MuJoCo's own collision to work on.
+"""A plate with its hole, and its models: closed form, or facets for MuJoCo's own collision to work on.
 
 A ring of boxes tangent to the hole leaves a gap at every corner, R (1/cos(pi/N) - 1); flats that turn with the peg
 leave none. Facets make contacts by MuJoCo's box against cylinder; beside them the closed form can go along as a
@@ -26,7 +26,7 @@ EXACT = ModelConfig()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plate:
-    """A plate with one hole as it really is."""
+    """A plate with its hole as it really is."""
 
     position: Vector
     """Middle of the hole's mouth, shape (3,), m, base frame."""
@@ -41,6 +41,8 @@ class Plate:
     """Middle and half the extents of the plate along x and y of its own frame, m; beyond them nothing is touched."""
     chamfer: float = 0.0
     """Width and depth of the chamfer of 45 degrees at the mouth of a round hole, m."""
+    tiles: tuple["Plate", ...] = ()
+    """Tiles of one hole each, that of the plate's own hole first, see `sim.decoys`; empty for a plate with one hole."""
 
     def is_below(self, place: Vector) -> bool:
         """Whether the plate is what lies below a place, shape (3,), m, base frame."""
@@ -79,6 +81,9 @@ def geoms(
         model: Model of the hole.
         is_judged: Whether the penetration is told also where facets make the contacts.
     """
+    if plate.tiles:
+        tiles = ((name if i == 0 else f"{name} {i}", tile) for i, tile in enumerate(plate.tiles))
+        return [geom for each, tile in tiles for geom in geoms(each, tile, friction, timestep, model, is_judged)]
     solref = stiffness(model, timestep)
     has_facets = model.hole in ("flats", "boxes")
     has_flats = model.hole == "flats"

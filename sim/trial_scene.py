@@ -14,6 +14,7 @@ from drivers.quantities import Pose, Vector
 from sim import contact, engine, joint_drive, latch, scene
 from sim.arm_truth import ArmTruth, JointFriction
 from sim.config import PlateConfig, SimConfig
+from sim.decoys import with_decoys
 from sim.disturb import Draw
 from sim.plate import Plate, outline_of
 
@@ -69,7 +70,7 @@ class TrialScene:
             has_twins: Whether longer steps are taken where nothing can touch the hole, if the joints' friction bears them.
 
         Raises:
-            ConfigError: The joints' smooth friction is too steep for the time step.
+            ConfigError: The joints' smooth friction is too steep for the time step, or the plate has no room for its decoys.
         """
         self.job = job
         self.arm = drawn.arm if sim.model.arm == "full" else replace(drawn.arm, friction=JointFriction())
@@ -77,6 +78,8 @@ class TrialScene:
         has_twins = has_twins and _can_step(self.arm, sim.timestep)
         true = sim.plate
         self.plate, self.rack = _plate(job, drawn, true), _rack(job, drawn)
+        if true.decoys.number[1] > 0:
+            self.plate = with_decoys(self.plate, job.hole, true.decoys, drawn.seed)
         force = drawn.latch_force * (1.0 - true.latch_wear)
         self.latch = latch.words_of(job.hole.latch, self.plate, job.hole.depth, force, drawn.latch_place)
         """What resists the peg near the bottom, see `sim.latch`."""
@@ -92,7 +95,7 @@ class TrialScene:
                 scene.without_peg(free, engine.COARSE),
             )
         self.held = Mechanism(held, twins[0], (scene.GRIP, scene.GRIP), int(held.geom("peg").id))
-        self.free = Mechanism(free, twins[1], ("left", "right"), 2)
+        self.free = Mechanism(free, twins[1], ("left", "right"), int(free.geom("left").id))
         """Free model with its twin, which leaves the peg out."""
         self.pads = (int(free.geom("left").id), int(free.geom("right").id))
         """Geoms of the pads in the free model."""
@@ -103,6 +106,9 @@ class TrialScene:
             weight=float(held.body("peg").mass[0] * GRAVITY),
         )
         reach = job.hole.part.reach + job.hole.chamfer if true.present else contact.SOLID
+        if self.plate.tiles:
+            # Every place of the plate is near one of its holes.
+            reach = 2.0 * math.hypot(*self.plate.outline[2:])
         self.hole: Vector = np.array([*self.plate.position, *self.plate.rotation[:, 2], reach])
         """Middle of the mouth, outward axis and reach of the hole with its chamfer, see `peg_distances.is_far`."""
 

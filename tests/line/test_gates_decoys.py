@@ -1,0 +1,130 @@
+"""A plate with decoys: every one of its holes is as exact as a hole alone, and nothing is felt where two tiles meet."""
+
+import math
+
+import mujoco
+import numpy as np
+import pytest
+
+from cell.config import load
+from drivers.errors import ConfigError
+from drivers.part.round import Round
+from sim import contact, metering, native, rig, shapes
+from sim.decoys import ROOM, cut
+from sim.plate import Plate, geoms, words
+from sim.section import section_depth
+from sim.truth import VOID_PENETRATION
+from sim.world import World
+
+PEG, HOLE, DECOY = Round(0.008), Round(0.0081), Round(0.0095)
+APART, FLOOR = 0.016, 0.003
+"""Distance between hole and decoy along x, and depth of the decoy's floor, m."""
+DT = 5e-4
+
+
+def plate_with_a_decoy():
+    """Return a plate with a hole at its origin and a blind hole beside it; their tiles meet half-way between them."""
+    halves = (-0.1 + APART / 2, 0.0, 0.1, 0.1), (0.1 - APART / 2, 0.0, 0.1, 0.1)
+    own = Plate(np.zeros(3), np.eye(3), HOLE.half, 0.03, halves[0])
+    decoy = Plate(np.array([APART, 0.0, 0.0]), np.eye(3), DECOY.half, FLOOR, halves[1])
+    return Plate(own.position, own.rotation, own.half, own.depth, (0.0, 0.0, 0.1, 0.1), tiles=(own, decoy))
+
+
+def model_over(plate, tilt, friction=0.0):
+    """Return a tilted peg on three slides over a plate, and the data; its end's middle is at the slides' origin."""
+    shapes.install()
+    axes, turn = rig.attitude(tilt, 0.3), np.empty(4)
+    mujoco.mju_mat2Quat(turn, axes.flatten())
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><option timestep="{DT}" gravity="0 0 0" cone="elliptic" impratio="10" tolerance="1e-14" iterations="60">
+        <flag autoreset="disable"/></option><size nuser_geom="{contact.USER}" nuserdata="{native.NUSERDATA}"/>
+        <worldbody>{"".join(geoms("plate", plate, friction, DT))}
+        <body><joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 1 0"/><joint type="slide" axis="0 0 1"/>
+        <geom name="peg" {shapes.peg_geom(PEG, 0.025)} pos="{words(axes[:, 2] * 0.025)}"
+        quat="{words(turn)}" mass="0.5" contype="0" conaffinity="1"/></body></worldbody></mujoco>"""
+    )
+    return model, mujoco.MjData(model)
+
+
+def pressed(tilt, at):
+    """Return the depth of the lowest point of a peg that was pressed down at a place along x, and its deepest lasting penetration, m."""
+    model, data = model_over(plate_with_a_decoy(), tilt)
+    edge, meters = rig.lowest(PEG, tilt, 0.3), metering.new_meters()
+    data.qpos[:] = at - 0.3 * edge[0], -0.3 * edge[1], 1e-4 - edge[2]
+    for _ in range(4000):
+        data.qfrc_applied[:] = -5.0 * data.qvel
+        data.qfrc_applied[2] -= 10.0
+        metering.clear(data.userdata)
+        mujoco.mj_step(model, data)
+        metering.judge(meters, data.userdata, metering.window(DT))
+    return -float(edge[2] + data.qpos[2]), float(meters[metering.SUSTAINED])
+
+
+@pytest.mark.parametrize("degrees", [2, 15, 45])
+@pytest.mark.parametrize(("hole", "at"), [(HOLE, 0.0), (DECOY, APART)])
+def test_a_peg_goes_as_deep_into_either_hole_as_geometry_allows(degrees, hole, at):
+    tilt = math.radians(degrees)
+    floor = 0.03 if hole is HOLE else FLOOR
+    depth, penetration = pressed(tilt, at)
+    assert depth == pytest.approx(
+        min(section_depth(PEG.diameter, hole.diameter, tilt, 4001), floor), rel=0.01, abs=2e-5
+    )
+    assert penetration < VOID_PENETRATION
+
+
+def test_nothing_is_felt_where_two_tiles_meet():
+    model, data = model_over(plate_with_a_decoy(), 0.3, friction=0.2)
+    data.qpos[:] = APART / 2 - 0.002 - rig.lowest(PEG, 0.3, 0.3)[0], 0.03, -rig.lowest(PEG, 0.3, 0.3)[2]
+    heights = []
+    for step in range(400):
+        data.qfrc_applied[:] = -300.0 * (data.qvel - [0.02, 0.0, 0.0])
+        data.qfrc_applied[2] -= 5.0
+        mujoco.mj_step(model, data)
+        heights += [float(data.qpos[2])] if step > 100 else []
+    assert data.qpos[0] > APART / 2 - rig.lowest(PEG, 0.3, 0.3)[0]
+    assert np.ptp(heights) < 2e-6
+
+
+def test_tiles_cover_the_plate_once_and_each_holds_its_hole():
+    rng, whole, tried = np.random.default_rng(3), (np.full(2, -0.07), np.full(2, 0.07)), 0
+    for _ in range(200):
+        places, reach = rng.uniform(-0.03, 0.03, (4, 2)), 0.006 + ROOM
+        needed = [(place - reach, place + reach) for place in places]
+        tiles = cut(needed, whole)
+        if tiles is None:
+            continue
+        tried += 1
+        assert all(np.all(low <= a) and np.all(b <= high) for (a, b), (low, high) in zip(needed, tiles, strict=True))
+        assert sum(np.prod(high - low) for low, high in tiles) == pytest.approx(0.14**2)
+    assert tried > 20
+
+
+def world_of(*sets):
+    config = load(sets=("sim.pace=max", "reality.scale=0.0", *sets)).cell
+    return World(config.arm_model(), config.sim, config.contact, config.grip, config.skin.layout, config.job())
+
+
+def test_decoys_are_drawn_from_the_seed_and_shift_nothing_else():
+    plain, one, other = (world_of(*sets, "sim.seed=7") for sets in ((), *2 * (("sim.plate.decoys.number=[1,3]",),)))
+    assert not plain.plate.tiles
+    assert np.array_equal(plain.plate.position, one.plate.position)
+    places = [[tuple(tile.position) for tile in world.plate.tiles] for world in (one, other)]
+    assert places[0] == places[1]
+    assert 2 <= len(places[0]) <= 4
+
+
+def test_a_plate_without_decoys_has_one_geom():
+    assert world_of().stepper.scene.held.plates == 1
+
+
+@pytest.mark.parametrize(
+    ("sets", "said"),
+    [
+        (("sim.plate.decoys.number=[3,1]",), "sim.plate.decoys.number = .3, 1.: least above largest"),
+        (("sim.plate.decoys.number=[1,1]", "sim.model.hole=flats"), "one hole alone"),
+        (("sim.plate.decoys.number=[5,5]", "hole.area=[0.01,0.01]"), "no room beside the hole in hole.area"),
+    ],
+)
+def test_decoys_that_cannot_be_are_refused_in_one_line(sets, said):
+    with pytest.raises(ConfigError, match=said):
+        world_of(*sets)
