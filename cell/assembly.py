@@ -204,7 +204,8 @@ def assemble(config: CellConfig) -> Cell:
     assert config.sim is not None
     assert config.contact is not None
     assert config.grip is not None
-    errors = Errors(read_errors(config.reality.file or SHIPPED / ERRORS_FILE), config.reality)
+    reality = read_errors(config.reality.file or SHIPPED / ERRORS_FILE).changed(config.reality.errors)
+    errors = Errors(reality, config.reality)
     job = config.job()
     world = World(config.arm_model(), config.sim, config.contact, config.grip, config.skin.layout, job, errors)
     felt = _world_skin(config, world, world.draw.skin, world.drawn)

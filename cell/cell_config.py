@@ -125,6 +125,9 @@ class CellConfig(Catalogued):
 
     preset: str = ""
     """Name of a file of `presets/` that is laid over this one; empty is none. Source: set for each cell."""
+    world: str = ""
+    """Name of a file of `worlds/` that is laid over this one, below the preset: another version of the simulated world, or a scene of it;
+    empty is none. Source: set for each cell."""
     scan_rate: Annotated[float, Field(ge=10.0, le=1000.0)]
     """Rate of the scan, in which a skill senses and decides once, Hz. Source: chosen, not measured."""
     retries: Annotated[int, Field(ge=0, le=10)]

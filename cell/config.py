@@ -1,4 +1,4 @@
-"""Loading of a cell: its file upon its base, then preset, recipe and single keys, with the origin of each value."""
+"""Loading of a cell: its file upon its base, then world, preset, recipe and single keys, with the origin of each value."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -26,9 +26,9 @@ class LoadedConfig:
 
 
 def load(path: Path | None = None, preset: str | None = None, sets: Iterable[str] = ()) -> LoadedConfig:
-    """Load a cell: what the file names as its `base`, the file, then its preset, then, for each recipe, the recipe's file, then single keys.
+    """Load a cell: what the file names as its `base`, the file, then its world and its preset, then, for each recipe, the recipe's file, then single keys.
 
-    `presets/` and `recipes/` stand beside the file; a preset that is not there is looked for among those that
+    `worlds/`, `presets/` and `recipes/` stand beside the file; a world or a preset that is not there is looked for among those that
     ship with the program.
 
     Args:
@@ -89,13 +89,15 @@ def _merge(
     order = [name for name, _ in below]
     for name, tree in below:
         lay_layer(merged, tree, name, source)
-    preset = {**merged, **part, **{keyed[0]: value for keyed, value in keys if len(keyed) == 1}}.get("preset", "")
-    if preset != "":
-        file = find_preset(path, preset)
-        lay_layer(merged, read_toml(file), str(file), source)
-        order.append(str(file))
+    stated = {**merged, **part, **{keyed[0]: value for keyed, value in keys if len(keyed) == 1}}
+    named = {kind: stated.get(kind, "") for kind in ("world", "preset")}
+    for kind, name in named.items():
+        if name != "":
+            file = find_preset(path, name, kind)
+            lay_layer(merged, read_toml(file), str(file), source)
+            order.append(str(file))
     lay_layer(merged, part, str(recipe), source)
-    merged["preset"] = preset
+    merged |= named
     single: dict[str, Any] = {}
     for keyed, value in keys:
         lay_over(single, nested(keyed, value), SET, {})

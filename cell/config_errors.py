@@ -169,7 +169,8 @@ def allowed(schema: Mapping[str, Any], root: Mapping[str, Any] | None = None) ->
         names = [f"{name} (needed)" if name in needed else name for name in schema["properties"]]
         return f"a section with {', '.join(names)}"
     if schema.get("type") == "object":
-        return f"a table, each value {allowed(schema.get('additionalProperties', {}), root)}"
+        others = schema.get("additionalProperties", {})
+        return f"a table, each value {allowed(others if isinstance(others, Mapping) else {}, root)}"
     if schema.get("type") == "array":
         return _allowed_list(schema, root)
     if schema.get("format") in _FORMATS:

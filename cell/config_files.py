@@ -73,20 +73,20 @@ def arm_file(model: str) -> Path:
     return Path(model) if model.endswith(".toml") else ARMS / f"{model}.toml"
 
 
-def presets(path: Path | None = None) -> dict[str, Path]:
-    """Return the presets that a cell's file may name, and their files: those beside it, then those that are shipped."""
-    folders = [SHIPPED / "presets", (path or DEFAULT).parent / "presets"]
+def presets(path: Path | None = None, kind: str = "preset") -> dict[str, Path]:
+    """Return the presets, or the worlds, that a cell's file may name, and their files: those beside it, then those that are shipped."""
+    folders = [SHIPPED / f"{kind}s", (path or DEFAULT).parent / f"{kind}s"]
     return {file.stem: file for place in folders for file in sorted(place.glob("*.toml"))}
 
 
-def find_preset(path: Path, name: Any) -> Path:
-    """Return the file of a preset by its name.
+def find_preset(path: Path, name: Any, kind: str = "preset") -> Path:
+    """Return the file of a preset, or a world, by its name.
 
     Raises:
-        ConfigError: There is no such preset.
+        ConfigError: There is no such file.
     """
-    known = presets(path)
+    known = presets(path, kind)
     if name not in known:
         allowed = ", ".join(f'"{k}"' for k in sorted(known)) or "none"
-        raise ConfigError(f"preset = {name!r}: no such file in presets/; {allowed} allowed")
+        raise ConfigError(f"{kind} = {name!r}: no such file in {kind}s/; {allowed} allowed")
     return known[name]

@@ -1,6 +1,6 @@
 """Config models of the simulated parts and of the world that they share; imports no physics."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, NonNegativeInt
 
@@ -214,7 +214,10 @@ Times = Annotated[float, Field(gt=0.0, le=5.0)]
 
 
 class DecoyKind(ConfigModel):
-    """One kind of decoy; each value is the interval that a decoy draws from evenly."""
+    """One kind of decoy; each value is the interval that a decoy draws from evenly.
+
+    Source: chosen, not measured.
+    """
 
     size: tuple[Times, Times]
     """Size of the decoy over the hole's, ratio."""
@@ -313,6 +316,8 @@ class RealityConfig(ConfigModel):
     """Names of errors that are not drawn, as `arm.sigmoid_friction`: in these the cell is as believed."""
     file: FilePath | None = None
     """File with the distributions of the errors; without one it is the `reality.toml` that ships with the program."""
+    errors: dict[str, dict[str, dict[str, Any]]] = Field(default_factory=dict)
+    """Errors in place of those of the file, each a table as it has them, as `errors.arm.gravity`; none takes them all from the file."""
 
 
 class SimArmConfig(ConfigModel):

@@ -240,6 +240,14 @@ class Reality:
         """Keep the errors by name."""
         self.errors = dict(errors)
 
+    def changed(self, tables: Mapping[str, Mapping[str, Any]]) -> "Reality":
+        """Return these errors with some replaced, as `reality.errors` has them.
+
+        Raises:
+            ConfigError: An error is unknown, without a source or out of bounds.
+        """
+        return Reality(self.errors | _errors("reality.errors", tables))
+
     def draw(self, seed: int, reality: RealityConfig) -> Drawn:
         """Return the draw of the trial with this seed; the values cannot be changed.
 
@@ -294,14 +302,11 @@ def read(path: Path) -> Reality:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: not TOML: {error}".replace("\n", " ")) from None
-    found = {f"{group}.{name}": table for group, tables in tree.items() for name, table in _tables(path, group, tables)}
-    for name in found:
-        if name not in KINDS:
-            raise ConfigError(f"{path}: {name}: no such error; {', '.join(KINDS)} allowed")
+    errors = _errors(str(path), tree)
     for name in KINDS:
-        if name not in found:
+        if name not in errors:
             raise ConfigError(f"{path}: {name}: missing; a sigma or a spread of nothing leaves an error out")
-    return Reality({name: _error(path, name, found[name]) for name in KINDS})
+    return Reality({name: errors[name] for name in KINDS})
 
 
 def read_shipped() -> Reality:
@@ -320,7 +325,15 @@ def recorded(drawn: Drawn) -> dict[str, str]:
     }
 
 
-def _tables(path: Path, group: str, tables: Any) -> list[tuple[str, Any]]:
+def _errors(path: str, tree: Mapping[str, Any]) -> dict[str, AnyError]:
+    found = {f"{group}.{name}": table for group, tables in tree.items() for name, table in _tables(path, group, tables)}
+    for name in found:
+        if name not in KINDS:
+            raise ConfigError(f"{path}: {name}: no such error; {', '.join(KINDS)} allowed")
+    return {name: _error(path, name, table) for name, table in found.items()}
+
+
+def _tables(path: str, group: str, tables: Any) -> list[tuple[str, Any]]:
     if not isinstance(tables, dict):
         raise ConfigError(f"{path}: {group}: not a table; a table an error allowed, as [arm.gravity]")
     return list(tables.items())
@@ -332,7 +345,7 @@ class _Holder(ConfigModel):
     error: AnyError
 
 
-def _error(path: Path, name: str, table: Any) -> AnyError:
+def _error(path: str, name: str, table: Any) -> AnyError:
     try:
         model = _Holder.model_validate({"error": table}).error
     except ValidationError as error:
@@ -344,7 +357,7 @@ def _error(path: Path, name: str, table: Any) -> AnyError:
     return _one_each(path, name, model)
 
 
-def _one_each(path: Path, name: str, error: AnyError) -> AnyError:
+def _one_each(path: str, name: str, error: AnyError) -> AnyError:
     kind = KINDS[name]
     for key, figure in error.figures().items():
         if isinstance(figure, tuple) and kind.shape != (len(figure),):
