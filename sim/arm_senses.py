@@ -31,7 +31,11 @@ ZERO, RATE_NOISE, UNMODELLED, WRENCH = 12, 19, 26, 33
 """Indices of seven words each: errors of the joints' zeros, rad; noise of the velocities, rad/s; error of the modelled
 torques, N·m; then six words of the low-passed wrench.
 """
-RING = 39
+PLAY, ENCODER = 39, 40
+"""Index of half the backlash of the wrist's joints, rad, and of seven words: positions of the encoders, rad."""
+WRIST = 4
+"""First joint of the wrist."""
+RING = 47
 WORDS = RING + ENTRY * (LONGEST_DELAY + 1)
 
 
@@ -41,6 +45,7 @@ def words_of(truth: ArmTruth, period: float) -> Vector:
     reading, wrench = truth.reading, truth.wrench
     words[DELAY] = reading.delay
     words[NOISE] = reading.noise
+    words[PLAY] = reading.backlash / 2
     words[FORCE_NOISE], words[TORQUE_NOISE] = wrench.force_noise, wrench.torque_noise
     words[BLEND] = 1.0 - math.exp(-2.0 * math.pi * wrench.cutoff * period)
     words[FORCE_DEAD], words[TORQUE_DEAD] = wrench.force_dead_zone, wrench.torque_dead_zone
@@ -49,13 +54,14 @@ def words_of(truth: ArmTruth, period: float) -> Vector:
     words[RATE_NOISE : RATE_NOISE + JOINTS] = reading.rate_noise
     words[UNMODELLED : UNMODELLED + JOINTS] = wrench.joint_torque
     is_felt = any(truth.gravity) or truth.payload.mass > 0.0
-    is_told = words[DELAY] > 0.0 or words[NOISE:BLEND].any() or words[FORCE_DEAD:WRENCH].any()
+    is_told = words[DELAY] > 0.0 or words[NOISE:BLEND].any() or words[FORCE_DEAD:WRENCH].any() or reading.backlash > 0.0
     words[IS_IDEAL] = not is_felt and not is_told and math.isinf(wrench.cutoff)
     return words
 
 
 def fill(words: Vector, q: Vector, dq: Vector) -> None:
     """Fill the ring as if every cycle so far had read these joints, shape (7,) each, rad and rad/s, and no wrench."""
+    words[ENCODER : ENCODER + JOINTS] = q
     entry = np.concatenate([q + words[ZERO : ZERO + JOINTS], dq, np.zeros(6)])
     words[RING:] = np.tile(entry, LONGEST_DELAY + 1)
     words[WRENCH : WRENCH + 6] = 0.0
@@ -83,7 +89,10 @@ def measure(
     words[AT] = at
     entry = words[RING + ENTRY * at : RING + ENTRY * (at + 1)]
     for i in range(JOINTS):
-        entry[i] = q[i] + words[ZERO + i] + words[NOISE] * noise[i]
+        # An encoder with play b to either side follows its link when pushed: e <- min(max(e, q - b), q + b).
+        play = words[PLAY] if i >= WRIST else 0.0
+        words[ENCODER + i] = min(max(words[ENCODER + i], q[i] - play), q[i] + play)
+        entry[i] = words[ENCODER + i] + words[ZERO + i] + words[NOISE] * noise[i]
         entry[JOINTS + i] = dq[i] + words[RATE_NOISE + i] * noise[JOINTS + i]
     for k in range(6):
         sigma = words[FORCE_NOISE] if k < 3 else words[TORQUE_NOISE]

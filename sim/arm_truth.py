@@ -106,6 +106,8 @@ class StateReading:
     """Standard deviation of a position, white from cycle to cycle, rad."""
     rate_noise: Seven = NONE
     """Standard deviation of each joint's velocity, white from cycle to cycle, rad/s."""
+    backlash: float = 0.0
+    """Play between encoder and link of the joints 5 to 7, rad."""
     delay: int = 0
     """Age of the state that a scan reads, control cycles; the law reads the newest. The cell is not told."""
 
@@ -193,6 +195,7 @@ class ArmTruth:
             *(("friction.viscous", x) for x in self.friction.viscous),
             ("payload.mass", self.payload.mass),
             ("reading.noise", self.reading.noise),
+            ("reading.backlash", self.reading.backlash),
             *(("reading.rate_noise", x) for x in self.reading.rate_noise),
             ("wrench.force_noise", self.wrench.force_noise),
             ("wrench.torque_noise", self.wrench.torque_noise),

@@ -24,6 +24,9 @@ class PadConfig(ConfigModel):
     much."""
     thickness: Annotated[float, Field(ge=2e-4, le=1e-2)] = 1.1e-3
     """Depth at which the pad is solid, m; 1 mm of elastomer ([gibbons], Sec. VI) and some of the cover (assumed)."""
+    exponent: Annotated[float, Field(ge=0.3, le=3.0)] = 1.0
+    """Exponent of the answer at small depth, number; 1 is a bed of springs, 1.5 hardens as Hertz's contact, 0.5 has the plateau of a foam.
+    Source: set for each trial."""
     blur: Annotated[float, Field(ge=1e-4, le=1e-2)] = 1.2e-3
     """Standard deviation of the point spread through 1 mm of elastomer, m; assumed, about the thickness."""
     taxel_diameter: Annotated[float, Field(ge=1e-3, le=7e-3)] = 4e-3
@@ -189,6 +192,8 @@ class ModelConfig(ConfigModel):
     """Model of the arm; `full` is the whole arm, `inertia` an inertia at the tool that the law moves, without the
     friction of joints. Source: measured by `cell study contact`.
     """
+    wrist_backlash: Annotated[float, Field(ge=0.0, le=0.02)] = 0.0
+    """Backlash between encoder and link of the joints 5 to 7, rad; the reading lags by half of it. Source: set for each trial."""
     grip: Literal["hinge", "pads"] = "hinge"
     """Model of the grip; a hinge with the pads' friction, or rigid pads in contact. Source: measured by `cell study contact`."""
 
@@ -255,6 +260,14 @@ class PlateConfig(ConfigModel):
     """Whether the plate has the hole; without it every find is false."""
     latch_wear: Fraction = 0.0
     """Share of its force that the hole's latch has lost, fraction."""
+    stick: Annotated[float, Field(ge=0.0, le=3.0)] = 0.0
+    """Friction of the peg on the plate at rest over that of fast sliding, less 1, ratio; Stribeck's law, 0 is Coulomb's."""
+    stick_speed: Annotated[float, Field(ge=1e-4, le=1.0)] = 0.01
+    """Sliding speed at which 1/e of `stick` is left, m/s. Source: assumed."""
+    ripple: Annotated[float, Field(ge=0.0, le=0.9)] = 0.0
+    """Largest change of the friction from place to place, fraction."""
+    ripple_length: Annotated[float, Field(ge=1e-3, le=0.1)] = 0.01
+    """Distance after which that change repeats, along x as along y, m. Source: assumed."""
     decoys: DecoyConfig = DecoyConfig()
     """Other holes of the plate."""
 

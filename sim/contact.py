@@ -39,6 +39,10 @@ PLATE = np.dtype(
         ("half_x", "f8"),
         ("half_y", "f8"),
         ("chamfer", "f8"),
+        ("stick", "f8"),
+        ("stick_speed", "f8"),
+        ("ripple", "f8"),
+        ("ripple_length", "f8"),
     ]
 )
 """Record that lies in a plate's `geom_user`; `plate_user` fills it in."""
@@ -87,6 +91,23 @@ FRICTION_FLOOR = 1e-5
 """Least friction of a contact, ratio; a contact with friction 0 vanishes in MuJoCo's elliptic cone."""
 
 
+class Rubbing(NamedTuple):
+    """How the friction of a plate changes with the sliding speed and from place to place; the record of `PLATE` ends in it."""
+
+    stick: float
+    """Friction at rest over that of fast sliding, less 1, ratio."""
+    stick_speed: float
+    """Sliding speed at which 1/e of `stick` is left, m/s."""
+    ripple: float
+    """Largest change from place to place, fraction."""
+    ripple_length: float
+    """Distance after which it repeats, along x as along y, m."""
+
+
+EVEN = Rubbing(0.0, 1.0, 0.0, 1.0)
+"""Coulomb's law, the same everywhere."""
+
+
 class Meeting(NamedTuple):
     """A plate and a peg in the search for places where they may touch; it holds plain numbers, which compiled code
     passes fast.
@@ -132,6 +153,7 @@ def plate_user(
     has_flats: bool = False,
     outline: tuple[float, float, float, float] = ENDLESS,
     chamfer: float = 0.0,
+    rubbing: Rubbing = EVEN,
 ) -> Vector:
     """Return a plate's `geom_user`, shape (USER,); the plate's frame has its origin at the middle of the hole's mouth, z outward.
 
@@ -145,6 +167,7 @@ def plate_user(
         has_flats: Whether the boxes of `sim.flats` follow the plate's geom.
         outline: Rectangle of the plate: middle and half the extents along x and y, m, plate frame; beyond it nothing is touched.
         chamfer: Width and depth of the chamfer of 45 degrees at the mouth of a round hole, m.
+        rubbing: How the friction changes with speed and place.
     """
     first, second = solref or (2.0 * timestep, 1.0)
     # MuJoCo's k and b: of (tau, zeta) they are 1/(d tau zeta)^2 and 2/(d tau), of (-k, -b) k/d^2 and b/d.
@@ -152,7 +175,7 @@ def plate_user(
         rub, lift = (FRICTION_LAG * first, second), 2.0 * IMPEDANCE * first * second * second
     else:
         rub, lift = (first, second / FRICTION_LAG), IMPEDANCE * second / first
-    ends = (*rub, lift / FRICTION_LAG, *outline, chamfer)
+    ends = (*rub, lift / FRICTION_LAG, *outline, chamfer, *rubbing)
     values = (*half, hole_depth, max(friction, FRICTION_FLOOR), timestep, first, second, mode, has_flats, *ends)
     return np.array(values, dtype=float)
 
@@ -340,10 +363,17 @@ def put(meeting, gap, p, n, judged, band):  # type: ignore[no-untyped-def]
     t0, t1, t2 = t0 * scale, t1 * scale, t2 * scale
     contact = _contact_at(meeting.userdata)
     sliding = math.sqrt(max(v0 * v0 + v1 * v1 + v2 * v2 - speed * speed, 0.0))
+    mu = plate.friction
+    if plate.stick > 0.0 or plate.ripple > 0.0:
+        # mu(v, x, y) = mu (1 + s exp(-(v / vs)²)) (1 + a sin(2 pi x / l) sin(2 pi y / l)): Stribeck's law, and a pattern of the surface.
+        wave = 2.0 * math.pi / plate.ripple_length
+        mu *= 1.0 + plate.stick * math.exp(-((sliding / plate.stick_speed) ** 2))
+        mu *= 1.0 + plate.ripple * math.sin(wave * p[0]) * math.sin(wave * p[1])
+        contact.friction[0] = contact.friction[1] = max(mu, FRICTION_FLOOR)
     # MuJoCo's convex friction cone lifts a sliding contact by `lift` times mu times its speed. The gap is reported
     # larger by as much, so that the peg lies on the surface; not on rim and wall, where a braked peg would sink in.
     upward = 0.0 if judged else max(n[2], 0.0)
-    contact.dist = gap + plate.lift * plate.friction * sliding * upward * upward
+    contact.dist = gap + plate.lift * mu * sliding * upward * upward
     pos, frame = contact.pos, contact.frame
     pos[0], pos[1], pos[2] = X0 - 0.5 * gap * N0, X1 - 0.5 * gap * N1, X2 - 0.5 * gap * N2
     frame[0], frame[1], frame[2] = N0, N1, N2

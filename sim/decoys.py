@@ -123,4 +123,5 @@ def _tile(plate: Plate, pocket: Pocket, bounds: Rectangle) -> Plate:
         pocket.half,
         pocket.depth,
         _outline(bounds[0] - pocket.place, bounds[1] - pocket.place),
+        rubbing=plate.rubbing,
     )

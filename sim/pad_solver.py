@@ -23,18 +23,44 @@ SMALLEST = 1e-6
 
 
 @njit(cache=True)
-def _energy(depth: Vector, thickness: float) -> float:  # pragma: no cover
-    """Return the energy stored at these depths, the integral of depth / (1 - depth/thickness), in units of the foundation."""
+def _secant(depth: float, thickness: float, exponent: float) -> float:  # pragma: no cover
+    """Return what a pad answers over the depth, m, in units of the foundation; see `sim.pads`."""
+    share = max(depth, 0.0) / thickness
+    room = 1.0 / (1.0 - share)
+    if exponent == 1.0:
+        return room
+    # t (x^n + x^2 / (1 - x)) over d = t x; for n = 1 it is 1 / (1 - x).
+    other: float = share ** (exponent - 1.0) + share * room if share > 0.0 else 0.0
+    return other
+
+
+@njit(cache=True)
+def _slope(depth: float, thickness: float, exponent: float) -> float:  # pragma: no cover
+    """Return the derivative of the answer at a depth, m, > 0."""
+    room = 1.0 / (1.0 - depth / thickness)
+    if exponent == 1.0:
+        return room * room
+    # n x^(n-1) + 1 / (1 - x)^2 - 1
+    other: float = exponent * (depth / thickness) ** (exponent - 1.0) + room * room - 1.0
+    return other
+
+
+@njit(cache=True)
+def _energy(depth: Vector, thickness: float, exponent: float) -> float:  # pragma: no cover
+    """Return the energy stored at these depths, the integral of the answer, in units of the foundation."""
     total = 0.0
     for k in range(depth.size):
         share = max(depth[k], 0.0) / thickness
         total += share + math.log1p(-share)
+        if exponent != 1.0:
+            # t^2 (x^(n+1) / (n+1) - x^2 / 2) beside that of n = 1.
+            total -= share ** (exponent + 1.0) / (exponent + 1.0) - share * share / 2.0
     return -total * thickness**2
 
 
 @njit(cache=True)
 def lie(  # noqa: C901  one Newton iteration, compiled, whose loops share its arrays
-    motions: Vector, wanted: Vector, start: Vector, rest: float, thickness: float
+    motions: Vector, wanted: Vector, start: Vector, rest: float, thickness: float, exponent: float
 ) -> Vector:  # pragma: no cover
     """Return the amounts of the motions at which the pads' answer, in units of the foundation, equals `wanted`.
 
@@ -44,6 +70,7 @@ def lie(  # noqa: C901  one Newton iteration, compiled, whose loops share its ar
         start: First guess of the amounts, shape (m,).
         rest: Part of the depth that no motion changes, m.
         thickness: Depth at which a pad is solid, m.
+        exponent: Exponent of the answer at small depth.
     """
     m, n = motions.shape
     amounts = start.copy()
@@ -54,7 +81,7 @@ def lie(  # noqa: C901  one Newton iteration, compiled, whose loops share its ar
         for i in range(m):
             depth[k] += amounts[i] * motions[i, k]
         pressed += max(depth[k], 0.0)
-    energy = _energy(depth, thickness)
+    energy = _energy(depth, thickness, exponent)
     for i in range(m):
         energy -= wanted[i] * amounts[i]
         largest = max(largest, abs(wanted[i]))
@@ -64,8 +91,8 @@ def lie(  # noqa: C901  one Newton iteration, compiled, whose loops share its ar
         missing[:] = wanted
         matrix[:] = 0.0
         for k in range(n):
-            room = 1.0 / (1.0 - max(depth[k], 0.0) / thickness)
-            slope = room * room if depth[k] > 0.0 else LIFTED_SLOPE
+            room = _secant(depth[k], thickness, exponent)
+            slope = _slope(depth[k], thickness, exponent) if depth[k] > 0.0 else LIFTED_SLOPE
             for i in range(m):
                 missing[i] -= motions[i, k] * max(depth[k], 0.0) * room
                 for j in range(m):
@@ -86,7 +113,7 @@ def lie(  # noqa: C901  one Newton iteration, compiled, whose loops share its ar
         reached = energy
         while size > SMALLEST:
             trial[:] = depth + size * change
-            reached = _energy(trial, thickness)
+            reached = _energy(trial, thickness, exponent)
             for i in range(m):
                 reached -= wanted[i] * (amounts[i] + size * move[i])
             if reached <= energy - 1e-4 * size * gain:
@@ -103,7 +130,7 @@ def spread(
     ends: tuple[float, float],
     pressing: tuple[float, float, float],
     peg: tuple[float, float, float, bool],
-    pad: tuple[float, float],
+    pad: tuple[float, float, float],
     cells: Vector,
     weights: Vector,
     taxels: Vector,
@@ -114,7 +141,7 @@ def spread(
         ends: Ends of the contact line, m along the peg from the finger centre.
         pressing: delta0, u and phi, as in `Pressing`.
         peg: theta, offset, diameter or width of its face, and whether a face lies on the pads.
-        pad: Stiffness of the pad's foundation, N/m², and thickness, m.
+        pad: Stiffness of the pad's foundation, N/m², thickness, m, and exponent of its answer.
         cells: Cells of the grid, shape (n, 2), m.
         weights: Share of each cell's pressure that a taxel sees, shape (2, 20, n).
         taxels: Pressures, shape (2, 20), Pa, at zero; filled in.
@@ -122,7 +149,7 @@ def spread(
     low, high = ends
     delta0, u, phi = pressing
     theta, offset, width, is_flat = peg
-    foundation, thickness = pad
+    foundation, thickness, exponent = pad
     c, s = math.cos(theta), math.sin(theta)
     reach = width / 2.0 + CELL if is_flat else math.sqrt(width * thickness)
     for k in range(cells.shape[0]):
@@ -141,6 +168,8 @@ def spread(
                 square = max(width * depth, 1e-12)
                 shape = max(1.0 - beside * beside / square, 0.0) * 0.75 / math.sqrt(square)
             pressure = inside * shape * foundation * depth / (1.0 - depth / thickness)
+            if exponent != 1.0:
+                pressure = inside * shape * foundation * depth * _secant(depth, thickness, exponent)
             if pressure != 0.0:
                 for taxel in range(taxels.shape[1]):
                     taxels[finger, taxel] += weights[finger, taxel, k] * pressure

@@ -2,8 +2,8 @@
 
 Along the contact line, s from the finger centre towards the peg's tip, the peg sinks into the left pad by
 delta0 + u + phi·s and into the right one by delta0 - u - phi·s; where that is negative there is no contact.
-A pad answers with k·delta / (1 - delta/thickness) a metre, the cylinder spreads that over its width as a
-bed of springs does, and the elastomer blurs it on its way to the taxels.
+A pad of thickness t answers with k·t·(x^n + x²/(1 - x)) a metre, where x = delta/t; that is k·delta / (1 - x) for the exponent
+n = 1. The cylinder spreads that over its width as a bed of springs does, and the elastomer blurs it on its way to the taxels.
 """
 
 import math
@@ -234,7 +234,9 @@ class Pads:
 
     def line_load(self, depth: Vector) -> Vector:
         """Return the load of a pad for a depth of the contact line, N/m."""
-        load: Vector = self._foundation * depth / (1.0 - depth / self._config.thickness)
+        share = depth / self._config.thickness
+        answer = share**self._config.exponent + share**2 / (1.0 - share)
+        load: Vector = self._foundation * self._config.thickness * answer
         return load
 
     def press(self, load: PadLoad) -> Pressing:
@@ -247,16 +249,20 @@ class Pads:
             return Pressing(low, low, 0.0, 0.0, 0.0)
         step = (high - low) / LINE_POINTS
         s = low + step * (np.arange(LINE_POINTS) + 0.5)
-        mean = load.grip_force / (high - low) / self._foundation
-        delta0 = mean / (1.0 + mean / self._config.thickness)
+        mean, pad = load.grip_force / (high - low) / self._foundation, self._config
+        delta0 = mean / (1.0 + mean / pad.thickness)
+        if pad.exponent != 1.0:
+            # Under the grip alone every point of both pads answers with the mean.
+            one = np.ones((1, 1))
+            delta0 = float(lie(one, np.array([mean]), np.array([delta0]), 0.0, pad.thickness, pad.exponent)[0])
         across, tilting = _bearable(load, low, high)
         one = np.ones_like(s)
         motions = np.concatenate([[one, one, s], [one, -one, -s]], axis=1)
         wanted = np.array([2.0 * load.grip_force, across, tilting]) / (step * self._foundation)
-        if self._config.hold == "width":
-            u, phi = lie(motions[1:], wanted[1:], np.zeros(2), delta0, self._config.thickness)
+        if pad.hold == "width":
+            u, phi = lie(motions[1:], wanted[1:], np.zeros(2), delta0, pad.thickness, pad.exponent)
         else:
-            delta0, u, phi = lie(motions, wanted, np.array([delta0, 0.0, 0.0]), 0.0, self._config.thickness)
+            delta0, u, phi = lie(motions, wanted, np.array([delta0, 0.0, 0.0]), 0.0, pad.thickness, pad.exponent)
         return Pressing(low, high, float(delta0), float(u), float(phi))
 
     def pressure(self, load: PadLoad) -> Vector:
@@ -271,7 +277,7 @@ class Pads:
             ends,
             (pressing.delta0, pressing.u, pressing.phi),
             (load.theta, load.offset, load.width, load.is_flat),
-            (self._foundation, self._config.thickness),
+            (self._foundation, self._config.thickness, self._config.exponent),
             self._cells,
             self._weights,
             taxels,

@@ -41,6 +41,8 @@ class Plate:
     """Middle and half the extents of the plate along x and y of its own frame, m; beyond them nothing is touched."""
     chamfer: float = 0.0
     """Width and depth of the chamfer of 45 degrees at the mouth of a round hole, m."""
+    rubbing: contact.Rubbing = contact.EVEN
+    """How the friction changes with speed and place."""
     tiles: tuple["Plate", ...] = ()
     """Tiles of one hole each, that of the plate's own hole first, see `sim.decoys`; empty for a plate with one hole."""
 
@@ -91,7 +93,7 @@ def geoms(
     if has_facets:
         mode = contact.PROBE if is_judged else contact.NONE
     how = (timestep, solref, mode, has_flats)
-    user = contact.plate_user(plate.half, plate.depth, friction, *how, plate.outline, plate.chamfer)
+    user = contact.plate_user(plate.half, plate.depth, friction, *how, plate.outline, plate.chamfer, plate.rubbing)
     x, y, half_x, half_y = plate.outline
     # The ellipsoid bounds the volume in which the closed form is asked at all.
     around = math.hypot(abs(x) + half_x, abs(y) + half_y)

@@ -74,6 +74,7 @@ class TrialScene:
         """
         self.job = job
         self.arm = drawn.arm if sim.model.arm == "full" else replace(drawn.arm, friction=JointFriction())
+        self.arm = replace(self.arm, reading=replace(self.arm.reading, backlash=sim.model.wrist_backlash))
         """The true arm."""
         has_twins = has_twins and _can_step(self.arm, sim.timestep)
         true = sim.plate
@@ -145,7 +146,8 @@ def _plate(job: Job, drawn: Draw, true: PlateConfig) -> Plate:
     # A switch needs some way to close; without one the bottom is where the part is seated.
     floor = hole.depth - true.shallow + (FLOOR_MARGIN if hole.evidence == "switch" else 0.0)
     chamfer = hole.chamfer if true.present else 0.0
-    return Plate(drawn.hole, lean, half, floor, outline_of(drawn.hole, lean, *hole.plate_bounds), chamfer)
+    rubbing = contact.Rubbing(true.stick, true.stick_speed, true.ripple, true.ripple_length)
+    return Plate(drawn.hole, lean, half, floor, outline_of(drawn.hole, lean, *hole.plate_bounds), chamfer, rubbing)
 
 
 def _rack(job: Job, drawn: Draw) -> Plate:

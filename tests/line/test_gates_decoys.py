@@ -85,6 +85,31 @@ def test_nothing_is_felt_where_two_tiles_meet():
     assert np.ptp(heights) < 2e-6
 
 
+def dragged(rubbing, speed, at=(0.0, 0.0)):
+    """Return the friction, over the push, of a peg that slides along x at a speed, m/s, at a place, m."""
+    plate = Plate(np.zeros(3), np.eye(3), (contact.SOLID, contact.SOLID), 0.03, rubbing=rubbing)
+    model, data = model_over(plate, 0.3, friction=0.2)
+    data.qpos[:] = [*at, 0.0] - rig.lowest(PEG, 0.3, 0.3)
+    data.qvel[0] = speed
+    felt = 0.0
+    for _ in range(60):
+        felt = 500.0 * (speed - data.qvel[0])
+        data.qfrc_applied[:] = felt, -300.0 * data.qvel[1], -5.0
+        mujoco.mj_step(model, data)
+    return felt / 5.0
+
+
+def test_stribecks_law_holds_a_slow_peg_harder_than_a_quick_one():
+    law = contact.Rubbing(1.0, 0.02, 0.0, 1.0)
+    assert dragged(contact.EVEN, 0.005) == pytest.approx(dragged(contact.EVEN, 0.1), rel=0.1)
+    assert dragged(law, 0.005) == pytest.approx(2.0 * dragged(law, 0.1), rel=0.1)
+
+
+def test_friction_changes_from_place_to_place():
+    law = contact.Rubbing(0.0, 1.0, 0.5, 0.02)
+    assert dragged(law, 0.005, (0.005, 0.005)) == pytest.approx(3.0 * dragged(law, 0.005, (0.005, 0.015)), rel=0.1)
+
+
 def test_tiles_cover_the_plate_once_and_each_holds_its_hole():
     rng, whole, tried = np.random.default_rng(3), (np.full(2, -0.07), np.full(2, 0.07)), 0
     for _ in range(200):

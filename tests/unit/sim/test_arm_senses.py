@@ -51,6 +51,16 @@ def test_noise_is_as_strong_as_it_is_said_to_be():
     np.testing.assert_allclose(told[:, 7:].std(axis=0), rates, rtol=0.05, atol=1e-9)
 
 
+def test_an_encoder_with_play_follows_its_link_by_half_the_play_behind_it():
+    words, play = senses(reading=StateReading(backlash=0.002)), np.array([0.0] * 4 + [0.001] * 3)
+    there, _ = read(words, q=Q + 0.01)
+    np.testing.assert_allclose(there, Q + 0.01 - play, atol=1e-12)
+    still, _ = read(words, q=Q + 0.009)
+    np.testing.assert_allclose(still[4:], Q[4:] + 0.009, atol=1e-12)
+    back, _ = read(words, q=Q)
+    np.testing.assert_allclose(back, Q + play, atol=1e-12)
+
+
 @pytest.mark.parametrize("cycles", [1, 3, 12])
 def test_a_scan_reads_a_state_so_many_cycles_old_and_the_law_the_newest(cycles):
     words = senses(reading=StateReading(delay=cycles))

@@ -24,19 +24,23 @@ def _sums(pads, load):
     return [np.trapezoid(q, s) for q in loads], [np.trapezoid(q * s, s) for q in loads]
 
 
+@pytest.mark.parametrize("exponent", [0.5, 1.0, 1.5])
 @pytest.mark.parametrize("hold", HOLDS)
 @pytest.mark.parametrize("theta", [-1.2, 0.0, 0.7])
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_pads_balance_the_push(hold, theta, sign):
+def test_pads_balance_the_push(exponent, hold, theta, sign):
     load = replace(PUSHED, theta=theta, across=sign * PUSHED.across, tilting=sign * PUSHED.tilting)
-    (left, right), (left_moment, right_moment) = _sums(Pads(PadConfig(hold=hold), "parallelogram"), load)
+    (left, right), (left_moment, right_moment) = _sums(
+        Pads(PadConfig(hold=hold, exponent=exponent), "parallelogram"), load
+    )
     assert left - right == pytest.approx(load.across, abs=0.03)
     assert left_moment - right_moment == pytest.approx(load.tilting, rel=0.01)
 
 
+@pytest.mark.parametrize("exponent", [0.5, 1.0, 1.5])
 @pytest.mark.parametrize("hold", HOLDS)
-def test_each_pad_bears_the_grip_force_when_nothing_pushes(hold):
-    sums, _ = _sums(Pads(PadConfig(hold=hold), "parallelogram"), AT_REST)
+def test_each_pad_bears_the_grip_force_when_nothing_pushes(exponent, hold):
+    sums, _ = _sums(Pads(PadConfig(hold=hold, exponent=exponent), "parallelogram"), AT_REST)
     assert sums == pytest.approx([30.0, 30.0], rel=1e-3)
 
 
@@ -48,6 +52,20 @@ def test_fingers_held_by_force_bear_the_same_together_under_a_push():
 def test_fingers_held_at_their_width_bear_more_together_under_a_push():
     sums, _ = _sums(Pads(PadConfig(hold="width"), "parallelogram"), PUSHED)
     assert sum(sums) > 63.0
+
+
+@pytest.mark.parametrize(("exponent", "share"), [(0.5, 2**0.5), (1.0, 2.0), (1.5, 2**1.5)])
+def test_a_pad_answers_to_twice_a_small_depth_by_its_exponent(exponent, share):
+    once, twice = Pads(PadConfig(exponent=exponent), "parallelogram").line_load(np.array([1e-9, 2e-9]))
+    assert twice / once == pytest.approx(share, rel=1e-3)
+
+
+@pytest.mark.parametrize("exponent", [0.5, 1.5])
+def test_taxels_under_a_pad_of_another_law_see_the_whole_grip(exponent):
+    pads, seen = Pads(PadConfig(exponent=exponent), "parallelogram"), []
+    for law in (pads, Pads(PadConfig(), "parallelogram")):
+        seen.append(law.pressure(AT_REST).sum())
+    assert seen[0] == pytest.approx(seen[1], rel=0.1)
 
 
 def test_pads_do_not_pull():
