@@ -13,25 +13,33 @@ from skills.catalogue import insert_peg
 from skills.contract import Outcome
 
 SEED = 4
+STIFF = 'reality.without=["grip.shear_stiffness"]'
+"""Pads that do not let the peg turn, which is not what these tests are about."""
 
 
 def test_an_insertion_through_the_board_ends_as_with_the_plain_stand_in():
     """One seed of what `cell study wire` does with many."""
-    plain, wired = (run_trial(load(sets=[f"skin.kind={name}"]).cell, SEED) for name in ("sim", "can"))
+    plain, wired = (run_trial(load(sets=[f"skin.kind={name}", STIFF]).cell, SEED) for name in ("sim", "can"))
     assert (wired.outcome, wired.switch_closed) == (plain.outcome, plain.switch_closed) == ("success", True)
     assert wired.depth == pytest.approx(plain.depth, abs=1e-4)
 
 
 @pytest.mark.parametrize("kind", ["can", "serial"])
 def test_a_board_that_is_unplugged_on_the_way_ends_in_its_fault_and_no_success(kind):
-    config = load(sets=[f"skin.kind={kind}", "boards.skin.faults.unplugged=[[15.0, 1e6]]"]).cell
+    config = load(sets=[f"skin.kind={kind}", STIFF, "boards.skin.faults.unplugged=[[15.0, 1e6]]"]).cell
     row = run_trial(config, SEED)
     assert (row.outcome, row.reason, row.switch_closed) == ("failure", "skin_silent", False)
     assert row.sim_time < 16.0
 
 
 def test_the_next_insertion_succeeds_once_the_board_is_back():
-    keys = ["skin.kind=serial", "boards.skin.faults.unplugged=[[15.0, 16.0]]", "sim.pace=max", f"sim.seed={SEED}"]
+    keys = [
+        "skin.kind=serial",
+        STIFF,
+        "boards.skin.faults.unplugged=[[15.0, 16.0]]",
+        "sim.pace=max",
+        f"sim.seed={SEED}",
+    ]
     config = load(sets=keys).cell
     with opened(assemble(config)) as cell:
         ctx = cell.context(SEED)

@@ -42,10 +42,10 @@ class Biased:
 
 
 def adjusted_with(monkeypatch, bias, seed, *keys):
-    """Return the row of a trial whose theta is wrong by `bias`, rad."""
+    """Return the row of a trial on stiff pads whose theta is wrong by `bias`, rad."""
     make = cell.assembly.make_estimator
     monkeypatch.setattr(cell.assembly, "make_estimator", lambda config: Biased(make(config), bias))
-    return run_trial(load(sets=["hole.area=[0.02,0.02]", *keys]).cell, seed)
+    return run_trial(load(sets=["world=v1", "hole.area=[0.02,0.02]", *keys]).cell, seed)
 
 
 @pytest.mark.parametrize("bias", [-0.06, 0.06])
