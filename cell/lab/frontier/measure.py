@@ -174,7 +174,7 @@ def measure(
 
 def _fingerprint(config: CellConfig) -> str:
     """Return a text that is the same for configs with the same values, whatever their origin."""
-    return config_hash(config.model_copy(update={"preset": ""}))
+    return config_hash(config.model_copy(update={"preset": "", "world": ""}))
 
 
 @dataclass(frozen=True, slots=True)
