@@ -32,7 +32,7 @@ def test_peg_falls_where_there_is_a_hole_and_nowhere_else():
 
 
 def test_plate_of_facets_has_a_hole():
-    with pytest.raises(ConfigError, match=r"hole\.present = false"):
+    with pytest.raises(ConfigError, match=r"sim\.plate\.present = false"):
         config("sim.plate.present=false", "sim.model.hole=boxes")
 
 
@@ -52,7 +52,7 @@ def test_dip_from_the_spread_is_passed_as_often_as_stated():
 def test_quick_study_tells_of_every_detector_and_draws(tmp_path):
     arguments = ["study", "events", "--quick", "--json", "--trials", "2", "--seed", str(SEED), "--workers", "1"]
     with redirect_stdout(io.StringIO()) as printed:
-        assert main([*arguments, "--out", str(tmp_path)]) == 0
+        assert main([*arguments, "--set", "world=v1", "--out", str(tmp_path)]) == 0
     lines = json.loads(printed.getvalue())["lines"]
     used = [line for line in lines if line["in_use"]]
     assert [line["detector"] for line in used] == list(DETECTORS)

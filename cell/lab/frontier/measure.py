@@ -176,7 +176,7 @@ def measure(
 
 def _fingerprint(config: CellConfig, tracker: MakeTracker = make_tracker) -> str:
     """Return a text that is the same for configs with the same values, whatever their origin, and the same tracker."""
-    return f"{config_hash(config.model_copy(update={'preset': ''}))} {tracker.__name__}"
+    return f"{config_hash(config.model_copy(update={'preset': '', 'world': ''}))} {tracker.__name__}"
 
 
 @dataclass(frozen=True, slots=True)
