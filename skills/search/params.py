@@ -32,7 +32,7 @@ class SpraySearchParams(SkillParams):
     """
     least_push: Annotated[float, Field(gt=0.0, le=1.0)]
     """Smallest share of the push that is left after slips, fraction. Source: chosen, not measured; reason in decision 0020."""
-    push_offset: NonNegativeFloat
+    push_offset: PositiveFloat
     """Depth of the tip's setpoint below the surface, m; 0.01 in [gibbons]. Source: [gibbons], Sec. IV."""
     tilt: Annotated[float, Field(ge=0.0, lt=1.4)]
     """Tilt of the peg from the vertical, rad; 45 degrees in [gibbons]. Source: [gibbons], Sec. IV."""
@@ -95,7 +95,7 @@ class SpraySearchParams(SkillParams):
     """Time for which the hand rests before the tip's depth is judged, by a frame of its end, s. Source: chosen, not
     measured; reason in decision 0020.
     """
-    probe_radius: NonNegativeFloat
+    probe_radius: PositiveFloat
     """Radius of the spiral that probes the place of the evidence where the resting tip is not deep enough, m. Source:
     chosen, not measured; reason in decision 0020.
     """
