@@ -65,7 +65,7 @@ class SpraySearchParams(SkillParams):
     """Largest correction of the peg's length in the hand by the first touch-down, m. Source: decision 0058."""
     touch_down: Annotated[float, Field(gt=TOUCHED_TIME)]
     """Longest time to come down to the surface, s; the path begins as soon as the plate bears the push."""
-    trim_rate: NonNegativeFloat
+    trim_rate: PositiveFloat
     """Rate at which the setpoint across the lanes is moved against the tip's error there, 1/s; it takes out what joint
     friction holds the arm off. Source: decision 0030.
     """
