@@ -62,7 +62,7 @@ def find_and_seat(
     plane = found.result.plane if isinstance(found.result, spray_search.SpraySearchResult) else None
     if found.result.outcome is not Outcome.SUCCESS:
         return [found]
-    ctx.surface = plane or ctx.surface
+    ctx.peg = replace(ctx.peg, surface=plane or ctx.peg.surface)
     tried = in_order(
         [
             (INSERT.name, lambda c: _insert(skills, c, plane, attempt)),
@@ -107,7 +107,7 @@ def _adjust(skills: SkillSet, ctx: SkillContext, plane: Plane | None = None, att
 
 
 def _handling(skills: SkillSet, ctx: SkillContext) -> Handling:
-    return handling(ctx.job.peg.part, sections_of(skills, ctx.grip_share))
+    return handling(ctx.job.peg.part, sections_of(skills, ctx.peg.grip_share))
 
 
 def sections_of(skills: SkillSet, grip_share: float = 1.0) -> Sections:

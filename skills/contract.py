@@ -24,7 +24,7 @@ from drivers.quantities import (
     Vector,
     Wrench,
 )
-from skills.latch_likelihood import Way
+from skills.held_peg import HeldPeg
 from skills.passivity import SOFTENED, STOP, PassivityGuard, PassivityVerdict
 from skills.rest import Rest
 from skills.scan_guards import (
@@ -39,9 +39,8 @@ from skills.scan_guards import (
     way_back,
 )
 from skills.setpoint_gate import Limits
-from skills.surface import Plane
 from skills.tactile.blend import Blend, Smoothing
-from skills.tactile.pose import NO_PEG, Estimator, PegPose, Tracker
+from skills.tactile.pose import Estimator, PegPose, Tracker
 from skills.wrench_zero import SCANS, WrenchConfig, WrenchZero, zero_of
 
 logger = logging.getLogger(__name__)
@@ -149,9 +148,6 @@ LATEST_STATE = 0.1
 LEAST_TRUSTED = 20
 """Least number of trusted taxels of both fingers with which a skill goes on: half of all, one module of each finger."""
 
-SLIPPED = 0.5
-"""Share of the believed grip that is counted on after each slip of the peg along the fingers, fraction."""
-
 
 Recorder = Callable[[Observation, ImpedanceSetpoint | None], None]
 
@@ -191,17 +187,8 @@ class SkillContext:
     """Rest of the arm."""
     zero: WrenchZero = field(default_factory=WrenchZero, init=False)
     """Wrench that the arm reports where nothing touches it; it is subtracted from every observation."""
-    excess: float = field(default=0.0, init=False)
-    """Length by which the peg in the hand reaches further than the job says, m, as the first touch-down told."""
-    grip_share: float = field(default=1.0, init=False)
-    """Share of the believed grip that is left after the peg in the hand has slipped, fraction."""
-    surface: Plane | None = field(default=None, init=False)
-    """Plate's surface as the last search that found the hole has felt it; None where none has since the grasp."""
-    ways: tuple[Way, ...] = field(default=(), init=False)
-    """Ways down of the peg in the hand to where something bore it, over all attempts since the grasp."""
-    is_length_known: bool = field(default=False, init=False)
-    """Whether the peg in the hand has touched the plate since it was grasped."""
-    _peg: PegPose = field(default=NO_PEG, init=False)
+    peg: HeldPeg = field(default_factory=HeldPeg, init=False)
+    """What is known of the peg in the hand."""
     _unseen_since: float | None = field(default=None, init=False)
     """Time from which the hand holds a peg that the skin has not shown yet, s; None where no such peg is held."""
     _sequence: int = field(default=-1, init=False)
@@ -232,25 +219,20 @@ class SkillContext:
         self.rest.leave()
         self.arm.follow(setpoint)
 
-    def set_excess(self, excess: float | None) -> None:
-        """Set the length by which the peg reaches further than the job says, m; None where it is unknown, as after a grasp."""
-        if excess is None:
-            self.grip_share = 1.0
-        self.is_length_known, self.excess = excess is not None, excess or 0.0
-
     def note_slip(self) -> None:
         """Note that the peg has slipped along the fingers: the skills count on less grip from now on and push less."""
-        self.grip_share *= SLIPPED
-        logger.info("peg: slipped along the fingers; %.0f %% of the believed grip is counted on", 1e2 * self.grip_share)
+        self.peg = self.peg.slipped()
+        share = 1e2 * self.peg.grip_share
+        logger.info("peg: slipped along the fingers; %.0f %% of the believed grip is counted on", share)
 
     @property
     def length(self) -> float:
         """Distance from the finger centre to the peg's end point, m, as far as is known."""
-        return self.job.peg.length + self.excess
+        return self.job.peg.length + self.peg.excess
 
     def in_hand(self) -> InHandTip:
         """Return where the end point is in the hand, as far as is known."""
-        return InHandTip(self._peg.theta, self.length, self._peg.stamp)
+        return InHandTip(self.peg.pose.theta, self.length, self.peg.pose.stamp)
 
     def zero_wrench(self) -> None:
         """Set the wrench's offset to its mean over the last scans, in which the hand rested in free air.
@@ -298,9 +280,9 @@ class SkillContext:
             require_finite_theta(estimate)
             pose = estimate if estimate.healthy else None
         known = self.tracker.follow(pose)
-        if known.healthy:
-            self._peg = known
-        tip, axis = end_point(arm.tcp, self._peg.theta, self.length)
+        if known.healthy and known is not self.peg.pose:
+            self.peg = replace(self.peg, pose=known)
+        tip, axis = end_point(arm.tcp, self.peg.pose.theta, self.length)
         return Observation(
             stamp=arm.stamp,
             elapsed=elapsed,
@@ -310,7 +292,7 @@ class SkillContext:
             gripper=self.read_hand(),
             frame=frame,
             is_new_frame=is_new_frame,
-            peg=self._peg,
+            peg=self.peg.pose,
             tip=tip,
             axis=axis,
             switch=self.switch.read(),

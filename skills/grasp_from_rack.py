@@ -92,8 +92,7 @@ def run(params: GraspFromRackParams, ctx: SkillContext) -> GraspFromRackResult:
     grip_at = slot + UP * (job.peg.length - job.rack.depth)
 
     ctx.gripper.release(params.opening)
-    ctx.set_excess(None)
-    ctx.surface, ctx.ways = None, ()
+    ctx.peg = ctx.peg.grasped_anew()
     above = Goal(grip_at + UP * params.clearance, UP, ACROSS_RACK)
     _rise(above.tip[2], params, ctx)
     for _ in move(above, params.transfer, ctx, None):

@@ -33,7 +33,7 @@ def pull_out(height: float, gains: Gains, ctx: SkillContext, limited: bool = Tru
     here = ctx.observe()
     identity, in_hand = ctx.new_id(), ctx.in_hand()
     most = SHARE * ctx.limits.force / gains.translation
-    out = UP if ctx.surface is None else ctx.surface.normal
+    out = UP if ctx.peg.surface is None else ctx.peg.surface.normal
     tip, target = here.tip, here.tip
     for seen in ctx.scan(LONGEST, holding=True, limited=limited):
         tip = seen.tip

@@ -107,7 +107,7 @@ def run(
             would press its faces against them, by its ratio to half a side.
     """
     hole, is_felt, plane = ctx.job.hole, plane is not None, plane or nominal(ctx.job.hole)
-    first, arrival, looks = ctx.observe(), Arrival(), Looks(Curve(earlier=ctx.ways))
+    first, arrival, looks = ctx.observe(), Arrival(), Looks(Curve(earlier=ctx.peg.ways))
     aim, stall, guide, descent = Aim(ctx.in_hand(), plane.normal), Stall(), Guide(), Descent(plane.depth(first.tip))
     swing = at_rest = Swing(first.arm.tcp.rotation[:, 0], first.arm.stamp)
     sweep, across = TiltSweep(), (2.0 * ctx.job.peg.part.half[1], 2.0 * hole.part.half[1])
@@ -116,7 +116,7 @@ def run(
         elapsed, running, tip, is_done = seen.elapsed, seen.running, aim.tip(seen.arm.tcp), False
         if hole.latch is not None and hole.evidence == "force":
             looks = looks.after(seen, ctx.held, hole.latch, plane.depth(seen.tip) - hole.depth)
-            is_done, ctx.ways = looks.is_shown, looks.curve.ways
+            is_done, ctx.peg = looks.is_shown, replace(ctx.peg, ways=looks.curve.ways)
         elif is_seated(seen.switch, tip, hole):
             arrival = arrival.after(seen, ctx.held, hole.depth - plane.depth(seen.tip) if is_felt else 0.0)
             is_done = arrival.is_over(seen.stamp)

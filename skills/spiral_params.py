@@ -52,7 +52,7 @@ class SpiralAdjustParams(SkillParams):
     read anew from the skin, and every other time the peg is aimed along where it rests, so that only the dither's torque
     is left. Source: docs/tried/adjustment.md; a creeping peg docs/tried/adjustment.md.
     """
-    arrival: NonNegativeFloat
+    arrival: PositiveFloat
     """Distance from the bottom within which the peg is damped more, m; it lets the peg arrive without a blow. Source:
     docs/tried/adjustment.md.
     """

@@ -64,7 +64,7 @@ def run(
     Returns:
         Where the tip fell in, or why the search ended without a fall.
     """
-    course = make_course(params, ctx.job, ctx.rng, _with_prior(belief, ctx), ctx.is_length_known)
+    course = make_course(params, ctx.job, ctx.rng, _with_prior(belief, ctx), ctx.peg.is_length_known)
     start = (course.first[0], course.first[1])
     if (stuck := approach(_above(course), params.transfer, ctx)) is not None:
         return SpraySearchResult(Outcome.FAILURE, Reason.NOT_SEATED, LONGEST, _point(stuck), start, 0, None)
@@ -91,7 +91,7 @@ def run(
         plane=_referenced(evidence.plane(found.tip), params, ctx, sweep),
         edge=sweep.edge,
         left=sweep.left,
-        excess=ctx.excess,
+        excess=ctx.peg.excess,
         offset=_point(ctx.zero.force),
         noise=ctx.zero.noise,
     )
@@ -139,14 +139,14 @@ def _referenced(plane: Plane, params: SpraySearchParams, ctx: SkillContext, swee
     Under a peg that slips up into the hand the plate seems to have sunk where it was touched down on; a tilted plate does not.
     """
     touched = sweep.touched
-    if touched is None or not ctx.is_length_known:
+    if touched is None or not ctx.peg.is_length_known:
         return plane
     sunk = plane.depth(touched) / float(plane.normal[2])
     excess = excess_of(sunk, sweep.axis, params.length_bound, has_touched=True)
     if not excess:
         return plane
     logger.info("peg: has slipped by %.1f mm along the fingers on the plate", -1e3 * excess)
-    ctx.set_excess(ctx.excess + excess)
+    ctx.peg = replace(ctx.peg, measured=ctx.peg.excess + excess)
     ctx.note_slip()
     return Plane(plane.point - excess * float(sweep.axis[2]) * UP, plane.normal)
 

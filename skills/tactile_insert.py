@@ -46,9 +46,9 @@ class TactileInsertParams(SkillParams):
     """Rate at which the hand turns after a peg that has turned in it, 1/s. Source: docs/tried/search.md."""
     aligned: Annotated[float, Field(gt=0.0, lt=0.8)]
     """Tilt phi below which the adjustment takes over, rad; 15 degrees in [gibbons]. Source: docs/tried/insertion.md."""
-    compliance_rate: NonNegativeFloat
+    compliance_rate: PositiveFloat
     """Rate at which the tip's setpoint along x and y gives way to where the hole keeps the tip, 1/s. Source: docs/tried/insertion.md."""
-    forward: NonNegativeFloat
+    forward: PositiveFloat
     """Distance of the tip's setpoint ahead of the tip, towards the side that the peg leans to, m; raising then cannot lift
     the peg out. Source: chosen, not measured; reason in docs/tried/insertion.md.
     """

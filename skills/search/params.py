@@ -32,7 +32,7 @@ class SpraySearchParams(SkillParams):
     """
     least_push: Annotated[float, Field(gt=0.0, le=1.0)]
     """Smallest share of the push that is left after slips, fraction. Source: chosen, not measured; reason in docs/tried/search.md."""
-    push_offset: NonNegativeFloat
+    push_offset: PositiveFloat
     """Depth of the tip's setpoint below the surface, m; 0.01 in [gibbons]. Source: [gibbons], Sec. IV."""
     tilt: Annotated[float, Field(ge=0.0, lt=1.4)]
     """Tilt of the peg from the vertical, rad; 45 degrees in [gibbons]. Source: [gibbons], Sec. IV."""
@@ -65,7 +65,7 @@ class SpraySearchParams(SkillParams):
     """Largest correction of the peg's length in the hand by the first touch-down, m. Source: docs/tried/search.md."""
     touch_down: Annotated[float, Field(gt=TOUCHED_TIME)]
     """Longest time to come down to the surface, s; the path begins as soon as the plate bears the push."""
-    trim_rate: NonNegativeFloat
+    trim_rate: PositiveFloat
     """Rate at which the setpoint across the lanes is moved against the tip's error there, 1/s; it takes out what joint
     friction holds the arm off. Source: docs/tried/search.md.
     """
@@ -95,7 +95,7 @@ class SpraySearchParams(SkillParams):
     """Time for which the hand rests before the tip's depth is judged, by a frame of its end, s. Source: chosen, not
     measured; reason in docs/tried/search.md.
     """
-    probe_radius: NonNegativeFloat
+    probe_radius: PositiveFloat
     """Radius of the spiral that probes the place of the evidence where the resting tip is not deep enough, m. Source:
     chosen, not measured; reason in docs/tried/search.md.
     """

@@ -153,7 +153,7 @@ def next_phase(phase: Phase, felt: Felt, params: SpraySearchParams, course: Cour
 
 def after_rest(phase: Resting, felt: Felt, params: SpraySearchParams, course: Course, point: Vector) -> Phase:
     """Return the phase where the resting tip was not deep enough: probe the place once, then slide on."""
-    is_probed = not phase.was_probed and params.probe_radius > 0.0 and not phase.is_gone(felt, params)
+    is_probed = not phase.was_probed and not phase.is_gone(felt, params)
     goal = phase.place if is_probed else course.middle + point
     detour = Detour(felt.elapsed, felt.tip[:2] - goal, felt.hand_axis, felt.tcp.rotation[:, 2])
     return Probing(detour, phase.place, felt.below) if is_probed else Sliding(detour)

@@ -18,7 +18,7 @@ PUSH = 7.5
 
 def firm(search: SpraySearchParams, thickness: float) -> SpraySearchParams:
     """Return the parameters of a search with the push for a round peg of this thickness, m; what the pads bear still bounds it."""
-    if thickness > THIN or search.push_offset == 0.0:
+    if thickness > THIN:
         return search
     return search.model_copy(update={"push_stiffness": max(search.push_stiffness, PUSH / search.push_offset)})
 

@@ -179,7 +179,7 @@ class Sweep:
     def _measure_length(self, edge: Vector, felt: Felt) -> None:
         """Take from a touch-down how far the peg reaches from the hand; after the first one it may have slipped."""
         height = float(edge[2]) - self._ctx.job.hole.centre[2]
-        excess = excess_of(height, felt.axis, self._params.length_bound, self._ctx.is_length_known)
+        excess = excess_of(height, felt.axis, self._params.length_bound, self._ctx.peg.is_length_known)
         if excess is None:
             logger.warning(
                 "peg: its end was expected %.1f mm above the plate's surface where it touches; within %.1f mm believed: length left as it is",
@@ -188,9 +188,9 @@ class Sweep:
             )
         elif excess:
             logger.info("peg: reaches %.1f mm further from the hand than stated, by its first touch-down", 1e3 * excess)
-        if excess and self._ctx.is_length_known:
+        if excess and self._ctx.peg.is_length_known:
             self._ctx.note_slip()
-        self._ctx.set_excess(self._ctx.excess + (excess or 0.0))
+        self._ctx.peg = replace(self._ctx.peg, measured=self._ctx.peg.excess + (excess or 0.0))
         self.touched = edge - (excess or 0.0) * float(felt.axis[2]) * UP
 
     def _enter(self, phase: Phase, felt: Felt) -> None:

@@ -16,12 +16,11 @@ from drivers.parts import Peg
 from drivers.skin.layout import Layout
 from skills.tactile.image import ImageEstimator, ImageParams
 from skills.tactile.likelihood import LikelihoodEstimator, LikelihoodParams
-from skills.tactile.pca import PcaEstimator, PcaParams
 from skills.tactile.pose import Estimator
 from skills.tactile.robust import RobustEstimator, RobustParams
 
 P = TypeVar("P", bound=ConfigModel)
-Templated = TypeVar("Templated", PcaParams, LikelihoodParams, RobustParams)
+Templated = TypeVar("Templated", LikelihoodParams, RobustParams)
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,9 +69,6 @@ def _as_measured(params: Templated, setup: TouchSetup) -> Templated:
 
 ESTIMATORS = estimators(
     EstimatorEntry("image", ImageParams, lambda params, setup: ImageEstimator(params, setup.layout)),
-    EstimatorEntry(
-        "pca", PcaParams, lambda params, setup: PcaEstimator(_as_measured(params, setup), setup.layout, setup.peg)
-    ),
     EstimatorEntry(
         "ml",
         LikelihoodParams,

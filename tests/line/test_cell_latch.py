@@ -8,6 +8,7 @@ from cell.config import load
 from cell.lab.seating import charts, drawn, measure
 from drivers.errors import ConfigError
 from skills.catalogue import GRASP
+from skills.held_peg import HeldPeg
 from skills.latch_likelihood import GRID, SHEAR, Way, resistance
 
 CONFIG = load().cell
@@ -68,6 +69,6 @@ def test_ways_down_of_another_peg_are_forgotten_at_the_next_grasp():
     cell = assemble(CONFIG.model_copy(update={"sim": CONFIG.sim.model_copy(update={"pace": "max"})}))
     with opened(cell):
         ctx = cell.context(1)
-        ctx.ways = (Way((0.1,), (0.0,)),)
+        ctx.peg = HeldPeg(ways=(Way((0.1,), (0.0,)),))
         GRASP.run(CONFIG.skill_set(), ctx)
-    assert ctx.ways == ()
+    assert ctx.peg.ways == ()

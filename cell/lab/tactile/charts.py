@@ -19,9 +19,9 @@ from cell.lab.tactile.measure import (
 )
 from drivers.skin.layout import LAYOUTS
 
-COLOURS = dict(zip(ESTIMATORS, ("#888888", "#ccbb44", "#4477aa", "#aa3377"), strict=True))
+COLOURS = dict(zip(ESTIMATORS, ("#888888", "#4477aa", "#aa3377"), strict=True))
 """Colours of the estimators, which colour-blind readers can tell apart."""
-MARKERS = dict(zip(ESTIMATORS, "sD^o", strict=True))
+MARKERS = dict(zip(ESTIMATORS, "s^o", strict=True))
 TITLES = {"parallelogram": "layout P: parallelogram", "base_to_base": "layout D: base to base"}
 GOAL_ERROR, GOAL_TIME = 0.8, 100.0
 """Goals of the default estimator at nominal noise on layout P: degrees, and us a frame."""
@@ -144,7 +144,7 @@ def _conditions(lines: Sequence[TactileLine], path: Path) -> None:
             if line.layout != layout:
                 continue
             place = names.index(_named(line.model, line.condition))
-            y = place + 0.18 * (ESTIMATORS.index(line.estimator) - 1.5)
+            y = place + 0.18 * (ESTIMATORS.index(line.estimator) - 1.0)
             colour = COLOURS[line.estimator]
             label = line.estimator if place == 0 else None
             axes.plot([line.rmse, line.worst], [y, y], color=colour, lw=1)

@@ -56,7 +56,7 @@ def test_facets_have_no_chamfer(key, model):
     assert f'sim.model.hole = "{model}": facets have no chamfer, and {key} = 0.0005; "exact" allowed' in said
 
 
-def test_what_was_learnt_holds_for_the_same_chamfers_alone():
+def test_what_was_learnt_holds_for_the_same_chamfers():
     plain, chamfered = load().cell.job(), load(sets=("hole.chamfer=0.0005",)).cell.job()
     assert digest(chamfered) != digest(plain)
     assert digest(chamfered) == digest(load(sets=("hole.chamfer=0.0005",)).cell.job())

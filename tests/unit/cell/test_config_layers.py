@@ -31,11 +31,6 @@ def test_a_size_below_takes_the_key_of_a_shape_above():
     assert origins["peg", "sides"] == "below"
 
 
-def test_a_key_of_an_older_layout_is_told_with_its_layer():
-    with pytest.raises(ConfigError, match=r"^old\.toml: .*search\.tilt_azimuth"):
-        laid(("old.toml", {"search": {"lean": 0.1}}))
-
-
 @pytest.mark.parametrize("text", ["search.speed", "=1", "search..speed=1", "search speed=1"])
 def test_a_single_key_has_a_name_and_a_value(text):
     with pytest.raises(ConfigError, match=rf"^{SET} .*KEY=VALUE"):

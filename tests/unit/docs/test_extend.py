@@ -34,7 +34,7 @@ def _naming(pattern: str, own: str) -> set[str]:
 @pytest.mark.parametrize(
     ("what", "pattern", "own"),
     [
-        ("an estimator", r"\bskills\.tactile\.pca\b", "skills/tactile/pca"),
+        ("an estimator", r"\bskills\.tactile\.image\b", "skills/tactile/image"),
         ("a command", r"\bcell\.commands\.faults\b", "cell/commands/faults"),
         ("an arm with another interface", r"\bdrivers\.arm\.franka\b|\bFrankaArmConfig\b", "drivers/arm/"),
         ("a page that shows live theta", r"\bcell\.page\b", "cell/page/"),

@@ -18,6 +18,7 @@ from skills.contract import (
     Reason,
     Request,
 )
+from skills.held_peg import HeldPeg
 from skills.motion import Goal, move
 from skills.passivity import INERTIA, MASS, SOFTEN, STOP
 from skills.scan_guards import RESUME_TIME
@@ -74,21 +75,19 @@ def test_no_two_motions_have_the_same_number_and_none_that_of_an_arm_before_its_
 def test_the_peg_ends_its_length_before_the_hand_and_as_much_further_as_its_touch_told(ctx):
     tcp, length = ctx.arm.tcp.position, ctx.job.peg.length
     np.testing.assert_allclose(ctx.observe().tip, tcp - length * UP)
-    assert not ctx.is_length_known
-    ctx.set_excess(0.004)
+    assert not ctx.peg.is_length_known
+    ctx.peg = HeldPeg(measured=0.004)
     np.testing.assert_allclose(ctx.observe().tip, tcp - (length + 0.004) * UP)
-    assert (ctx.is_length_known, ctx.in_hand().length) == (True, pytest.approx(length + 0.004))
-    ctx.set_excess(None)
-    assert (ctx.is_length_known, ctx.length) == (False, length)
+    assert (ctx.peg.is_length_known, ctx.in_hand().length) == (True, pytest.approx(length + 0.004))
+    ctx.peg = ctx.peg.grasped_anew()
+    assert (ctx.peg.is_length_known, ctx.length) == (False, length)
 
 
 def test_each_slip_halves_the_grip_that_is_counted_on_until_the_hand_grasps_anew(ctx):
     ctx.note_slip()
     ctx.note_slip()
-    ctx.set_excess(0.004)
-    assert ctx.grip_share == 0.25
-    ctx.set_excess(None)
-    assert ctx.grip_share == 1.0
+    assert ctx.peg.grip_share == 0.25
+    assert ctx.peg.grasped_anew().grip_share == 1.0
 
 
 def test_the_angle_of_the_skin_is_that_of_the_peg_in_the_hand(ctx):

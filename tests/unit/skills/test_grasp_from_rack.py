@@ -1,5 +1,7 @@
 """How the hand takes a peg from its slot, what it refuses to take, and what it forgets of the peg before."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from drivers.quantities import Pose
 from skills.catalogue import GRASP
 from skills.contract import Outcome, Reason
 from skills.grasp_from_rack import ACROSS_RACK, DRAWING_SPEED, NEAR, run
+from skills.held_peg import HeldPeg
 from skills.surface import Plane
 from tests.fakes import HAND_DOWN, PERIOD, FakeArm, FakeClock, FakeGripper, context_of
 
@@ -144,12 +147,12 @@ def test_a_hand_above_the_way_does_not_rise(ctx):
 
 
 def test_what_was_known_of_the_peg_before_is_forgotten_and_the_wrench_counts_from_free_air(ctx):
-    ctx.set_excess(0.003)
+    ctx.peg = HeldPeg(measured=0.003)
     ctx.note_slip()
-    ctx.surface = Plane(np.zeros(3), UP)
+    ctx.peg = replace(ctx.peg, surface=Plane(np.zeros(3), UP))
     ctx.arm.force = np.array([1.0, -2.0, 0.5])
     run(PARAMS, ctx)
-    assert (ctx.excess, ctx.is_length_known, ctx.grip_share, ctx.surface) == (0.0, False, 1.0, None)
+    assert (ctx.peg.measured, ctx.peg.grip_share, ctx.peg.surface) == (None, 1.0, None)
     np.testing.assert_allclose(ctx.zero.force, [1.0, -2.0, 0.5])
 
 

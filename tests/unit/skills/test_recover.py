@@ -7,6 +7,7 @@ from drivers.quantities import Pose, SwitchState
 from skills import grasp_from_rack
 from skills.catalogue import GRASP
 from skills.contract import Interrupted, Outcome, Reason, Request
+from skills.held_peg import HeldPeg
 from skills.pull_out import SHAKEN, SHARE, SPEED, pull_out
 from skills.recover import CLEAR, MARGIN, run
 from skills.surface import Plane
@@ -71,7 +72,7 @@ def test_a_hand_that_stays_around_a_peg_in_the_hole_stays_where_it_is(ctx):
 
 @pytest.mark.parametrize("normal", [UP, np.array([0.0, 0.06, 1.0]) / np.linalg.norm([0.0, 0.06, 1.0])])
 def test_a_peg_is_pulled_along_the_normal_of_the_plate_that_was_felt_and_straight_up_from_one_that_was_not(ctx, normal):
-    ctx.surface = None if normal is UP else Plane(np.array(CONFIG.hole.centre), normal)
+    ctx.peg = HeldPeg(surface=None if normal is UP else Plane(np.array(CONFIG.hole.centre), normal))
     tip, ways = ctx.observe().tip, []
     ctx.record = lambda seen, held: ways.append(held.tip - tip) if held is not None else None
     stuck = pull_out(CONFIG.hole.centre[2], PARAMS.transfer.gains, ctx)
@@ -82,11 +83,11 @@ def test_a_peg_is_pulled_along_the_normal_of_the_plate_that_was_felt_and_straigh
 
 
 def test_where_the_plate_was_felt_is_forgotten_with_the_next_grasp(ctx):
-    ctx.surface = Plane(np.array(CONFIG.hole.centre), UP)
+    ctx.peg = HeldPeg(surface=Plane(np.array(CONFIG.hole.centre), UP))
     ctx.arm.is_blocked, ctx.gripper.has_peg = False, False
     ctx.arm.tcp = Pose(np.array([0.45, 0.0, 0.3]), HAND_DOWN)
     grasp_from_rack.run(CONFIG.params(GRASP), ctx)
-    assert ctx.surface is None
+    assert ctx.peg.surface is None
 
 
 @pytest.fixture

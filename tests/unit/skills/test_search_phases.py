@@ -101,9 +101,9 @@ def test_a_corner_whose_dip_has_gone_at_rest_is_not_led_round_the_place():
     assert isinstance(after_rest(dip, gone, PARAMS, COURSE, np.zeros(2)), Probing)
 
 
-def test_without_a_probe_the_place_is_left_at_once():
-    params = PARAMS.model_copy(update={"probe_radius": 0.0})
-    phase = after_rest(Resting(HERE[:2], HAND, stopped=10.0), FELT, params, COURSE, np.array([0.01, 0.02]))
+def test_a_place_that_was_probed_is_left_at_once():
+    rest = Resting(HERE[:2], HAND, stopped=10.0, was_probed=True)
+    phase = after_rest(rest, FELT, PARAMS, COURSE, np.array([0.01, 0.02]))
     assert isinstance(phase, Sliding)
     assert phase.detour.offset == pytest.approx(HERE[:2] - COURSE.middle - [0.01, 0.02])
     assert phase.detour.axis is ASLANT

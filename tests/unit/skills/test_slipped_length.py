@@ -9,6 +9,7 @@ import pytest
 from cell.config import load
 from drivers.frames import UP
 from skills.catalogue import SEARCH
+from skills.held_peg import HeldPeg
 from skills.search.course import make_course
 from skills.search.feel import EXPLAINED
 from skills.spray_search import _referenced
@@ -23,15 +24,14 @@ def referenced(slip, *, tilt=0.0, is_known=True):
 
     The peg came down 30 mm beside the hole, on a plate that is tilted by `tilt`, rad.
     """
-    ctx = SimpleNamespace(job=CONFIG.job(), excess=0.0, is_length_known=is_known, note_slip=lambda: None)
-    ctx.set_excess = lambda excess: setattr(ctx, "excess", excess)
+    ctx = SimpleNamespace(job=CONFIG.job(), peg=HeldPeg(measured=0.0 if is_known else None), note_slip=lambda: None)
     course = make_course(PARAMS, ctx.job, np.random.default_rng(1))
     stated = np.array(ctx.job.hole.centre)
     touched = stated + np.array([0.03, 0.0, 0.03 * math.tan(tilt)])
     normal = np.array([-math.sin(tilt), 0.0, math.cos(tilt)])
     sweep = SimpleNamespace(touched=touched, axis=course.axis)
     plane = _referenced(Plane(stated - slip * math.cos(PARAMS.tilt) * UP, normal), PARAMS, ctx, sweep)
-    return ctx.excess, plane.point[2] - stated[2]
+    return ctx.peg.excess, plane.point[2] - stated[2]
 
 
 def test_a_peg_that_slipped_into_the_hand_is_shorter_and_the_plate_where_it_was():

@@ -15,6 +15,7 @@ from drivers.quantities import ArmState, InHandTip, Pose, SwitchState, Wrench
 from skills.catalogue import ADJUST
 from skills.contract import Outcome, Reason
 from skills.guided_peg import CREEP, MOST_SWEPT, SLIDING, SWEPT_BEYOND, Aim, Descent, Guide, Stall, TiltSweep
+from skills.held_peg import HeldPeg
 from skills.latch_likelihood import SHEAR, resistance
 from skills.motion import VALIDITY, anchored, tilted_by
 from skills.paths import dither, spiral
@@ -191,11 +192,11 @@ def test_the_spiral_is_fed_forward(tmp_path):
 def test_ways_down_of_earlier_attempts_are_handed_on_while_the_peg_is_held(tmp_path):
     rig = Rig(load(sets=("hole.latch={kind='detent',force=5.0,height=0.003}", "hole.evidence=force")), tmp_path)
     ctx, way = rig.cell.context(1), way_down()
-    ctx.ways = (way,)
+    ctx.peg = HeldPeg(ways=(way,))
     rig.gripper.grip(30.0)
     rig.arm.tcp = Pose(np.array([*ctx.job.hole.centre[:2], ctx.job.hole.centre[2] + ctx.length]), HAND_DOWN)
     run(PARAMS.model_copy(update={"push_offset": 0.0, "timeout": 0.5}), ctx)
-    assert ctx.ways == (way,)
+    assert ctx.peg.ways == (way,)
 
 
 def swept(tilt, last=None, elapsed=1.0):
@@ -367,7 +368,7 @@ def test_an_open_switch_at_the_bottom_disagrees_with_the_depth(bench):
 def test_fingers_that_slide_down_the_peg_are_counted_on_for_less(bench):
     bench.way = at_depth(CELL.hole.depth + CLOSED_TOLERANCE + 1e-5)
     assert bench.adjust().elapsed == 0.0
-    assert bench.ctx.grip_share == 0.5
+    assert bench.ctx.peg.grip_share == 0.5
 
 
 def test_a_jammed_peg_is_aimed_anew_by_what_the_skin_says_now_and_swept(bench):

@@ -11,6 +11,7 @@ from drivers.parts import HolePrior
 from drivers.quantities import Pose
 from skills.catalogue import SEARCH
 from skills.contract import Interrupted, Outcome, Reason
+from skills.held_peg import HeldPeg
 from skills.motion import VALIDITY
 from skills.pull_out import LONGEST
 from skills.search.belief import Belief
@@ -90,7 +91,7 @@ def test_the_course_is_drawn_by_the_generator_of_the_context(bench):
 
 @pytest.mark.parametrize("is_known", [False, True])
 def test_a_peg_that_has_touched_the_plate_before_comes_down_from_lower(bench, is_known):
-    bench.ctx.set_excess(0.0 if is_known else None)
+    bench.ctx.peg = HeldPeg(measured=0.0 if is_known else None)
     bench.search(timeout=0.05)
     height = PARAMS.height if is_known else PARAMS.first_height(bench.part.reach)
     assert bench.free_moves[0][-1].tip[2] - bench.level == pytest.approx(height, abs=1e-5)
@@ -269,5 +270,5 @@ def test_a_peg_that_reaches_otherwise_than_stated_is_told_by_its_first_touch_dow
     ended = bench.search(timeout=20.0)
     assert ended.outcome is Outcome.SUCCESS
     assert ended.excess == pytest.approx(longer, abs=2e-4)
-    assert bench.ctx.excess == ended.excess
+    assert bench.ctx.peg.excess == ended.excess
     assert ended.plane.point[2] == pytest.approx(bench.level, abs=2e-4)

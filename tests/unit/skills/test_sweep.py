@@ -11,6 +11,7 @@ from cell.config import load
 from drivers.frames import UP, angle_between, end_point
 from drivers.quantities import Pose
 from skills.catalogue import SEARCH
+from skills.held_peg import HeldPeg
 from skills.motion import VALIDITY
 from skills.search.course import make_course
 from skills.search.feel import Evidence
@@ -94,7 +95,7 @@ class Slide(Board):
     def begin(self, known=False, **keys):
         """Put the hand above the first point of a course along lanes, and begin."""
         self.params = PARAMS.model_copy(update={"trim_rate": 0.0, **keys})
-        self.ctx.set_excess(0.0 if known else None)
+        self.ctx.peg = HeldPeg(measured=0.0 if known else None)
         self.course = course = make_course(self.params, self.ctx.job, np.random.default_rng(1))
         frame = np.column_stack([-course.axis, np.cross(course.closing, -course.axis), course.closing])
         self.rig.arm.tcp = Pose(course.first + self.length * course.axis, frame)
@@ -333,7 +334,11 @@ def test_it_takes_three_rests_in_one_place_as_deep_as_a_fall_of_a_peg_that_has_t
 def test_the_first_touch_down_tells_the_length_of_the_peg_and_where_it_touched(slide, longer):
     slide.longer = longer
     slide.slide(DOWN + 0.5)
-    assert (slide.ctx.excess, slide.ctx.is_length_known, slide.ctx.grip_share) == (pytest.approx(longer), True, 1.0)
+    assert (slide.ctx.peg.excess, slide.ctx.peg.is_length_known, slide.ctx.peg.grip_share) == (
+        pytest.approx(longer),
+        True,
+        1.0,
+    )
     assert slide.sweep.touched[2] == pytest.approx(slide.level)
     edge = slide.part.lowest(slide.course.first, slide.course.axis, slide.course.closing)
     np.testing.assert_allclose(
@@ -344,19 +349,19 @@ def test_the_first_touch_down_tells_the_length_of_the_peg_and_where_it_touched(s
 def test_a_peg_that_has_touched_before_and_is_shorter_has_slipped(slide):
     slide.longer = -0.008
     slide.slide(DOWN + 0.5, known=True, touch_down=2.0)
-    assert (slide.ctx.excess, slide.ctx.grip_share) == (pytest.approx(-0.008), 0.5)
+    assert (slide.ctx.peg.excess, slide.ctx.peg.grip_share) == (pytest.approx(-0.008), 0.5)
 
 
 def test_a_peg_as_long_as_it_was_has_not_slipped(slide):
     slide.slide(DOWN + 0.5, known=True)
-    assert (slide.ctx.excess, slide.ctx.is_length_known, slide.ctx.grip_share) == (0.0, True, 1.0)
+    assert (slide.ctx.peg.excess, slide.ctx.peg.is_length_known, slide.ctx.peg.grip_share) == (0.0, True, 1.0)
     assert slide.sweep.touched[2] == pytest.approx(slide.level)
 
 
 def test_a_length_beyond_the_bound_is_not_believed(slide, caplog):
     slide.longer = -0.007
     slide.slide(DOWN + 0.5)
-    assert (slide.ctx.excess, slide.ctx.is_length_known) == (0.0, True)
+    assert (slide.ctx.peg.excess, slide.ctx.peg.is_length_known) == (0.0, True)
     assert slide.sweep.touched[2] == pytest.approx(slide.level - 0.007 * slide.course.axis[2])
     assert "expected -4.9 mm above" in caplog.text
     assert "within 6.0 mm believed" in caplog.text
@@ -366,7 +371,7 @@ def test_a_plate_that_is_not_felt_tells_no_length(slide):
     slide.level -= 0.03
     slide.slide(PARAMS.touch_down + 0.2)
     assert slide.commanded[-1].twist.linear.any()
-    assert (slide.ctx.is_length_known, slide.sweep.touched) == (False, None)
+    assert (slide.ctx.peg.is_length_known, slide.sweep.touched) == (False, None)
 
 
 @pytest.mark.parametrize(("limit", "moved"), [(1.0, 12.0 * 2e-3 * 20 * PERIOD), (1e-3, 1e-3)])
