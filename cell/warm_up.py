@@ -29,14 +29,12 @@ _ENGINE = "from sim.engine import compile_ahead; compile_ahead()"
 
 def compile_ahead(config: CellConfig) -> None:
     """Compile what takes longest of a simulated insertion if this computer has not: the engine in a process of its own, all else here."""
-    from sim import shapes
-
     if is_kept("sim/engine.py"):
         return
     complain("compiling for this computer, once: the first start takes about half a minute longer")
     with progress() as bars, subprocess.Popen([sys.executable, "-c", _ENGINE], stderr=subprocess.DEVNULL) as engine:
         bar = bars.add_task("compiling", total=3)
-        shapes.install(config.peg.part)
+        assemble(config)  # a stand-in compiles the contacts of its peg
         bars.advance(bar)
         make_estimator(config)
         bars.advance(bar)

@@ -9,13 +9,12 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from drivers.errors import CellError
-from drivers.transport.can_bus import CanBus
 from drivers.transport.serial_line import SerialLine
 from plc_bridge.answers import report_image_of
-from plc_bridge.canopen import CanopenServer
-from plc_bridge.config import PlcConfig
+from plc_bridge.config import CanConfig, PlcConfig
 from plc_bridge.handshake import Handshake
 from plc_bridge.images import CommandImage, Diagnostics, ReportImage, diagnostics_words, report_words
 from plc_bridge.intervals import Intervals
@@ -23,9 +22,12 @@ from plc_bridge.messages import Command, Refusal, Report
 from plc_bridge.modbus import ModbusServer
 from plc_bridge.modbus_tls import SecureModbusServer
 from plc_bridge.peer_log import PeerLog
-from plc_bridge.registers import DISCRETE_INPUTS, Parameter, table
+from plc_bridge.registers import DISCRETE_INPUTS, Parameter, Register, table
 from plc_bridge.rtu import RtuServer
 from plc_bridge.sight import PlcSight
+
+if TYPE_CHECKING:
+    from plc_bridge.canopen import CanopenServer
 
 SCANNED_WITHIN = 1.0
 """Age of the last report up to which the cell counts as scanned, s; ten periods of the slowest scan."""
@@ -96,8 +98,7 @@ class Bridge:
             line = SerialLine(config.rtu.port, config.rtu.baud_rate, config.rtu.parity, config.rtu.stop_bits)
             self._servers.append(RtuServer(config.rtu, line, self))
         if config.can is not None:
-            bus = CanBus(config.can.interface, config.can.channel, config.can.bitrate)
-            self._servers.append(CanopenServer(config.can, table(programs, parameters), bus, self))
+            self._servers.append(_canopen_server(config.can, table(programs, parameters), self))
 
     def start(self) -> None:
         """Listen for the PLC.
@@ -284,3 +285,11 @@ class Bridge:
         with self._lock:
             inputs = self._handshake.inputs(source)
         return [getattr(inputs, name) for name in DISCRETE_INPUTS]
+
+
+def _canopen_server(config: CanConfig, registers: Sequence[Register], bridge: Bridge) -> "CanopenServer":
+    # Imported here: the libraries of CAN take 0.1 s, which only a cell with CANopen spends.
+    from drivers.transport.can_bus import CanBus
+    from plc_bridge.canopen import CanopenServer
+
+    return CanopenServer(config, registers, CanBus(config.interface, config.channel, config.bitrate), bridge)

@@ -6,11 +6,10 @@ literals of this file, good for one release of MuJoCo, and proved against the ru
 
 import ctypes
 import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from types import FunctionType
 from typing import Any
 
 import llvmlite.binding
@@ -93,14 +92,14 @@ def library_path() -> Path:
 
 
 @cache
-def _collision(hook: FunctionType) -> Any:
+def _collision(hook: Callable[..., Any]) -> Any:
     """Return a function compiled as MuJoCo calls those of its collision table; kept as long as the process lives."""
     integer, address = types.int32, types.intp
     signature = integer(address, address, address, integer, integer, types.float64)
     return cfunc(signature, cache=True)(hook)
 
 
-def collide_by(plate: mujoco.mjtGeom, peg: mujoco.mjtGeom, function: FunctionType) -> None:
+def collide_by(plate: mujoco.mjtGeom, peg: mujoco.mjtGeom, function: Callable[..., Any]) -> None:
     """Compile a function and put it into this process's collision table for a pair of geom types."""
     count = int(mujoco.mjtGeom.mjNGEOMTYPES)
     table = (ctypes.c_void_p * (count * count)).in_dll(ctypes.CDLL(str(library_path())), "mjCOLLISIONFUNC")
