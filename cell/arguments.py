@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from cell.nearest import did_you_mean
-from cell.terminal import complain
 from drivers.errors import ConfigError, FaultCode
 
 if TYPE_CHECKING:
@@ -68,10 +67,6 @@ def add_journal(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--journal", type=Path, metavar="DIR", help="folder of the records of runs")
 
 
-FIRST_COMPILED = "drivers/arm/dynamics.py"
-"""File whose compiled functions every config is checked with."""
-
-
 def load_config(args: argparse.Namespace, default_pace: str | None = None) -> "LoadedConfig":
     """Return the config that --config and --set name, at `default_pace` unless --set says another.
 
@@ -79,10 +74,7 @@ def load_config(args: argparse.Namespace, default_pace: str | None = None) -> "L
         ConfigError: The config is wrong.
     """
     from cell.config import load
-    from drivers.compiled import is_kept
 
-    if not is_kept(FIRST_COMPILED):
-        complain("compiling for this computer, once: the first start takes a minute or two")
     sets = list(args.set)
     if default_pace is not None and not any(text.startswith("sim.pace=") for text in sets):
         sets.append(f"sim.pace={default_pace}")

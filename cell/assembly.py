@@ -40,7 +40,6 @@ from drivers.switch.absent import AbsentSwitch, NoSwitchConfig
 from drivers.switch.board import SerialSuccessSwitch
 from drivers.switch.board_config import SerialSwitchConfig
 from drivers.switch.wire import BAUD_RATE
-from drivers.transport.can_bus import CanBus
 from drivers.transport.serial_line import SerialLine
 from drivers.transport.traffic import PlaybackCan, PlaybackLine, RecordedCan, RecordedLine, Recorder, is_traffic
 from drivers.transport.wires import ByteLink, CanLink
@@ -314,6 +313,8 @@ def real_skin(config: CellConfig) -> SkinLine:
 def _real_skin(config: CellConfig, clock: Clock) -> SkinLine:
     skin = config.skin
     if isinstance(skin, CanSkinConfig):
+        from drivers.transport.can_bus import CanBus
+
         return _can_skin(skin, CanBus(skin.interface, skin.channel, skin.bitrate), clock)
     if isinstance(skin, HostSkinConfig):
         host = HostSkin(skin, clock)

@@ -11,8 +11,7 @@ from functools import lru_cache, partial
 import numpy as np
 
 from cell.sampled_loop import Loop, largest_factor, one_period, radius
-from drivers.arm import dynamics
-from drivers.arm.inertia import tip_inertia
+from drivers.arm.inertia import critical_damping, tip_inertia
 from drivers.arm.kinematics import joints_at, largest_push
 from drivers.arm.model import ArmModel
 from drivers.part.contract import Part
@@ -105,7 +104,7 @@ def loop_at(kind: str, gains: Gains, inertia: Vector, factor: float) -> Loop:
     """Return the loop in which one gain is `factor` times as large, its damping ratio as it is, at an inertia of the tip."""
     raised = gains.model_copy(update={kind: factor * getattr(gains, kind)})
     stiffness, held = np.diag(raised.stiffness()), HELD[kind]
-    damping = gains.damping_ratio * dynamics.critical_damping(inertia, raised.stiffness())
+    damping = gains.damping_ratio * critical_damping(inertia, raised.stiffness())
     return inertia, held @ stiffness, stiffness - held @ stiffness, damping
 
 

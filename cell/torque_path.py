@@ -18,8 +18,7 @@ import numpy as np
 from cell.margins import MARGIN, Place
 from cell.sampled_loop import exponential, radius
 from drivers import impedance
-from drivers.arm import dynamics
-from drivers.arm.inertia import joint_inertia
+from drivers.arm.inertia import critical_damping, joint_inertia, tip_inertia
 from drivers.arm.kinematics import jacobian, links
 from drivers.arm.model import JOINTS, ArmModel
 from drivers.quantities import Vector
@@ -134,9 +133,8 @@ def _law(arm: ArmModel, q: Vector, length: float, gains: Gains) -> Vector:
     rotations, origins = links(arm, q)
     axes = np.array([rotation[:, 2] for rotation in rotations])
     J = jacobian(origins[-1] + (arm.kinematics.flange + arm.hand.finger_centre + length) * axes[-1], axes, origins)
-    believed = joint_inertia(arm, q) + np.diag(arm.joints.rotor_inertia)
     stiffness = gains.stiffness()
-    D = gains.damping_ratio * dynamics.critical_damping(dynamics.inertia_at(believed, J), stiffness)
+    D = gains.damping_ratio * critical_damping(tip_inertia(arm, q, length), stiffness)
     null = np.eye(JOINTS) - J.T @ np.linalg.inv(J @ J.T + SINGULAR * np.eye(6)) @ J
     return np.hstack(
         [

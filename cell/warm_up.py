@@ -1,26 +1,45 @@
-"""An insertion in simulation before a cell first serves its parts, recorded nowhere: nothing is compiled while an arm moves."""
+"""Compiling for this computer: most of it once, on two cores; for a cell that keeps time, all of it before an arm moves."""
 
 import json
 import logging
+import subprocess
+import sys
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Event
 
-from cell.assembly import assemble, opened
+from cell.assembly import assemble, make_estimator, opened
 from cell.cell_config import CellConfig
 from cell.config import LoadedConfig, load
 from cell.journal import Journal
 from cell.line import TerminalLine
 from cell.supervisor import Supervisor, is_timed
-from drivers.compiled import is_noted, note
+from cell.terminal import complain, progress
+from drivers.compiled import is_kept, is_noted, note
 from drivers.errors import CellError
 from plc_bridge.messages import Command, Report, Result
 from skills.catalogue import CATALOGUE, INSERT
 
 logger = logging.getLogger(__name__)
 _INSERT = CATALOGUE["insert_peg"].code
+_ENGINE = "from sim.engine import compile_ahead; compile_ahead()"
+
+
+def compile_ahead(config: CellConfig) -> None:
+    """Compile what takes longest of a simulated insertion if this computer has not: the engine in a process of its own, all else here."""
+    if is_kept("sim/engine.py"):
+        return
+    complain("compiling for this computer, once: the first start takes about half a minute longer")
+    with progress() as bars, subprocess.Popen([sys.executable, "-c", _ENGINE], stderr=subprocess.DEVNULL) as engine:
+        bar = bars.add_task("compiling", total=3)
+        assemble(config)  # a stand-in compiles the contacts of its peg
+        bars.advance(bar)
+        make_estimator(config)
+        bars.advance(bar)
+        engine.wait()  # if it fails, what is missing is compiled when it is called
+        bars.advance(bar)
 
 
 def warm_up(loaded: LoadedConfig) -> None:
@@ -28,6 +47,7 @@ def warm_up(loaded: LoadedConfig) -> None:
 
     A function that is compiled in the middle of a program holds up its scan by seconds, which the watchdog takes for a device that hangs.
     """
+    compile_ahead(loaded.cell)
     if not is_timed(loaded.cell):
         return
     for number, config in loaded.recipes.items():

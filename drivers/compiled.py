@@ -127,6 +127,7 @@ class SourceLocator:
 
     def __init__(self, function: FunctionType, path: Path) -> None:
         """Take a function and the file that it stands in."""
+        self._py_file = str(path)  # numba names it when it cannot keep a function
         self._line, self._digest = function.__code__.co_firstlineno, digest(path)
         self._folder = folder() / f"{path.stem}-{self._digest}"
 

@@ -3,18 +3,20 @@
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from drivers.errors import CellError
-from drivers.transport.can_bus import CanBus
 from drivers.transport.serial_line import SerialLine
-from plc_bridge.canopen import CanopenServer
-from plc_bridge.config import PlcConfig
+from plc_bridge.config import CanConfig, PlcConfig
 from plc_bridge.images import Diagnostics
 from plc_bridge.mailbox import Mailbox
 from plc_bridge.modbus import ModbusServer
 from plc_bridge.modbus_tls import SecureModbusServer
-from plc_bridge.registers import Parameter, table
+from plc_bridge.registers import Parameter, Register, table
 from plc_bridge.rtu import RtuServer
+
+if TYPE_CHECKING:
+    from plc_bridge.canopen import CanopenServer
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,8 +73,7 @@ class Bridge(Mailbox):
             line = SerialLine(config.rtu.port, config.rtu.baud_rate, config.rtu.parity, config.rtu.stop_bits)
             self._servers.append(RtuServer(config.rtu, line, self))
         if config.can is not None:
-            bus = CanBus(config.can.interface, config.can.channel, config.can.bitrate)
-            self._servers.append(CanopenServer(config.can, table(programs, parameters), bus, self))
+            self._servers.append(_canopen_server(config.can, table(programs, parameters), self))
 
     def start(self) -> None:
         """Listen for the PLC.
@@ -128,3 +129,11 @@ class Bridge(Mailbox):
         for server in self._servers:
             total = total + server.counts
         return total
+
+
+def _canopen_server(config: CanConfig, registers: Sequence[Register], bridge: Bridge) -> "CanopenServer":
+    # Imported here: the libraries of CAN take 0.1 s, which only a cell with CANopen spends.
+    from drivers.transport.can_bus import CanBus
+    from plc_bridge.canopen import CanopenServer
+
+    return CanopenServer(config, registers, CanBus(config.interface, config.channel, config.bitrate), bridge)

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
+from numba import typeof
 
 from drivers import impedance
 from drivers.arm.model import Hand
@@ -174,6 +175,22 @@ def advance(
     for i in range(7):
         total += qpos[i] + qvel[i]
     return tick if math.isfinite(total) and abs(total) < 1e4 else 0
+
+
+def compile_ahead() -> None:
+    """Compile `advance`, or fetch it from the cache, for the types that the stepper calls it with."""
+    row, rows = np.zeros(1), np.zeros((1, 1))
+    models, bodies = Models(0, 0, row), Bodies(0, row, row, row, row)
+    watch = Watch(PegView(row, row, rows), row, 0, 0, 0.0, False, row, row, metering.HandView(row, row, row, row))
+    arguments = (
+        models,
+        bodies,
+        watch,
+        Drives(row, row, row, row, row, row, row, row),
+        row,
+        Span(0.0, 0.0, 0, 0, 0, rows),
+    )
+    advance.compile(tuple(map(typeof, arguments)))
 
 
 @njit(cache=True, inline="always")

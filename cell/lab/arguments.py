@@ -59,4 +59,7 @@ def load_simulated(args: argparse.Namespace, what: str, pace: str | None = "max"
     """
     loaded = load_config(args, default_pace=pace)
     loaded.cell.require_simulated(what)
+    from cell.warm_up import compile_ahead
+
+    compile_ahead(loaded.cell)
     return loaded

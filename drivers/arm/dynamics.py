@@ -8,6 +8,7 @@ import math
 import numpy as np
 
 from drivers import frames
+from drivers.arm.inertia import SLACK
 from drivers.arm.model import JOINTS, ArmModel
 from drivers.compiled import njit
 from drivers.quantities import Vector
@@ -21,8 +22,6 @@ WORDS = ROTORS + JOINTS
 """Number of words for an arm: seven bodies, the last with the hand, then the rotors' inertias, kg·m²."""
 ROUNDS = 20
 """Largest number of rounds for the mean of two matrices; six usually suffice."""
-SLACK = 1e-3
-"""Smallest stiffness for which the damping is computed, N/m and N·m/rad; smaller ones count as this."""
 LEAST_MOBILITY = 1e-12
 """Mobility that is added along every direction, 1/kg and 1/(kg·m²), so that the inertia of an outstretched arm stays finite."""
 ALIKE = 1e-6

@@ -8,6 +8,8 @@ from drivers.arm.model import JOINTS, ArmModel
 from drivers.quantities import Vector
 
 _Z = np.array([0.0, 0.0, 1.0])
+SLACK = 1e-3
+"""Smallest stiffness for which the damping is computed, N/m and N·m/rad; smaller ones count as this."""
 
 
 def tip_inertia(arm: ArmModel, q: Vector, length: float) -> Vector:
@@ -27,6 +29,23 @@ def tip_inertia(arm: ArmModel, q: Vector, length: float) -> Vector:
     J = jacobian(tip, axes, origins)
     M = joint_inertia(arm, q) + np.diag(arm.joints.rotor_inertia)
     return np.linalg.inv(J @ np.linalg.inv(M) @ J.T).astype(np.float64)
+
+
+def critical_damping(L: Vector, stiffness: Vector) -> Vector:
+    """Return the damping with which every mode of an inertia on springs is critically damped, shape (6, 6).
+
+    It is D = 2 (L # K), the double diagonalisation of [albu], as in `drivers.arm.dynamics`, which says more.
+
+    Args:
+        L: Inertia, shape (6, 6).
+        stiffness: K's diagonal, shape (6,), N/m and N·m/rad; smaller values count as `SLACK`.
+    """
+    # L = C Cᵀ and C⁻¹ K C⁻ᵀ = Q Ω² Qᵀ, with the modes' rates Ω; L # K = C Q Ω Qᵀ Cᵀ.
+    C = np.linalg.cholesky(L)
+    inward = np.linalg.inv(C)
+    squares, Q = np.linalg.eigh(inward * np.maximum(stiffness, SLACK) @ inward.T)
+    D: Vector = 2.0 * (C @ Q * np.sqrt(squares)) @ (C @ Q).T
+    return D
 
 
 def joint_inertia(arm: ArmModel, q: Vector) -> Vector:

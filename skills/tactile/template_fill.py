@@ -39,7 +39,7 @@ def _spread(beside, groove, groove_weights, blur):  # type: ignore[no-untyped-de
     return spread
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def fill(  # type: ignore[no-untyped-def] # noqa: C901  compiled nested loops over one sum
     theta,
     offset,
@@ -55,8 +55,11 @@ def fill(  # type: ignore[no-untyped-def] # noqa: C901  compiled nested loops ov
     blur,
     even,
     rising,
+    first,
+    last,
 ):
-    """Fill in the readings of all taxels for every length of the line behind the finger centre, angle and offset; where the line misses the pad, nothing.
+    """Fill in the readings of all taxels for every length of the line behind the finger centre, the angles from `first` to before `last`, and every
+    offset; where the line misses the pad, nothing.
 
     The readings are in units of the load over 2·sqrt(2 pi)·blur. `backs` have to fall, so that lines which end at the
     pad's edge alike follow one another.
@@ -65,7 +68,7 @@ def fill(  # type: ignore[no-untyped-def] # noqa: C901  compiled nested loops ov
     density = 1.0 / (scale * math.sqrt(math.pi))
     felt = groove.max() + math.sqrt(FAR) * blur
     sums = np.empty((2, backs.size))
-    for i in range(theta.size):
+    for i in range(first, last):
         c, s = math.cos(theta[i]), math.sin(theta[i])
         for j in range(offset.size):
             begin, high = -math.inf, tip

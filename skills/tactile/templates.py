@@ -8,6 +8,8 @@ sides presses a face, which is an even mean of parallel lines.
 """
 
 import math
+import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Annotated, Self
@@ -20,6 +22,9 @@ from drivers.config_model import ConfigModel
 from drivers.parts import Peg
 from drivers.quantities import FINGERS, TAXELS, Vector
 from drivers.skin.layout import Layout, finger_positions, pad_size
+
+MOST_THREADS = 8
+"""Largest number of threads that fill the tables."""
 
 
 class TemplateParams(ConfigModel):
@@ -137,12 +142,19 @@ def _make(layout: Layout, peg: Peg, params: TemplateParams, overhangs: tuple[flo
         np.zeros((2, backs.size, theta.size, lines.size, TAXELS)),
         np.zeros((2, backs.size, 1, lines.size, TAXELS)),
     )
-    fill(theta, lines, taxels, *pad, *arguments, *right)
+    # Every angle is a row of its own, so that threads share the work.
+    bounds = np.linspace(0, theta.size, min(os.cpu_count() or 1, MOST_THREADS) + 1).astype(int).tolist()
+
+    def fill_rows(first: int, last: int) -> None:
+        fill(theta, lines, taxels, *pad, *arguments, *right, first, last)
+
+    with ThreadPoolExecutor() as threads:
+        list(threads.map(fill_rows, bounds[:-1], bounds[1:]))
     # The left finger is the mirror image of the right one about the finger's axis.
-    fill(-theta[:1], lines, taxels, *pad, *arguments, *left)
+    fill(-theta[:1], lines, taxels, *pad, *arguments, *left, 0, 1)
     under = np.zeros((2, 1, 1, face.size, 1))
     middle = lines[lines.size // 2 - face.size // 2 :][: face.size]
-    fill(np.zeros(1), middle, np.zeros((1, 2)), 0.1, 0.1, 0.1, np.array([0.1]), *arguments, *under)
+    fill(np.zeros(1), middle, np.zeros((1, 2)), 0.1, 0.1, 0.1, np.array([0.1]), *arguments, *under, 0, 1)
     whole = float(face @ under[0, 0, 0, :, 0])
     tables = np.empty((2, backs.size, theta.size, offset.size, FINGERS * TAXELS), np.float32)
     for load in range(2):

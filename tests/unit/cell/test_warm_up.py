@@ -6,8 +6,10 @@ from pathlib import Path
 import pytest
 
 from cell import warm_up
+from cell.assembly import assemble, opened
 from cell.config import LoadedConfig, load
 from drivers import compiled
+from sim import engine
 
 
 @pytest.fixture
@@ -15,6 +17,7 @@ def noted(tmp_path, monkeypatch):
     """Return the recipes that were inserted, with a cache that has no notes."""
     inserted = []
     monkeypatch.setattr(compiled, "folder", lambda: tmp_path)
+    monkeypatch.setattr(warm_up, "compile_ahead", lambda config: None)
     monkeypatch.setattr(warm_up, "_insert", lambda loaded, recipe: inserted.append((loaded, recipe)))
     return inserted
 
@@ -44,6 +47,13 @@ def test_sources_that_have_changed_are_compiled_anew(noted, monkeypatch):
     monkeypatch.setattr(compiled, "_digest_of_all", lambda: "other sources")
     warm_up.warm_up(load())
     assert len(noted) == 2 * before
+
+
+def test_the_engine_is_compiled_ahead_for_the_types_that_step_it():
+    with opened(assemble(load(sets=["sim.pace=max"]).cell)) as cell:
+        cell.clock.wait_until(0.01)
+    engine.compile_ahead()
+    assert len(engine.advance.signatures) == 1
 
 
 def test_the_parts_of_a_real_cell_are_inserted_in_simulation_and_the_log_goes_on_afterwards(tmp_path, monkeypatch):

@@ -17,6 +17,13 @@ CALLER = (
 )
 
 
+UNKEPT = (
+    "import ctypes\nfrom drivers.compiled import njit\ncosine = ctypes.CDLL(None).cos\n"
+    "cosine.argtypes, cosine.restype = [ctypes.c_double], ctypes.c_double\n@njit(cache=True)\ndef caller():\n"
+    "    return cosine(0.0)\nprint(caller(), sum(caller.stats.cache_hits.values()))\n"
+)
+
+
 @pytest.fixture
 def project(tmp_path: Path) -> Path:
     """Return a project of its own with the cache under test, a compiled function and one that it calls."""
@@ -40,6 +47,11 @@ def test_a_function_is_compiled_anew_when_what_it_calls_in_another_file_changes(
     first, again = run(project), run(project)
     (project / "drivers" / "callee.py").write_text(CALLEE.format(word=2))
     assert (first, again, run(project)) == (["1", "0"], ["1", "1"], ["2", "0"])
+
+
+def test_a_function_that_cannot_be_kept_is_compiled_at_each_start(project: Path) -> None:
+    (project / "drivers" / "caller.py").write_text(UNKEPT)
+    assert [run(project), run(project)] == [["1.0", "0"]] * 2
 
 
 def test_a_cache_that_somebody_else_may_write_is_not_used(project: Path) -> None:

@@ -3,7 +3,7 @@ import pytest
 
 from cell.config_files import arm_file
 from drivers import impedance
-from drivers.arm import dynamics
+from drivers.arm import dynamics, inertia
 from drivers.arm.inertia import joint_inertia, tip_inertia
 from drivers.arm.kinematics import jacobian
 from drivers.arm.link import holding_words
@@ -46,10 +46,11 @@ def test_the_geometric_mean_is_what_lies_between_two_matrices(arm, q):
     np.testing.assert_allclose(G @ np.linalg.solve(A, G), B, rtol=1e-4, atol=1e-3)
 
 
-def test_no_mode_of_a_critically_damped_tip_swings_or_creeps(arm, q):
+@pytest.mark.parametrize("module", [dynamics, inertia], ids=["compiled", "numpy"])
+def test_no_mode_of_a_critically_damped_tip_swings_or_creeps(arm, q, module):
     """Of s² L + s D + K every root is real, and each mode has its two roots at the same place."""
     L = tip_inertia(arm, q, 0.05)
-    D = dynamics.critical_damping(L, STIFFNESS)
+    D = module.critical_damping(L, STIFFNESS)
     inverse = np.linalg.inv(L)
     flow = np.block([[np.zeros((6, 6)), np.eye(6)], [-inverse @ np.diag(STIFFNESS), -inverse @ D]])
     rates = np.sqrt(np.linalg.eigvals(inverse @ np.diag(STIFFNESS)).real)
