@@ -15,6 +15,8 @@ LINK = re.compile(r"(?<!\\)\[[^\]]*\]\(([^)\s]+)\)|^\[[^\]]+\]: (\S+)", re.M)
 FILE = re.compile(r"`([\w./-]+/[\w.-]+\.(?:py|toml|md|png|hex|c))`")
 COMMAND = re.compile(r"`(?:\.venv/bin/)?cell ([a-z]+)")
 README_WORDS = 700
+RELEASE_LINES = 25
+"""Most entries of a release in the changelog."""
 
 
 @cache
@@ -109,6 +111,7 @@ def test_the_changelog_has_its_form():
     assert versions[0] == "[Unreleased]"
     assert all(dated)
     assert project["version"] in [version[1] for version in dated if version]
+    assert max(release.count("\n- ") for release in text.split("\n## ")) <= RELEASE_LINES
     assert set(re.findall(r"^### (.+)$", text, re.M)) <= {
         "Added",
         "Changed",
