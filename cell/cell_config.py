@@ -26,7 +26,7 @@ from drivers.arm.model import ArmModel, read_arm
 from drivers.config_model import ConfigModel, FilePath
 from drivers.errors import ConfigError
 from drivers.gripper.franka_config import FrankaGripperConfig
-from drivers.parts import Hole, Job, Peg, Rack, require_fit
+from drivers.parts import HandShape, Hole, Job, Peg, Rack, require_fit
 from drivers.skin.board_config import EMULATED, CanSkinConfig, HostSkinConfig, SerialSkinConfig
 from drivers.switch.absent import NoSwitchConfig
 from drivers.switch.board_config import SerialSwitchConfig
@@ -429,7 +429,9 @@ class CellConfig(Catalogued):
 
     def job(self, slot: int = 0) -> Job:
         """Return the part and its places, to be taken from the rack's `slot`."""
-        return Job(peg=self.peg, hole=self.hole, rack=self.rack, hand=self.arm_model().hand, slot=slot)
+        hand = self.arm_model().hand
+        shape = HandShape(**{name: getattr(hand, name) for name in HandShape.model_fields})
+        return Job(peg=self.peg, hole=self.hole, rack=self.rack, hand=shape, slot=slot)
 
 
 for _name in CellConfig.__annotations__.keys() & Catalogued.model_fields:

@@ -13,6 +13,7 @@ from drivers.arm.model import ArmModel
 from drivers.parts import Hole, Latch, Peg, Rack
 from skills.grasp_from_rack import GraspFromRackParams
 from skills.grip import grip_of
+from skills.handling import is_printed_for
 from skills.motion import Gains, Transfer
 from skills.paper.params import PaperParams
 from skills.search.params import TOUCHED_TIME, SpraySearchParams
@@ -154,7 +155,7 @@ def require_printable(paper: PaperParams, peg: Peg, hole: Hole) -> None:
     Raises:
         ValueError: The peg has corners, or no switch decides; one line.
     """
-    if peg.part.kind != "round":
+    if not is_printed_for(peg.part):
         raise ValueError(
             f'peg.shape = "{peg.shape}": a printed skill of paper.skills inserts round pegs; "round" allowed'
         )

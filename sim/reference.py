@@ -5,17 +5,20 @@ from importlib.resources import files
 
 import mujoco
 
+from drivers.part.shapes import section_of
 from sim import shapes
 
 STEPS = {("held", "far"): 751, ("held", "near"): 401, ("free", "free"): 187}
 """Steps of `mj_step` in a simulated second, by model and keyframe."""
+PEG = 0.008
+"""Diameter of the peg of these models, m."""
 FROM_EACH = 5
 """Number of steps that are taken from a keyframe before the state returns to it."""
 
 
 def model(name: str) -> mujoco.MjModel:
     """Return a model, "held" of the arm that holds a peg or "free" of a peg in the rack; contacts are those of the program."""
-    shapes.SOLIDS["round"].install()
+    shapes.install(section_of(PEG, None))
     return mujoco.MjModel.from_xml_string(
         files(__package__).joinpath(f"reference_{name}.xml").read_text(encoding="utf-8")
     )

@@ -135,6 +135,15 @@ WAYS: Mapping[str, Way] = {"round": Way("insert", _over_the_edge), "rectangular"
 """Handling of each kind of part."""
 
 
+_PRINTED: Mapping[str, bool] = {"round": True, "rectangular": False}
+"""Whether the printed skills insert a part of this kind."""
+
+
+def is_printed_for(part: Part) -> bool:
+    """Return True if the printed skills insert a part of this kind."""
+    return _PRINTED[part.kind]
+
+
 def handling(part: Part, sections: Sections) -> Handling:
     """Return how this part is handled."""
     made = WAYS[part.kind].make(part, sections)

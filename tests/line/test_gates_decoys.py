@@ -32,7 +32,7 @@ def plate_with_a_decoy():
 
 def model_over(plate, tilt, friction=0.0):
     """Return a tilted peg on three slides over a plate, and the data; its end's middle is at the slides' origin."""
-    shapes.SOLIDS["round"].install()
+    shapes.install(Round(0.008))
     axes, turn = rig.attitude(tilt, 0.3), np.empty(4)
     mujoco.mju_mat2Quat(turn, axes.flatten())
     model = mujoco.MjModel.from_xml_string(

@@ -10,13 +10,14 @@ from scipy.optimize import minimize
 from scipy.stats import norm
 
 from cell.config import load
+from cell.config_files import ERRORS_FILE, SHIPPED
 from drivers.quantities import TaxelFrame
 from drivers.skin.health import ERROR_COUNT, SkinHealth, SkinHealthConfig, dead_groups
 from drivers.skin.layout import LAYOUTS, MODULE_TAXELS
 from drivers.skin.recording import RecordedSkin, Recording
 from sim.config import RealityConfig, SimSkinConfig
 from sim.pads import PadLoad, Pads
-from sim.reality import read_shipped
+from sim.reality import read
 from sim.skin import Taxels, skin_truth
 from skills.tactile.image import ImageEstimator, ImageParams
 from skills.tactile.robust import RobustEstimator, RobustParams
@@ -194,7 +195,7 @@ def test_drawn_noise_of_taxels_is_that_of_the_recording(name):
     third = np.isin(module, np.unique(module)[::3])  # enough of them, and quick
     module, frames = module[third], frames[:, third]
     real = np.array([_deviation(counts) for counts in frames.T.astype(float)])
-    skin, reality = SimSkinConfig(kind="sim"), read_shipped()
+    skin, reality = SimSkinConfig(kind="sim"), read(SHIPPED / ERRORS_FILE)
     drawn = [skin_truth(reality.draw(seed, RealityConfig())).noise_level for seed in range(100)]
     levels = skin.noise * skin.full_scale * np.array(drawn)
     quantiles = np.nanpercentile(real, [25, 50, 75, 95])

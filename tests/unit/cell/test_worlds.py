@@ -8,10 +8,10 @@ import pytest
 
 from cell.assembly import assemble
 from cell.config import load
-from cell.config_files import presets
+from cell.config_files import ERRORS_FILE, SHIPPED, presets
 from drivers.errors import ConfigError
 from sim.config import RealityConfig
-from sim.reality import KINDS, read_shipped
+from sim.reality import KINDS, read
 
 FROZEN = "3b296fa9b5d90414"
 """Digest of version 2 of the world: a world that differs needs a version of its own, and the figures that were measured in it anew."""
@@ -19,7 +19,10 @@ FROZEN = "3b296fa9b5d90414"
 
 def digest(config):
     """Return a digest of the shipped errors and of all that a config states of the simulated world."""
-    errors = {name: error.model_dump(exclude={"about", "source"}) for name, error in read_shipped().errors.items()}
+    errors = {
+        name: error.model_dump(exclude={"about", "source"})
+        for name, error in read(SHIPPED / ERRORS_FILE).errors.items()
+    }
     stated = [config.contact, config.grip, config.sim, config.skin, config.reality]
     text = json.dumps(
         [errors, *(each.model_dump(mode="json", exclude={"seed", "pace"}) for each in stated)], sort_keys=True
@@ -30,7 +33,7 @@ def digest(config):
 def drawn(world, seed):
     """Return what a cell of a world draws with a seed."""
     config = load(sets=(f"world={world}",)).cell.reality
-    return read_shipped().changed(config.errors).draw(seed, config)
+    return read(SHIPPED / ERRORS_FILE).changed(config.errors).draw(seed, config)
 
 
 def test_the_shipped_world_is_frozen():
@@ -42,7 +45,7 @@ def test_the_first_world_has_stiff_pads_and_modules_alike():
     assert first["grip.shear_stiffness"] == 1.0
     assert np.all(first["skin.module_noise"] == 1.0)
     shared = set(KINDS) - {"grip.shear_stiffness", "skin.module_noise", "skin.noise_level"}
-    now = read_shipped().draw(3, RealityConfig())
+    now = read(SHIPPED / ERRORS_FILE).draw(3, RealityConfig())
     assert all(np.array_equal(first[name], now[name]) for name in shared)
 
 
