@@ -96,6 +96,7 @@ function showState(data, before) {
     const name = item.id.slice("stage-".length), time = data.stage_times[name] ?? 0;
     const text = item.dataset.name + (time ? ` ${time.toFixed(1)} s` : "");
     if (item.textContent !== text) item.textContent = text;
+    item.hidden = name === "recover" && name !== data.stage && !time; // a program of its own, no stage of an insertion
     item.classList.toggle("done", time > 0);
     if (name === data.stage) item.setAttribute("aria-current", "step");
     else item.removeAttribute("aria-current");
