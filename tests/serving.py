@@ -2,7 +2,7 @@
 
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 from cell.assembly import Cell
@@ -25,12 +25,13 @@ def serving(
     plc = loaded.cell.plc
     bridge = Bridge(plc.model_copy(update={"modbus": plc.modbus.model_copy(update={"port": 0})}), PROGRAMS, PARAMETERS)
     journal, stop = Journal(folder), threading.Event()
+    journal.open()  # here: if another one writes this folder, the test fails at once
     supervisor = Supervisor(cell, loaded, bridge, journal, stop)
 
     def serve() -> None:
         if begin is not None:
             begin.wait()
-        with journal:
+        with closing(journal):
             supervisor.serve()
 
     bridge.start()

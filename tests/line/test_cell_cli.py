@@ -60,8 +60,8 @@ def test_a_cell_that_does_not_answer_is_a_fault(capsys):
     assert "127.0.0.1:1" in capsys.readouterr().err
 
 
-def test_a_run_that_is_not_on_record_is_a_fault(capsys, tmp_path):
-    assert main(["show", "7", "--journal", str(tmp_path)]) == FAULT
+def test_a_run_that_is_not_on_record_is_wrong_use(capsys, tmp_path):
+    assert main(["show", "7", "--journal", str(tmp_path)]) == WRONG_USE
     assert "run 7" in capsys.readouterr().err
 
 
@@ -116,6 +116,7 @@ def test_the_map_comes_in_other_forms(capsys, form):
 @pytest.fixture
 def served(rig: Rig):
     """Yield HOST:PORT of a cell of fakes that is served until the test ends."""
+    rig.journal.close()  # the served cell writes this folder
     with serving(rig.cell, rig.loaded, rig.folder) as (host, port):
         yield f"{host}:{port}"
 
@@ -165,6 +166,7 @@ def test_watch_takes_over_nothing_from_a_plc_of_the_same_host(served, capsys):
 
 
 def test_the_journal_shows_a_run_with_its_picture_and_samples(rig, capsys, tmp_path):
+    rig.journal.close()
     with serving(rig.cell, rig.loaded, rig.folder) as (host, port):
         main(["run", "grasp_from_rack", "--connect", f"{host}:{port}"])
     capsys.readouterr()
