@@ -293,7 +293,7 @@ class ScanOverrunError(CellError):
 
 
 class ConfigError(CellError):
-    """The configuration cannot be used; the message names file, key, value and what is allowed."""
+    """The configuration cannot be used; the message names file, key, value and the permitted values."""
 
     code = FaultCode.CONFIG
 

@@ -46,7 +46,7 @@ class ArmCalibration(ConfigModel):
     arm: str
     """Name of the arm's model."""
     unit: str
-    """Serial name of the measured arm, as in `CellConfig.arm_unit`."""
+    """Name of the measured arm, as in `CellConfig.arm_unit`."""
     speeds: Annotated[tuple[Speed, ...], Field(min_length=2)]
     """Speeds at which each joint was moved, rad/s."""
     friction: tuple[Measured, ...]

@@ -138,7 +138,7 @@ class FrankaArm:
         self._hand_over(words)
 
     def halt(self) -> None:
-        """Hold still where the arm is, compliant."""
+        """Hold still at the present pose, compliant."""
         self._handed = self._valid_until = -math.inf
         self._hand_over(holding_words())
 

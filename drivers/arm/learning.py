@@ -68,7 +68,7 @@ def doubts(arm: ArmModel) -> Vector:
 
 
 def begin(state: Vector, figures: Vector, deviations: Vector) -> None:
-    """Start anew from figures and their standard deviations, each shape (7, 4); `state` has shape (WORDS,)."""
+    """Reset the learning to figures and their standard deviations, each shape (7, 4); `state` has shape (WORDS,)."""
     state[:] = 0.0
     state[PRIOR:LEARNT] = deviations.flatten()
     state[LEARNT:COVARIANCE] = figures.flatten()
@@ -160,7 +160,7 @@ def feed_forward(state: Vector, joint: int, wanted: float) -> float:  # pragma: 
         joint: Number of the joint, from 0.
         wanted: Commanded velocity, rad/s.
     """
-    # tau = offset + FRICTION_SHARE (dry tanh(w / DRY_RATE) + smooth tanh(w / SMOOTH_RATE)), levels bounded to what is plausible.
+    # tau = offset + FRICTION_SHARE (dry tanh(w / DRY_RATE) + smooth tanh(w / SMOOTH_RATE)); levels >= 0, |offset| <= MOST_OFFSET.
     place = LEARNT + FIGURES * joint
     friction = max(state[place + DRY], 0.0) * math.tanh(wanted / DRY_RATE)
     friction += max(state[place + SMOOTH], 0.0) * math.tanh(wanted / SMOOTH_RATE)

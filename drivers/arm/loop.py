@@ -96,7 +96,7 @@ class TorqueLoop:
             except pylibfranka.NetworkException as error:
                 self._robot = None
                 self._fail(LoopPhase.LOST, str(error))
-            except RuntimeError as error:  # base of what else the library raises
+            except RuntimeError as error:  # base of the library's remaining errors
                 self._fail(self._phase_of_stop(), str(error))
             else:
                 return

@@ -45,7 +45,7 @@ def main() -> None:
             print("failed", str(error).replace("\n", " "), flush=True)
         except BrokenPipeError:
             return
-        except RuntimeError as error:  # base of what the library raises
+        except RuntimeError as error:  # base of the library's errors
             gripper = None
             print("lost", str(error).replace("\n", " "), flush=True)
             readable, _, _ = select.select([sys.stdin], [], [], RECONNECT_PERIOD)
