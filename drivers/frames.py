@@ -20,8 +20,8 @@ def peg_in_finger(theta: float, length: float) -> Pose:
     """Return T_tcp_peg, the pose of the peg's end point in the finger frame.
 
     [gibbons], Eq. (2), corrected: the printed matrix is not a rigid transform. Here the origin is
-    length·(cos t, sin t, 0). The third column is v = -(cos t, sin t, 0), the peg's axis from the tip to the finger, so
-    that v* = (0, 0, 1) in the base frame means upright. The first column is the closing axis; the second completes a
+    length·(cos t, sin t, 0). The third column is v = -(cos t, sin t, 0), the peg's axis from the tip to the finger:
+    v* = (0, 0, 1) in the base frame means upright. The first column is the closing axis; the second completes a
     right-handed frame.
 
     Args:

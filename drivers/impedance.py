@@ -1,7 +1,7 @@
 """The impedance law at the peg's tip, [gibbons], Eq. (5)-(6): one law for hardware and simulation; pure and compiled.
 
-It runs at 1 kHz with x_p, v and J_p from the current joint positions and the held in-hand angle, so that only theta is
-as old as the last tactile frame. `pack` writes a setpoint as a fixed block of words, which a real-time process can read.
+It runs at 1 kHz with x_p, v and J_p from the current joint positions and the held in-hand angle. Only theta is as
+old as the last tactile frame. `pack` writes a setpoint as a fixed block of words, which a real-time process can read.
 
 Four places differ from the printed equations:
 - the orientation error e is (v* x v)·phi / |v* x v|: with the printed order, -K e would turn the peg away from v*;
