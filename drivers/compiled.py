@@ -1,12 +1,12 @@
-"""Numba's `njit` and `cfunc` with a cache on disk that is never stale and never another user's.
+"""Numba's `njit` and `cfunc` with a private cache on disk that is never stale.
 
-Numba stores a compiled function under the content of its own source file. A function that calls into another file is then
-not compiled anew when the other file changes, and silently runs the old law. Here a function is kept in a folder
-that carries a digest of its file, of every file of this project that the file imports, directly or not, and of the
-compiler's version. Compiled code is run as it is found, so that it is read only from a folder that nobody else may write.
+Numba keys a compiled function by the content of its own source file. If a function calls into another file and that file
+changes, numba would run the old code. So each function is stored in a folder whose name holds a digest: of its file, of every
+file of this project that the file imports, directly or not, and of the compiler's version. Compiled code runs unchecked,
+so it is read only from a folder that no other user can write.
 
-No function is compiled with `fastmath`: in which order sums are then taken depends on what was compiled before it in the
-same process, and the same source and seed gave rows that differed in the last bits (1 trial in 20, by 1e-12).
+No function is compiled with `fastmath`. With it, the order of sums depends on what the process compiled before. The same
+source and seed then gave rows that differed in the last bits (1 trial in 20, by 1e-12).
 """
 
 import atexit
@@ -25,13 +25,13 @@ import numba
 logger = logging.getLogger(__name__)
 
 njit = partial(numba.njit, error_model="numpy")
-"""Compiles a function; a division by zero gives infinity or NaN, as IEEE 754 has it, and no branch to an exception."""
+"""Compiles a function; a division by zero gives infinity or NaN, as in IEEE 754, without a branch to an exception."""
 cfunc = partial(numba.cfunc, error_model="numpy")
 """Compiles a function that C calls."""
 
 PROJECT = Path(__file__).parent.parent
 PACKAGES = "drivers", "sim", "skills"
-"""Packages of this project that hold compiled functions, or what they are made of."""
+"""Packages of this project with compiled functions or their sources."""
 _IMPORT = re.compile(
     rf"^\s*from\s+((?:{'|'.join(PACKAGES)})[\w.]*)\s+import\s+(\([^)]*\)|[^\n]*)"
     rf"|^\s*import\s+((?:{'|'.join(PACKAGES)})[\w.]*)",
@@ -41,7 +41,7 @@ _IMPORT = re.compile(
 
 @cache
 def sources(path: Path) -> frozenset[Path]:
-    """Return a file of this project with every other one that it imports, directly or not."""
+    """Return a file of this project and every file that it imports, directly or not."""
     found, waiting = {path}, [path]
     while waiting:
         for named in _imported(waiting.pop().read_text(encoding="utf-8")):
@@ -63,7 +63,7 @@ def _imported(text: str) -> list[Path]:
 
 @cache
 def digest(path: Path) -> str:
-    """Return a digest of all that the compiled functions of a file are made of."""
+    """Return a digest of all sources of a file's compiled functions."""
     parts = [numba.__version__.encode()]
     for source in sorted(sources(path)):
         parts += [source.relative_to(PROJECT).as_posix().encode(), source.read_bytes()]
@@ -72,10 +72,10 @@ def digest(path: Path) -> str:
 
 @cache
 def folder() -> Path:
-    """Return the folder of all compiled functions: of the user's own cache, or a fresh one where that cannot be trusted.
+    """Return the folder of all compiled functions: the user's own cache, or a fresh folder if that is not safe.
 
-    A folder that somebody else owns or may write is not used, for whoever writes it decides what this program does. A
-    fresh folder costs a compilation at each start, and the log says so.
+    If another user owns the cache or can write to it, it is not used: its content would run as this program.
+    A fresh folder costs a compilation at each start, and a warning in the log.
     """
     kept = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "tactile-cell" / "compiled"
     try:
@@ -96,18 +96,18 @@ def folder() -> Path:
 
 
 def is_kept(name: str) -> bool:
-    """Tell whether functions of a file of this project, named from its root, have been compiled before, as it stands now."""
+    """Return True if functions of a file of this project, named from its root, are in the cache for the present sources."""
     path = PROJECT / name
     return any((folder() / f"{path.stem}-{digest(path)}").glob("*.nbi"))
 
 
 def is_noted(what: str) -> bool:
-    """Tell whether everything that `what` compiles is kept, as its caller has noted it for the sources as they stand now."""
+    """Return True if `note` has recorded that everything `what` compiles is in the cache for the present sources."""
     return _note_of(what).is_file()
 
 
 def note(what: str) -> None:
-    """Note that everything that `what` compiles is kept."""
+    """Record that everything `what` compiles is in the cache."""
     _note_of(what).touch(mode=0o600)
 
 
@@ -123,17 +123,17 @@ def _digest_of_all() -> str:
 
 
 class SourceLocator:
-    """Tells numba where a function of this project is kept, as `numba.core.caching` asks of a cache locator."""
+    """Locates the cache of a function of this project, with the interface of a locator of `numba.core.caching`."""
 
     def __init__(self, function: FunctionType, path: Path) -> None:
-        """Take a function and the file that it stands in."""
+        """Take a function and its file."""
         self._py_file = str(path)  # numba names it when it cannot keep a function
         self._line, self._digest = function.__code__.co_firstlineno, digest(path)
         self._folder = folder() / f"{path.stem}-{self._digest}"
 
     @classmethod
     def from_function(cls, function: FunctionType, file: str) -> "SourceLocator | None":
-        """Return the place of a function of this project, None of any other."""
+        """Return the locator of a function of this project, None for any other."""
         path = Path(file)
         return cls(function, path) if path.is_relative_to(PROJECT) and path.is_file() else None
 
@@ -146,11 +146,11 @@ class SourceLocator:
         return str(self._folder)
 
     def get_source_stamp(self) -> str:
-        """Return what the stored function was made of."""
+        """Return the digest of the stored function's sources."""
         return self._digest
 
     def get_disambiguator(self) -> str:
-        """Return what tells functions of one name in one file apart."""
+        """Return the line number, which distinguishes functions of one name in one file."""
         return str(self._line)
 
 

@@ -1,4 +1,4 @@
-"""The base of every part's config model, and the resolution of file names in a config; it knows no part and no device."""
+"""The base of every config model, and the resolution of file names in a config; independent of parts and devices."""
 
 import ast
 import inspect
@@ -14,22 +14,21 @@ from pydantic_core import CoreSchema
 
 
 def beside_config(path: Path, info: ValidationInfo) -> Path:
-    """Return a path that is relative to the folder of the config file under validation as a path of its own."""
+    """Return a path relative to the folder of the config file under validation as a complete path."""
     folder: Path | None = (info.context or {}).get("folder")
     return path if folder is None else folder / path
 
 
 FilePath = Annotated[Path, AfterValidator(beside_config)]
-"""Path of a file; a relative path begins at the folder of the config file, wherever the program was started."""
+"""Path of a file; a relative path starts at the folder of the config file, not at the working directory."""
 
 
 class ConfigModel(BaseModel):
     """Base of every config model: frozen, unknown keys are errors, no infinities; a key's docstring is its help.
 
-    The first clause of a docstring says what the key means and ends in its unit, as in "Peak speed of the tip, m/s;".
-    It becomes the description in the JSON schema, and is read only when a schema is asked for: pydantic's own
-    `use_attribute_docstrings` parses every source file at every start, which costs as much as all else that
-    `cell map` does.
+    The first clause of a docstring gives the key's meaning and ends in its unit, as in "Peak speed of the tip, m/s;".
+    It becomes the description in the JSON schema, and is read only when a schema is requested. Pydantic's own
+    `use_attribute_docstrings` parses every source file at every start, which would double the time of `cell map`.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
@@ -47,7 +46,7 @@ class ConfigModel(BaseModel):
 
 
 def _docstrings(cls: type) -> dict[str, str]:
-    """Return the docstring of each key that a class itself declares, as one line; nothing for one made by a program."""
+    """Return the docstring of each key that a class itself declares, as one line; empty for a class created at run time."""
     if not issubclass(cls, BaseModel) or cls.__module__ not in sys.modules:
         return {}
     return _module_docstrings(cls.__module__).get(cls.__name__, {})

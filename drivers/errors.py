@@ -1,11 +1,11 @@
-"""Faults: the codes that the PLC reads, what they mean, and the exceptions that carry them."""
+"""Faults: the codes that the PLC reads, their meanings, and the exceptions that carry them."""
 
 from dataclasses import dataclass
 from enum import IntEnum
 
 
 class FaultCode(IntEnum):
-    """Number of a fault as the PLC reads it: 1xxx communication, 2xxx motion, 3xxx interaction, 4xxx software; never reused."""
+    """Number of a fault for the PLC: 1xxx communication, 2xxx motion, 3xxx interaction, 4xxx software; never reused."""
 
     NONE = 0
     SKIN_SILENT = 1001
@@ -35,12 +35,12 @@ class FaultCode(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class FaultText:
-    """Meaning of one fault code, and what a technician does about it."""
+    """Meaning of one fault code, and the technician's remedy."""
 
     meaning: str
     cause: str
     remedy: str
-    """What to do before the reset, which follows on every fault."""
+    """Action before the reset, which every fault requires."""
 
 
 FAULTS: dict[FaultCode, FaultText] = {
@@ -160,7 +160,7 @@ FAULTS: dict[FaultCode, FaultText] = {
 
 
 class NotCalibratedError(Exception):
-    """A calibration ended without figures, while nothing is broken; the message says why."""
+    """A calibration ended without figures, although nothing is broken; the message gives the reason."""
 
 
 class CellError(Exception):
@@ -185,7 +185,7 @@ class SkinUntrustedError(CellError):
 
 
 class SwitchUnknownError(CellError):
-    """The switch under the hole gives no valid answer."""
+    """The switch under the hole returns no valid answer."""
 
     code = FaultCode.SWITCH_UNKNOWN
 
@@ -203,7 +203,7 @@ class ArmSilentError(CellError):
 
 
 class GripperSilentError(CellError):
-    """The gripper does not answer, or refuses."""
+    """The gripper does not answer, or refuses a command."""
 
     code = FaultCode.GRIPPER_SILENT
 
@@ -239,7 +239,7 @@ class ArmRestlessError(CellError):
 
 
 class SetpointError(CellError):
-    """A skill asked for a setpoint that is not finite, lies outside the workspace, or is too far away or too fast."""
+    """A skill requested a setpoint that is not finite, lies outside the workspace, or is too far away or too fast."""
 
     code = FaultCode.SETPOINT
 
@@ -251,13 +251,13 @@ class NotFiniteError(CellError):
 
 
 class SuccessUnprovenError(CellError):
-    """The skills report success without evidence of it."""
+    """The skills report success without evidence."""
 
     code = FaultCode.SUCCESS_UNPROVEN
 
 
 class WrenchOffsetError(CellError):
-    """The external wrench that the arm reports where nothing touches is not that of free air."""
+    """The external wrench that the arm reports in free air is implausible."""
 
     code = FaultCode.WRENCH_OFFSET
 
@@ -293,7 +293,7 @@ class ScanOverrunError(CellError):
 
 
 class ConfigError(CellError):
-    """The configuration cannot be used; the message names file, key, value and what is allowed."""
+    """The configuration cannot be used; the message names file, key, value and the permitted values."""
 
     code = FaultCode.CONFIG
 

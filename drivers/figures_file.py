@@ -1,4 +1,4 @@
-"""Files of figures: read as a model, and written whole or not at all, so that a program stopped in between leaves the old one."""
+"""Files of figures: read as a model, and written whole or not at all. If the program stops during a write, the old file stays."""
 
 import os
 import tomllib
@@ -21,7 +21,7 @@ def read_figures(path: Path, kind: type[M], what: str = "") -> M:
         what: Word for the file in the message; empty for none.
 
     Raises:
-        ConfigError: There is no such file, it is not TOML, or its figures are not as the model allows.
+        ConfigError: The file is missing, is not TOML, or its figures violate the model.
     """
     try:
         return kind.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
@@ -35,7 +35,7 @@ def read_figures(path: Path, kind: type[M], what: str = "") -> M:
 
 
 def write_whole(path: Path, text: str, what: str) -> None:
-    """Write a text file; its folder is made where it is missing.
+    """Write a text file; create its folder if it is missing.
 
     Args:
         path: The file.
@@ -43,7 +43,7 @@ def write_whole(path: Path, text: str, what: str) -> None:
         what: Word for the file in the message.
 
     Raises:
-        ConfigError: The file cannot be written; one that was there before stays.
+        ConfigError: The file cannot be written; a previous file stays.
     """
     new = path.with_suffix(path.suffix + ".new")
     try:

@@ -19,10 +19,10 @@ def compose(T_a_b: Pose, T_b_c: Pose) -> Pose:
 def peg_in_finger(theta: float, length: float) -> Pose:
     """Return T_tcp_peg, the pose of the peg's end point in the finger frame.
 
-    [gibbons], Eq. (2), mended: as printed, the matrix is no rigid transform. Here the origin is
-    length·(cos t, sin t, 0) and the third column is v = -(cos t, sin t, 0), the peg's axis from the
-    tip to the finger, so that v* = (0, 0, 1) in the base frame means upright; the first column is the
-    closing axis and the second completes a right-handed frame.
+    [gibbons], Eq. (2), corrected: the printed matrix is not a rigid transform. Here the origin is
+    length·(cos t, sin t, 0). The third column is v = -(cos t, sin t, 0), the peg's axis from the tip to the finger:
+    v* = (0, 0, 1) in the base frame means upright. The first column is the closing axis; the second completes a
+    right-handed frame.
 
     Args:
         theta: In-hand angle about the closing axis, rad.
@@ -34,9 +34,9 @@ def peg_in_finger(theta: float, length: float) -> Pose:
 
 
 def angle_between(a: Sequence[float] | Vector, b: Sequence[float] | Vector) -> float:
-    """Return the angle between two vectors, rad, in [0, pi]; exact also where they are nearly parallel.
+    """Return the angle between two vectors, rad, in [0, pi]; also exact if they are nearly parallel.
 
-    The formula is atan2(|a × b|, a · b); arccos loses its precision there.
+    The formula is atan2(|a × b|, a · b); arccos loses its precision for nearly parallel vectors.
     """
     cross = math.hypot(a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
     return math.atan2(cross, float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2]))
@@ -46,6 +46,7 @@ def rotation_about(axis: Vector, angle: float) -> Vector:
     """Return the rotation by `angle`, rad, about the unit vector `axis`, shape (3, 3) (Rodrigues)."""
     x, y, z = axis
     K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    # R = I + sin φ K + (1 - cos φ) K².
     rotation: Vector = _ONE + math.sin(angle) * K + (1.0 - math.cos(angle)) * (K @ K)
     return rotation
 
@@ -53,7 +54,7 @@ def rotation_about(axis: Vector, angle: float) -> Vector:
 def quaternion(rotation: Vector) -> tuple[float, float, float, float]:
     """Return the unit quaternion, wxyz, w >= 0, of a rotation, shape (3, 3).
 
-    The largest of the four components is taken from the trace and divides the others, so that nothing cancels
+    The largest of the four components is computed first and divides the others, so that nothing cancels
     (Shepperd's method).
     """
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rotation.tolist()
@@ -73,12 +74,13 @@ def rotation_of(quaternion: Vector) -> Vector:
     """Return the rotation, shape (3, 3), of a unit quaternion, wxyz, shape (4,)."""
     w, x, y, z = quaternion
     K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    # R = I + 2 w K + 2 K².
     rotation: Vector = _ONE + 2.0 * w * K + 2.0 * (K @ K)
     return rotation
 
 
 def rotation_by(turn: Vector) -> Vector:
-    """Return the rotation of a rotation vector, rad, shape (3, 3)."""
+    """Return the rotation, shape (3, 3), of a rotation vector, rad."""
     angle = float(np.linalg.norm(turn))
     return rotation_about(turn / angle, angle) if angle > 0.0 else _ONE.copy()
 
@@ -86,7 +88,7 @@ def rotation_by(turn: Vector) -> Vector:
 def end_point(T_base_tcp: Pose, theta: float, length: float) -> tuple[Vector, Vector]:
     """Return the peg's end point x_p, m, and its axis v, both shape (3,) in the base frame, [gibbons], Eq. (3)."""
     c, s = math.cos(theta), math.sin(theta)
-    # Plain numbers cost half as much as arrays of three.
+    # Plain floats take half the time of arrays of three.
     v = [-c * x - s * y for x, y, _ in T_base_tcp.rotation.tolist()]
     tip = [at - length * along for at, along in zip(T_base_tcp.position.tolist(), v, strict=True)]
     return np.array(tip), np.array(v)

@@ -1,14 +1,13 @@
-"""The impedance law at the peg's tip, [gibbons], Eq. (5)-(6): one law for hardware and stand-in; pure and compiled.
+"""The impedance law at the peg's tip, [gibbons], Eq. (5)-(6): one law for hardware and simulation; pure and compiled.
 
-It is evaluated at 1 kHz with x_p, v and J_p from the current joint positions and the held in-hand angle,
-so that only theta is as old as the last tactile frame. A setpoint crosses into the torque loop as a
-fixed block of words, `pack`, which a real-time process can read as well.
+It runs at 1 kHz with x_p, v and J_p from the current joint positions and the held in-hand angle. Only theta is as
+old as the last tactile frame. `pack` writes a setpoint as a fixed block of words, which a real-time process can read.
 
 Four places differ from the printed equations:
-- the orientation error is (v* x v)·phi / |v* x v|: with the printed order, -K e would turn the peg away from v*;
+- the orientation error e is (v* x v)·phi / |v* x v|: with the printed order, -K e would turn the peg away from v*;
 - phi is atan2(|v x v*|, v·v*), exact near alignment;
-- damping acts on the tip's twist less the setpoint's, or the tip would lag by D·v/K along a path;
-- the setpoint holds a damping ratio instead of D, which follows from the arm's inertia at the tip in its present pose.
+- damping acts on the tip's twist minus the setpoint's; otherwise the tip would lag by D·v/K along a path;
+- the setpoint holds a damping ratio instead of D; the law computes D from the arm's inertia at the tip in its present pose.
 """
 
 import math
@@ -33,9 +32,9 @@ WEIGHED_SINCE = HELD + JOINTS
 INERTIA = WEIGHED_SINCE + 1
 LEARNING = INERTIA + JOINTS * JOINTS
 STATE_WORDS = LEARNING + learning.WORDS
-"""State of the law between steps: the integral's torque, the id it belongs to, the last torque, whether it holds still, when
-the damping was worked out, s, the damping at the tip, shape (6, 6); of an arm that holds still where its joints are held, rad, when
-its inertia was worked out, s, and that inertia, shape (7, 7), kg·m²; and the words of `drivers.arm.learning`."""
+"""State of the law between steps: the integral's torque, its motion id, the last torque, a flag for holding still, the time of
+the damping, s, and the damping at the tip, shape (6, 6). If the arm holds still: the held joint positions, rad, the time of the
+inertia, s, and that inertia, shape (7, 7), kg·m². The words of `drivers.arm.learning` follow."""
 DAMPING_PERIOD = 0.01
 """Time between two computations of damping or inertia, s; at 1 rad/s the arm's inertia changes by about 1 % in it."""
 
@@ -45,23 +44,23 @@ NULL_DAMPING = 3.0
 """Damping of the null space, N·m·s/rad."""
 
 HOLD_RATE = 25.0
-"""Rate of every mode of an arm that holds still, rad/s, each critically damped; while it is halted anew it loses its momentum at twice
-this rate. Source: `cell.torque_path`, which says how much an arm bears, and decision 0014."""
+"""Rate of every mode of an arm that holds still, rad/s; each mode is critically damped. While halts repeat, the arm's momentum
+decays at twice this rate. Source: `cell.torque_path`, which derives the stable rates of an arm, and decision 0014."""
 ROTOR_RANGE = 5.0
-"""Largest ratio of the rotor inertia that an arm holds still with, once learnt, to the least that may show. Source: decision 0014."""
+"""Upper bound on the learnt rotor inertia while an arm holds still, as a multiple of its least visible one. Source: decision 0014."""
 
 MASSES = 45
 MOST_LEARNT = MASSES + dynamics.WORDS
 FIGURES = MOST_LEARNT + JOINTS
 DH_A, DH_D, COS_ALPHA, SIN_ALPHA, TORQUE_MAX, TORQUE_RATE = 0, 7, 14, 21, 28, 35
 REACH, TURN_COS, TURN_SIN = 42, 43, 44
-"""The arm's figures as the law takes them: kinematics, limits, distance from the last joint's frame to the finger
-centre, m, the hand's turn about the flange, the masses of `drivers.arm.dynamics`, and the most of each rotor's learnt inertia
-that is counted on, kg·m²."""
+"""Indices of the arm's figures in the law's words: kinematics, limits, distance from the last joint's frame to the finger
+centre, m, the hand's turn about the flange, the masses of `drivers.arm.dynamics`, and the upper bound on each rotor's learnt
+inertia, kg·m²."""
 
 
 def figures(arm: ArmModel) -> Vector:
-    """Return an arm's kinematics, limits and masses as the words that the compiled functions read, shape (FIGURES,)."""
+    """Return an arm's kinematics, limits and masses as the words of the compiled functions, shape (FIGURES,)."""
     words = np.zeros(FIGURES)
     dh, joints = arm.kinematics, arm.joints
     alpha = np.array(dh.alpha)
@@ -82,17 +81,17 @@ def figures(arm: ArmModel) -> Vector:
 
 
 def most_learnt(arm: ArmModel) -> Vector:
-    """Return the most inertia beyond the model's that an arm which holds still counts on at each rotor, shape (7,), kg·m²."""
+    """Return the upper bound on each rotor's learnt inertia beyond the model's while the arm holds still, shape (7,), kg·m²."""
     most: Vector = max(ROTOR_RANGE * arm.torque_path.rotor_share - 1.0, 0.0) * np.array(arm.joints.rotor_inertia)
     return most
 
 
 def pack(setpoint: ImpedanceSetpoint, stamp: float) -> Vector:
-    """Return a setpoint as the words that the torque loop reads, shape (WORDS,).
+    """Return a setpoint as the words of the torque loop, shape (WORDS,).
 
     Args:
         setpoint: Setpoint for the arm.
-        stamp: When it was handed over, s.
+        stamp: Time of its handover, s.
     """
     words = np.zeros(WORDS)
     words[ID] = setpoint.id
@@ -126,8 +125,8 @@ def new_state(arm: ArmModel, believed: tuple[Vector, Vector] | None = None) -> V
 
     Args:
         arm: Figures of the arm.
-        believed: Figures of each joint that learning begins with, and their standard deviations, each of the shape of
-            `learning.figures_of`; None where nothing is known but what the arm's file holds for likely.
+        believed: Initial figures of each joint for the learning, and their standard deviations, each of the shape of
+            `learning.figures_of`; None starts from zero with the standard deviations of the arm's file.
     """
     state = np.zeros(STATE_WORDS)
     learning.begin(state[LEARNING:], *(believed or (np.zeros((JOINTS, learning.FIGURES)), learning.doubts(arm))))
@@ -140,12 +139,12 @@ def commanded(state: Vector) -> Vector:
 
 
 def unexplained(state: Vector) -> Vector:
-    """Return the torque on each joint that was commanded and did not become motion, shape (7,), N·m; `state` is the law's."""
+    """Return the commanded torque that did not become motion, one value a joint, shape (7,), N·m; `state` is the law's."""
     return learning.unexplained(state[LEARNING:])
 
 
 def restart(state: Vector) -> None:
-    """Reset the state except for what was learnt of the joints; the torques start from zero."""
+    """Reset the state but keep the learnt figures of the joints; the torques start from zero."""
     state[:LEARNING] = 0.0
     learning.pause(state[LEARNING:])
 
@@ -166,6 +165,7 @@ def links(arm: Vector, q: Vector) -> tuple[Vector, Vector]:  # pragma: no cover
     o = np.zeros(3)
     rotations = np.empty((7, 3, 3))
     origins = np.empty((7, 3))
+    # T_(i-1)_i = Rot_x(alpha) Trans_x(a) Rot_z(q) Trans_z(d), Craig's modified Denavit-Hartenberg convention.
     for i in range(7):
         ca, sa, a, d = arm[COS_ALPHA + i], arm[SIN_ALPHA + i], arm[DH_A + i], arm[DH_D + i]
         for k in range(3):
@@ -181,7 +181,7 @@ def links(arm: Vector, q: Vector) -> tuple[Vector, Vector]:  # pragma: no cover
 
 @njit(cache=True, inline="always")
 def finger_of(arm: Vector, rotation: Vector, origin: Vector) -> tuple[Vector, Vector]:  # pragma: no cover
-    """Return the finger frame that belongs to a frame of the last joint, base frame.
+    """Return the finger frame for a frame of the last joint, base frame.
 
     Args:
         arm: Figures of the arm, from `figures`.
@@ -223,6 +223,7 @@ def forward(arm: Vector, q: Vector) -> tuple[Vector, Vector, Vector, Vector]:  #
 @njit(cache=True)
 def solve(A: Vector, b: Vector) -> Vector:  # pragma: no cover
     """Solve a symmetric positive definite system in place, by Cholesky; A shape (n, n), b shape (n,); return b."""
+    # A = L Lᵀ in A's lower triangle, then L y = b, then Lᵀ x = y.
     n = b.shape[0]
     for j in range(n):
         for k in range(j):
@@ -249,12 +250,12 @@ def torque(
 ) -> Vector:  # pragma: no cover
     """Return the joint torques of one control step, within the arm's limits of torque and torque rate.
 
-    The arm's own controller adds the torques of gravity and friction. Those of Coriolis forces, up to 0.6 N·m at 1 rad/s, are left out:
-    with them no path became straighter.
+    The arm's own controller adds the torques of gravity and friction. The law omits Coriolis torques, up to 0.6 N·m at 1 rad/s:
+    they made no path straighter.
 
     Args:
         arm: Figures of the arm, from `figures`.
-        words: The held setpoint, from `pack`; past its validity the arm holds still where it is then.
+        words: The held setpoint, from `pack`; after its validity the arm holds still at its pose of that moment.
         state: State of the law, shape (STATE_WORDS,), updated.
         q: Joint positions, shape (7,), rad.
         dq: Joint velocities, shape (7,), rad/s.
@@ -287,7 +288,7 @@ def _steered(  # noqa: C901, PLR0915  one law, whose blocks share its arrays
     now: float,
     period: float,
 ) -> Vector:  # pragma: no cover
-    """Return the torques of the law of Eq. (5)-(6), shape (7,), N·m, before they are bounded."""
+    """Return the torques of the law of Eq. (5)-(6), shape (7,), N·m, before the limits."""
     state[IS_HOLDING] = 0.0
     position, finger = finger_of(arm, rotations[6], origins[6])
     x, v = np.empty(3), np.empty(3)
@@ -295,6 +296,7 @@ def _steered(  # noqa: C901, PLR0915  one law, whose blocks share its arrays
         c, s, length = math.cos(words[THETA]), math.sin(words[THETA]), words[LENGTH]
     else:
         c, s, length = 1.0, 0.0, 0.0
+    # v = -(cos θ · f_x + sin θ · f_y),  x_p = p - L v, with the finger frame's axes f; [gibbons], Eq. (3).
     for k in range(3):
         v[k] = -(finger[k, 0] * c + finger[k, 1] * s)
         x[k] = position[k] - length * v[k]
@@ -305,6 +307,7 @@ def _steered(  # noqa: C901, PLR0915  one law, whose blocks share its arrays
         for k in range(3):
             state[INTEGRAL + k] = 0.0
 
+    # Column i of J is (z_i x (x_p - o_i), z_i);  V = J dq.
     J = np.empty((6, 7))
     twist = np.zeros(6)
     for i in range(7):
@@ -315,7 +318,7 @@ def _steered(  # noqa: C901, PLR0915  one law, whose blocks share its arrays
         for k in range(6):
             twist[k] += J[k, i] * dq[i]
 
-    # Orientation: turn v into v*, and about v the closing axis towards its setpoint.
+    # Orientation: turn = -e = φ (v x v*) / |v x v*|,  φ = atan2(|v x v*|, v·v*).
     turn = np.zeros(3)
     wx = v[1] * words[AXIS + 2] - v[2] * words[AXIS + 1]
     wy = v[2] * words[AXIS] - v[0] * words[AXIS + 2]
@@ -326,6 +329,7 @@ def _steered(  # noqa: C901, PLR0915  one law, whose blocks share its arrays
         scale = math.atan2(sine, cosine) / sine
         turn[0], turn[1], turn[2] = wx * scale, wy * scale, wz * scale
     if words[HAS_ROLL] > 0.0:
+        # Roll about v: g = r* - (v·r*) v,  turn += atan2(v·(z x g), z·g) v, with the closing axis z.
         along = v[0] * words[ROLL] + v[1] * words[ROLL + 1] + v[2] * words[ROLL + 2]
         gx, gy, gz = words[ROLL] - along * v[0], words[ROLL + 1] - along * v[1], words[ROLL + 2] - along * v[2]
         zx, zy, zz = finger[0, 2], finger[1, 2], finger[2, 2]
@@ -334,6 +338,7 @@ def _steered(  # noqa: C901, PLR0915  one law, whose blocks share its arrays
         for k in range(3):
             turn[k] += roll * v[k]
 
+    # F = K (x_p* - x_p),  I += K_I turn dt with |I| <= limit,  T = K_R turn + I.
     wrench = np.empty(6)
     for k in range(3):
         wrench[k] = words[STIFFNESS + k] * (words[TIP + k] - x[k])
@@ -346,13 +351,14 @@ def _steered(  # noqa: C901, PLR0915  one law, whose blocks share its arrays
         D = dynamics.critical_damping(dynamics.inertia_at(M, J), words[STIFFNESS : STIFFNESS + 6])
         for k in range(6):
             for j in range(6):
+                # D_kj = sqrt(ζ_k ζ_j) D_crit,kj.
                 ratio = math.sqrt(words[DAMPING_RATIO + k] * words[DAMPING_RATIO + j])
                 state[DAMPING + 6 * k + j] = ratio * D[k, j]
     for k in range(6):
         for j in range(6):
             wrench[k] -= state[DAMPING + 6 * k + j] * (twist[j] - words[TWIST + j])
 
-    # Null space: posture and damping, less what of it would move the tip (projection by J's pseudo-inverse).
+    # Null space: n = k_n (q* - q) - d_n dq.  A = (J Jᵀ + 1e-4 I)⁻¹; Jᵀ A is J's damped pseudo-inverse.
     null = np.empty(7)
     for i in range(7):
         null[i] = -NULL_DAMPING * dq[i]
@@ -365,8 +371,8 @@ def _steered(  # noqa: C901, PLR0915  one law, whose blocks share its arrays
             for i in range(7):
                 A[k, j] += J[k, i] * J[j, i]
     A = dynamics.inverse(A)
-    # By J's pseudo-inverse: the part of the null-space torques that acts on the tip, and the joint velocities of the
-    # setpoint's twist.
+    # tau = Jᵀ (F - A J n) + n: the projection removes the part of n that acts on the tip.
+    # dq* = Jᵀ A V*, the joint velocities of the setpoint's twist, give the sign of the friction that is fed forward.
     felt, wanted = np.zeros(6), np.zeros(6)
     for k in range(6):
         for i in range(7):
@@ -389,10 +395,10 @@ def _steered(  # noqa: C901, PLR0915  one law, whose blocks share its arrays
 def _held(
     arm: Vector, state: Vector, rotations: Vector, origins: Vector, q: Vector, dq: Vector, now: float
 ) -> Vector:  # pragma: no cover
-    """Return the torques with which an arm holds still where it began to, -M (r² (q - held) + 2 r dq), shape (7,), N·m.
+    """Return the torques that hold the arm still at its initial pose, -M (r² (q - held) + 2 r dq), shape (7,), N·m.
 
-    Stiffness and damping in proportion to the inertia M make one critically damped rate r of every mode, which is the bound of what
-    torques that act late allow: a spring at the tip is too soft for the whole arm where it is as stiff as the wrist bears.
+    Stiffness and damping proportional to the inertia M give every mode one critically damped rate r. The delay of the torques
+    bounds that rate. A spring at the tip would be too soft for the whole arm at the stiffness that the wrist permits.
     """
     if state[IS_HOLDING] == 0.0:
         state[IS_HOLDING] = 1.0
@@ -408,6 +414,7 @@ def _held(
             M[i, i] += min(learning.sure_rotor(state[LEARNING:], i), arm[MOST_LEARNT + i])
             for j in range(JOINTS):
                 state[INERTIA + JOINTS * i + j] = M[i, j]
+    # tau_i = feed-forward + sum_j M_ij r (r (held_j - q_j) - 2 dq_j).
     torques = np.empty(JOINTS)
     for i in range(JOINTS):
         torques[i] = learning.feed_forward(state[LEARNING:], i, 0.0)
@@ -428,10 +435,11 @@ def _bounded(
     period: float,
     is_free: bool,
 ) -> Vector:  # pragma: no cover
-    """Return torques within the arm's limits of torque and torque rate, and learn from what they do."""
+    """Return torques within the arm's limits of torque and torque rate, and update the learning."""
     known = state[LEARNING:]
     tau = np.empty(7)
     for i in range(7):
+        # |tau - tau_last| <= rate dt,  |tau| <= tau_max.
         last, step, most = state[TORQUE + i], arm[TORQUE_RATE + i] * period, arm[TORQUE_MAX + i]
         t = min(max(wished[i], last - step), last + step)
         tau[i] = min(max(t, -most), most)

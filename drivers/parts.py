@@ -18,7 +18,7 @@ Deviation = Annotated[float, Field(ge=5e-5, le=0.1)]
 HoleSide = Annotated[float, Field(ge=0.002, le=0.031)]
 Chamfer = Annotated[float, Field(ge=0.0, le=0.002)]
 LEAST_END = 1e-3
-"""Least radius that a chamfer leaves of a peg's end, m; chosen, not measured."""
+"""Least radius of a chamfered peg's end face, m; chosen, not measured."""
 
 
 class Peg(ConfigModel):
@@ -31,13 +31,13 @@ class Peg(ConfigModel):
     sides: tuple[PegSide, PegSide] | None = None
     """Sides of a square or rectangular peg, between the pads of the hand and across them, m. Source: set for each part."""
     chamfer: Chamfer = 0.0
-    """Width and height of a chamfer of 45 degrees round the end of a round peg, m, less than the radius by 1 mm at the least; the
-    simulation and the lowest point of a leaning peg read it. Source: set for each part.
+    """Width and height of a chamfer of 45 degrees round the end of a round peg, m; at least 1 mm less than the radius. The simulation
+    and the lowest point of a leaning peg use it. Source: set for each part.
     """
     length: Annotated[float, Field(ge=0.02, le=0.15)]
     """Length from the finger centre to the end point, m; L of [gibbons], Eq. (2). Source: [gibbons], Sec. VI."""
     overhang: Annotated[float, Field(ge=0.005, le=0.05)]
-    """Length that reaches beyond the finger centre into the hand, m. Source: assumed."""
+    """Length of the peg beyond the finger centre, inside the hand, m. Source: assumed."""
     mass: Annotated[float, Field(gt=0.0, le=1.0)]
     """Mass of the peg, kg. Source: derived for a steel cylinder of 8 mm diameter and 65 mm length."""
 
@@ -57,7 +57,7 @@ class Peg(ConfigModel):
 
 
 class HolePrior(ConfigModel):
-    """Where in its area the hole is likely: a normal distribution, its axes those of the base frame.
+    """Normal distribution of the hole's place in its area, with the axes of the base frame.
 
     Source: set for each part, or learnt as decision 0025 says.
     """
@@ -65,43 +65,43 @@ class HolePrior(ConfigModel):
     mean: tuple[Coordinate, Coordinate]
     """Most likely place of the hole's middle along x and y, m, base frame; within `hole.area` about `hole.centre`."""
     deviation: tuple[Deviation, Deviation]
-    """Standard deviations of the hole's middle along x and y, m; between two parts as well as of what is known."""
+    """Standard deviations of the hole's middle along x and y, m; they include the variation between parts and the uncertainty of the mean."""
 
 
 class Latch(ConfigModel):
-    """What resists a part on the last way to the bottom of its hole: a detent that it snaps into, or a light press fit.
+    """Resistance of a part on the last distance to the bottom of its hole: a detent that snaps in, or a light press fit.
 
     Source: set for each part.
     """
 
     kind: Literal["detent", "press"]
-    """Kind of the latch: a detent stores what it takes to pass its crest and gives it back behind it, a press fit keeps it."""
+    """Kind of the latch: a detent returns its energy behind the crest, a press fit dissipates it."""
     force: Annotated[float, Field(ge=1.0, le=40.0)]
-    """Largest force along the hole that it resists with, N: a detent at its crest, a press fit at the bottom. Source: the part's
+    """Largest resisting force along the hole, N: a detent at its crest, a press fit at the bottom. Source: the part's
     drawing, or [bayer], mating force.
     """
     height: Annotated[float, Field(ge=0.0015, le=0.01)]
-    """Height of the end of the peg above the bottom at which it begins to resist, m; the crest of a detent lies a quarter of that
-    deeper, and from half of it on the detent draws the part in.
+    """Height of the peg's end above the bottom where the resistance begins, m; a detent's crest lies a quarter of it
+    deeper, and beyond half of it the detent pulls the part in.
     """
 
 
 Bounds = tuple[tuple[float, float], tuple[float, float]]
-"""Least x and y, and largest x and y, of a rectangle, m, base frame."""
+"""Lower x and y, and upper x and y, of a rectangle, m, base frame."""
 PLATE_BORDER = 0.04
-"""Width of the solid plate that is taken for granted round the area that contains the hole, m; assumed."""
+"""Width of the solid plate around the area that contains the hole, m; assumed."""
 
 
 class Hole(ConfigModel):
-    """The hole that the peg goes into, and where it may be."""
+    """The hole for the peg, and the area that contains it."""
 
     diameter: Annotated[float, Field(ge=0.002, le=0.031)] | None = None
     """Diameter of a round hole, m; for other shapes see `sides`. Source: [gibbons], Sec. VI."""
     sides: tuple[HoleSide, HoleSide] | None = None
     """Sides of the hole of a square or rectangular peg, in the order of `peg.sides`, m. Source: set for each part."""
     chamfer: Chamfer = 0.0
-    """Width and depth of a chamfer of 45 degrees round the mouth of a round hole, a countersink, m, less than `depth`; the simulation
-    reads it, and the search, which begins beside it. Source: set for each part.
+    """Width and depth of a chamfer of 45 degrees round the mouth of a round hole (countersink), m, less than `depth`. The simulation
+    uses it, and the search, which starts outside it. Source: set for each part.
     """
     centre: Point
     """Middle of the area that contains the hole, on the plate's surface, m, base frame. Source: set for each cell."""
@@ -112,15 +112,15 @@ class Hole(ConfigModel):
     depth: Annotated[float, Field(ge=0.002, le=0.1)]
     """Depth of the tip below the surface at which the peg is seated and the switch closes, m. Source: set for each part."""
     yaw: Annotated[float, Field(ge=0.0, le=math.pi / 4)] = math.radians(10.0)
-    """Largest angle by which the hole's sides are turned from the base frame's x and y, rad; a round hole has none.
+    """Largest angle between the hole's sides and the base frame's x and y, rad; a round hole has none.
     Source: assumed; docs/tried/corners.md.
     """
     evidence: Literal["switch", "force"] = "switch"
-    """Evidence of a seated part: the switch under the hole, or force against depth, which needs `hole.latch`. Source: set for each part."""
+    """Evidence of a seated part: the switch under the hole, or force against depth, which requires `hole.latch`. Source: set for each part."""
     latch: Latch | None = None
-    """What resists the part on the last way to the bottom; without one nothing does."""
+    """Resistance of the part on the last distance to the bottom; without the section there is none."""
     prior: HolePrior | None = None
-    """Where in the area the hole is likely, which is searched first; without it the hole is anywhere in the area alike."""
+    """Probability of the hole's place in the area; the search starts at the most likely places. Without it all places are equally likely."""
 
     @property
     def part(self) -> Part:
@@ -163,7 +163,7 @@ class Hole(ConfigModel):
 
 
 class Rack(ConfigModel):
-    """The rack where pegs stand upright until they are taken.
+    """The rack of upright pegs.
 
     Source: set for each cell.
     """
@@ -177,17 +177,17 @@ class Rack(ConfigModel):
     depth: Annotated[float, Field(ge=0.002, le=0.1)]
     """Depth of a slot, m."""
     refill: Literal["feeder", "asked"] = "feeder"
-    """How slots are filled again: by a feeder before the next turn, or by hand, which the command REFILLED reports."""
+    """Method of refilling slots: a feeder before the next turn, or a person, whom the command REFILLED reports."""
 
     @property
     def bounds(self) -> Bounds:
-        """Rectangle of the rack: half a pitch round the middles of its slots."""
+        """Rectangle of the rack: half a pitch around the middles of its slots."""
         (x, y), half = self.first[:2], self.pitch / 2
         return (x - half, y - half), (x + half, y + self.pitch * (self.slots - 1) + half)
 
 
 class HandShape(ConfigModel):
-    """Room that a parallel hand takes: capsules along the closing axis around its body and around its fingers."""
+    """Room of a parallel hand: capsules along the closing axis around its body and around its fingers."""
 
     stroke: Annotated[float, Field(gt=0.0, le=0.5)]
     """Largest distance between the pads, m."""
@@ -204,18 +204,18 @@ class HandShape(ConfigModel):
 
 
 class Job(ConfigModel):
-    """One part, its places, and the hand that carries it."""
+    """One part, its places, and the hand that moves it."""
 
     peg: Peg
     hole: Hole
     rack: Rack
     hand: HandShape
     slot: Annotated[int, Field(ge=0)] = 0
-    """Number of the slot to take the peg from."""
+    """Number of the slot from which the hand takes the peg."""
 
 
 def require_fit(peg: Peg, hole: Hole) -> None:
-    """Make sure that a peg is smaller than its hole in every direction, and that both have one shape.
+    """Check that a peg is smaller than its hole in every direction, and that both have one shape.
 
     Raises:
         ValueError: The peg is larger than the hole somewhere, or their shapes differ; one line.
@@ -238,7 +238,7 @@ def require_fit(peg: Peg, hole: Hole) -> None:
 
 
 def halfway(peg: Peg, hole: Hole) -> Hole:
-    """Return a hole of the same shape whose size is in the middle between the peg's and this one's."""
+    """Return a hole of the same shape with a size in the middle between the peg's and this one's."""
     if peg.diameter is not None and hole.diameter is not None:
         return hole.model_copy(update={"diameter": (peg.diameter + hole.diameter) / 2})
     assert peg.sides is not None

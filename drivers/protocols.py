@@ -1,4 +1,4 @@
-"""The contracts of the devices: what each device can do, independent of its maker."""
+"""The contracts of the devices: the functions of each device, independent of its maker."""
 
 from typing import Protocol
 
@@ -9,10 +9,10 @@ class Device(Protocol):
     """A device that is connected and disconnected."""
 
     def open(self) -> None:
-        """Connect to the device; constructing one touches nothing.
+        """Connect to the device; the constructor accesses no hardware.
 
         Raises:
-            DeviceNotOpenedError: The device cannot be reached; the message names the port, what was found and what to do.
+            DeviceNotOpenedError: The device cannot be reached; the message gives the port, the cause and the remedy.
         """
 
     def close(self) -> None:
@@ -20,13 +20,13 @@ class Device(Protocol):
 
 
 class Clock(Protocol):
-    """The cell's time: simulated with stand-ins, monotonic wall time with hardware."""
+    """The cell's time: simulated time, or monotonic wall time with hardware."""
 
     def now(self) -> float:
         """Return the time, s."""
 
     def wait_until(self, stamp: float) -> None:
-        """Return when the clock shows `stamp`; at once when that has passed."""
+        """Return when the clock shows `stamp`, s; return at once if it has passed."""
 
 
 class Arm(Device, Protocol):
@@ -36,19 +36,19 @@ class Arm(Device, Protocol):
         """Follow `setpoint` until the next one comes or its validity ends."""
 
     def read(self) -> ArmState:
-        """Return the newest state; its wrench is the one that the environment exerts on the hand.
+        """Return the newest state; its wrench acts from the environment on the hand.
 
         Raises:
             ArmStoppedError: An emergency or protective stop holds the arm.
             ArmReflexError: The arm stopped itself; `reset` is needed.
-            ArmSilentError: The newest state is too old, or the connection is gone.
+            ArmSilentError: The newest state is too old, or the connection is lost.
         """
 
     def halt(self) -> None:
-        """Hold the arm still where it is, compliant; may be called from any thread, as a watchdog does."""
+        """Hold the arm still at its present pose, compliant; any thread may call it, for example a watchdog."""
 
     def reset(self) -> None:
-        """Leave a reflex or a released stop; after one, nothing else lets the arm move again."""
+        """Leave a reflex or a released stop; after either, the arm moves only after this call."""
 
 
 class Gripper(Device, Protocol):
@@ -69,14 +69,14 @@ class Gripper(Device, Protocol):
 
 
 class Skin(Device, Protocol):
-    """A tactile skin board with both fingers on it; its baseline is taken while it is opened."""
+    """A tactile skin board with both fingers; opening it measures the baseline."""
 
     def read(self) -> TaxelFrame:
-        """Return the newest scan of all taxels; never waits for a fresh one.
+        """Return the newest scan of all taxels; never wait for a fresh one.
 
         Raises:
             SkinSilentError: No scan arrived within the configured time.
-            SkinUntrustedError: Modules or fingers have changed places since it was opened.
+            SkinUntrustedError: Modules or fingers were exchanged since the skin was opened.
         """
 
 

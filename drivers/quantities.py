@@ -1,4 +1,4 @@
-"""Measured and commanded quantities: frozen values, SI units, the frame in each docstring."""
+"""Measured and commanded quantities: frozen values in SI units; each docstring names the frame."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -12,11 +12,11 @@ Mask = NDArray[np.bool_]
 FINGERS = 2
 FINGER_NAMES = ("left", "right")
 BRIGHT = 15_000.0
-"""Reading of a taxel that is pressed hard, counts; pictures show it brightest."""
+"""Reading of a taxel under high pressure, counts; pictures show it in the brightest colour."""
 TAXELS = 20
 """Number of taxels on one finger: two modules of ten."""
 WIDTH_TOLERANCE = 0.0015
-"""Largest difference between the pads' distance and the peg's width where the peg is between them, m."""
+"""Largest difference between the pads' distance and the peg's width if the peg is between the pads, m."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,7 +41,7 @@ class Twist:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Wrench:
-    """Force and torque, both in the base frame, the torque about the origin of the named frame."""
+    """Force and torque, both in the base frame; the torque is about the origin of the named frame."""
 
     force: Vector
     """Force, shape (3,), N, base frame."""
@@ -56,7 +56,7 @@ class TaxelFrame:
     values: Vector
     """Readings, signed counts, shape (2, 20), left finger first; positive is pressure."""
     trusted: Mask
-    """False where a taxel is dead, stuck, saturated or marks an error, shape (2, 20)."""
+    """False if a taxel is dead, stuck, saturated or marks an error, shape (2, 20)."""
     stamp: float
     """Time of the measurement on the cell's clock, s."""
     sequence: int
@@ -65,7 +65,7 @@ class TaxelFrame:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArmState:
-    """State of the arm as the robot controller reports it."""
+    """State of the arm, as the robot controller reports it."""
 
     stamp: float
     """Time of the state on the cell's clock, s."""
@@ -78,18 +78,18 @@ class ArmState:
     along the closing axis.
     """
     wrench: Wrench
-    """Estimated wrench of the environment on the hand, at the TCP, base frame: a hand that presses down reports a force along +z."""
+    """Estimated wrench of the environment on the hand, at the TCP, base frame; when the hand presses down, the force is along +z."""
     elbow: int
     """Index in `q` of the joint that turns the elbow."""
     setpoint_age: float
-    """Time since the held setpoint was handed over, s; infinite when nothing is held."""
+    """Time since the handover of the held setpoint, s; infinite if none is held."""
     commanded: Vector | None = None
-    """Torque on each joint that the law commanded last, without what the arm itself adds against gravity, shape (7,), N·m. None where
-    the arm does not tell it.
+    """Joint torques of the law's last command, without the arm's own gravity compensation, shape (7,), N·m; None if the
+    arm does not report them.
     """
     unexplained: Vector | None = None
-    """Torque on each joint that was commanded and did not become motion of the arm's model, low-passed, shape (7,), N·m: friction, the
-    remainder of gravity, contact. None where the arm does not tell it.
+    """Commanded joint torque that did not become motion of the arm's model, low-passed, shape (7,), N·m: friction, the residual of
+    gravity compensation, contact. None if the arm does not report it.
     """
 
     def posture(self, elbow: float) -> Vector:
@@ -101,10 +101,10 @@ class ArmState:
 
 @dataclass(frozen=True, slots=True)
 class InHandTip:
-    """Place of the peg's end point in the finger frame, as far as the skin knows it."""
+    """Estimated place of the peg's end point in the finger frame, from the skin."""
 
     theta: float
-    """In-hand angle about the closing axis, rad; 0 points the peg straight out of the hand."""
+    """In-hand angle about the closing axis, rad; at 0 the peg points straight out of the hand."""
     length: float
     """Distance from the finger centre to the end point, m."""
     stamp: float
@@ -113,7 +113,7 @@ class InHandTip:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ImpedanceSetpoint:
-    """The impedance that the arm realises until the next setpoint comes; see `drivers.impedance` for the law."""
+    """Impedance setpoint for the arm, valid until the next one; see `drivers.impedance` for the law."""
 
     id: int
     """Number of the motion; a new one resets the integral."""
@@ -124,13 +124,13 @@ class ImpedanceSetpoint:
     stiffness: Vector
     """Stiffness: three translational values, N/m, and three rotational ones, N·m/rad, shape (6,), base frame."""
     damping_ratio: Vector
-    """Damping ratios in the order of the stiffness, shape (6,); 1 is critical at the arm's inertia where it is."""
+    """Damping ratios in the order of the stiffness, shape (6,); 1 is critical for the arm's inertia in its present pose."""
     valid_until: float
     """Time on the cell's clock after which the arm holds still, compliant, s."""
     in_hand: InHandTip | None = None
     """Place of the peg's end point in the hand; None controls the bare TCP, with -x of the finger frame as the axis."""
     roll: Vector | None = None
-    """Direction in which the closing axis points as far as v* allows, shape (3,), base frame; None leaves it free."""
+    """Direction of the closing axis as far as v* permits, shape (3,), base frame; None leaves it free."""
     twist: Twist | None = None
     """Feed-forward twist of the setpoint; None means at rest."""
     integral_gain: float = 0.0
@@ -138,28 +138,28 @@ class ImpedanceSetpoint:
     integral_limit: float = 0.0
     """Saturation of each component of the integral's torque, N·m."""
     is_free: bool = False
-    """Whether nothing touches the hand or what it holds, so that the arm may learn its joints' friction from the motion."""
+    """True if nothing touches the hand or the peg, so that the arm may learn its joints' friction from the motion."""
     posture: Vector | None = None
-    """Joint positions towards which the null space is drawn, shape (7,), rad; None only damps it."""
+    """Preferred joint positions of the null space, shape (7,), rad; None only damps it."""
 
 
 @dataclass(frozen=True, slots=True)
 class GripperState:
-    """State of the hand as it reports it."""
+    """State of the hand, as the hand reports it."""
 
     width: float
     """Distance between the pads, m."""
     is_gripping: bool
-    """Whether the hand holds the set force against something between the pads."""
+    """True if the hand holds the set force against something between the pads."""
     is_moving: bool
-    """Whether the fingers have not yet reached what was commanded."""
+    """True until the fingers reach the commanded width."""
 
     def is_open(self, thickness: float) -> bool:
-        """Return whether the hand rests so wide that it cannot touch a peg of this thickness between the pads, m."""
+        """Return True if the hand rests at a width that is clear of a peg of this thickness, m."""
         return self.width > thickness + WIDTH_TOLERANCE and not self.is_gripping and not self.is_moving
 
     def is_around(self, thickness: float) -> bool:
-        """Return whether the hand grips, or is as wide as with a peg of this thickness between the pads, m, which it may hold without saying so."""
+        """Return True if the hand grips, or its width equals this peg's thickness, m: it may then hold the peg without reporting a grip."""
         return self.is_gripping or abs(self.width - thickness) <= WIDTH_TOLERANCE
 
 

@@ -1,6 +1,6 @@
 """Facts that a picture of a run needs beside the run's samples: the arm, the part and its places, the skin's layout.
 
-The facts are written into the head of a run's samples, so that a run can be drawn long after its config has changed.
+The head of a run's samples stores the facts, so that a run can be drawn after its config has changed.
 """
 
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ class SceneFacts(ConfigModel):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sight:
-    """The true poses of peg and hole, base frame; only a simulated cell knows them."""
+    """The true poses of peg and hole, base frame; available in a simulated cell only."""
 
     peg: Pose
     """Pose of the peg's middle, z from its end upward."""

@@ -1,1 +1,1 @@
-"""The line to the PLC: words in, words out, and a handshake that never runs a command twice."""
+"""The line to the PLC: words in, words out, and a handshake that runs each command at most once."""

@@ -1,9 +1,9 @@
-"""Admission of connections to a server: who has a place, and who leaves when there is none; pure.
+"""Admission of connections to a server: free places, and the connection that closes if there is none; pure.
 
-A place is needed from the moment a connection is accepted, so that TLS handshakes are in the same account. A connection
-that has never sent a request leaves before all others, one whose stop coil is 1 after all others, and a host that has
-all its places makes room among its own. A connection that holds the lease or has a run under way never leaves; where
-only such are left the newcomer is turned away.
+A connection needs a place from its acceptance on, so that TLS handshakes are counted too. If there is no free place, a
+connection without any request closes first, and one with its stop coil at 1 last. If a host has used all its places,
+one of its own connections closes. A connection never closes for a newcomer while it holds the lease or has a run under
+way; if there are only such connections, the newcomer is rejected.
 """
 
 from collections import Counter
@@ -12,7 +12,7 @@ from typing import Protocol, TypeVar
 
 
 class Guest(Protocol):
-    """A connection, as far as admission needs to know it."""
+    """The properties of a connection that admission needs."""
 
     address: str
     """Address of its host."""
@@ -23,28 +23,28 @@ class Guest(Protocol):
 
     @property
     def holds_stop(self) -> bool:
-        """Whether the connection holds its stop coil at 1; closing the connection would let the coil fall."""
+        """True if the connection holds its stop coil at 1; if it closes, the coil falls to 0."""
 
 
 T = TypeVar("T", bound=Guest)
 
 
 class NoPlaceError(Exception):
-    """No connection may be asked to leave for a newcomer."""
+    """No connection can be closed for a newcomer."""
 
 
 def who_leaves(guests: Collection[T], kept: Collection[T], address: str, places: int, places_of_host: int) -> T | None:
-    """Return who has to leave for a newcomer, or None where there is a place.
+    """Return the connection to close for a newcomer, or None if there is a free place.
 
     Args:
         guests: All connections that have a place.
-        kept: Connections among them that may not be asked to leave.
+        kept: Connections among them that must not be closed.
         address: Address of the newcomer's host.
         places: Number of places.
-        places_of_host: Number of places that one host may have.
+        places_of_host: Largest number of places for one host.
 
     Raises:
-        NoPlaceError: There is no place, and nobody may be asked to leave.
+        NoPlaceError: There is no free place, and no connection can be closed.
     """
     of_host = [guest for guest in guests if guest.address == address]
     if len(of_host) >= places_of_host:

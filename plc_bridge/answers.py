@@ -1,4 +1,4 @@
-"""The answers that links read about their commands: the report, written here alone, and the discrete inputs; pure."""
+"""The answers that links read about their commands: the report, composed only here, and the discrete inputs; pure."""
 
 from dataclasses import dataclass, fields
 
@@ -9,7 +9,7 @@ from plc_bridge.messages import Command, Control, Refusal, Report, Result
 from plc_bridge.orders import Orders
 
 IDLE, COMPLETE = 4, 17
-"""States of PackML in which a start is taken."""
+"""States of PackML in which a start is accepted."""
 _ERRORS = (Result.FAILURE, Result.FAULT, Result.REFUSED)
 _OF_A_RUN = ("stage", "reason", "progress", "run", "stage_times", "total_time", "peak_force")
 """Fields of the report that belong to a run; the others belong to the cell or to the link."""
@@ -25,11 +25,11 @@ class Inputs:
     error: bool
     command_aborted: bool
     ready: bool
-    """Whether a start of this link would be taken now; the one input that needs no acknowledgement."""
+    """True if a start of this link would be accepted now; the one input that needs no acknowledgement."""
 
 
 def answer_for(link: Link, orders: Orders, lease: CellLease, life: int = 0) -> ReportImage:
-    """Return the report that `link` reads; a link that never sent a command sees the run of any link."""
+    """Return the report that `link` reads; before a link's first command this is the run of any link."""
     shown, answered = link.in_view, link.answered
     if not link.has_spoken:
         shown, answered = orders.run or orders.seen, orders.latest
@@ -46,11 +46,11 @@ def answer_for(link: Link, orders: Orders, lease: CellLease, life: int = 0) -> R
 
 
 def inputs_for(link: Link, orders: Orders, lease: CellLease, stops_held: int) -> Inputs:
-    """Return the discrete inputs of `link`: they tell of what its coils asked for, or of its last number.
+    """Return the discrete inputs of `link`, for the last request of its coils, or for its last number.
 
     Args:
         link: The link that reads.
-        orders: Orders that are and were under way in the cell.
+        orders: Present and past orders of the cell.
         lease: The lease of the cell.
         stops_held: Number of connections that hold their stop coil at 1.
     """
@@ -69,6 +69,6 @@ def inputs_for(link: Link, orders: Orders, lease: CellLease, stops_held: int) ->
 
 
 def _shows(order: Order) -> bool:
-    """Tell whether an order is seen in the inputs; a control that was obeyed is not."""
+    """Return True if the inputs show an order; they do not show a control that has been carried out."""
     is_obeyed = order.shown_result is Result.SUCCESS and not order.is_program
     return order.is_under_way or (order.shown_result is not Result.NONE and not is_obeyed)

@@ -1,4 +1,4 @@
-"""pymodbus's own Modbus TCP server, as it comes: what the cell's server is measured against.
+"""pymodbus's own Modbus TCP server without changes, the reference for the cell's server.
 
     python -m plc_bridge.bare
 

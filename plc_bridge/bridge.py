@@ -27,26 +27,25 @@ class Figures:
     state: int
     """PackML state number of the cell."""
     processed: int
-    """Insertions that have ended."""
+    """Number of insertions that have ended."""
     defective: int
     """Number of insertions that did not end in success."""
     state_times: tuple[float, ...]
     """Time in each state from 1 on, s."""
     scan_counts: tuple[int, ...]
-    """Numbers of intervals between two scans, in the ranges that end at `intervals.BOUNDS`."""
+    """Number of intervals between two scans in each range; the ranges end at `intervals.BOUNDS`."""
     scan_total: float
     """Sum of those intervals, s."""
     scan_longest: float
     """Longest of those intervals, s."""
     served: float
-    """Time that the Modbus TCP servers spent on requests, s."""
+    """Time spent by the Modbus TCP servers on requests, s."""
 
 
 class Bridge(Mailbox):
     """The mailbox with its servers.
 
-    Constructing touches nothing. `start` opens the sockets; `poll` and `publish` belong to the scan thread, which
-    calls each once a scan.
+    The constructor opens nothing. `start` opens the sockets; the scan thread calls `poll` and `publish` once a scan.
 
     Args:
         config: Addresses to listen on, and the time-outs.
@@ -95,17 +94,17 @@ class Bridge(Mailbox):
 
     @property
     def address(self) -> tuple[str, int]:
-        """Host and port that the server listens on."""
+        """Host and port of the server."""
         return self._server.address
 
     @property
     def secure_address(self) -> tuple[str, int] | None:
-        """Host and port of the TLS server; None where it is off."""
+        """Host and port of the TLS server; None if it is off."""
         return self._secure.address if self._secure is not None else None
 
     @property
     def figures(self) -> Figures:
-        """Counts and times since the start, as they stand now."""
+        """Present counts and times since the start."""
         counts = self.diagnostics
         served = self._server.worked + (self._secure.worked if self._secure is not None else 0.0)
         with self._lock:
@@ -132,7 +131,7 @@ class Bridge(Mailbox):
 
 
 def _canopen_server(config: CanConfig, registers: Sequence[Register], bridge: Bridge) -> "CanopenServer":
-    # Imported here: the libraries of CAN take 0.1 s, which only a cell with CANopen spends.
+    # Imported here: the CAN libraries take 0.1 s, which only a cell with CANopen should spend.
     from drivers.transport.can_bus import CanBus
     from plc_bridge.canopen import CanopenServer
 

@@ -1,4 +1,4 @@
-"""The map as a C header: places of registers and bits, and every number by its name, for clients in C and its kin."""
+"""The map as a C header for clients in C and related languages: places of registers and bits, and the name of every number."""
 
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -10,7 +10,7 @@ def as_c_header(registers: Sequence[Register], names: Mapping[str, int]) -> str:
 
     Args:
         registers: The whole map.
-        names: What its numbers are called, see `plc_names`.
+        names: Names of its numbers, see `plc_names`.
     """
     lines = [
         f"/* Register map {VERSION_MAJOR}.{VERSION_MINOR}, made by `cell map --format h`. Places are zero-based addresses;",

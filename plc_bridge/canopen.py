@@ -1,8 +1,8 @@
-"""The CANopen node on its bus: one thread, which opens the bus, serves it, and opens it again when it is lost.
+"""The CANopen node on its bus: one thread, which opens the bus, serves it, and reopens it after a loss.
 
-python-can's own notifier dies of the first error unseen, and its periodic tasks of the first frame that cannot be
-sent (4.6.1); here one loop reads, and heartbeats and reports are sent by the same loop's clock. Also while there is
-no bus the node goes on watching, so that a PLC that cannot be heard counts as lost in time.
+python-can's own notifier ends silently at the first error, and its periodic tasks at the first frame that cannot be
+sent (4.6.1). Here one loop reads, and sends heartbeats and reports by its own clock. The node also watches the PLC while
+there is no bus, so that a PLC without a bus counts as lost in time.
 """
 
 import logging
@@ -23,17 +23,17 @@ from plc_bridge.registers import Register
 logger = logging.getLogger(__name__)
 
 TICK = 0.01
-"""Time between two looks of the node at the report and its timers, s."""
+"""Time between two polls of the report and the timers by the node, s."""
 CATCH_UP = 1.0
-"""Time for which frames are read that waited while this process did not run, before the PLC counts as silent, s."""
+"""Longest reading of waiting frames after a pause of this process, s; only then can the PLC count as silent."""
 FIRST_PAUSE, LONGEST_PAUSE = 0.5, 10.0
-"""Pauses before a lost bus is opened again, s."""
+"""Shortest and longest pause before a lost bus is reopened, s."""
 FIRST_QUIET, LONGEST_QUIET = 5.0, 60.0
-"""Silences after which a bus on which others were heard is opened anew, s; some buses die without an error."""
+"""Shortest and longest silence after which a bus with previous traffic is reopened, s; some buses fail without an error."""
 
 
 class Bus(Protocol):
-    """A CAN bus, as `drivers.transport.can_bus.CanBus` is one."""
+    """A CAN bus, such as `drivers.transport.can_bus.CanBus`."""
 
     name: str
     bad_frames: int
@@ -45,7 +45,7 @@ class Bus(Protocol):
         """Close the bus."""
 
     def read(self, timeout: float) -> CanFrame | None:
-        """Return the next frame, or None after `timeout` s."""
+        """Return the next frame; None if none arrives within `timeout`, s."""
 
     def write(self, frame: CanFrame) -> None:
         """Send a frame."""
@@ -53,29 +53,29 @@ class Bus(Protocol):
 
 @dataclass(slots=True)
 class BusHealth:
-    """The state of a bus that may die, with an error or without; time is passed in."""
+    """The state of a bus that can fail with or without an error; time is passed in."""
 
     is_lost: bool = False
-    """Whether the bus was lost and nothing has been heard since."""
+    """True if the bus was lost and no frame has arrived since."""
     _heard: float | None = None
     _pause: float = FIRST_PAUSE
     _quiet: float = FIRST_QUIET
 
     def hear(self, now: float) -> bool:
-        """Note a frame; return whether it proves that a lost bus is back."""
+        """Record a received frame; return True if it ends a loss of the bus."""
         is_back, self.is_lost = self.is_lost, False
         self._heard, self._pause, self._quiet = now, FIRST_PAUSE, FIRST_QUIET
         return is_back
 
     def has_died(self, now: float) -> bool:
-        """Tell whether others were heard, but nobody for too long."""
+        """Return True if frames of others arrived before, but none for too long."""
         if self._heard is None or now - self._heard <= self._quiet:
             return False
         self._heard, self._quiet = now, min(2 * self._quiet, LONGEST_QUIET)
         return True
 
     def lose(self) -> tuple[bool, float]:
-        """Note a loss; return whether that is news, and how long to wait, s."""
+        """Record a loss; return True if the bus was not lost before, and the pause before the next attempt, s."""
         is_news, self.is_lost = not self.is_lost, True
         pause, self._pause = self._pause, min(2 * self._pause, LONGEST_PAUSE)
         return is_news, pause
@@ -90,7 +90,7 @@ class CanopenServer:
         bus: The bus, not yet open.
         mailbox: The bridge.
         now: Monotonic time, s.
-        wait: Waits so many seconds, or less; None waits no longer than until `close`.
+        wait: Waits this number of seconds, or less; None waits until `close` at the latest.
     """
 
     def __init__(
@@ -119,10 +119,10 @@ class CanopenServer:
         return counts
 
     def start(self) -> None:
-        """Open the bus, then serve in a thread of its own.
+        """Open the bus, then serve in a separate thread.
 
         Raises:
-            DeviceNotOpenedError: There is no such interface or port, no permission, or it is in use.
+            DeviceNotOpenedError: The interface or port is missing, not permitted, or in use.
         """
         self.open()
         self._stop.clear()
@@ -141,10 +141,10 @@ class CanopenServer:
         self._bus.close()
 
     def open(self) -> None:
-        """Open the bus and bring the node up; without a thread, the caller calls `step`.
+        """Open the bus and boot the node; without a thread, the caller calls `step`.
 
         Raises:
-            DeviceNotOpenedError: There is no such interface or port, no permission, or it is in use.
+            DeviceNotOpenedError: The interface or port is missing, not permitted, or in use.
         """
         self._bus.open()
         self._is_open = True
@@ -155,7 +155,7 @@ class CanopenServer:
             self.step()
 
     def step(self) -> None:
-        """Take a frame if one comes, do what time asks for, and open a lost bus again when its pause is over."""
+        """Process a frame if one arrives, do what is due, and reopen a lost bus after its pause."""
         now = self._now()
         try:
             if not self._is_open and now < self._retry:

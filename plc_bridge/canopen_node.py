@@ -6,11 +6,11 @@
     | operational     | yes | yes       | yes         | yes  | yes  | yes       |
     | stopped         |     |           | yes         |      |      | yes       |
 
-Stopping asks for no permission: the stop object, the last RPDO, is obeyed in every state and from everybody, which goes
-beyond CiA 301. Whoever sends it sends the same single byte 1, so that two at once do not disturb each other.
+A stop needs no permission: the node obeys the stop object, its last RPDO, in every state and from every sender. This
+goes beyond CiA 301. All senders use the same single byte 1, so that simultaneous frames do not collide in their data.
 
-The PLC is one node with one link. A lost heartbeat of its, and leaving operational, are a stop request for its run;
-its boot-up begins the link anew, so that its next sequence number is adopted, not run.
+The PLC is one node with one link. If its heartbeat is lost, or if the node leaves operational, its run stops. At the PLC's
+boot-up the link begins again, so that its next sequence number is adopted and not run.
 """
 
 import logging
@@ -46,12 +46,12 @@ from plc_bridge.station import LinkStation, LinkWords
 logger = logging.getLogger(__name__)
 
 ANYBODY = "CAN stop object"
-"""Source of a stop whose sender is unknown."""
+"""Source name of a stop with an unknown sender."""
 _EMCY, _SDO_ANSWER, _SDO_REQUEST, _HEARTBEAT = 0x080, 0x580, 0x600, 0x700
 
 
 class NmtState(IntEnum):
-    """States of a node, as its heartbeat tells them."""
+    """States of a node, as in its heartbeat."""
 
     INITIALISING = 0
     STOPPED = 4
@@ -62,7 +62,7 @@ class NmtState(IntEnum):
 _STATE_BY_COMMAND = {1: NmtState.OPERATIONAL, 2: NmtState.STOPPED, 128: NmtState.PRE_OPERATIONAL}
 _RESETS = (129, 130)
 _STATE_ON_ERROR = {0: NmtState.PRE_OPERATIONAL, 2: NmtState.STOPPED}
-"""State after an error, by object 0x1029; 1 stays in the state, and only operational is left for pre-operational."""
+"""State after an error, by object 0x1029; 1 keeps the state, and pre-operational replaces operational only."""
 
 
 class CanopenNode:
@@ -72,7 +72,7 @@ class CanopenNode:
         config: Node-IDs and heartbeat times.
         registers: The whole map.
         mailbox: The bridge.
-        send: Sends a frame, or drops it where there is no bus.
+        send: Sends a frame, or drops it if there is no bus.
     """
 
     def __init__(
@@ -106,7 +106,7 @@ class CanopenNode:
     # Calls from outside.
 
     def boot(self) -> None:
-        """Come up: open the links, say so on the bus, and wait in pre-operational for the NMT master."""
+        """Start the node: open the links, send the boot-up message, and wait in pre-operational for the NMT master."""
         self._mailbox.opened(ANYBODY, ANYBODY)
         self._anybody = LinkStation(self._mailbox, LinkWords(ANYBODY), self.counts)
         self._reset()
@@ -119,13 +119,13 @@ class CanopenNode:
         self._end_link()
 
     def recover(self) -> None:
-        """Go on after the bus was lost: everything is sent again."""
+        """Continue after a loss of the bus: send everything again."""
         self._sdo.reset()
         self._reports.repeat()
         self._shout(self._emergency.message(BUS_RECOVERED))
 
     def receive(self, frame: CanFrame, now: float) -> None:
-        """Take one frame of the bus; the profile uses identifiers of 11 bits."""
+        """Process one frame of the bus; the profile uses identifiers of 11 bits."""
         cob, data = frame.id, frame.data
         if frame.is_extended:
             return
@@ -139,7 +139,7 @@ class CanopenNode:
             self._take_rpdo(cob, data, now)
 
     def tick(self, now: float, has_read_all: bool = True) -> None:
-        """Do what time asks for: heartbeat, watch over the PLC once everything it sent was read, emergency, reports."""
+        """Do what is due: heartbeat, watch of the PLC if all its frames have been read, emergency, reports."""
         if has_read_all and self._consumer.has_lost(now):
             self._lose_plc()
         if self.state is NmtState.INITIALISING:
@@ -240,7 +240,7 @@ class CanopenNode:
             logger.warning("%s: SDO %04Xsub%X refused: %s", self.source, index, response[3], why)
 
     def _reject(self, cob: int, data: bytes) -> bool:
-        """Count a frame of a wrong length; return whether that is the first one of its kind."""
+        """Count a frame of a wrong length; return True if it is the first one of its kind."""
         self.counts.malformed += 1
         is_first = cob not in self._told
         if is_first:
@@ -272,7 +272,7 @@ class CanopenNode:
         if is_stop:
             if self._anybody is not None:
                 self._anybody.write_bits(registers[0].address, [bool(data[0])])
-                self._anybody.write_bits(registers[0].address, [False])  # nobody would ever send the 0
+                self._anybody.write_bits(registers[0].address, [False])  # no sender releases the stop with a 0
             return
         words = []
         for register in registers:
@@ -281,13 +281,13 @@ class CanopenNode:
         self._mailbox.heard(self.source)
         try:
             self._linked().write_words(registers[0].address, words)
-        except ValueError:  # the station has said why
+        except ValueError:  # the station has logged the reason
             self.counts.exceptions += 1
             self._shout(self._emergency.message(PDO_NOT_PROCESSED))
         self._publish(now)
 
     def _publish(self, now: float) -> None:
-        """Send the emergency and the reports that are due; the report that answers a command goes last."""
+        """Send the emergency and the reports that are due; the report with the answer to a command goes last."""
         if self.state not in (NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL):
             return
         words = self._mailbox.report_words(self.source)

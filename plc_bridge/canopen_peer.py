@@ -21,7 +21,7 @@ from plc_bridge.registers import RPDOS, STAGES, Register, table
 _NEWS = tuple(
     f"report_{name}" for name in ("run", "stage", "result", "total_time", "state", "sequence", "answered", "refusal")
 )
-"""Registers that come by PDO and whose change makes the rest be read again."""
+"""Registers received by PDO; when one changes, the remaining registers are read again."""
 _TIMES = tuple(f"stage_time_{number}" for number in range(1, STAGES + 1))
 _PART = ("part", "part_depth", "part_evidence", "part_width", "hole_x", "hole_y", "peak_force")
 _BY_SDO = ("version", "code", "total_time", *_TIMES, "refusal_detail", "transition", *_PART, "warnings", "overruns")
@@ -29,11 +29,11 @@ _READ_TIMEOUT, _NMT_PERIOD = 0.01, 0.2  # s
 
 
 class SdoRefusedError(CellSilentError):
-    """The cell will never take the value: it is beyond its limits."""
+    """The cell refuses the value permanently: it is beyond its limits."""
 
 
 class _Wire(canopen.Network):
-    """canopen's network on one of our buses; the thread of its own that reads also sends the heartbeat."""
+    """canopen's network on a bus of this project; its own reading thread also sends the heartbeat."""
 
     def __init__(self, bus: CanBus, node: int, heartbeat: float) -> None:
         super().__init__()
@@ -44,7 +44,7 @@ class _Wire(canopen.Network):
         self._thread = threading.Thread(target=self._serve, name="plc", daemon=True)
 
     def begin(self) -> None:
-        """Boot, then live."""
+        """Send the boot-up message, then heartbeats."""
         self.send_message(0x700 + self._node, bytes([NmtState.INITIALISING]))
         self._thread.start()
 
@@ -66,17 +66,17 @@ class _Wire(canopen.Network):
                 if self.producer.is_due(time.monotonic()):
                     self.send_message(0x700 + self._node, bytes([NmtState.OPERATIONAL]))
         except CanLostError:
-            return  # whoever waits for an answer finds out
+            return  # the waiting caller times out
 
 
 class CanPeer(PlcPeer):
     """A PLC on CAN, which is also the NMT master.
 
     Args:
-        config: Config of the cell: the bus, the cell's node-ID and the PLC's, which is this node's.
+        config: Config of the cell: the bus, the cell's node-ID and the PLC's, which this node uses.
         period: Time between two cycles while waiting, s.
         timeout: Longest wait for one answer, s.
-        wait: Waits so many seconds.
+        wait: Waits this number of seconds.
         now: Monotonic time, s.
     """
 
@@ -102,14 +102,14 @@ class CanPeer(PlcPeer):
         self._rest: tuple[tuple[Value, ...], dict[str, Value]] = ((), {})
 
     def close(self) -> None:
-        """Fall silent and leave the bus; may be called again."""
+        """Stop sending and leave the bus; may be called again."""
         if self._wire is not None:
             self._wire.end()
             self._wire = self._node = None
         self._bus.close()
 
     def end_heartbeat(self) -> None:
-        """Stop the heartbeat and go on otherwise, as a PLC does whose CANopen stack has died."""
+        """Stop only the heartbeat, like a PLC with a failed CANopen stack."""
         if self._wire is not None:
             self._wire.producer.restart(0.0)
 
@@ -117,9 +117,9 @@ class CanPeer(PlcPeer):
         """Return the report; writes nothing.
 
         Raises:
-            CellSilentError: The cell does not answer, or its node is not operational and so sends no report.
+            CellSilentError: The cell does not answer, or its node is not operational and therefore sends no report.
         """
-        # Whatever the cell had to say by PDO, it said before it answers this.
+        # The cell sends its pending PDOs before it answers this request.
         holder = self._read("report_holder")
         if self._node is not None and self._node.nmt.state != "OPERATIONAL":
             raise CellSilentError(f"{self._where}: it is {self._node.nmt.state}")
@@ -137,7 +137,7 @@ class CanPeer(PlcPeer):
         return Diagnostics(**{name.removeprefix("diagnostics_"): int(self._number(name)) for name in names})
 
     def stop(self) -> None:
-        """Stop the cell, whoever holds the lease."""
+        """Stop the cell, independent of the lease."""
         with self._asking() as node:
             node.network.send_message(RPDO_BASES[len(RPDOS) - 1] + self._config.node_id, b"\x01")
         self._read("report_holder")
@@ -161,11 +161,11 @@ class CanPeer(PlcPeer):
             if self._now() > deadline:
                 self.close()
                 raise CellSilentError(f"{self._where}: no report: is `cell serve` running there?")
-            self._node.nmt.state = "OPERATIONAL"  # said again until it is so: the cell may be the later one
+            self._node.nmt.state = "OPERATIONAL"  # repeated until it takes effect: the cell may boot later
             self._has_report.wait(min(_NMT_PERIOD, self._timeout))
 
     def _is_operational(self) -> bool:
-        """Ask the node's next heartbeat; what canopen remembers may be what was said to the node, not by it."""
+        """Read the state from the node's next heartbeat; canopen's stored state may be a sent command instead of a received state."""
         assert self._node is not None
         try:
             return bool(self._node.nmt.wait_for_heartbeat(self._timeout) == "OPERATIONAL")
@@ -218,7 +218,7 @@ class CanPeer(PlcPeer):
 
 
 def _by_sdo(image: CommandImage, sent: CommandImage, places: dict[str, Register]) -> Iterator[tuple[Register, bytes]]:
-    """Yield what changed and no PDO carries, as register and bytes."""
+    """Yield the changed registers that no PDO carries, as register and bytes."""
     new, old = command_words(image), command_words(sent)
     for register in places.values():
         if register.table != "holding" or register.pdo or not register.index:

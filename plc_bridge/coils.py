@@ -1,7 +1,7 @@
 """The requests in the coils of one link: execute and reset by their rising edges; pure.
 
-A coil that is 1 in the first write after its link opened or was lost has no edge that was seen: the command that it may
-have meant before the loss must not be run again.
+If a coil is 1 in the first write after its link opened or was lost, it has no rising edge. Its command may have run before
+the loss, so it is not run again.
 """
 
 from collections.abc import Mapping
@@ -20,18 +20,18 @@ class Edge(Enum):
     UNSEEN = auto()
     """The coil is 1 in its first write."""
     LOW = auto()
-    """The coil is 0, whatever it was before."""
+    """The coil is 0; its previous value does not matter."""
 
 
 @dataclass(slots=True)
 class Coils:
-    """The coils of one link as written last; None before the first write."""
+    """Coils of one link as last written; None before the first write."""
 
     execute: bool | None = None
     reset: bool | None = None
 
     def take(self, coil: Literal["execute", "reset"], written: Mapping[str, bool]) -> Edge:
-        """Take a coil if it is among those just written."""
+        """Return the edge of a coil if it is among those just written."""
         before, now = getattr(self, coil), written.get(coil)
         if now is None:
             return Edge.NONE

@@ -1,4 +1,4 @@
-"""The electronic data sheet of the CANopen node (CiA 306), which a PLC's configuration tool reads."""
+"""The electronic data sheet of the CANopen node (CiA 306) for a PLC's configuration tool."""
 
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,9 +14,9 @@ _VAR, _ARRAY, _RECORD = 7, 8, 9
 _MANDATORY = (0x1000, 0x1001, 0x1018)
 _MANUFACTURER = range(0x2000, 0x6000)
 _LONGEST_COMMENT = 200
-"""Number of characters that a comment may have; CiA 306 allows lines of 255."""
+"""Longest comment, characters; CiA 306 allows lines of 255."""
 _DUMMIES = 7
-"""Data types that could stand for a gap in a PDO; the mapping is fixed, so that none may."""
+"""Number of data types that could fill a gap in a PDO; the mapping is fixed, so none of them may."""
 
 
 def as_eds(registers: Sequence[Register]) -> str:
@@ -56,7 +56,7 @@ def as_eds(registers: Sequence[Register]) -> str:
         lines += _section(name, {"SupportedObjects": len(indices), **numbered})
         for index in indices:
             lines += _object(objects, index, by_place)
-    return "\r\n".join(lines)  # CiA 306 asks for lines that end with CR LF
+    return "\r\n".join(lines)  # CiA 306 requires lines that end with CR LF
 
 
 def _section(name: str, entries: Mapping[str, object], comment: str = "") -> Iterator[str]:

@@ -1,6 +1,6 @@
 """The function block for the PLC's side as data: named types, variables and body, with every address filled in.
 
-Structured Text, PLCopen XML and Siemens SCL are three ways to write it down, each in its own module.
+Structured Text, PLCopen XML and Siemens SCL are three output formats, each in its own module.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,9 +14,9 @@ NAME = "FB_InsertionCell"
 NO_CELL, WRONG_VERSION, STOP_PENDING, RUN_GONE = 0xFF01, 0xFF02, 0xFF03, 0xFF04
 """ErrorID of the block's own errors."""
 FAILURE_BASE = 256
-"""First ErrorID of failures, to which the reason is added; refusals lie below it, and fault codes from 1000 on."""
+"""First ErrorID of failures, to which the reason is added; refusals are below it, and fault codes start at 1000."""
 EXECUTE, HELD = 6, 11
-"""PackML state numbers in which a run can be held, and in which it goes on."""
+"""PackML state numbers: a run can be held in the first and continues from the second."""
 
 COMMAND, REPORT, SERIAL, PARAMETER, STAGE_TIMES, NAMES = (
     "T_CellCommand",
@@ -26,7 +26,7 @@ COMMAND, REPORT, SERIAL, PARAMETER, STAGE_TIMES, NAMES = (
     "T_CellStageTimes",
     "T_CellNames",
 )
-"""Named types, because some compilers assign no arrays of anonymous types."""
+"""Named types, because some compilers do not assign arrays of anonymous types."""
 
 _DECODED = {
     "state": "State",
@@ -49,7 +49,7 @@ _TOLD = {
     "refusal": "ReportRefusal",
     "code": "ReportCode",
 }
-"""Registers of the report that the block works with and does not show, and the variables that they are decoded into."""
+"""Registers of the report for the block's internal use, and the variables for their decoded values."""
 _BOOLS = ("IsSilent", "IsReady", "IsWhole", "IsStopping", "IsHolding", "HoldSent", "IsTaken", "WasExecute", "WasStop")
 _COUNTERS = ("Life", "Sequence", "RunNumber", "StopNumber", "HoldNumber", "SentCode", "Acknowledge", "SeenLife")
 
@@ -76,7 +76,7 @@ class ArrayType:
 
 @dataclass(frozen=True, slots=True)
 class FunctionBlock:
-    """The parts of the function block that all three languages write down."""
+    """The parts of the function block that all three languages write."""
 
     about: str
     arrays: tuple[ArrayType, ...]

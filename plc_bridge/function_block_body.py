@@ -1,7 +1,7 @@
-"""The work of the function block in one cycle, in Structured Text: one statement a line, addresses left open.
+"""The body of the function block for one cycle, in Structured Text: one statement a line, with open addresses.
 
-It keeps to IEC 61131-3 without pointers or libraries but for the standard timer TON. Whatever Modbus client the PLC has
-moves the two blocks of words.
+It uses IEC 61131-3 without pointers or libraries, except for the standard timer TON. The PLC's own Modbus client moves the
+two blocks of words.
 """
 
 BODY = """\

@@ -1,27 +1,27 @@
 """The sequence-number handshake of all buses: pure, no sockets, no threads, time passed in.
 
-Links come and go; what may run is decided here, once for all buses, with the help of
+Links come and go. The decision to run a command is made here, once for all buses, with the help of
 
-    | module             | what it decides                                                   |
-    | ------------------ | ----------------------------------------------------------------- |
-    | `sequence_numbers` | which number is adopted, is a command, is late, changes nothing    |
-    | `coils`            | which write of a coil is a command                                 |
-    | `refusals`         | what is refused without asking the scan thread                     |
-    | `intake`           | what of all that becomes an order, and what a refusal              |
-    | `orders`           | in which order commands reach the scan thread, and how each ended  |
-    | `links`            | whose answer and result a link reads                               |
-    | `answers`          | what its report and its inputs say of them                         |
-    | `lease`            | who may start                                                      |
-    | `watchdog`         | whether a link is alive, and its block whole                       |
+    | module             | decision                                                      |
+    | ------------------ | ------------------------------------------------------------- |
+    | `sequence_numbers` | a number is adopted, is a command, is late, or has no effect  |
+    | `coils`            | a write of a coil is a command or not                         |
+    | `refusals`         | refusals that do not need the scan thread                     |
+    | `intake`           | a request becomes an order or a refusal                       |
+    | `orders`           | order of commands for the scan thread, and their results      |
+    | `links`            | the answer and the result that a link reads                   |
+    | `answers`          | content of the link's report and inputs                       |
+    | `lease`            | permission to start                                           |
+    | `watchdog`         | a link is alive, and its block whole                          |
 
 Answers
     Every number gets one: `answered` with `refusal`, once the command was refused or the scan thread has decided.
-    `sequence` and `result` tell how the link's own last command ended and are held until it is acknowledged or the
-    next command comes; another's run never shows in them. A link that never wrote sees the run of whoever runs.
-    An answer stays once it is given: the same block again, also after a loss, changes nothing.
+    `sequence` and `result` give the result of the link's own last command. They are held until its acknowledgement or
+    the next command, and never show another link's run. Before its first write, a link reads the run of any link.
+    An answer stays once it is given: if the same block comes again, also after a loss, nothing changes.
 Stops
-    STOP, ABORT and the stop coil are obeyed from everybody, under every number and in every state. A block that is
-    repeated unchanged is one stop; a coil is a level, which each connection holds for itself.
+    The cell obeys STOP, ABORT and the stop coil from every link, under every number and in every state. A block
+    repeated unchanged is one stop. A coil is a level, which each connection holds for itself.
 """
 
 import logging
@@ -47,15 +47,15 @@ logger = logging.getLogger(__name__)
 
 @dataclass(slots=True)
 class Handshake:
-    """Commands in from any number of links, at most one run at a time out, the right answer back to each.
+    """Takes commands from any number of links, passes on at most one run at a time, and returns to each link its own answer.
 
     The scan thread calls `poll`, and `accept`, `refuse` and `publish` of `orders`.
 
     Args:
         programs: Name of each program and skill by its command code, from 100 on.
         parameters: Meaning of the numbered parameters.
-        life_timeout: A run is lost when the life counter of its link stands still for this long, s. A link that
-            never wrote its life counter shows life with any request.
+        life_timeout: Longest time without a change of the life counter of a run's link, s; the run then counts as lost. If
+            a link never wrote its life counter, any request is a sign of life.
         lease_timeout: Silence after which the lease is free again, s.
         log: Logger of refusals and of the lease's holders.
     """
@@ -80,23 +80,23 @@ class Handshake:
     # Links.
 
     def opened(self, source: str, host: str, now: float, is_local: bool = False) -> None:
-        """Begin a link; a local one is never silent."""
+        """Begin a link; a local link is never silent."""
         self._links[source] = Link(source, host, LinkWatchdog(now), is_local, next(self._events))
 
     def closed(self, source: str) -> None:
-        """End a link; what it holds and runs stays until its host comes back or the time-outs pass."""
+        """End a link; its lease and its run stay until its host returns or the time-outs pass."""
         link = self._links.pop(source, None)
         if link is not None:
             link.closed = next(self._events)
 
     def left(self, source: str, by: Hashable) -> None:
-        """End a connection of a link that others share; the stop that it held falls."""
+        """End a connection of a shared link; its stop is released."""
         link = self._links.get(source)
         if link is not None:
             link.leave(by)
 
     def lost(self, source: str) -> None:
-        """Take `source` for lost, whatever its life counter says: its run stops, and its next number is adopted."""
+        """Treat `source` as lost, regardless of its life counter: its run stops, and its next number is adopted."""
         link, run = self._links[source], self.orders.run
         link.forget()
         self._lease.lose(link)
@@ -104,7 +104,7 @@ class Handshake:
             self._lose(run, link, "its bus says so")
 
     def heard(self, source: str, now: float) -> None:
-        """Note that any request came from `source`."""
+        """Record a request of any kind from `source`."""
         self._links[source].watchdog.heard = now
 
     # Writes of links.
@@ -112,14 +112,14 @@ class Handshake:
     def wrote(
         self, source: str, image: CommandImage, now: float, is_numbered: bool = True, by: Hashable = None
     ) -> None:
-        """Take the command block as it stands after a write of `source`; it counts once its number was written.
+        """Take the command block after a write of `source`; it counts once its number was written.
 
         Args:
             source: The link.
             image: The whole block.
             now: Monotonic time, s.
-            is_numbered: Whether its number has ever been written.
-            by: Connection that has just written the number; None where nobody has, or nobody shares the link.
+            is_numbered: True if its number has ever been written.
+            by: Connection that has just written the number; None if none has, or if the link is not shared.
         """
         self._expire(now)
         link = self._links[source]
@@ -142,29 +142,29 @@ class Handshake:
             self._intake.take_number(link, image, now, before.code if before else Control.NONE)
 
     def switched(self, source: str, coils: Mapping[str, bool], now: float, by: Hashable = None) -> None:
-        """Take the coils that `source` has just written: execute, stop, reset; `by` names the connection, where several share the link."""
+        """Take the coils that `source` has just written: execute, stop, reset; `by` names the connection if the link is shared."""
         self._expire(now)
         link = self._links[source]
         link.watchdog.heard = now
         self._intake.take_coils(link, coils, by, now)
 
     def submit(self, source: str, image: CommandImage, now: float) -> Refusal:
-        """Submit an order of a local user under the next number of `source`; return why it was refused, if it was."""
+        """Submit an order of a local user under the next number of `source`; return its refusal, or NONE."""
         self._expire(now)
         link = self._links[source]
         link.has_spoken, link.image = True, image
         return self._intake.command(link, link.numbers.count_up(), image, now).refusal
 
     def take(self, source: str) -> bool:
-        """Give `source` the lease if it is free; return whether it holds it now."""
+        """Give `source` the lease if it is free; return True if it holds the lease now."""
         return self._lease.take(self._links[source])
 
     def release(self, source: str) -> None:
-        """Free the lease if `source` holds it, at the end of its run."""
+        """Free the lease if `source` holds it; during its run, free it at the end of the run."""
         self._lease.release(self._links[source])
 
     def poll(self, now: float) -> Command | None:
-        """Return the next thing for the scan thread to do, each once, stops first and the rest as it came."""
+        """Return the next command for the scan thread, each once, stops first and the rest in order of arrival."""
         self._expire(now)
         return self.orders.next()
 
@@ -172,23 +172,23 @@ class Handshake:
 
     @property
     def counts(self) -> Counts:
-        """Counts of what went wrong since the start."""
+        """Counts of errors since the start."""
         return self.orders.counts
 
     @property
     def holder(self) -> str:
-        """Name of the link that holds the lease; empty when it is free."""
+        """Name of the link that holds the lease; empty if it is free."""
         return self._lease.name
 
     @property
     def kept(self) -> frozenset[str]:
-        """The links that hold the lease or have a run under way: nobody takes their places."""
+        """Links that hold the lease or have a run under way; they keep their places."""
         holder, runner = self._lease.holder, self._lease.runner
         return frozenset(link.source for link in (holder, runner) if link is not None)
 
     @property
     def stops_held(self) -> int:
-        """How many connections hold their stop coil at 1."""
+        """Number of connections that hold their stop coil at 1."""
         return self._intake.stops_held
 
     def answer(self, source: str, life: int = 0) -> ReportImage:
@@ -200,22 +200,22 @@ class Handshake:
         return inputs_for(self._links[source], self.orders, self._lease, self.stops_held)
 
     def sight(self, host: str, now: float) -> PlcSight | None:
-        """Return what is seen of the PLC at `host`, an address, node or line; None while it is not there.
+        """Return the cell's view of the PLC at `host`, an address, node or line; None if it is not connected.
 
-        Of several links of one host it is the one whose life counter changed most often.
+        If one host has several links, the view is of the link whose life counter changed most often.
         """
         return sight_of(self._links.values(), host, now)
 
-    # Results that were read, links that come back, and links that fall silent.
+    # Acknowledgements, resumed links, and silent links.
 
     def _acknowledge(self, link: Link, sequence: int) -> None:
         if link.shown is not None and link.shown.sequence == sequence:
             self.orders.end(link.shown)
 
     def _resume(self, link: Link, image: CommandImage) -> None:
-        """Let a link go on with the run of a closed link of its host.
+        """Let a link continue the run of a closed link of its host.
 
-        It writes the run's own number, or the one that the earlier link had come to, as after a hold; and nothing else.
+        The link must write the run's own number, or the last number of the earlier link, for example after a hold.
         """
         link.has_resumed = False
         for order in (self.orders.run, self.orders.seen):
@@ -225,7 +225,7 @@ class Handshake:
             if not (order.repeats(image) or _goes_on(image, earlier)):
                 continue
             if image.code != Control.NONE and image.sequence == order.sequence:
-                order.is_acknowledged = False  # whoever asks once more has not seen the answer
+                order.is_acknowledged = False  # the request is repeated, so the PLC has not read the answer
             self._lease.resume(earlier, link)
             if order is self.orders.run:
                 link.watchdog.follow(earlier.watchdog)
@@ -234,7 +234,7 @@ class Handshake:
             return
 
     def _expire(self, now: float) -> None:
-        """Let time-outs act: lost runs, silent holders, blocks that stay torn."""
+        """Apply the time-outs: lost runs, silent holders, permanently torn blocks."""
         run = self.orders.run
         link = run.link if run is not None and run.is_watched else None
         if run is not None and link is not None and link.watchdog.is_silent(now, self.life_timeout):
@@ -254,7 +254,7 @@ class Handshake:
 
 
 def _goes_on(image: CommandImage, earlier: Link) -> bool:
-    """Tell whether a block has the number that an earlier link had come to, and either its command once more or none at all."""
+    """Return True if a block has the last number of an earlier link, and repeats its command or has none."""
     stood = earlier.image
     is_known = stood is not None and image.sequence == earlier.numbers.last == stood.sequence
     return is_known and stood is not None and image.asked in (None, stood.asked)

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 @dataclass(slots=True)
 class HeartbeatProducer:
-    """Tells when the node's own heartbeat is due."""
+    """Determines when the node's own heartbeat is due."""
 
     period: float
-    """Period of object 0x1017, s; 0 sends none."""
+    """Period of object 0x1017, s; 0 disables the heartbeat."""
     _due: float = 0.0
 
     def is_due(self, now: float) -> bool:
-        """Tell whether a heartbeat shall go out at the time `now`, s, and count it as sent."""
+        """Return True if a heartbeat is due at the time `now`, s, and count it as sent."""
         if self.period <= 0.0 or now < self._due:
             return False
         in_step = self._due + self.period
@@ -21,34 +21,34 @@ class HeartbeatProducer:
         return True
 
     def restart(self, period: float) -> None:
-        """Take a new period; the next heartbeat is due at once."""
+        """Set a new period; the next heartbeat is due at once."""
         self.period, self._due = period, 0.0
 
 
 @dataclass(slots=True)
 class HeartbeatConsumer:
-    """Watches whether one other node lives; the watch begins with its first heartbeat."""
+    """Watches the heartbeat of one other node; the watch begins with its first heartbeat."""
 
     node: int
-    """Node-ID of object 0x1016, 1 to 127; 0 watches none."""
+    """Node-ID of object 0x1016, 1 to 127; 0 disables the watch."""
     timeout: float
-    """Longest time between heartbeats, of object 0x1016, s; 0 watches none."""
+    """Longest time between heartbeats, of object 0x1016, s; 0 disables the watch."""
     _heard: float = math.inf
 
     def hear(self, now: float) -> bool:
-        """Note a heartbeat of the node; return whether that begins the watch."""
+        """Record a heartbeat of the node; return True if it begins the watch."""
         if self.timeout <= 0.0:
             return False
         is_first, self._heard = self._heard == math.inf, now
         return is_first
 
     def has_lost(self, now: float) -> bool:
-        """Tell, once, that the node's heartbeat has ended."""
+        """Return True once when the node's heartbeat has ended."""
         if now - self._heard <= self.timeout:
             return False
         self._heard = math.inf
         return True
 
     def watch(self, node: int, timeout: float) -> None:
-        """Watch another node, or with another time; begins anew."""
+        """Watch another node, or with another time; the watch begins again."""
         self.node, self.timeout, self._heard = node, timeout, math.inf

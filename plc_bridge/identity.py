@@ -1,7 +1,7 @@
 """The identity of the device for Modbus clients: Modbus Application Protocol V1.1b3, 6.8, 6.13 and 6.21; pure.
 
-Integrators' tools ask for it before anything else: Read Device Identification (function 43, MEI type 14), Report
-Server ID (function 17), and an echo (function 8, sub-function 0).
+Integrators' tools read it first: Read Device Identification (function 43, MEI type 14), Report Server ID
+(function 17), and an echo (function 8, sub-function 0).
 """
 
 import struct
@@ -11,15 +11,15 @@ from importlib.metadata import PackageNotFoundError, version
 from plc_bridge.registers import DEVICE_NAME, VERSION_MAJOR, VERSION_MINOR
 
 DEVICE_IDENTIFICATION = 14
-"""MEI type of function 43; 13 is CANopen's, which has its own bus here."""
+"""MEI type of function 43; 13 is CANopen's, which has a separate bus here."""
 RETURN_QUERY_DATA = 0
-"""The one sub-function of function 8 that is served on every line."""
+"""Sub-function of function 8 that is served on every line; the only one."""
 INDIVIDUAL = 4
-"""Read device ID code that asks for one object; 1 to 3 ask for a stream of basic, regular and extended ones."""
+"""Read device ID code for one object; 1 to 3 request a stream of basic, regular and extended ones."""
 _LAST_OF = {1: 0x02, 2: 0x7F, 3: 0x7F}
-"""Last object of each stream; there are no extended ones, so they are answered as regular (6.21)."""
+"""Last object of each stream; there are no extended objects, so a request for them gets the regular ones (6.21)."""
 _CONFORMITY = 0x82
-"""Regular identification, as a stream and one by one."""
+"""Conformity level: regular identification, as a stream and by single objects."""
 _PROGRAM = "tactile-insertion-cell"
 _ON, _OFF = 0xFF, 0x00
 
@@ -40,15 +40,15 @@ def objects() -> Mapping[int, str]:
 
 
 def device_identification(code: int, number: int) -> bytes:
-    """Return what follows the function code in the response to Read Device Identification.
+    """Return the bytes after the function code in the response to Read Device Identification.
 
     Args:
         code: Read device ID code.
-        number: Object to begin with, or the one that is asked for.
+        number: First object, or the single requested object.
 
     Raises:
-        LookupError: The one object that was asked for is not there.
-        ValueError: No such code.
+        LookupError: The single requested object does not exist.
+        ValueError: The code does not exist.
     """
     known = objects()
     if code == INDIVIDUAL:
@@ -64,10 +64,10 @@ def device_identification(code: int, number: int) -> bytes:
 
 
 def server_id(is_running: bool) -> bytes:
-    """Return what follows the function code in the response to Report Server ID: name, then run indicator.
+    """Return the bytes after the function code in the response to Report Server ID: name, then run indicator.
 
     Args:
-        is_running: The cell is being scanned, so that it can act on commands.
+        is_running: True if the cell scans, so that it can execute commands.
     """
     told = _PROGRAM.encode("ascii") + bytes([_ON if is_running else _OFF])
     return bytes([len(told)]) + told

@@ -1,4 +1,4 @@
-"""The blocks of the register map as values, and as the words that travel."""
+"""The blocks of the register map as values, and as words."""
 
 import struct
 from collections.abc import Mapping, Sequence
@@ -11,7 +11,7 @@ Value = int | float | str
 
 @dataclass(frozen=True, slots=True)
 class CommandImage:
-    """The command block as values; `parameters` has the raw count of each one given, by number from 0."""
+    """The command block as values; `parameters` has the raw count of each given parameter, by number from 0."""
 
     life: int = 0
     sequence: int = 0
@@ -26,13 +26,13 @@ class CommandImage:
 
     @property
     def asked(self) -> tuple[int, int, str] | None:
-        """Return what makes two blocks of one number the same command; None without a command."""
+        """Return the key of a command: two blocks with one number and one key are the same command; None without a command."""
         return (self.code, self.recipe, self.serial) if self.code else None
 
 
 @dataclass(frozen=True, slots=True)
 class ReportImage:
-    """The report block as values, as one reader sees it."""
+    """The report block as values, for one reader."""
 
     life: int = 0
     version: int = VERSION
@@ -68,7 +68,7 @@ class ReportImage:
 
 @dataclass(slots=True)
 class Diagnostics:
-    """Counts since the start, as the diagnostics block shows them."""
+    """Counts since the start, as in the diagnostics block."""
 
     requests: int = 0
     exceptions: int = 0
@@ -89,7 +89,7 @@ class Diagnostics:
 
 
 class Block:
-    """Registers without gaps that are read or written together: values to words and back."""
+    """Registers without gaps that are read or written together; it converts values to words and back."""
 
     def __init__(self, registers: Sequence[Register]) -> None:
         self.registers = tuple(registers)
@@ -100,7 +100,7 @@ class Block:
         self._fields = [(r.name, r.type, r.scale, 2 * r.words, *_range(r)) for r in registers]
 
     def pack(self, values: Mapping[str, Value]) -> list[int]:
-        """Return the words; values that do not fit are cut to what the register holds, those left out are 0."""
+        """Return the words; values beyond a register's range are clipped, missing ones are 0."""
         raw: list[int | bytes] = []
         for name, kind, scale, size, low, high in self._fields:
             value = values.get(name, 0)
@@ -113,7 +113,7 @@ class Block:
         return list(self._words.unpack(self._bytes.pack(*raw)))
 
     def unpack(self, words: Sequence[int]) -> dict[str, Value]:
-        """Return the value of each register, raw integers where the scale is 1."""
+        """Return the value of each register, raw integers if the scale is 1."""
         raw = self._bytes.unpack(self._words.pack(*words))
         values: dict[str, Value] = {}
         for (name, kind, scale, *_), value in zip(self._fields, raw, strict=True):

@@ -1,4 +1,4 @@
-"""The intake of a link's requests, by a number, a torn block or the edge of a coil, on their way to the scan thread; pure."""
+"""The intake of a link's requests on their way to the scan thread: by a number, a torn block or the edge of a coil; pure."""
 
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, replace
@@ -17,10 +17,10 @@ from plc_bridge.sequence_numbers import Verdict
 
 @dataclass(frozen=True, slots=True)
 class Intake:
-    """Turns what links write into orders, or into refusals.
+    """Turns requests of links into orders or refusals.
 
     Args:
-        rules: Rules of what the cell takes.
+        rules: Rules for accepted commands.
         lease: The lease of the cell.
         orders: Receiver of the orders.
         links: All links, by their source.
@@ -33,13 +33,13 @@ class Intake:
 
     @property
     def stops_held(self) -> int:
-        """How many connections hold their stop coil at 1."""
+        """Number of connections that hold their stop coil at 1."""
         return sum(len(link.stops) for link in self.links.values())
 
     # Numbers.
 
     def take_number(self, link: Link, image: CommandImage, now: float, code_before: int) -> None:
-        """Take the number of a whole block; `code_before` is the code of the write before."""
+        """Process the number of a whole block; `code_before` is the code of the previous write."""
         numbers = link.numbers
         verdict = numbers.see(image.sequence, image.asked, image.life)
         if verdict is Verdict.ANEW:
@@ -62,7 +62,7 @@ class Intake:
                 self.command(link, image.sequence, image, now)
 
     def _take_same(self, link: Link, image: CommandImage, code_before: int) -> None:
-        """Take a number that is known: only a stop is obeyed, and a number that came empty is not to be used again."""
+        """Process a repeated number: only a stop is obeyed; a number first written without a command cannot be used again."""
         link.was_lost = False
         if link.aside is not None and link.aside.sequence != image.sequence:
             link.aside = None
@@ -75,10 +75,10 @@ class Intake:
             self._refuse_new(link, image, image.sequence, Refusal.ADOPTED)
 
     def _take_late(self, link: Link, image: CommandImage) -> None:
-        """Answer a number behind the last one beside the answer of that: a stop is obeyed, another command refused."""
+        """Answer a number behind the last one without replacing the last answer: obey a stop, refuse another command."""
         run, aside = link.shown, link.aside
         if run is not None and run.is_program and run.repeats(image):
-            return  # the run's own number, behind those of later controls
+            return  # the number of the present run, behind those of later controls
         if aside is not None and aside.repeats(image) and aside.command.code == image.code:
             return
         link.aside = Order(_command_of(link, image.sequence, image))
@@ -88,7 +88,7 @@ class Intake:
             self.orders.turn_down(link.aside, Refusal.LATE)
 
     def _adopt(self, link: Link, image: CommandImage) -> None:
-        """Adopt a first number, whose command is not run; that of the run in view changes nothing."""
+        """Adopt a first number without running its command; the number of the run in view changes nothing."""
         shown = link.shown
         if link.has_resumed or (shown is not None and shown.is_program and shown.repeats(image)):
             link.was_lost = False
@@ -112,7 +112,7 @@ class Intake:
         return order
 
     def _stop(self, link: Link, image: CommandImage, sequence: int = UNNUMBERED) -> Order:
-        """Stop at once; a stop under a number of its own has an answer of its own, one under the run's number the run's."""
+        """Stop at once; a stop with its own number gets its own answer, one with the run's number gets the run's."""
         shown = link.shown
         if shown is not None and shown.is_program and shown.sequence == sequence:
             sequence = UNNUMBERED
@@ -125,7 +125,7 @@ class Intake:
     # Coils.
 
     def take_coils(self, link: Link, coils: Mapping[str, bool], by: Hashable, now: float) -> None:
-        """Take the coils that a connection of a link has just written."""
+        """Process the coils that a connection of a link has just written."""
         if coils.get("stop") is False:
             link.stops.discard(by)
         elif "stop" in coils and by not in link.stops:
@@ -146,7 +146,7 @@ class Intake:
         image: CommandImage,
         now: float,
     ) -> Order | None:
-        """Return the request that a write of a coil makes, or `before`, the one of the write before it."""
+        """Return the request made by a write of a coil; otherwise `before`, the request of an earlier write."""
         edge = link.coils.take(coil, coils)
         if edge is Edge.ROSE:
             return self.command(link, link.numbers.count_up(), image, now)
@@ -159,7 +159,7 @@ class Intake:
     # Commands.
 
     def command(self, link: Link, sequence: int, image: CommandImage, now: float) -> Order:
-        """Answer a number that counts, or pass it on to the scan thread."""
+        """Answer a new number, or pass its command on to the scan thread."""
         if image.code in STOPS:
             return self._stop(link, image, sequence)
         refusal, detail = self._why_not(link, image), 0
@@ -195,7 +195,7 @@ class Intake:
     # Torn blocks.
 
     def take_torn(self, link: Link, image: CommandImage) -> None:
-        """Stop at once for a new number whose code says so, although it may not be that number's code.
+        """Obey the stop code of a new number at once, although the code may belong to another number.
 
         The number is answered when the block is whole.
         """

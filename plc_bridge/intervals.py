@@ -1,10 +1,10 @@
-"""The time from one report of the cell to the next, counted in ranges; pure, time passed in."""
+"""Histogram of the time between two reports of the cell; pure, time passed in."""
 
 from bisect import bisect_left
 from dataclasses import dataclass, field
 
 BOUNDS = (0.002, 0.005, 0.0095, 0.0105, 0.012, 0.015, 0.02, 0.03, 0.05, 0.1, 0.2, 0.5)
-"""Upper ends of the ranges, s, finest about the period of the usual scan; the last range has none."""
+"""Upper ends of the ranges, s, finest around the period of the usual scan; the last range has no upper end."""
 
 
 @dataclass(slots=True)
@@ -20,7 +20,7 @@ class Intervals:
     _last: float | None = None
 
     def note(self, now: float) -> None:
-        """Take the moment of a report, s."""
+        """Record the time of a report, s."""
         if self._last is not None:
             interval = now - self._last
             self.counts[bisect_left(BOUNDS, interval)] += 1

@@ -1,17 +1,17 @@
-"""The lease: who may start. One for the cell, whatever the bus; time is passed in.
+"""The lease: the permission to start. There is one for the cell, for all buses; time is passed in.
 
-    | event                                  | holder afterwards                                                 |
-    | -------------------------------------- | ----------------------------------------------------------------- |
-    | `command_lease` is TAKE, lease is free | that link                                                         |
-    | a start is accepted, lease is free     | that link: a simple PLC never has to ask                          |
-    | any request of the holder              | the same: activity keeps the lease                                |
-    | holder closed, its host asks or starts | the new link of that host                                         |
-    | holder closed, a link resumes its run  | that link, which also watches over the run                        |
-    | release, silence for `timeout`         | nobody; in a run of the holder from its end on                    |
-    | the holder's run was lost              | nobody                                                            |
-    | restart of the cell                    | nobody                                                            |
+    | event                                  | holder afterwards                                   |
+    | -------------------------------------- | --------------------------------------------------- |
+    | `command_lease` is TAKE, lease is free | that link                                           |
+    | a start is accepted, lease is free     | that link: a simple PLC needs no request            |
+    | any request of the holder              | the same: activity keeps the lease                  |
+    | holder closed, its host takes or starts | the new link of that host                          |
+    | holder closed, a link resumes its run  | that link, which is then also watched for the run   |
+    | release, silence for `timeout`         | none; during a run of the holder from its end on    |
+    | the holder's run was lost              | none                                                |
+    | restart of the cell                    | none                                                |
 
-Only the holder may start, reset, clear, hold or unhold. Anybody may stop and abort, even with a first number.
+Only the holder may start, reset, clear, hold or unhold. Every link may stop and abort, even with a first number.
 """
 
 import logging
@@ -29,25 +29,25 @@ class CellLease:
     """The one lease of the cell.
 
     Args:
-        timeout: Silence of the holder after which it is free again, s; a local user is never silent.
-        log: Logger of who takes and loses the lease.
+        timeout: Silence of the holder after which the lease is free again, s; a local user is never silent.
+        log: Logger of changes of the holder.
     """
 
     timeout: float
     log: PeerLog = field(default_factory=lambda: PeerLog(logger))
     holder: Link | None = None
     runner: Link | None = None
-    """Link whose run is under way; its lease goes to no link but one that resumes that run."""
+    """Link whose run is under way; its lease passes only to a link that resumes that run."""
     is_given_back: bool = False
-    """Whether the holder has released it and keeps it to the end of its run."""
+    """True if the holder has released the lease and keeps it to the end of its run."""
 
     @property
     def name(self) -> str:
-        """Name of the holder; empty when it is free."""
+        """Name of the holder; empty if the lease is free."""
         return self.holder.source if self.holder is not None else ""
 
     def is_open_to(self, link: Link) -> bool:
-        """Return whether `link` holds the lease or could take it, also from a closed link of its host."""
+        """Return True if `link` holds the lease or can take it, also from a closed link of its host."""
         if self.holder is None or self.holder is link:
             return True
         is_passed_on = self.holder is not self.runner or self.is_given_back
@@ -60,7 +60,7 @@ class CellLease:
         return LeaseState.FREE if self.is_open_to(link) else LeaseState.TAKEN
 
     def take(self, link: Link) -> bool:
-        """Give the lease to `link` if it is open to it; return whether `link` holds it now."""
+        """Give the lease to `link` if it is open to it; return True if `link` holds it now."""
         if not self.is_open_to(link):
             return False
         if self.holder is not link:
@@ -74,7 +74,7 @@ class CellLease:
             self.holder = link
 
     def release(self, link: Link) -> None:
-        """Free the lease if `link` holds it or could take it over; the holder of a run keeps it to the run's end."""
+        """Free the lease if `link` holds it or can take it over; during a run the holder keeps it until the run ends."""
         if self.holder is not None and self.holder is self.runner:
             self.is_given_back |= self.holder is link
         elif self.is_open_to(link):
@@ -86,13 +86,13 @@ class CellLease:
             self._free(link, "loses the lease: it was lost")
 
     def end_run(self) -> None:
-        """Let the lease go with the end of the run, if it was released meanwhile."""
+        """End the run, and free the lease if it was released meanwhile."""
         self.runner = None
         if self.is_given_back and self.holder is not None:
             self._free(self.holder, "releases the lease")
 
     def expire(self, now: float) -> None:
-        """Free the lease when its holder has been silent for too long; the link's own watchdog watches a run."""
+        """Free the lease if its holder has been silent for too long; a run has its own watchdog."""
         holder = self.holder
         if holder is None or holder.is_local or holder is self.runner:
             return

@@ -1,6 +1,6 @@
-"""The mailbox between the scan thread and the servers: the one place where the threads meet.
+"""The mailbox between the scan thread and the servers: the only connection of the threads.
 
-One lock guards the handshake; every method takes it for a few microseconds and waits for nothing else.
+One lock guards the handshake; every method holds it for a few microseconds and waits for nothing else.
 """
 
 import logging
@@ -22,7 +22,7 @@ SCANNED_WITHIN = 1.0
 
 
 class Mailbox:
-    """Commands for the scan thread, reports for everybody else; servers write and read through it.
+    """Commands for the scan thread and reports for all readers; servers write and read through it.
 
     Args:
         config: The time-outs.
@@ -48,15 +48,15 @@ class Mailbox:
         self._intervals = Intervals()
 
     def poll(self) -> Command | None:
-        """Return the next thing for the scan thread to do, each once; stops and a lost PLC come first.
+        """Return the next command for the scan thread, each once; stops and a lost PLC come first.
 
-        Whatever it is, the scan thread tells before its next `poll` whether it accepts or refuses it.
+        The scan thread must accept or refuse the command before its next `poll`.
         """
         with self._lock:
             return self._handshake.poll(self._now())
 
     def publish(self, report: Report) -> None:
-        """Show `report` to everybody; a result in it ends the command whose sequence number it echoes."""
+        """Publish `report` to all readers; a result in it ends the command whose sequence number it echoes."""
         with self._lock:
             self._life, self._published = (self._life + 1) % 0x10000, self._now()
             self._handshake.orders.publish(report)
@@ -64,52 +64,52 @@ class Mailbox:
             self._handshake.orders.tags.publish(report, self._published)
 
     def accept(self, command: Command) -> None:
-        """Tell whoever sent `command` that it is done: a program begins, a control is obeyed; for the scan thread."""
+        """Report to the sender of `command` that a program begins or a control was carried out; for the scan thread."""
         with self._lock:
             self._handshake.orders.accept(command)
 
     def refuse(self, command: Command, refusal: Refusal) -> None:
-        """Tell whoever sent `command` why the scan thread does not do it; it belongs to the scan thread."""
+        """Report to the sender of `command` why the scan thread refuses it; for the scan thread."""
         with self._lock:
             self._handshake.orders.refuse(command, refusal)
 
     @property
     def is_scanned(self) -> bool:
-        """Whether a report was published within the last moment."""
+        """True if the newest report is recent."""
         with self._lock:
             return self._now() - self._published < SCANNED_WITHIN
 
     @property
     def holder(self) -> str:
-        """Name of the link that holds the lease; empty when it is free."""
+        """Name of the link that holds the lease; empty if it is free."""
         with self._lock:
             return self._handshake.holder
 
     @property
     def kept(self) -> frozenset[str]:
-        """The links that hold the lease or have a run under way: nobody takes their places."""
+        """Links that hold the lease or have a run under way; they keep their places."""
         with self._lock:
             return self._handshake.kept
 
     @property
     def run(self) -> int:
-        """Number in the journal of the run under way or last, whoever started it."""
+        """Journal number of the run under way, else of the last one, for any link."""
         return self._handshake.orders.report.run
 
     @property
     def diagnostics(self) -> Diagnostics:
-        """Counts since the start, those of the servers left out."""
+        """Counts since the start, without those of the servers."""
         with self._lock:
             counts, stops_held = self._handshake.counts, self._handshake.stops_held
         return Diagnostics(refusals=counts.refusals, torn=counts.torn, lost=counts.lost, stops_held=stops_held)
 
     def sight(self, host: str) -> PlcSight | None:
-        """Return what is seen of the PLC at `host`, an address, node or line; None while it is not there."""
+        """Return the cell's view of the PLC at `host`, an address, node or line; None if it is not connected."""
         with self._lock:
             return self._handshake.sight(host, self._now())
 
     def take(self, source: str) -> bool:
-        """Give the lease to a user of this process, as "terminal"; return whether it was free."""
+        """Give the lease to a user of this process, as "terminal"; return True if it was free."""
         with self._lock:
             self._handshake.opened(source, source, self._now(), is_local=True)
             is_taken = self._handshake.take(source)
@@ -118,12 +118,12 @@ class Mailbox:
             return is_taken
 
     def submit(self, source: str, image: CommandImage) -> Refusal:
-        """Pass on a command of the local user `source` that holds the lease; return why it was refused, or NONE."""
+        """Pass on a command of the local user `source`, who holds the lease; return its refusal, or NONE."""
         with self._lock:
             return self._handshake.submit(source, image, self._now())
 
     def release(self, source: str) -> None:
-        """Give back the lease of a local user."""
+        """Return the lease of a local user."""
         with self._lock:
             self._handshake.release(source)
             self._handshake.closed(source)
@@ -139,12 +139,12 @@ class Mailbox:
             self._handshake.closed(source)
 
     def lost(self, source: str) -> None:
-        """Take a link for lost, for a server: its heartbeat has ended."""
+        """Treat a link as lost, for a server: its heartbeat has ended."""
         with self._lock:
             self._handshake.lost(source)
 
     def left(self, source: str, by: Hashable) -> None:
-        """End a connection of a link that others share, for a server."""
+        """End a connection of a shared link, for a server."""
         with self._lock:
             self._handshake.left(source, by)
 
@@ -159,17 +159,17 @@ class Mailbox:
             self._handshake.switched(source, coils, self._now(), by)
 
     def heard(self, source: str) -> None:
-        """Note that a request came, for a server."""
+        """Record a request, for a server."""
         with self._lock:
             self._handshake.heard(source, self._now())
 
     def report_for(self, source: str) -> ReportImage:
-        """Return the report as the link `source` shall read it, for a server."""
+        """Return the report for the link `source`, for a server."""
         with self._lock:
             return self._handshake.answer(source, self._life)
 
     def report_words(self, source: str) -> list[int]:
-        """Return the report block as the link `source` shall read it, for a server."""
+        """Return the report block for the link `source`, for a server."""
         return report_words(self.report_for(source))
 
     def diagnostics_words(self) -> list[int]:

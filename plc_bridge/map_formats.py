@@ -1,4 +1,4 @@
-"""The register map in the forms that people and programs read; for EDS and Structured Text see their own modules."""
+"""The register map in formats for people and programs; EDS and Structured Text have their own modules."""
 
 import csv
 import io
@@ -14,7 +14,7 @@ RULES = (
     f"block. Input registers can be read as holding registers too, {MIRROR} higher. On CAN the same values are "
     "objects, index and sub-index, little-endian."
 )
-"""Rules that hold for the whole map, as people read them above it."""
+"""Rules for the whole map, printed above it."""
 
 
 def as_json(registers: Sequence[Register]) -> str:
@@ -43,7 +43,7 @@ def as_bytes(registers: Sequence[Register]) -> str:
 
 
 def as_markdown(registers: Sequence[Register]) -> str:
-    """Return the map as a Markdown table below the rules that hold for all of it."""
+    """Return the map as a Markdown table below its rules."""
     hidden = {"index", "subindex"}
     columns = [column.name for column in fields(Register) if column.name not in hidden]
     lines = [

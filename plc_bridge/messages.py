@@ -1,4 +1,4 @@
-"""The messages on the line, as values: one Command in, one Report out."""
+"""The messages of the line as values: one Command in, one Report out."""
 
 from dataclasses import dataclass, field
 from enum import IntEnum, IntFlag
@@ -16,7 +16,7 @@ class Result(IntEnum):
 
 
 class Refusal(IntEnum):
-    """Reason why a command was not accepted."""
+    """Reason for the refusal of a command."""
 
     NONE = 0
     UNKNOWN_CODE = 1
@@ -28,19 +28,19 @@ class Refusal(IntEnum):
     PARAMETER = 7
     TORN = 8
     ADOPTED = 9
-    """First sequence number after start, reconnect or a lost PLC: taken over, never run."""
+    """First sequence number after start, reconnect or a lost PLC: adopted, never run."""
     LATE = 10
     """Sequence number behind the last one: an old write that arrived late, or a counter that went back."""
     STOP_HELD = 11
-    """A stop coil is 1 somewhere: nothing starts, goes on or is reset before it falls."""
+    """A stop coil is 1 on some link: nothing starts, continues or is reset until it is 0."""
     PART_UNRESOLVED = 12
-    """The last peg is in the hand, in the hole, on the plate, or nobody knows where."""
+    """The last peg is in the hand, in the hole, on the plate, or its place is unknown."""
     HOLE_OCCUPIED = 13
     """The switch under the hole is closed."""
     SWITCH_UNKNOWN = 14
-    """The switch under the hole is silent, or its board gives no valid answer."""
+    """The switch under the hole is silent, or its board returns no valid answer."""
     RACK_EMPTY = 15
-    """Every slot of the rack has been emptied, and nobody has said that it was filled."""
+    """Every slot of the rack is empty, and no refill was reported."""
 
 
 REMEDIES: dict[Refusal, str] = {
@@ -64,35 +64,35 @@ REMEDIES: dict[Refusal, str] = {
     Refusal.RACK_EMPTY: "fill every slot of the rack, then send REFILLED",
     Refusal.STOP_HELD: "let every stop coil fall to 0 (diagnostics_stops_held counts them), then send again",
 }
-"""Remedy for each refusal, for whoever reads it."""
+"""Remedy for each refusal."""
 
 
 class Control(IntEnum):
     """Commands of the state machine, numbered as PackML numbers CntrlCmd; programs and skills have the codes from 100 on.
 
-    The same numbers tell why the state last changed. Source: OMAC PackML V2022 as published in the command constants of
-    github.com/simatic-ax/lpmlv2022, docs/constants; 6 Suspend, 7 Unsuspend and 10 Complete have no meaning here.
+    The same numbers give the reason of the last change of state. Source: OMAC PackML V2022 as published in the command constants
+    of github.com/simatic-ax/lpmlv2022, docs/constants; 6 Suspend, 7 Unsuspend and 10 Complete have no meaning here.
     """
 
     NONE = 0
     RESET = 1
     START = 2
-    """Never a command of its own: a program's code starts that program."""
+    """Never used as a command: a program's code starts that program."""
     STOP = 3
     HOLD = 4
     UNHOLD = 5
     ABORT = 8
     CLEAR = 9
     CLEARED = 50
-    """Control of this cell alone: a person has taken the peg away, wherever it was."""
+    """Control of this cell only: a person has removed the peg, from any place."""
     REFILLED = 51
     """Every slot of the rack has been filled."""
     FORGET = 52
-    """Control of this cell alone: it forgets where the hole of the command's recipe was learnt to be."""
+    """Control of this cell only: delete the learnt place of the hole for the command's recipe."""
     LOST = 0x10000
-    """Made by the watchdog: whoever started the run has fallen silent; no 16-bit register can hold it."""
+    """Created by the watchdog: the link that started the run is silent; no 16-bit register can hold it."""
     ACKNOWLEDGE = 0x10001
-    """Made by the handshake: the result has been read."""
+    """Created by the handshake: the result has been read."""
 
 
 class PartPlace(IntEnum):
@@ -108,35 +108,35 @@ class PartPlace(IntEnum):
 
 
 class PartEvidence(IntFlag):
-    """Evidence of the peg's place, in bits: what the sensors said in the look that the place follows from, and what was told besides."""
+    """Evidence of the peg's place, in bits: readings of the sensors that determine the place, and reports of a person or of the record."""
 
     NOTHING = 0
-    """Nothing was looked at yet."""
+    """No sensor has been read yet."""
     HAND_HOLDS = 1
     """The hand grips something as wide as the peg."""
     HAND_EMPTY = 2
-    """Nothing as wide as the peg is between the pads; with neither bit it is as wide, and does not grip."""
+    """The pads hold nothing as wide as the peg; with neither bit the width fits, but the hand does not grip."""
     SKIN_TOUCHED = 4
     """The skin shows a peg between the pads."""
     SKIN_FREE = 8
-    """The skin shows none; with neither bit it gave no frame to be trusted."""
+    """The skin shows no peg; with neither bit it returned no trusted frame."""
     TIP_IN_HOLE = 16
-    """The end of the peg, by arm and skin, was below the plate and over the hole when it was seen last."""
+    """The end of the peg, from arm and skin, was below the plate and over the hole at the last reading."""
     SWITCH_CLOSED = 32
     SWITCH_OPEN = 64
-    """The switch under the hole was open; with neither bit it gave no valid answer, or the cell has none."""
+    """The switch under the hole was open; with neither bit it returned no valid answer, or the cell has none."""
     FORCE = 128
     """The force of the part's latch proved that the peg is seated."""
     PERSON = 256
-    """A person, or the line, has said that the peg was taken away."""
+    """A person, or the line, has reported that the peg was removed."""
     RECORD = 512
-    """The place is the one that the program before this one left on record; the sensors do not contradict it."""
+    """The place comes from the record of the previous program; the sensors do not contradict it."""
 
 
 PACKML = frozenset(control for control in Control if Control.NONE < control <= Control.CLEAR)
-"""Controls that PackML has too, and that change the state."""
+"""Controls that also exist in PackML and that change the state."""
 UNNUMBERED = -1
-"""Sequence of a stop that came without one: by a coil or by the stop object of CAN."""
+"""Sequence of a stop without a number: from a coil or from the stop object of CAN."""
 FIRST_PROGRAM = 100
 """Lowest command code of a program or a skill."""
 
@@ -151,7 +151,7 @@ class LeaseState(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """One request of whoever holds the lease; counts once, when its sequence number changes."""
+    """One request of the holder of the lease; it counts once, when its sequence number changes."""
 
     sequence: int
     code: int
@@ -159,12 +159,12 @@ class Command:
     serial: str = ""
     parameters: tuple[tuple[str, float], ...] = ()
     source: str = ""
-    """Source of the command: address, node or user, as it stands in the run's record."""
+    """Source of the command: address, node or user, as in the run's record."""
 
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """State of the cell that the PLC may read at any time; `sequence` echoes the command that the rest belongs to."""
+    """State of the cell, which the PLC can read at any time; `sequence` echoes the command of the other fields."""
 
     sequence: int = 0
     state: int = 0
@@ -172,13 +172,13 @@ class Report:
     result: Result = Result.NONE
     fault: int = 0
     stage: int = 0
-    """Number of the skill under way or reached last, 0 before the first."""
+    """Number of the present or last skill; 0 before the first."""
     transition: Control | None = None
     """Reason of the last change of state; None before the first."""
     reason: int = 0
     """Reason of the outcome, as in `skills.contract.Reason`, by number."""
     progress: int = 0
-    """Progress of the skill under way, percent."""
+    """Progress of the present skill, percent."""
     run: int = 0
     """Number of the run in the journal."""
     holder: str = ""
@@ -186,9 +186,9 @@ class Report:
     stage_times: tuple[float, ...] = field(default=())
     """Time spent in each stage of the run so far, s; at most `registers.STAGES`."""
     total_time: float = 0.0
-    """Time of the run that counts, s."""
+    """Total time of the run, s."""
     hole: tuple[float, float] = (0.0, 0.0)
-    """Place where the run found the hole, shape (2,), m, base frame; zeros before it did."""
+    """Place where the run found the hole, shape (2,), m, base frame; zeros before that."""
     peak_force: float = 0.0
     """Largest force of the run at the tool, N."""
     part: PartPlace = PartPlace.UNKNOWN
@@ -196,10 +196,10 @@ class Report:
     """Depth of the peg's tip below the plate, m."""
     part_evidence: PartEvidence = PartEvidence.NOTHING
     part_width: float = 0.0
-    """Distance between the pads in the look that the place of the peg follows from, m."""
+    """Distance between the pads in the reading that determined the peg's place, m."""
     warnings: int = 0
     """Warnings, which do not stop the cell, as a sum of `registers.Warnings`."""
     obstacle: Refusal = Refusal.NONE
-    """Why a program that takes a fresh peg would be refused now, by what is known of peg, hole and rack."""
+    """Refusal that a program with a fresh peg would get now, from the state of peg, hole and rack."""
     overruns: int = 0
-    """Scans that took longer than their period since the start."""
+    """Number of scans that took longer than their period, since the start."""

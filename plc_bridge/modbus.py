@@ -20,16 +20,16 @@ from plc_bridge.station import LinkStation, LinkWords
 logger = logging.getLogger(__name__)
 
 ACCEPTED_PER_TURN = 8
-"""Connections that are accepted before those that are there get their turn."""
+"""Number of connections that are accepted before existing ones get their turn."""
 BACKLOG = 128
-"""Connections that may wait to be accepted."""
+"""Largest number of connections that wait for acceptance."""
 
 
 class ModbusServer:
-    """Listens, admits clients, drops the idle; `start` and `close` may be called from any thread."""
+    """Listens, admits clients, closes idle ones; `start` and `close` may be called from any thread."""
 
     section = "plc.modbus"
-    """Section of the config that holds the server's settings, for messages."""
+    """Section of the config with the server's settings, for messages."""
 
     def __init__(self, config: ModbusConfig, mailbox: Mailbox) -> None:
         self._config = config
@@ -44,19 +44,19 @@ class ModbusServer:
         self._thread: threading.Thread | None = None
         self._guests: set[Connection] = set()
         self._connections: dict[str, Connection] = {}
-        """Guests that have a link, by their source."""
+        """Connections with a link, by their source."""
         self._shared: dict[str, LinkWords] = {}
 
     @property
     def address(self) -> tuple[str, int]:
-        """Host and port that clients reach; the configured ones while nothing listens."""
+        """Host and port that clients reach; the configured ones while the server is closed."""
         if self._socket is None:
             return self._config.host, self._config.port
         host, port = self._socket.getsockname()[:2]
         return host, port
 
     def start(self) -> None:
-        """Bind, then serve in a thread of its own.
+        """Bind, then serve in a separate thread.
 
         Raises:
             DeviceNotOpenedError: The port is in use, not permitted, or the address is not this computer's.
@@ -89,7 +89,7 @@ class ModbusServer:
                 await asyncio.wait_for(self._stop.wait(), self._config.idle_timeout / 4)
             except TimeoutError:
                 self._drop_idle()
-        # a client whose accept is under way must not meet a closed server, which asyncio calls an error
+        # if a client is being accepted while the server closes, asyncio reports an error
         self.loop.remove_reader(listening)
         for _ in range(2):
             await asyncio.sleep(0)
@@ -99,25 +99,25 @@ class ModbusServer:
         await server.wait_closed()
 
     def receive(self) -> asyncio.Protocol:
-        """Return the protocol that serves a client which has just connected."""
+        """Return the protocol for a newly connected client."""
         return Connection(self)
 
     def abort_all(self) -> int:
-        """End every connection; return how many have not ended yet."""
+        """Abort every connection; return the number of those that have not ended yet."""
         for connection in self._guests:
             if connection.transport is not None:
                 connection.transport.abort()
         return len(self._guests)
 
     def turn_away(self, connection: Connection, why: str) -> None:
-        """Close a connection that is not let in."""
+        """Close a connection that is not admitted."""
         self.counts.forbidden += 1
         self.log.warning(connection.address, "%s: refused: %s", connection.source, why)
         if connection.transport is not None:
             connection.transport.abort()
 
     def reserve(self, connection: Connection) -> bool:
-        """Give a new connection a place, or turn it away; another connection may have to leave for it."""
+        """Give a new connection a place, or reject it; another connection may be closed for it."""
         if not self.is_allowed(connection.address):
             self.turn_away(connection, f"not in {self.section}.allow")
             return False
@@ -135,7 +135,7 @@ class ModbusServer:
         return True
 
     def _kept(self) -> set[Connection]:
-        """Return the connections that nobody makes leave: of each link that has the lease or a run, the last heard."""
+        """Return the connections that are never closed for others: the last active one of each link with the lease or a run."""
         links = self.mailbox.kept
         kept: dict[str, Connection] = {}
         for connection in self._connections.values():
@@ -145,7 +145,7 @@ class ModbusServer:
         return set(kept.values())
 
     def admit(self, connection: Connection) -> bool:
-        """Give a connection its place and its link, or turn it away."""
+        """Give a connection its place and its link, or reject it."""
         if connection not in self._guests and not self.reserve(connection):
             return False
         shared = self._shared_of(connection.host)
@@ -163,7 +163,7 @@ class ModbusServer:
         return True
 
     def leave(self, connection: Connection) -> None:
-        """Forget a connection that has ended."""
+        """Remove a connection that has ended."""
         self._guests.discard(connection)
         if connection.station is None or self._connections.get(connection.source) is not connection:
             return
@@ -178,7 +178,7 @@ class ModbusServer:
             self._shared_of(connection.host)
 
     def share(self, connection: Connection) -> None:
-        """Move `connection` to the link that all connections of its host have together."""
+        """Move `connection` to the link shared by all connections of its host."""
         assert connection.station is not None  # it has written something
         link, host = connection.station.link, connection.host
         if link.source == host:
@@ -192,7 +192,7 @@ class ModbusServer:
         connection.station.move(shared)
 
     def _shared_of(self, host: str) -> LinkWords | None:
-        """Return the shared link of `host`; it ends with its lease, once no connection is left."""
+        """Return the shared link of `host`; it ends with its lease when no connection is left."""
         shared = self._shared.get(host)
         if shared is not None and shared.users == 0 and self.mailbox.holder != host:
             del self._shared[host]
@@ -201,7 +201,7 @@ class ModbusServer:
         return shared
 
     def is_allowed(self, host: str) -> bool:
-        """Tell whether the address may connect."""
+        """Return True if the address may connect."""
         if not self._config.allow:
             return True
         address = ip_address(host.partition("%")[0])

@@ -1,7 +1,7 @@
-"""One Modbus TCP connection: strict framing, answers in the order of requests, and no more than its share of the time.
+"""One Modbus TCP connection: strict framing, answers in the order of requests, and a bounded share of the time.
 
-A malformed header closes the connection, because nothing after it can be trusted; a well-framed request that cannot
-be served gets its exception. The unit identifier is not used for addressing on TCP; it is echoed.
+After a malformed header the connection closes, because the following bytes cannot be trusted. A well-framed request that
+cannot be served gets its exception. The unit identifier is not used for addressing on TCP; it is echoed.
 """
 
 import asyncio
@@ -17,15 +17,15 @@ from plc_bridge.peer_log import PeerLog
 from plc_bridge.station import LinkStation
 
 HEADER = struct.Struct(">HHHB")
-"""Transaction, protocol, length of what follows the length field, unit."""
+"""Transaction, protocol, number of bytes after the length field, unit."""
 SHORTEST, LONGEST = 2, 254  # MBAP length: unit + function .. unit + the longest PDU
 FRAMES_PER_TURN = 8
 """Number of requests of one connection that are answered before the others get their turn."""
 REST = 3.0
-"""Pause after a turn for each connection that has more requests, as a multiple of the time that the turn took: whoever
-floods the server leaves three quarters of the time to others and to the scan, however slow the computer is."""
+"""Pause after a turn for each connection with more requests, as a multiple of the turn's duration. A client that floods
+the server leaves three quarters of the time to others and to the scan, on a computer of any speed."""
 SEND_BUFFER = 8192
-"""Number of unsent bytes that wait here for a client who does not read; the system holds about twice as many."""
+"""Number of unsent bytes buffered here if a client does not read; the system buffers about twice as many."""
 
 
 class ServerOfConnections(Protocol):
@@ -36,15 +36,15 @@ class ServerOfConnections(Protocol):
     log: PeerLog
     loop: asyncio.AbstractEventLoop
     crowd: int
-    """Number of connections that have more requests than one turn answers."""
+    """Number of connections with more requests than one turn answers."""
     worked: float
     """Time spent on requests since the start, s."""
 
     def admit(self, connection: "Connection") -> bool:
-        """Give a connection its link, or turn it away."""
+        """Give a connection its link, or reject it."""
 
     def leave(self, connection: "Connection") -> None:
-        """Forget a connection that has ended."""
+        """Remove a connection that has ended."""
 
 
 class Connection(asyncio.Protocol):
@@ -69,18 +69,18 @@ class Connection(asyncio.Protocol):
 
     @property
     def holds_stop(self) -> bool:
-        """Whether its stop coil is 1, which falls with it."""
+        """True if its stop coil is 1; the coil falls when the connection ends."""
         return self.station is not None and self.station.holds_stop
 
     def identify(self, identity: str, rights: frozenset[Right]) -> None:
-        """State the client's identity, before the connection is made; clients of another identity are others even at
+        """Set the client's identity before the connection is made; clients with another identity are separate hosts even at
         the same address.
         """
         self._identity, self.rights = identity, rights
         self._name(self.address, self.source.rpartition(":")[2])
 
     def arrive(self, transport: asyncio.Transport) -> bool:
-        """Take the transport, encrypted or not; return False when the client has gone before it was accepted."""
+        """Take the transport, encrypted or not; return False if the client left before its acceptance."""
         self.transport, self.arrived = transport, self._server.loop.time()
         peer = transport.get_extra_info("peername")
         if peer is None or self._is_lost:
@@ -88,7 +88,7 @@ class Connection(asyncio.Protocol):
             return False
         self._name(peer[0], peer[1])
         link = transport.get_extra_info("socket")
-        # asyncio does this only where the socket names its protocol; without it a second answer waits for an ACK
+        # asyncio does this only if the socket names its protocol; without it a second answer waits for an ACK
         link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         link.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
         return True
@@ -98,7 +98,7 @@ class Connection(asyncio.Protocol):
         self.host, self.source = f"{self._identity}{address}", f"{self._identity}{address}:{port}"
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Ask to be admitted."""
+        """Request admission."""
         assert isinstance(transport, asyncio.Transport)
         if self.transport is None and not self.arrive(transport):
             return
@@ -117,18 +117,18 @@ class Connection(asyncio.Protocol):
         self._server.leave(self)
 
     def data_received(self, data: bytes) -> None:
-        """Take what has arrived."""
+        """Take the received bytes."""
         self._buffer += data
         if not self._is_waiting:
             self._turn()
 
     def pause_writing(self) -> None:
-        """Let a client that does not read wait."""
+        """Stop answering while the client does not read."""
         self._is_writable = False
         self._reading().pause_reading()
 
     def resume_writing(self) -> None:
-        """Go on."""
+        """Continue answering."""
         self._is_writable = True
         if not self._is_waiting:
             self._turn()
@@ -138,7 +138,7 @@ class Connection(asyncio.Protocol):
         return self.transport
 
     def _turn(self) -> None:
-        """Answer what has arrived, but leave the others their turn."""
+        """Answer the received requests, up to one turn."""
         began = self._server.loop.time()
         has_more = self._answer_some()
         took = self._server.loop.time() - began
@@ -151,7 +151,7 @@ class Connection(asyncio.Protocol):
         self._server.loop.call_later(REST * took * self._server.crowd, self._next_turn)
 
     def _answer_some(self) -> bool:
-        """Answer as many requests as one turn has; return whether there may be more."""
+        """Answer the requests of one turn; return True if there may be more."""
         transport = self._reading()
         for _ in range(FRAMES_PER_TURN):
             if not self._is_writable or transport.is_closing():
@@ -167,7 +167,7 @@ class Connection(asyncio.Protocol):
         self._turn()
 
     def _answer_next(self) -> bool:
-        """Answer one request; return False when there is no whole one or the connection had to be closed."""
+        """Answer one request; return False if no whole one has arrived or the connection had to be closed."""
         station, transport, counts = self.station, self._reading(), self._server.counts
         if station is None or len(self._buffer) < HEADER.size:
             return False

@@ -1,4 +1,4 @@
-"""Modbus/TCP Security server: the Modbus TCP server behind mutual TLS, with the rights of the client's role."""
+"""Modbus/TCP Security server: the Modbus TCP server with mutual TLS, and with the rights of the client's role."""
 
 import asyncio
 import ssl
@@ -13,26 +13,26 @@ from plc_bridge.tls import BadRoleError, rights_of, role_of, server_context
 HANDSHAKE_TIMEOUT = 10.0
 """Longest TLS handshake, s."""
 HANDSHAKE_PERIOD = 0.01
-"""Least time between the beginnings of two handshakes, s; each takes milliseconds in which open connections are not served."""
+"""Least time between the beginnings of two handshakes, s; each blocks the open connections for milliseconds."""
 
 
 class _Door(asyncio.Protocol):
-    """A client whose TLS handshake is not over; what it sends goes to TLS."""
+    """A client during its TLS handshake; its bytes go to TLS."""
 
     def __init__(self, server: "SecureModbusServer") -> None:
         self._server = server
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         assert isinstance(transport, asyncio.Transport)
-        # Python 3.11.2, which Debian 12 has, begins to read behind this call, whether or not it paused, and what came would be lost.
+        # Python 3.11.2 (Debian 12) starts to read after this call, paused or not, and received bytes would be lost.
         self._server.loop.call_soon(transport.pause_reading)
         self._server.knock(transport)
 
 
 class SecureModbusServer(ModbusServer):
-    """Listens for TLS; a client is known by its role and its address.
+    """Listens for TLS; a client's identity is its role and its address.
 
-    A client has its place from its arrival on; until its handshake is over it is one that has never spoken.
+    A client has its place from its arrival on. Until its handshake ends it counts as a connection without any request.
     """
 
     section = "plc.tls"
@@ -46,20 +46,20 @@ class SecureModbusServer(ModbusServer):
         self._is_opening = False
 
     def start(self) -> None:
-        """Read the certificates, bind, then serve in a thread of its own.
+        """Read the certificates, bind, then serve in a separate thread.
 
         Raises:
-            DeviceNotOpenedError: A certificate or key cannot be used, or the port cannot be had.
+            DeviceNotOpenedError: A certificate or key cannot be used, or the port cannot be opened.
         """
         self._context = server_context(self._tls)
         super().start()
 
     def receive(self) -> asyncio.Protocol:
-        """Return the protocol that serves a client which has just connected."""
+        """Return the protocol for a newly connected client."""
         return _Door(self)
 
     def knock(self, transport: asyncio.Transport) -> None:
-        """Give a client a place, and begin its handshake when it is its turn."""
+        """Give a client a place, and begin its handshake in turn."""
         connection = Connection(self)
         if not connection.arrive(transport) or not self.reserve(connection):
             return
@@ -69,7 +69,7 @@ class SecureModbusServer(ModbusServer):
             self._open_next()
 
     def _open_next(self) -> None:
-        """Begin the handshake of the next client that is still there."""
+        """Begin the handshake of the next client that is still connected."""
         while self._waiting:
             connection = self._waiting.popleft()
             if connection in self._guests:
@@ -79,14 +79,14 @@ class SecureModbusServer(ModbusServer):
         self._is_opening = False
 
     def leave(self, connection: Connection) -> None:
-        """Forget a connection that has ended, in its handshake or afterwards."""
+        """Remove a connection that has ended, during its handshake or afterwards."""
         super().leave(connection)
         task = self._handshakes.pop(connection, None)
         if task is not None:
             task.cancel()
 
     def abort_all(self) -> int:
-        """End every handshake and every connection; return how many have not ended yet."""
+        """Abort every handshake and every connection; return the number of those that have not ended yet."""
         left = super().abort_all()
         for connection in [*self._handshakes, *self._waiting]:
             self.leave(connection)
@@ -94,7 +94,7 @@ class SecureModbusServer(ModbusServer):
         return left
 
     async def _shake_hands(self, connection: Connection) -> None:
-        # the protocol needs the role, which the handshake brings; TLS needs a protocol before
+        # the protocol needs the role, which the handshake provides; TLS needs a protocol before
         timeout = min(HANDSHAKE_TIMEOUT, self._tls.idle_timeout)
         assert connection.transport is not None
         try:

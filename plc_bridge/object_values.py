@@ -36,7 +36,7 @@ class Values:
         self._own: dict[tuple[int, int], int] = {}
 
     def reset(self) -> None:
-        """Go back to the defaults."""
+        """Restore the defaults."""
         self._own.clear()
 
     def get(self, index: int, subindex: int = 0) -> int:
@@ -44,14 +44,14 @@ class Values:
         return self._own.get((index, subindex), self._find(index, subindex).default or 0)
 
     def put(self, index: int, subindex: int, value: int) -> None:
-        """Set a number that is not a register, without telling."""
+        """Set a number that is not a register, without a call of `changed`."""
         self._own[index, subindex] = value
 
     def read(self, index: int, subindex: int) -> bytes:
         """Return an object's value, little-endian.
 
         Raises:
-            SdoAbortedError: There is no such object.
+            SdoAbortedError: The object does not exist.
         """
         variable = self._find(index, subindex)
         register = self._registers.get((index, subindex))
@@ -62,10 +62,10 @@ class Values:
         return self.get(index, subindex).to_bytes(len(variable) // 8, "little")
 
     def room(self, index: int, subindex: int) -> int:
-        """Return how many bytes may be written to an object at most.
+        """Return the largest number of bytes for a write to an object.
 
         Raises:
-            SdoAbortedError: There is no such object, or it is for reading only.
+            SdoAbortedError: The object does not exist, or it is read-only.
         """
         variable = self._find(index, subindex)
         if not variable.writable:
@@ -74,10 +74,10 @@ class Values:
         return len(variable) // 8 if register is None else size_of(register)
 
     def write(self, index: int, subindex: int, data: bytes) -> None:
-        """Set an object's value, no longer than its room.
+        """Set an object's value; `data` must not exceed its room.
 
         Raises:
-            SdoAbortedError: There is no such object, it is for reading only, the value is too short, or beyond its
+            SdoAbortedError: The object does not exist, it is read-only, the value is too short, or beyond its
                 limits.
         """
         room, variable = self.room(index, subindex), self._find(index, subindex)

@@ -1,6 +1,6 @@
-"""The object dictionary of the CANopen node, made from the one table of `registers`.
+"""The object dictionary of the CANopen node, generated from the one table of `registers`.
 
-Everything of the application is a register seen from CAN; what CiA 301 asks of every node stands beside it.
+Every application object is a register; the dictionary adds the objects that CiA 301 requires of every node.
 """
 
 from collections.abc import Iterable, Sequence
@@ -53,13 +53,13 @@ def words_of(register: Register, data: bytes) -> list[int]:
 
 
 def bytes_of(register: Register, words: Sequence[int]) -> bytes:
-    """Return a value as a frame holds it; a text without its padding."""
+    """Return a value as bytes of a frame; a text without its padding."""
     data = b"".join(word.to_bytes(2) for word in words)
     return data.rstrip(b"\0") if register.type == "string" else data[::-1]
 
 
 def number_in(words: Sequence[int], register: Register) -> int:
-    """Return the raw value of a register of the block that `words` are."""
+    """Return the raw value of a register in the words of its block."""
     value = 0
     for word in words[register.address : register.address + register.words]:
         value = value << 16 | word
@@ -67,7 +67,7 @@ def number_in(words: Sequence[int], register: Register) -> int:
 
 
 def dictionary(registers: Sequence[Register], node_id: int = 0) -> ObjectDictionary:
-    """Return the dictionary; with node-ID 0 the COB-IDs hold what is added to a node-ID, as in an EDS.
+    """Return the dictionary; with node-ID 0 the COB-IDs are relative to the node-ID, as in an EDS.
 
     Args:
         registers: The whole map.

@@ -1,6 +1,6 @@
-"""The one queue: every order from the write that brings it to its acknowledgement, on its way to the scan thread and back; pure.
+"""The one queue: every order from its write to its acknowledgement, to the scan thread and back; pure.
 
-An order is decided once it was refused, obeyed or, if it is a program, begun; its result comes with its end.
+An order is decided once it was refused or carried out or, if it is a program, begun; its result comes with its end.
 """
 
 import logging
@@ -17,12 +17,12 @@ from plc_bridge.peer_log import PeerLog
 logger = logging.getLogger(__name__)
 
 MOST_WAITING = 8
-"""Number of orders that may wait for the scan thread, stops not counted."""
+"""Largest number of orders that wait for the scan thread, without stops."""
 
 
 @dataclass(slots=True)
 class Counts:
-    """Counts of what went wrong since the start."""
+    """Counts of errors since the start."""
 
     refusals: int = 0
     torn: int = 0
@@ -31,10 +31,10 @@ class Counts:
 
 @dataclass(slots=True)
 class Orders:
-    """The queue: first come, first served; stops alone go ahead of everything, and drop what waits behind them.
+    """The queue: first in, first out. Stops precede all other orders and drop those that wait.
 
     Args:
-        lease: The lease of the cell, which is told whose run is under way.
+        lease: The lease of the cell; the queue sets the link of its run.
         log: Logger of refusals.
     """
 
@@ -47,20 +47,20 @@ class Orders:
     seen: Order | None = None
     """Program that the scan thread began last."""
     latest: Order | None = None
-    """Order that was decided last, of any link."""
+    """Order of any link that was decided last."""
     report: Report = field(default_factory=Report)
     """Report that the scan thread published last."""
     _waiting: deque[Order] = field(default_factory=deque)
     _stops: dict[int, list[Order]] = field(default_factory=dict)
     _given: Sequence[Order] = ()
-    """Orders that the scan thread was given last, all of one command."""
+    """Orders given to the scan thread last, all for one command."""
 
     # Calls of the scan thread.
 
     def next(self) -> Command | None:
-        """Return the next thing for the scan thread to do, each once, stops first and the rest as it came.
+        """Return the next command for the scan thread, each once, stops first and the rest in order of arrival.
 
-        A command that the scan thread has neither accepted nor refused by now ended in a fault.
+        If the scan thread has neither accepted nor refused the previous command, that command ended in a fault.
         """
         for order in self._given:
             if not order.is_decided:
@@ -72,7 +72,7 @@ class Orders:
         return self._given[0].command if self._given else None
 
     def accept(self, command: Command) -> None:
-        """Take note that `command`, which the scan thread was given last, is done: a program begins, a control is obeyed."""
+        """Record that the scan thread carries out `command`, its last one: a program begins, or a control is done."""
         for order in self._undecided(command):
             if order.is_program:
                 self.seen = order
@@ -80,7 +80,7 @@ class Orders:
             self.decide(order, Result.NONE if order.is_program else Result.SUCCESS)
 
     def refuse(self, command: Command, refusal: Refusal) -> None:
-        """Take note that `command`, which the scan thread was given last, is not done."""
+        """Record that the scan thread refuses `command`, its last one."""
         for order in self._undecided(command):
             self.turn_down(order, refusal)
 
@@ -97,7 +97,7 @@ class Orders:
             self.decide(run, report.result)
 
     def _undecided(self, command: Command) -> Sequence[Order]:
-        """Return the orders that the scan thread was given as `command` and has not decided yet."""
+        """Return the orders of `command` that the scan thread has not decided yet."""
         is_given = bool(self._given) and self._given[0].command is command
         return [order for order in self._given if not order.is_decided] if is_given else []
 
@@ -105,17 +105,17 @@ class Orders:
 
     @property
     def is_full(self) -> bool:
-        """Whether no more orders may wait for the scan thread."""
+        """True if no more orders may wait for the scan thread."""
         return len(self._waiting) >= MOST_WAITING
 
     def add(self, order: Order) -> None:
-        """Put an order at the end; a program becomes the run."""
+        """Append an order; a program becomes the run."""
         self._waiting.append(order)
         if order.is_program:
             self.run, self.lease.runner = order, order.link
 
     def stop(self, order: Order) -> None:
-        """Put a stop in front and drop what has not reached the scan thread yet."""
+        """Put a stop in front and drop the waiting orders."""
         dropped = tuple(self._waiting)
         self._waiting.clear()
         self._stops.setdefault(order.command.code, []).append(order)
@@ -124,7 +124,7 @@ class Orders:
                 self.decide(each, Result.ABORTED)
 
     def decide(self, order: Order, result: Result = Result.NONE, refusal: Refusal = Refusal.NONE) -> None:
-        """Take note of the decision on an order."""
+        """Record the decision on an order."""
         order.is_decided, order.result, order.refusal = True, result, refusal
         if order.link is not None:
             order.link.told = refusal
@@ -135,7 +135,7 @@ class Orders:
             self.lease.end_run()
 
     def turn_down(self, order: Order, refusal: Refusal) -> None:
-        """Answer an order with a refusal; one line in the log tells of each kind in a row."""
+        """Answer an order with a refusal; equal refusals in a row give one line in the log."""
         self.counts.refusals += 1
         what = "stop" if order.sequence == UNNUMBERED else f"command {order.sequence}"
         link = order.link
@@ -147,7 +147,7 @@ class Orders:
         self.decide(order, Result.REFUSED, refusal)
 
     def end(self, order: Order) -> None:
-        """Take the result of `order` for read; the cell may leave its state COMPLETE."""
+        """Mark the result of `order` as read; the cell may leave its state COMPLETE."""
         if order.is_acknowledged or order.result is Result.NONE:
             return
         order.is_acknowledged = True

@@ -1,4 +1,4 @@
-"""PackTags, the data that PackML asks of a machine, gathered from the reports; pure, time passed in.
+"""PackTags, the machine data that PackML requires, collected from the reports; pure, time passed in.
 
 Source of the tags: PackML Unit/Machine Implementation Guide, part 1 (OMAC), chapter on PackTags.
 """
@@ -13,7 +13,7 @@ from plc_bridge.registers import STATES
 PRODUCTION = 1
 """Value of PackML's UnitModeCurrent in this cell."""
 STOPPED, EXECUTE, STOPPING, ABORTING, ABORTED = 2, 6, 7, 8, 9
-"""States of PackML to which a reason of the stop belongs, and the one that ends it."""
+"""States of PackML with a stop reason, and the state that ends it."""
 
 
 @dataclass(slots=True)
@@ -34,12 +34,12 @@ class PackTags:
         return tuple(self._times)
 
     def obey(self, control: int) -> None:
-        """Note a control that the cell has obeyed, if it is one of PackML's."""
+        """Record a control that the cell has carried out, if PackML defines it."""
         if control in CONTROLS_OF_PACKML:
             self.cntrl_cmd = control
 
     def count(self, result: Result) -> None:
-        """Count a run that has ended and makes a product."""
+        """Count the end of a run that makes a product."""
         self.processed += 1
         self.defective += result is not Result.SUCCESS
 

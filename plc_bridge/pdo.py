@@ -1,4 +1,4 @@
-"""The PDOs that the node sends by itself, and their times; pure."""
+"""The PDOs that the node sends without a request, and their times; pure."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from plc_bridge.registers import TPDOS, Register
 
 @dataclass(slots=True)
 class _Tpdo:
-    """One PDO that the node sends."""
+    """One PDO of the node."""
 
     number: int
     registers: Sequence[Register]
@@ -19,12 +19,12 @@ class _Tpdo:
     stamp: float = 0.0
 
     def data(self, words: Sequence[int]) -> bytes:
-        """Return the PDO's data in a report block."""
+        """Return the PDO's data from a report block."""
         return b"".join(number_in(words, r).to_bytes(size_of(r), "little") for r in self.registers)
 
 
 class Reports:
-    """The TPDOs: each goes out when it changes, no sooner than its inhibit time but with an answer, and at least with its event timer.
+    """The TPDOs: each is sent when it changes, and at least once per event timer. The inhibit time delays it, except for an answer.
 
     Args:
         registers: The whole map.
@@ -38,12 +38,12 @@ class Reports:
         self._tpdos = [_Tpdo(n, [by_name[name] for name in names]) for n, names in enumerate(TPDOS)]
 
     def repeat(self) -> None:
-        """Let every report go out again, changed or not."""
+        """Send every report again, changed or not."""
         for tpdo in self._tpdos:
             tpdo.sent = None
 
     def due(self, words: Sequence[int], now: float) -> Iterator[CanFrame]:
-        """Yield the PDOs that are due; the one that answers a command goes last, after the rest.
+        """Yield the PDOs that are due; the one with the answer to a command goes last.
 
         Args:
             words: The report block.
@@ -53,13 +53,13 @@ class Reports:
         for tpdo in reversed(self._tpdos):
             data = tpdo.data(words)
             event = self._values.get(TPDO_PARAMETER + tpdo.number, EVENT_TIMER) / 1000
-            # the parts of an answer go with it, although they were sent a moment ago
+            # all parts of an answer are sent with it, even within their inhibit time
             is_due = self._is_free(tpdo, words, now) or (is_answering and data != tpdo.sent)
             if is_due or (event > 0.0 and now - tpdo.stamp >= event):
                 tpdo.sent, tpdo.stamp = data, now
                 yield CanFrame(TPDO_BASES[tpdo.number] + self._node, data)
 
     def _is_free(self, tpdo: _Tpdo, words: Sequence[int], now: float) -> bool:
-        """Return whether it has something new to send, and its inhibit time is over."""
+        """Return True if its data have changed and its inhibit time is over."""
         inhibit = self._values.get(TPDO_PARAMETER + tpdo.number, INHIBIT) / 10_000
         return tpdo.sent is None or (tpdo.data(words) != tpdo.sent and now - tpdo.stamp >= inhibit)

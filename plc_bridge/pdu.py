@@ -1,6 +1,6 @@
-"""One Modbus request in, one response out: strict about every length, count and value, over pymodbus's codec.
+"""One Modbus request in, one response out: strict about every length, count and value, with pymodbus's codec.
 
-The same for every framing; what the words mean is the business of the `Station` behind it.
+The code is the same for every framing; the `Station` gives the words their meaning.
 """
 
 import struct
@@ -42,10 +42,10 @@ _HEAD_LENGTH = {15: 6, 16: 6, 23: 10}
 
 
 class Station(Protocol):
-    """The registers and bits behind the requests, as one client sees them.
+    """The registers and bits behind the requests, for one client.
 
-    Unmapped addresses raise LookupError, accesses that the client has no right to PermissionError, and values that
-    nobody may write ValueError.
+    Unmapped addresses raise LookupError, accesses beyond the client's rights PermissionError, and values that are never
+    permitted ValueError.
     """
 
     def read_words(self, function: int, address: int, count: int) -> list[int]:
@@ -61,14 +61,14 @@ class Station(Protocol):
         """Write coils, all or none."""
 
     def mask_word(self, address: int, kept: int, added: int) -> None:
-        """Write a holding register through two masks: bits in `kept` stay, the others are taken from `added`."""
+        """Write a holding register through two masks: bits in `kept` stay, the others come from `added`."""
 
     def is_running(self) -> bool:
-        """Tell whether the cell is being scanned."""
+        """Return True if the cell scans."""
 
 
 class _IllegalError(Exception):
-    """A request that cannot be served, with the Modbus exception that names the reason."""
+    """A request that cannot be served, with its Modbus exception."""
 
     def __init__(self, code: ExcCodes) -> None:
         super().__init__(code)
@@ -76,7 +76,7 @@ class _IllegalError(Exception):
 
 
 def respond(request: bytes, station: Station) -> bytes:
-    """Return the response PDU to a request PDU of at least one byte; never raises for what a client may send."""
+    """Return the response PDU to a request PDU of at least one byte; no client input makes it raise."""
     function = request[0]
     try:
         _check_length(request)
@@ -95,7 +95,7 @@ def respond(request: bytes, station: Station) -> bytes:
 
 
 def is_exception(response: bytes) -> bool:
-    """Tell an exception response from a normal one."""
+    """Return True if the response is an exception."""
     return response[0] >= 0x80
 
 
@@ -120,7 +120,7 @@ def _check_count(count: int, most: int) -> None:
 
 
 def _tell(function: int, body: bytes, station: Station) -> bytes:
-    """Return the body of an answer that tells of the device itself."""
+    """Return the body of an answer about the device itself."""
     is_running = station.is_running()  # a client that may not read is refused here
     if function == SERVER_ID:
         return server_id(is_running)

@@ -1,4 +1,4 @@
-"""The PLC's side of the map, whatever the bus, and over Modbus TCP: for demos, the terminal and tests of the line."""
+"""The PLC's side of the map on any bus, and over Modbus TCP: for demos, the terminal and tests of the line."""
 
 import logging
 import time
@@ -26,11 +26,11 @@ from plc_bridge.images import (
 from plc_bridge.messages import Control, LeaseState, Result
 from plc_bridge.registers import COILS, VERSION, Lease
 
-logging.getLogger("pymodbus.logging").setLevel(logging.CRITICAL)  # what it would log is raised here
+logging.getLogger("pymodbus.logging").setLevel(logging.CRITICAL)  # its errors are raised here
 
 
 FAR = 0x8000
-"""Distance of a new client's first number from that of the run which the cell reports."""
+"""Distance of a new client's first number from the number of the run in the cell's report."""
 
 
 class CellSilentError(CellError):
@@ -42,13 +42,13 @@ class CellSilentError(CellError):
 class PlcPeer(ABC):
     """A PLC that commands the cell over any bus; not for use by several threads.
 
-    Every method that waits goes on counting life, so that the cell does not take the run for lost. Between calls
-    the caller keeps the connection alive with `cycle`.
+    Every method that waits also advances the life counter, so that the cell does not count the run as lost. Between calls
+    the caller must keep the connection alive with `cycle`.
 
     Args:
         where: Name of the cell's place, for messages.
         period: Time between two cycles while waiting, s.
-        wait: Waits so many seconds.
+        wait: Waits this number of seconds.
         now: Monotonic time, s.
     """
 
@@ -77,7 +77,7 @@ class PlcPeer(ABC):
 
     @abstractmethod
     def stop(self) -> None:
-        """Stop the cell, whoever holds the lease."""
+        """Stop the cell, independent of the lease."""
 
     @abstractmethod
     def _open(self) -> None:
@@ -91,48 +91,48 @@ class PlcPeer(ABC):
         """Connect as a new client, whose number is far from that of any run, and return the report.
 
         Raises:
-            CellSilentError: Nothing answers there.
+            CellSilentError: The cell does not answer.
         """
         return self._begin(FAR)
 
     def resume(self) -> ReportImage:
-        """Connect and go on with the run of an earlier connection of this computer; return the report.
+        """Connect and continue the run of an earlier connection of this computer; return the report.
 
         Raises:
-            CellSilentError: Nothing answers there.
+            CellSilentError: The cell does not answer.
         """
         return self._begin(0)
 
     def _begin(self, ahead: int) -> ReportImage:
-        """Connect and let a number be adopted, so far ahead of the one that the cell reports."""
+        """Connect and have a number adopted, at this distance ahead of the one in the cell's report."""
         self._open()
         sequence = (self.read_report().sequence + ahead) % 0x10000
         self._image = CommandImage(sequence=sequence, version=VERSION)
         return self.cycle()
 
     def look(self) -> ReportImage:
-        """Connect as a spectator, who writes nothing and sees the run of whoever runs, and return the report.
+        """Connect as a spectator, which writes nothing and sees the run of any link, and return the report.
 
         Raises:
-            CellSilentError: Nothing answers there.
+            CellSilentError: The cell does not answer.
         """
         self._open()
         return self.read_report()
 
     def cycle(self) -> ReportImage:
-        """Count life up, write the command block in one request, return the report."""
+        """Advance the life counter, write the command block in one request, return the report."""
         life = self._image.life % 0xFFFF + 1
         self._image = replace(self._image, life=life, life_tail=life)
         self._write(self._image)
         return self.read_report()
 
     def take(self) -> bool:
-        """Ask for the lease and return whether it was given; it is kept until `release` or silence."""
+        """Request the lease and return True if it was given; it is kept until `release` or silence."""
         self._image = replace(self._image, lease=Lease.TAKE)
         return self.cycle().lease == LeaseState.YOURS
 
     def release(self) -> None:
-        """Give the lease back."""
+        """Release the lease."""
         self._image = replace(self._image, lease=Lease.RELEASE)
         self.cycle()
         self._image = replace(self._image, lease=Lease.NONE)
@@ -159,14 +159,14 @@ class PlcPeer(ABC):
         return self.cycle()
 
     def wait_for_result(self, timeout: float, watch: Callable[[ReportImage], None] | None = None) -> ReportImage:
-        """Wait until the last command has ended and return the report of that moment.
+        """Wait for the end of the last command and return the report of that time.
 
         Args:
             timeout: Longest wait, s.
-            watch: Given every report until then.
+            watch: Called with every report until then.
 
         Raises:
-            CellSilentError: No result in time, or the connection is lost.
+            CellSilentError: There is no result in time, or the connection is lost.
         """
         deadline = self._now() + timeout
         while True:
@@ -178,14 +178,14 @@ class PlcPeer(ABC):
             if report.answered == self._image.sequence and report.refusal:
                 return report
             if report.answered == self._image.sequence and report.answered_result != Result.NONE:
-                # A control that was sent while a run had not ended yet: the run's own result stays in view.
+                # If a control was sent during a run, the run's own result stays in view.
                 return replace(report, sequence=report.answered, result=report.answered_result)
             if self._now() > deadline:
                 raise CellSilentError(f"{self._where}: no result of command {self._image.sequence} in {timeout:g} s")
             self._wait(self._period)
 
     def acknowledge(self) -> ReportImage:
-        """Tell the cell that the result of the last command has been read."""
+        """Acknowledge the result of the last command."""
         self._image = replace(self._image, acknowledge=self._image.sequence)
         return self.cycle()
 
@@ -206,7 +206,7 @@ class PlcPeer(ABC):
         return report
 
     def abort(self) -> ReportImage:
-        """Abort what runs, whoever holds the lease."""
+        """Abort the present run, independent of the lease."""
         return self.trigger(Control.ABORT)
 
     def reset(self, timeout: float) -> ReportImage:
@@ -218,11 +218,11 @@ class Peer(PlcPeer):
     """A PLC on Modbus TCP.
 
     Args:
-        host: Address on which the cell listens.
-        port: Port on which the cell listens.
+        host: Address of the cell.
+        port: Port of the cell.
         period: Time between two cycles while waiting, s.
         timeout: Longest wait for one answer, s.
-        wait: Waits so many seconds.
+        wait: Waits this number of seconds.
         now: Monotonic time, s.
     """
 
@@ -254,7 +254,7 @@ class Peer(PlcPeer):
         return diagnostics_image(self._read(DIAGNOSTICS.start, DIAGNOSTICS.words))
 
     def stop(self) -> None:
-        """Stop the cell, whoever holds the lease."""
+        """Stop the cell, independent of the lease."""
         self._ask(lambda: self._client.write_coil(COILS["stop"], True))
         self._ask(lambda: self._client.write_coil(COILS["stop"], False))
 

@@ -1,4 +1,4 @@
-"""Log lines about peers, bounded in number, so that a peer that misbehaves fills no disk and hides no other peer's lines."""
+"""Log lines about peers, bounded in number for each host: a faulty peer cannot fill the disk or hide other peers' lines."""
 
 import logging
 import time
@@ -6,13 +6,13 @@ from collections import OrderedDict
 from collections.abc import Callable
 
 LINES, PERIOD = 10, 60.0
-"""Largest number of lines about one host, and the time that it refers to, s."""
+"""Largest number of lines about one host, and the period of the count, s."""
 HOSTS = 256
-"""Number of hosts that are told apart."""
+"""Largest number of hosts that are counted separately."""
 
 
 class PeerLog:
-    """Writes to a logger what is about peers.
+    """Writes lines about peers to a logger.
 
     Args:
         logger: Logger of the lines.
@@ -24,11 +24,11 @@ class PeerLog:
         self._hosts: OrderedDict[str, tuple[float, int]] = OrderedDict()
 
     def info(self, host: str, message: str, *args: object) -> None:
-        """Log what is worth knowing about a host."""
+        """Log information about a host."""
         self._log(logging.INFO, host, message, args)
 
     def warning(self, host: str, message: str, *args: object) -> None:
-        """Log what is wrong with a host."""
+        """Log a problem of a host."""
         self._log(logging.WARNING, host, message, args)
 
     def _log(self, level: int, host: str, message: str, args: tuple[object, ...]) -> None:

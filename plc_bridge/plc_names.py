@@ -9,11 +9,11 @@ from plc_bridge.registers import Lease
 
 
 def plc_names(programs: Mapping[int, str], words: Mapping[str, Mapping[int, str]]) -> dict[str, int]:
-    """Return the number that each name stands for.
+    """Return the number of each name.
 
     Args:
         programs: Name of each program and skill by its command code.
-        words: Meaning of the numbers in a register, by its name, where the cell defines it.
+        words: Meaning of the numbers in a register, by its name, if the cell defines it.
     """
     names = {_name("CODE", control.name): control.value for control in Control if control < FIRST_PROGRAM}
     del names["CODE_START"]  # a program's own code starts it

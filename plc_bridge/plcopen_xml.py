@@ -1,4 +1,4 @@
-"""The function block as PLCopen XML, TC6 version 2.01, which IEC 61131-10 took up: what programming systems import.
+"""The function block as PLCopen XML, TC6 version 2.01, adopted by IEC 61131-10, for import into programming systems.
 
 Source of elements and their order: the published schema tc6_xml_v201.xsd.
 """
@@ -15,7 +15,7 @@ _SCALES = ("fbd", "ld", "sfc")
 
 
 def as_plcopen_xml(registers: Sequence[Register], names: Mapping[str, int]) -> str:
-    """Return a project that holds the named types and the function block, and no configuration."""
+    """Return a project with the named types and the function block, and no configuration."""
     block = function_block(registers, names)
     project = ET.Element("project", {"xmlns": NAMESPACE})
     _headers(project)

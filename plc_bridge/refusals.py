@@ -1,4 +1,4 @@
-"""The refusals of a command block that need no scan thread, and its parameters in their units; pure."""
+"""The refusals of a command block that do not need the scan thread, and its parameters in their units; pure."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -9,11 +9,11 @@ from plc_bridge.registers import SERIAL_NUMBER, VERSION_MAJOR, Parameter
 
 CONTROLS = frozenset(control.value for control in Control if control < FIRST_PROGRAM) - {Control.START.value}
 STOPS = frozenset({Control.STOP.value, Control.ABORT.value})
-"""Controls that anybody may give, and that go ahead of everything else."""
+"""Controls that every link may give, and that precede all other commands."""
 
 
 class BadParameterError(Exception):
-    """A parameter that cannot be taken; `detail` is its number from 1, or `SERIAL_NUMBER`."""
+    """A parameter is invalid; `detail` is its number from 1, or `SERIAL_NUMBER`."""
 
     def __init__(self, detail: int) -> None:
         super().__init__(detail)
@@ -22,7 +22,7 @@ class BadParameterError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Rules:
-    """Rules of what a cell takes.
+    """Rules for the commands of a cell.
 
     Args:
         programs: Name of each program and skill by its command code, from 100 on.
@@ -33,7 +33,7 @@ class Rules:
     parameters: Sequence[Parameter] = ()
 
     def refuse_code(self, image: CommandImage) -> Refusal:
-        """Return why a command block is refused whoever sends it, or NONE."""
+        """Return the refusal of a command block that is independent of its sender, or NONE."""
         if image.version and image.version >> 8 != VERSION_MAJOR:
             return Refusal.VERSION
         if image.code not in CONTROLS and image.code not in self.programs:

@@ -1,14 +1,14 @@
-"""THE register map: every word and bit that a PLC sees, its scale and its meaning.
+"""The register map: every word and bit of the PLC's interface, with its scale and meaning.
 
-Addresses are zero-based protocol addresses; values wider than a word and strings are big-endian: the high word,
+Addresses are zero-based protocol addresses. Values wider than a word and strings are big-endian: the high word,
 the high byte first. A value is the raw integer times `scale`, in `unit`.
 
-On CAN every entry but the life counters at the tails, which a whole frame makes superfluous, is an object of the
-dictionary, little-endian as CANopen has it; `RPDOS` and `TPDOS` say which of them travel by themselves.
+On CAN every entry is an object of the dictionary, little-endian as in CANopen. The life counters at the tails are not,
+because a CAN frame is always whole. `RPDOS` and `TPDOS` list the entries sent by PDO.
 
-The command block is written by the PLC, best in one FC16 request. Every connection has its own, so that no client
-can disturb another's. The report and the diagnostics are input registers and can be read at the same address plus
-`MIRROR` as holding registers too, for PLCs that know only FC3.
+The PLC writes the command block, preferably in one FC16 request. Every connection has its own, so that no client can
+disturb another's. The report and the diagnostics are input registers. PLCs with only FC3 can read them as holding
+registers at the same address plus `MIRROR`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,31 +21,31 @@ DEVICE_NAME = "tactile insertion cell"
 """Name of the cell on every bus."""
 VERSION_MAJOR = 2
 VERSION_MINOR = 1
-"""Counted up where registers are added and none is moved: a PLC that was written for a lower one goes on."""
+"""Minor version, incremented if registers are added and none is moved; a PLC program for a lower one still works."""
 VERSION = VERSION_MAJOR * 256 + VERSION_MINOR
 VERSION_DATE = "2026-11-25"
 """Date of this version of the map."""
 
 MIRROR = 1000
-"""Offset of the holding registers that repeat the input registers."""
+"""Offset of the holding registers that mirror the input registers."""
 STAGES = 12
-"""Number of stages whose times the report can hold."""
+"""Largest number of stages with times in the report."""
 PARAMETERS = 8
-"""Number of parameters that a command can carry."""
+"""Largest number of parameters of a command."""
 
 RPDOS: tuple[tuple[str, ...], ...] = (
     ("command_life", "command_sequence", "command_code", "command_recipe"),
     ("command_acknowledge", "command_lease"),
     ("stop",),
 )
-"""RPDOs, which the PLC sends by itself over CAN, in order; anybody may send the last one."""
+"""RPDOs, which the PLC sends over CAN, in order; every node may send the last one."""
 TPDOS: tuple[tuple[str, ...], ...] = (
     ("report_sequence", "report_answered", "report_result", "report_refusal"),
     ("report_state", "report_fault", "report_stage", "report_reason"),
     ("report_life", "report_progress", "report_total_time"),
     ("report_run", "report_lease", "report_answered_result"),
 )
-"""TPDOs, which the cell sends by itself over CAN, in order."""
+"""TPDOs, which the cell sends over CAN, in order."""
 _PDO_OF = {
     name: f"{kind}{number}"
     for kind, pdos in (("RPDO", RPDOS), ("TPDO", TPDOS))
@@ -76,11 +76,11 @@ class Warnings:
 
 
 AFTER_A_LOSS = 1
-"""Detail of the refusal ADOPTED where the number is the first one after the PLC was lost."""
+"""Detail of the refusal ADOPTED if the number is the first one after the PLC was lost."""
 SERIAL_NUMBER = 100
-"""Detail of the refusal PARAMETER where the serial number is wrong."""
+"""Detail of the refusal PARAMETER if the serial number is invalid."""
 STATES = 17
-"""States of PackML, numbered from 1."""
+"""Number of PackML states, numbered from 1."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,10 +100,10 @@ class Register:
     high: int | None
     """Greatest raw integer; None for the greatest of the type."""
     index: int
-    """Index of the object on CAN; 0 where there is none."""
+    """Index of the object on CAN; 0 if there is none."""
     subindex: int
     pdo: str
-    """PDO that carries it on CAN; empty where only SDO does."""
+    """PDO of the entry on CAN; empty if it is accessible by SDO only."""
     meaning: str
 
 
@@ -139,7 +139,7 @@ def _listed(words: Mapping[int, str]) -> str:
 
 
 class _Layout:
-    """Lays registers one after the other."""
+    """Places registers one after the other."""
 
     def __init__(self, table: Table, start: int, access: Literal["r", "rw"], prefix: str, index: int) -> None:
         self._table: Table = table
@@ -254,7 +254,7 @@ def _report_block() -> list[Register]:
     block.add("overruns", "u32", "scans that took longer than their period since the start")
     block.add("peak_force", "u32", "largest force of the run at the tool", unit="N", scale=0.01)
     block.add("life_tail", "u16", "equal to report_life when the block was read whole")
-    # Map 2.0 ends here; what came later stands behind it, so that no register has moved.
+    # Map 2.0 ends here; later entries follow it, so that no register has moved.
     block.add("part_evidence", "u16", f"why report_part is believed, a sum of {_numbers(PartEvidence)}")
     block.add("part_width", "u16", "distance between the pads when report_part was found", unit="m", scale=1e-4)
     return block.registers
@@ -330,7 +330,7 @@ def table(
     Args:
         programs: Name of each program and skill by its command code.
         parameters: Meaning of the numbered parameters, at most `PARAMETERS`.
-        words: Meaning of the numbers in a register, by its name, where the cell defines it.
+        words: Meaning of the numbers in a register, by its name, if the cell defines it.
     """
     registers = [
         *_command_block(programs or {}, parameters),

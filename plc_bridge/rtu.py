@@ -1,7 +1,7 @@
 """Modbus RTU server on a serial line: one thread, one line, one link.
 
-Requests to other units are left unanswered, because those answer for themselves; requests to unit 0 are for all, so
-that writes are done and nobody answers. A line that is lost is opened again, with growing pauses.
+The cell does not answer requests to other units. Requests to unit 0 are broadcasts: writes are executed without an
+answer. A lost line is reopened with growing pauses.
 """
 
 import logging
@@ -22,17 +22,17 @@ logger = logging.getLogger(__name__)
 
 SHORTEST_SILENCE = 0.00175  # s; Modbus over Serial Line V1.02, 2.5.1.1, for more than 19200 baud
 PATIENCE = 0.05
-"""Longest pause within a frame, s: USB adapters hand over bytes up to 16 ms late, a busy computer later still."""
+"""Longest pause within a frame, s: USB adapters deliver bytes up to 16 ms late, a busy computer even later."""
 IDLE = 0.1
-"""Time between two looks of an idle line at whether it should close, s."""
+"""Time between two checks of an idle line for a request to close, s."""
 FIRST_PAUSE, LONGEST_PAUSE = 0.5, 10.0
-"""Pauses before a lost line is opened again, s."""
+"""Shortest and longest pause before a lost line is reopened, s."""
 WRITES = frozenset({5, 6, 15, 16, 22})
-"""Functions that make sense in a request to all units."""
+"""Functions that are valid as broadcasts."""
 
 
 class RtuLine(Protocol):
-    """A serial line, as `drivers.transport.serial_line.SerialLine` is one."""
+    """A serial line, such as `drivers.transport.serial_line.SerialLine`."""
 
     port: str
     character_time: float
@@ -44,7 +44,7 @@ class RtuLine(Protocol):
         """Close the port."""
 
     def read(self, timeout: float) -> bytes:
-        """Return what has arrived, or nothing after `timeout` s."""
+        """Return the received bytes, or none after `timeout`, s."""
 
     def write(self, data: bytes) -> None:
         """Send `data`."""
@@ -58,7 +58,7 @@ class RtuServer:
         line: The line, not yet open.
         mailbox: The bridge.
         now: Monotonic time, s.
-        pause: First pause before a lost line is opened again, s.
+        pause: First pause before a lost line is reopened, s.
     """
 
     def __init__(
@@ -82,10 +82,10 @@ class RtuServer:
         self._thread: threading.Thread | None = None
 
     def start(self) -> None:
-        """Open the line, then serve in a thread of its own.
+        """Open the line, then serve in a separate thread.
 
         Raises:
-            DeviceNotOpenedError: There is no such port, no permission, or it is in use.
+            DeviceNotOpenedError: The port is missing, not permitted, or in use.
         """
         self._line.open()
         self._stop.clear()
@@ -122,10 +122,10 @@ class RtuServer:
         self._line.close()
 
     def turn(self) -> None:
-        """Read until the line is silent, then answer; or give up a frame that stays incomplete.
+        """Read until the line is silent, then answer; or drop a frame that stays incomplete.
 
         Raises:
-            LineLostError: The line is gone.
+            LineLostError: The line is lost.
         """
         data = self._line.read(PATIENCE if self._receiver.is_waiting else IDLE)
         if not data:
@@ -140,7 +140,7 @@ class RtuServer:
         frames = self._receiver.take()
         self._count_noise(is_clean=bool(frames))
         for frame in frames:
-            # the client of a request that more followed waits for its answer no longer
+            # if more bytes followed a request, its client no longer waits for the answer
             self._take(frame, is_last=frame is frames[-1])
 
     def _count_noise(self, is_clean: bool) -> None:
@@ -169,7 +169,7 @@ class RtuServer:
             self._line.write(with_check_sum(bytes([unit]) + response))
 
     def _link(self) -> LinkStation:
-        """Return the link that a request belongs to: a new one after a long silence."""
+        """Return the link of a request: a new one after a long silence."""
         now = self._now()
         if now - self._heard > self._idle_timeout:
             self._end_link()

@@ -1,9 +1,8 @@
-"""Modbus RTU frames in a stream of bytes; pure, no I/O, no time: whoever reads the line says when it was silent.
+"""Modbus RTU frames in a stream of bytes; pure, no I/O, no time: the reader of the line reports silences.
 
-Silence alone does not tell where frames end: a USB adapter hands over bytes in bursts, and a reader that comes late
-finds several frames in one. So a frame is what its function, its length and its check sum agree on, and silence says
-only when to look. A frame in pieces is put together, frames in one piece are taken apart, noise before and after a
-frame is skipped and counted.
+Silence alone does not mark the ends of frames: a USB adapter delivers bytes in bursts, and a late reader receives several
+frames at once. A frame is therefore valid if its function, its length and its check sum agree; silence only triggers the
+search. The receiver joins the pieces of a frame, separates joined frames, and skips and counts noise before and after.
 """
 
 from pymodbus.framer.rtu import FramerRTU
@@ -13,7 +12,7 @@ BROADCAST = 0
 _SIMPLE = range(1, 7)
 _READS = range(1, 5)
 _FIXED = {8: 8, 17: 4, 22: 10, 43: 7}
-"""Length of other requests, unit and check sum included; that of an echo with one word of data."""
+"""Length of other requests, including unit and check sum; function 8 is an echo with one word of data."""
 
 
 def with_check_sum(frame: bytes) -> bytes:
@@ -22,39 +21,39 @@ def with_check_sum(frame: bytes) -> bytes:
 
 
 def is_intact(frame: bytes) -> bool:
-    """Tell whether the check sum at the end of `frame` is right."""
+    """Return True if the check sum at the end of `frame` is right."""
     return len(frame) >= SHORTEST and with_check_sum(frame[:-2]) == frame
 
 
 class Receiver:
-    """Finds frames in what arrives.
+    """Finds frames in the received bytes.
 
     Args:
-        unit: The own unit identifier; to it come requests only, while others' responses are heard too.
+        unit: The own unit identifier. It receives requests only; responses of other units are also on the line.
     """
 
     def __init__(self, unit: int) -> None:
         self._unit = unit
         self._buffer = bytearray()
         self.bad = 0
-        """Number of pieces of noise and broken frames dropped so far."""
+        """Number of pieces of noise and of broken frames dropped so far."""
 
     @property
     def is_waiting(self) -> bool:
-        """Whether bytes are left that the rest of a frame may complete."""
+        """True if remaining bytes may be the beginning of a frame."""
         return bool(self._buffer)
 
     @property
     def is_full(self) -> bool:
-        """Whether more has arrived than the longest request and response together."""
+        """True if the buffer exceeds the longest request and response together."""
         return len(self._buffer) > 2 * LONGEST
 
     def feed(self, data: bytes) -> None:
-        """Take what has arrived."""
+        """Take the received bytes."""
         self._buffer += data
 
     def take(self) -> list[bytes]:
-        """Return the intact frames in order, each with unit and PDU but no check sum; call when the line is silent."""
+        """Return the intact frames in order, each with unit and PDU but no check sum; call it when the line is silent."""
         frames = []
         while (place := self._find()) is not None:
             start, end = place
@@ -67,7 +66,7 @@ class Receiver:
         return frames
 
     def give_up(self) -> None:
-        """Drop the beginning of a frame whose remainder did not come in time."""
+        """Drop the beginning of a frame whose remainder did not arrive in time."""
         self.bad += bool(self._buffer)
         self._buffer.clear()
 
@@ -77,13 +76,13 @@ class Receiver:
             for length in self._lengths(rest):
                 if length <= len(rest) and is_intact(rest[:length]):
                     return start, start + length
-            # a request of a function or a length that no standard knows is answered with an exception
+            # a request with an unknown function or length is answered with an exception
             if start == 0 and len(self._buffer) <= LONGEST and is_intact(rest):
                 return 0, len(rest)
         return None
 
     def _lengths(self, frame: bytes) -> list[int]:
-        """Return how long a frame that begins like this may be: as a request, and as another's response."""
+        """Return the possible lengths of a frame with this beginning: as a request, and as another unit's response."""
         unit, function = frame[:2]
         lengths = []
         if function in _SIMPLE:

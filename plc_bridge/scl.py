@@ -1,7 +1,7 @@
-"""The function block as a source of Siemens SCL with user data types whose members have the registers' names.
+"""The function block as a source of Siemens SCL, with user data types whose members have the registers' names.
 
-The words of Modbus and the memory of a data block without optimised access have the same order, the high byte first, so
-that MB_CLIENT fills `UDT_CellReport` as it comes: no address is left in the program.
+The words of Modbus and a data block without optimised access have the same byte order, the high byte first. MB_CLIENT
+therefore fills `UDT_CellReport` directly, and the program contains no addresses.
 """
 
 import re
@@ -95,7 +95,7 @@ def _declaration(variable: Variable, block: FunctionBlock) -> str:
 
 
 def _body(block: FunctionBlock) -> str:
-    """Return the body with members for words, and every variable of the block marked as such."""
+    """Return the body with members in place of words, and the marker of SCL on every variable of the block."""
     text = block.body
     for place, name in _by_place(block.registers["Report"]).items():
         wide = rf"DWORD_TO_UDINT\(SHL\(WORD_TO_DWORD\(Report\[{place}\]\), 16\) OR WORD_TO_DWORD\(Report\[\d+\]\)\)"
@@ -113,7 +113,7 @@ def _body(block: FunctionBlock) -> str:
 
 
 def _loops(text: str, block: FunctionBlock) -> str:
-    """Replace the loops that cut bytes and double words into words: the types have members for them."""
+    """Replace the loops that split bytes and double words into words: the types have members for them."""
     last = 2 * block.registers["Command"]["serial"].words - 1
     text = re.sub(
         r"( *)FOR Index := 0 TO \d+ DO\n.*\n *END_FOR;",

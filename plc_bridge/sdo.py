@@ -1,7 +1,7 @@
 """The SDO server of CANopen, expedited and segmented (CiA 301, 7.2.4.3): pure, one request in, one response out.
 
-Not canopen's own server: that one takes segments nobody announced, goes on after an abort, answers frames of any
-length and never bounds what it collects (seen in 2.4.1). Block transfer is refused, as CiA 301 permits.
+canopen's own server is not used: it accepts unannounced segments, continues after an abort, answers frames of any
+length and never bounds its buffer (seen in 2.4.1). Block transfer is refused, as CiA 301 permits.
 """
 
 import struct
@@ -12,16 +12,16 @@ from canopen import SdoAbortedError
 
 TOGGLE, COMMAND, LENGTH, TOO_LONG = 0x05030000, 0x05040001, 0x06070010, 0x06070012
 ABORT = 0x80
-"""First byte of a refusal."""
+"""First byte of an abort."""
 SEGMENT_TIMEOUT = 5.0
-"""A transfer that its client does not continue for this long is forgotten, s."""
+"""Longest pause of the client within a transfer, s; the server then drops the transfer."""
 _HEAD = struct.Struct("<BHB4s")
 _ABORT = struct.Struct("<BHBL")
 _TOGGLE_BIT, _LAST_BIT = 0x10, 0x01
 
 
 class Objects(Protocol):
-    """The object dictionary as a client may touch it; every method raises `SdoAbortedError` when it may not."""
+    """The object dictionary, as a client may access it; every method raises `SdoAbortedError` if the access is not permitted."""
 
     def read(self, index: int, subindex: int) -> bytes:
         """Return an object's value, little-endian."""
@@ -30,7 +30,7 @@ class Objects(Protocol):
         """Set an object's value."""
 
     def room(self, index: int, subindex: int) -> int:
-        """Return how many bytes may be written to an object at most."""
+        """Return the largest number of bytes for a write to an object."""
 
 
 @dataclass(slots=True)
@@ -43,9 +43,9 @@ class _Transfer:
     stamp: float
     room: int = 0
     size: int | None = None
-    """Size that the client announced, bytes; None where it announced none."""
+    """Size that the client announced, bytes; None if it announced none."""
     data: bytes = b""
-    """Data received so far, or not sent yet."""
+    """Received data, or data not sent yet."""
     toggle: int = 0
 
 
@@ -57,7 +57,7 @@ class SdoServer:
         self._transfer: _Transfer | None = None
 
     def reset(self) -> None:
-        """Forget what was under way."""
+        """Drop the transfer under way."""
         self._transfer = None
 
     def answer(self, request: bytes, now: float) -> bytes | None:

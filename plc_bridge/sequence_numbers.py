@@ -11,19 +11,19 @@ Numbers are compared modulo 65536: one is ahead of another by up to 32768, else 
     | behind the last one                        | ANEW            | LATE            | LATE                 |
     | in doubt: a block of the count before      | ANEW            | DOUBT           | DOUBT                |
 
-    | meaning | what becomes of it                                                        | next to count |
+    | meaning | effect                                                                    | next to count |
     | ------- | ------------------------------------------------------------------------- | ------------- |
     | FIRST   | a stop is obeyed; another command is refused and never run                | from here     |
-    | SAME    | nothing: the answer stays                                                 | as before     |
+    | SAME    | none: the answer stays                                                    | as before     |
     | NEW     | the command counts, once                                                  | from here     |
-    | ANEW    | a program that starts anew on an open link: the number is known           | from here     |
+    | ANEW    | a program restarts on an open link: the number counts as received         | from here     |
     | LATE    | a stop is obeyed; another command is refused and never run                | as before     |
     | DOUBT   | a stop is obeyed; another command waits for the next block                | as before     |
 
-A number behind the last one, in a block whose life counter lies behind as well, is either an old block that came late or
-the first of a program that starts anew. So both counts are kept, and the next blocks decide. If the life counter of the
-count before goes on, that count goes on. It ends with a command that it never had, or with the third block in a row
-whose life counters follow the new count.
+If both a number and the life counter of its block are behind the last ones, there are two causes: an old block arrived
+late, or a program has restarted. Both counts are kept, and the next blocks decide. If the life counter of the previous
+count continues, that count continues. It ends with a command that it never had, or with the third block in a row
+whose life counter follows the new count.
 """
 
 from dataclasses import dataclass, field
@@ -32,34 +32,34 @@ from enum import Enum, auto
 _MODULUS = 0x10000
 _HALF = 0x8000
 KEPT = 256
-"""Numbers of one count that are remembered; an older one is known to have been there, but not with which command."""
+"""Number of stored numbers of one count; of an older one only its presence is certain, not its command."""
 CONFIRMED = 3
-"""Blocks in a row that end the doubt: no line brings three old ones, in their order, between two new ones."""
+"""Number of blocks in a row that end the doubt: no line delivers three old ones, in their order, between two new ones."""
 
 Asked = tuple[int, int, str] | None
 """Code, recipe and serial number of a block; None with code 0."""
 
 
 class Verdict(Enum):
-    """Meaning of a number on the link that wrote it."""
+    """Meaning of a number on its link."""
 
     FIRST = auto()
     """The number is adopted and never run."""
     SAME = auto()
-    """The number was seen before and changes nothing."""
+    """The number repeats an earlier one and changes nothing."""
     LATE = auto()
     """The number belongs to an old write that arrived late."""
     NEW = auto()
     """The number is a command, which counts once."""
     ANEW = auto()
-    """The number begins the count of a program that has started anew."""
+    """The number begins the count of a restarted program."""
     DOUBT = auto()
-    """The number is that of an old block or a new command; the next block decides."""
+    """The number belongs to an old block or to a new command; the next block decides."""
 
 
 @dataclass(slots=True)
 class _Seen:
-    """A number that was there: what it asked for first, and the life counters of its first and its newest block."""
+    """A received number: its first command, and the life counters of its first and its newest block."""
 
     asked: Asked
     first: int
@@ -68,14 +68,14 @@ class _Seen:
 
 @dataclass(slots=True)
 class _Count:
-    """The numbers of one writer from its first on."""
+    """The numbers of one writer since its first."""
 
     first: int
     last: int
     life: int
     """Life counter of the newest block."""
     blocks: int = 1
-    """Blocks in a row whose life counters moved on."""
+    """Number of blocks in a row with an advancing life counter."""
     seen: dict[int, _Seen] = field(default_factory=dict)
 
     def take(self, number: int, asked: Asked, life: int) -> None:
@@ -93,21 +93,21 @@ class _Count:
         self.last = number
 
     def follow(self, life: int) -> None:
-        """Count a block in a row if its life counter has moved on; begin again if it has gone back."""
+        """Count a block if its life counter has advanced; restart the count if it has gone back."""
         if life != self.life:
             self.blocks = 1 if _is_behind(life, self.life) else self.blocks + 1
         self.life = life
 
     def repeats(self, number: int, asked: Asked) -> bool:
-        """Tell whether a block is the last one again, or the last one without its command."""
+        """Return True if a block repeats the last one, with or without its command."""
         return number == self.last and asked in (None, self.seen[number].asked)
 
     def goes_on(self, life: int, other: int) -> bool:
-        """Tell whether a life counter follows this count, and more closely than `other`."""
+        """Return True if a life counter continues this count, and is closer to it than to `other`."""
         return _is_behind(self.life, life) and (life - self.life) % _MODULUS < (life - other) % _MODULUS
 
     def had(self, number: int, asked: Asked, life: int) -> bool:
-        """Tell whether a block was there before, or was overtaken by one that was."""
+        """Return True if a block was received before, or was overtaken by a received one."""
         seen = self.seen.get(number)
         if seen is not None:
             return asked in (None, seen.asked) and not (_is_behind(life, seen.first) or _is_behind(seen.newest, life))
@@ -120,21 +120,21 @@ class SequenceNumbers:
     """The numbers of one link."""
 
     must_adopt: bool = True
-    """Whether no number was seen since the link opened or since it was lost."""
+    """True if no number was received since the link opened or since it was lost."""
     _count: _Count | None = None
     is_anew: bool = False
-    """Whether the last number is the first of a program that started anew, or may be."""
+    """True if the last number is, or may be, the first of a restarted program."""
     _doubted: _Count | None = None
-    """The count before the one that goes on, while both may be right."""
+    """Previous count, while both counts may be valid."""
 
     @property
     def last(self) -> int | None:
-        """Number seen last, None before the first."""
+        """Last received number, None before the first."""
         return self._count.last if self._count is not None else None
 
     @property
     def is_in_doubt(self) -> bool:
-        """Whether the last number may be that of an old block."""
+        """True if the last number may belong to an old block."""
         return self._doubted is not None
 
     def see(self, number: int, asked: Asked = None, life: int = 0) -> Verdict:
@@ -169,7 +169,7 @@ class SequenceNumbers:
         return Verdict.LATE
 
     def count_up(self) -> int:
-        """Return the next number, for a command that comes without one, and take it for seen."""
+        """Return the next number, for a command without one, and count it as received."""
         number = ((self.last or 0) + 1) % _MODULUS
         if self._count is None:
             self._count = _Count(number, number, 0)
@@ -178,11 +178,11 @@ class SequenceNumbers:
         return number
 
     def forget(self) -> None:
-        """Let the next number be adopted."""
+        """Adopt the next number."""
         self.must_adopt = True
 
     def would_count(self, number: int) -> bool:
-        """Tell whether a number would be a new one."""
+        """Return True if a number would be a new one."""
         return not self.must_adopt and self.last not in (None, number) and not _is_behind(number, self.last or 0)
 
     def _begin_anew(self, number: int, asked: Asked, life: int) -> Verdict:

@@ -1,4 +1,4 @@
-"""The PLC as the cell sees it, for whoever puts both into service together; pure."""
+"""The cell's view of the PLC, for commissioning of both; pure."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ class PlcSight:
 
     source: str
     version: int
-    """Version of the map that the PLC states; 0 for none."""
+    """Version of the map that the PLC writes; 0 for none."""
     life_changes: int
     """Number of changes of its life counter on this connection."""
     longest_gap: float
@@ -20,13 +20,13 @@ class PlcSight:
     silence: float
     """Time since its last sign of life, s."""
     uses_tail: bool
-    """Whether it writes the copy of the life counter at the tail."""
+    """True if the PLC writes the copy of the life counter at the tail."""
 
 
 def sight_of(links: Iterable[Link], host: str, now: float) -> PlcSight | None:
-    """Return what is seen of the PLC at `host`, an address, node or line, at the time `now`, s; None while it is not there.
+    """Return the view of the PLC at `host`, an address, node or line, at the time `now`, s; None if it is not connected.
 
-    Of several links of one host it is the one whose life counter changed most often.
+    If one host has several links, the view is of the link whose life counter changed most often.
     """
     spoken = [link for link in links if link.host.rpartition("@")[2] == host and link.has_spoken]
     if not spoken:

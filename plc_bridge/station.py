@@ -1,4 +1,4 @@
-"""The registers and bits of one link, behind the requests of any bus, and the rights to them."""
+"""The registers and bits of one link for requests on any bus, and the client's rights to them."""
 
 import logging
 from collections.abc import Callable, Sequence
@@ -22,14 +22,14 @@ _SEQUENCE = next(register.address for register in COMMAND.registers if register.
 
 @dataclass(slots=True)
 class LinkWords:
-    """The words of one link, and how many connections use them."""
+    """The words of one link, and the number of connections that use them."""
 
     source: str
     words: list[int] = field(default_factory=lambda: [0] * COMMAND.words)
     coils: list[bool] = field(default_factory=lambda: [False] * len(COILS))
     users: int = 1
     is_numbered: bool = False
-    """Whether its sequence register has been written."""
+    """True if its sequence register has been written."""
 
 
 class LinkStation:
@@ -37,11 +37,11 @@ class LinkStation:
 
     Args:
         mailbox: The bridge.
-        link: The words of the client's link; may be replaced when connections come to share one.
+        link: The words of the client's link; replaced when connections share one link.
         counts: Counts of refusals.
         rights: Rights of the client's role; "command" includes the stop coil.
-        warn: Logs faults of the client.
-        share: Called when the client asks for one link for all connections of its host.
+        warn: Logs errors of the client.
+        share: Called when the client requests one link for all connections of its host.
     """
 
     def __init__(
@@ -55,7 +55,7 @@ class LinkStation:
     ) -> None:
         self.link = link
         self.holds_stop = False
-        """Whether its stop coil is 1; each connection has its own."""
+        """True if its stop coil is 1; each connection has its own."""
         self._mailbox, self._counts, self._rights = mailbox, counts, rights
         self._warn, self._share = warn, share
         self._told: set[str | int] = set()
@@ -84,7 +84,7 @@ class LinkStation:
         """Write into the command block, all or nothing.
 
         Raises:
-            ValueError: The value of `command_lease` is none of those that exist.
+            ValueError: The value of `command_lease` does not exist.
         """
         self._demand("command")
         _slice(self.link.words, address, len(words))
@@ -111,11 +111,11 @@ class LinkStation:
         self._mailbox.switched(self.link.source, written, self)
 
     def leave(self) -> None:
-        """End its part in the link; the stop that it holds falls."""
+        """Leave the link; its stop is released."""
         self._mailbox.left(self.link.source, self)
 
     def move(self, link: LinkWords) -> None:
-        """Go over to a link that others share; the stop that it holds goes with it."""
+        """Move to a shared link; a held stop moves with it."""
         self.link = link
         if self.holds_stop:
             self._mailbox.switched(link.source, {"stop": True}, self)
@@ -124,14 +124,14 @@ class LinkStation:
         """Write one register of the command block through two masks.
 
         Raises:
-            ValueError: The value of `command_lease` is none of those that exist.
+            ValueError: The value of `command_lease` does not exist.
         """
         self._demand("command")
         (word,) = _slice(self.link.words, address, 1)
         self.write_words(address, [word & kept | added & ~kept])
 
     def is_running(self) -> bool:
-        """Tell whether the cell is being scanned."""
+        """Return True if the cell scans."""
         self._demand("read")
         return self._mailbox.is_scanned
 

@@ -1,4 +1,4 @@
-"""The function block as Structured Text of IEC 61131-3, second edition, which every compiler of that language reads."""
+"""The function block as Structured Text of IEC 61131-3, second edition, for every compiler of that language."""
 
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -13,7 +13,7 @@ def as_structured_text(registers: Sequence[Register], names: Mapping[str, int]) 
 
 
 def _types(block: FunctionBlock) -> Iterator[str]:
-    """Yield each type in a TYPE of its own: TwinCAT takes no more than one."""
+    """Yield each type in a separate TYPE block: TwinCAT accepts no more than one type in each."""
     for array in block.arrays:
         yield "TYPE"
         yield f"    {array.name} : ARRAY[{array.low}..{array.high}] OF {array.of};"
@@ -37,7 +37,7 @@ def _head(block: FunctionBlock) -> Iterator[str]:
 
 
 def declaration(variable: Variable) -> str:
-    """Return a variable's line with its meaning behind it."""
+    """Return a variable's declaration, followed by its meaning."""
     first = f" := {variable.initial}" if variable.initial else ""
     said = variable.meaning.replace("*)", "* )")
     return f"{variable.name} : {variable.type}{first};" + (f" (* {said} *)" if said else "")

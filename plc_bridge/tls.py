@@ -1,8 +1,8 @@
 """Modbus/TCP Security: the context of mutual TLS, and the role that a client's certificate names.
 
-The standard's rules (MB-TCP-Security-v21): at least TLS 1.2, both sides with a certificate [R-02, R-34, R-44]; the
-role is a UTF8String in one extension of the certificate, one role and no more [R-21, R-22, R-65]; a certificate
-without it has the NULL role [R-23].
+The standard's rules (MB-TCP-Security-v21): TLS 1.2 or later, and a certificate on both sides [R-02, R-34, R-44]. The
+role is a UTF8String in one extension of the certificate, exactly one role [R-21, R-22, R-65]. A certificate without it
+has the NULL role [R-23].
 """
 
 import ssl
@@ -19,15 +19,15 @@ ROLE_EXTENSION = x509.ObjectIdentifier("1.3.6.1.4.1.50316.802.1")
 NULL_ROLE = ""
 LONGEST_ROLE = 64
 OTHERS = 0o077
-"""Permissions of a file that reach beyond its owner."""
+"""Permissions of a file for other users than its owner."""
 
 
 class BadRoleError(Exception):
-    """The certificate's role cannot be read, or could not be written in a log."""
+    """The certificate's role cannot be read, or cannot be written to a log."""
 
 
 def role_of(certificate: bytes) -> str:
-    """Return the role in a DER-encoded certificate, or `NULL_ROLE` where it names none.
+    """Return the role in a DER-encoded certificate, or `NULL_ROLE` if it names none.
 
     Raises:
         BadRoleError: There are several roles, or the role is not one printable UTF8String.
@@ -47,15 +47,15 @@ def role_of(certificate: bytes) -> str:
 
 
 def rights_of(role: str, config: TlsConfig) -> frozenset[Right]:
-    """Return the rights of `role`; none where the table does not name it."""
+    """Return the rights of `role`; none if the table does not list it."""
     return frozenset(config.without_role if role == NULL_ROLE else config.roles.get(role, ()))
 
 
 def server_context(config: TlsConfig) -> ssl.SSLContext:
-    """Return a context that asks every client for a certificate of `config.authority`.
+    """Return a context that requires a certificate of `config.authority` from every client.
 
     Raises:
-        DeviceNotOpenedError: A file is missing or is not what it should be, or others than its owner may read or write the key; the
+        DeviceNotOpenedError: A file is missing or invalid, or other users than its owner may read or write the key; the
             message names it.
     """
     context = browser_context(config)
@@ -78,10 +78,10 @@ def server_context(config: TlsConfig) -> ssl.SSLContext:
 
 
 def browser_context(config: TlsConfig) -> ssl.SSLContext:
-    """Return a context that shows the cell's certificate and asks for none, as for browsers.
+    """Return a context that presents the cell's certificate and requires none, for browsers.
 
     Raises:
-        DeviceNotOpenedError: A file is missing or is not what it should be, or others than its owner may read or write the key; the
+        DeviceNotOpenedError: A file is missing or invalid, or other users than its owner may read or write the key; the
             message names it.
     """
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
@@ -104,10 +104,10 @@ def browser_context(config: TlsConfig) -> ssl.SSLContext:
 
 
 def valid_until(config: TlsConfig) -> dict[str, datetime]:
-    """Return when the validity of each file ends, by its key in [plc.tls]; of several certificates the first that ends, UTC.
+    """Return the end of each file's validity, UTC, by its key in [plc.tls]; the earliest if it holds several certificates.
 
     Raises:
-        DeviceNotOpenedError: A file is missing or is not what it should be; the message names it.
+        DeviceNotOpenedError: A file is missing or invalid; the message names it.
     """
     ends: dict[str, datetime] = {}
     for name, path in _files(config).items():

@@ -1,4 +1,4 @@
-"""The watchdog of one link: its signs of life, and whether its command block is torn; time is passed in."""
+"""The watchdog of one link: its signs of life, and the check for a torn command block; time is passed in."""
 
 import math
 from dataclasses import dataclass
@@ -8,28 +8,28 @@ from dataclasses import dataclass
 class LinkWatchdog:
     """Watches one link.
 
-    A link that never changed its life counter shows life with any request; one that never wrote the counter's copy
-    at the tail of the block is never torn.
+    If a link never changed its life counter, any request is a sign of life. If it never wrote the counter's copy at the tail
+    of the block, its block is never torn.
     """
 
     heard: float
     """Time of the last request, s."""
     life: int = 0
-    """Head life counter as written last."""
+    """Head life counter as last written."""
     uses_life: bool = False
     life_stamp: float = -math.inf
-    """Time at which the life counter changed, s."""
+    """Time of the last change of the life counter, s; the start of a run resets it."""
     changes: int = 0
-    """How often the life counter changed."""
+    """Number of changes of the life counter."""
     longest_gap: float = 0.0
     """Longest time between two changes of the life counter, s."""
     uses_tail: bool = False
     torn_since: float | None = None
     _changed: float = -math.inf
-    """Time at which the life counter changed, s, for the watch over a run, which begins anew with the run."""
+    """Time of the last change of the life counter, s, for the longest gap."""
 
     def see(self, life: int, tail: int, now: float) -> bool:
-        """Take head and tail life counter of a block just written; return whether the block is whole."""
+        """Take head and tail life counter of a block just written; return True if the block is whole."""
         self.heard = now
         if life != self.life:
             if self.uses_life:
@@ -45,11 +45,11 @@ class LinkWatchdog:
         return True
 
     def is_silent(self, now: float, timeout: float) -> bool:
-        """Tell whether the last sign of life is older than `timeout`."""
+        """Return True if the last sign of life is older than `timeout`, s."""
         return now - (self.life_stamp if self.uses_life else self.heard) > timeout
 
     def is_torn(self, now: float, timeout: float) -> bool:
-        """Tell whether the block has been torn for longer than `timeout`."""
+        """Return True if the block has been torn for longer than `timeout`, s."""
         return self.torn_since is not None and now - self.torn_since > timeout
 
     def revive(self, now: float) -> None:

@@ -1,4 +1,4 @@
-"""The calibration of one arm, friction and remainder of gravity of each joint: its file, its plausibility, and what learning begins with."""
+"""The calibration of one arm: friction and residual gravity torque of each joint. It holds the file, its checks and the learning's prior."""
 
 from datetime import date
 from pathlib import Path
@@ -19,15 +19,13 @@ Offset = Annotated[float, Field(ge=-50.0, le=50.0)]
 Offsets = tuple[Offset, Offset, Offset, Offset, Offset, Offset, Offset]
 
 MOST_SHARE = 0.25
-"""Largest friction or offset of a joint that is believed, fraction of its largest torque: a joint that keeps more to itself is worn, braked
-or held by something.
-"""
+"""Largest plausible friction or offset of a joint, fraction of its largest torque. Above it the joint is worn, braked or blocked."""
 MOST_UNSURE = 0.3
-"""Largest half width of the interval of a friction or an offset, N·m; figures that scatter more were disturbed."""
+"""Largest half width of the interval of a friction or an offset, N·m. If it is exceeded, the measurement was disturbed."""
 CHANGED = 0.2
 """Standard deviation of a joint's friction from day to day, fraction: grease warms up; assumed."""
 ELSEWHERE = 0.3
-"""Share of an arm's likely offset by which it differs in another posture; assumed, since one posture is calibrated."""
+"""Change of an arm's likely offset in another posture, fraction; assumed, because only one posture is calibrated."""
 
 
 class Measured(ConfigModel):
@@ -48,25 +46,25 @@ class ArmCalibration(ConfigModel):
     arm: str
     """Name of the arm's model."""
     unit: str
-    """The one arm that was measured, as `CellConfig.arm_unit` names it."""
+    """Name of the measured arm, as in `CellConfig.arm_unit`."""
     speeds: Annotated[tuple[Speed, ...], Field(min_length=2)]
     """Speeds at which each joint was moved, rad/s."""
     friction: tuple[Measured, ...]
-    """Friction of each joint at each of these speeds: half the difference between the torques there and back."""
+    """Friction of each joint at each of these speeds: half the difference between the torques in both directions."""
     offset: Measured
-    """Mean of the torques there and back: what compensation of gravity leaves over, and what of friction is unequal."""
+    """Mean of the torques in both directions: the residual of the gravity compensation and the asymmetry of friction."""
     dry: Measured
-    """Level of the dry friction that fits the frictions best."""
+    """Level of the dry friction, fitted to the measured frictions."""
     smooth: Measured
-    """Level of the friction that grows with velocity, fitted together with the dry one."""
+    """Level of the velocity-dependent friction, fitted together with the dry friction."""
     unexplained: Frictions
-    """Root mean square of what the figures leave unexplained while all joints move together, N·m."""
+    """Root mean square of the torque that these figures leave unexplained while all joints move together, N·m."""
 
     def believed(self, arm: ArmModel) -> tuple[Vector, Vector]:
         """Return the figures that learning begins with, and their standard deviations, each shape (7, 4); see `drivers.arm.learning`.
 
-        They are less sure than they were measured, since friction changes from day to day and gravity with the posture, but
-        never less sure than where nothing is known. The rotors are left to learning.
+        The standard deviations exceed the measured ones, because friction changes from day to day and gravity with the posture.
+        They never exceed those of an uncalibrated arm. The calibration leaves the rotor inertias to learning.
         """
         likely, figures = doubts(arm), np.zeros((JOINTS, FIGURES))
         figures[:, 0], figures[:, 1], figures[:, 2] = self.dry.value, self.smooth.value, self.offset.value
@@ -77,16 +75,16 @@ class ArmCalibration(ConfigModel):
         return figures, deviations
 
     def predicted(self, dq: Vector) -> Vector:
-        """Return the torque on each joint that these figures explain at velocities, shape (..., 7), rad/s; N·m."""
+        """Return the joint torques that these figures predict at velocities, shape (..., 7), rad/s; N·m."""
         friction = np.array(self.dry.value) * np.tanh(dq / DRY_RATE)
         total: Vector = friction + np.array(self.smooth.value) * np.tanh(dq / SMOOTH_RATE) + np.array(self.offset.value)
         return total
 
     def write(self, path: Path) -> None:
-        """Write a file whole or not at all.
+        """Write the whole file, or leave the old one unchanged.
 
         Raises:
-            ConfigError: The file cannot be written; one that was there before stays.
+            ConfigError: The file cannot be written; a previous file stays.
         """
         rows = [f'date = {self.date.isoformat()}\narm = "{self.arm}"\nunit = "{self.unit}"']
         rows.append(f"speeds = {_figures(self.speeds)}\nunexplained = {_figures(self.unexplained)}")
@@ -103,7 +101,7 @@ def read_arm_calibration(path: Path, arm: ArmModel, unit: str) -> ArmCalibration
     """Return the calibration in a file of `ArmCalibration.write`.
 
     Raises:
-        ConfigError: There is no such file, it has another form, is of another arm, or holds figures that no arm can have.
+        ConfigError: The file is missing, has another form, belongs to another arm, or holds implausible figures.
     """
     found = read_figures(path, ArmCalibration, "calibration")
     if (found.arm, found.unit) != (arm.name, unit):
@@ -118,7 +116,7 @@ def read_arm_calibration(path: Path, arm: ArmModel, unit: str) -> ArmCalibration
 
 
 def implausible(found: ArmCalibration, arm: ArmModel) -> str | None:
-    """Return in words what in a calibration no sound arm can have; None where all of it is plausible."""
+    """Return the reason why a calibration is implausible for a sound arm; None if it is plausible."""
     most = MOST_SHARE * np.array(arm.joints.torque)
     named = [(f"friction at {v:g} rad/s", f, most) for v, f in zip(found.speeds, found.friction, strict=True)]
     for name, figure, bound in (*named, ("offset", found.offset, np.minimum(most, MOST_OFFSET))):

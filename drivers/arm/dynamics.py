@@ -1,6 +1,6 @@
-"""An arm's inertia inside the torque loop, and the damping that is critical for it; pure and compiled.
+"""An arm's inertia inside the torque loop, and the critical damping for it; pure and compiled.
 
-`drivers.arm.inertia` computes the same in plain numpy for callers that need it once; the law needs it a hundred times a second.
+`drivers.arm.inertia` computes the same in plain numpy for single calls; the law computes it a hundred times a second.
 """
 
 import math
@@ -21,15 +21,15 @@ ROTORS = BODY * JOINTS
 WORDS = ROTORS + JOINTS
 """Number of words for an arm: seven bodies, the last with the hand, then the rotors' inertias, kg·m²."""
 ROUNDS = 20
-"""Largest number of rounds for the mean of two matrices; six usually suffice."""
+"""Largest number of iterations for the mean of two matrices; six usually suffice."""
 LEAST_MOBILITY = 1e-12
-"""Mobility that is added along every direction, 1/kg and 1/(kg·m²), so that the inertia of an outstretched arm stays finite."""
+"""Mobility added along every direction, 1/kg and 1/(kg·m²), so that the inertia of an outstretched arm stays finite."""
 ALIKE = 1e-6
 """Relative difference of the two means below which they count as equal."""
 
 
 def masses(arm: ArmModel) -> Vector:
-    """Return an arm's masses as the words that the compiled functions read, shape (WORDS,)."""
+    """Return an arm's masses as the words of the compiled functions, shape (WORDS,)."""
     hand, turn = arm.hand, frames.rotation_about(np.array([0.0, 0.0, 1.0]), arm.hand.turn)
     bodies = [(link.mass, np.array(link.com), link.tensor()) for link in arm.link]
     # The fingers are point masses at the hand's centre of mass, as in `drivers.arm.inertia`.
@@ -59,6 +59,8 @@ def joint_inertia(masses: Vector, rotations: Vector, origins: Vector) -> Vector:
         rotations: Axes of the joints' frames as columns, shape (7, 3, 3), base frame.
         origins: Origins of those frames, shape (7, 3), m, base frame.
     """
+    # M = sum over bodies of m Jvᵀ Jv + Jωᵀ (R I Rᵀ) Jω, plus the rotors' inertias on the diagonal;
+    # column i of Jv is z_i x (com - o_i), column i of Jω is z_i.
     M = np.zeros((JOINTS, JOINTS))
     com, moved, turned = np.empty(3), np.empty((JOINTS, 3)), np.empty((JOINTS, 3))
     for body in range(JOINTS):
@@ -94,7 +96,7 @@ def _tensor(words: Vector) -> Vector:  # pragma: no cover
 
 @njit(cache=True)
 def congruence(A: Vector, B: Vector) -> Vector:  # pragma: no cover
-    """Return A B Aᵀ, shape (m, m), of A, shape (m, n), and B, shape (n, n); the compiler's own product needs another library."""
+    """Return A B Aᵀ, shape (m, m), of A, shape (m, n), and B, shape (n, n); numba's own product requires another library (BLAS)."""
     m, n = A.shape
     AB, C = np.zeros((m, n)), np.zeros((m, m))
     for i in range(m):
@@ -130,7 +132,8 @@ def inverse(A: Vector) -> Vector:  # pragma: no cover
 def geometric_mean(A: Vector, B: Vector) -> Vector:  # pragma: no cover
     """Return the geometric mean of two symmetric positive definite matrices, each shape (n, n).
 
-    It is the matrix G with G A⁻¹ G = B, the common limit of the means (A + B)/2 and 2 (A⁻¹ + B⁻¹)⁻¹, taken in turns.
+    The mean is the matrix G with G A⁻¹ G = B. The arithmetic mean (A + B)/2 and the harmonic mean 2 (A⁻¹ + B⁻¹)⁻¹,
+    iterated, both converge to G.
     """
     n = A.shape[0]
     high, low = A.copy(), B.copy()
@@ -155,7 +158,7 @@ def geometric_mean(A: Vector, B: Vector) -> Vector:  # pragma: no cover
 
 @njit(cache=True, inline="always")
 def inertia_at(M: Vector, J: Vector) -> Vector:  # pragma: no cover
-    """Return the inertia of the arm as seen at a point of the hand, (J M⁻¹ Jᵀ)⁻¹, shape (6, 6), base frame: kg, kg·m and kg·m².
+    """Return the inertia of the arm at a point of the hand, (J M⁻¹ Jᵀ)⁻¹, shape (6, 6), base frame: kg, kg·m and kg·m².
 
     Args:
         M: Mass matrix, shape (7, 7), kg·m².
@@ -171,10 +174,10 @@ def inertia_at(M: Vector, J: Vector) -> Vector:  # pragma: no cover
 
 @njit(cache=True, inline="always")
 def critical_damping(L: Vector, stiffness: Vector) -> Vector:  # pragma: no cover
-    """Return the damping with which every mode of an inertia on springs is critically damped, shape (6, 6).
+    """Return the damping that damps every mode of an inertia on springs critically, shape (6, 6).
 
-    L x'' + D x' + K x = 0 falls apart into modes in which L is one, K the squares of their rates and D twice the rates when
-    D = 2 (L # K), where # is the geometric mean: the double diagonalisation of [albu], for one damping ratio.
+    With D = 2 (L # K), L x'' + D x' + K x = 0 decouples into critically damped modes; # is the geometric mean.
+    This is the double diagonalisation of [albu] for one damping ratio.
 
     Args:
         L: Inertia, shape (6, 6).
@@ -185,7 +188,7 @@ def critical_damping(L: Vector, stiffness: Vector) -> Vector:  # pragma: no cove
     for k in range(6):
         K[k, k] = max(stiffness[k], SLACK)
         scale += math.log(K[k, k] / L[k, k]) / 6.0
-    # L is scaled by s to the size of K, so that the iteration needs few rounds; the mean of s L and K is sqrt(s) (L # K).
+    # Scaling L by s to the size of K saves iterations; (s L) # K = sqrt(s) (L # K).
     scale = math.exp(scale)
     scaled = np.empty((6, 6))
     for k in range(6):

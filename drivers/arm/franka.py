@@ -1,8 +1,8 @@
-"""A Franka arm as an Arm: the torque loop runs in a process of its own, this end hands setpoints over and reads.
+"""A Franka arm as an Arm: the torque loop runs in its own process; this class writes setpoints and reads states.
 
-Written for the FR3 with the maker's `pylibfranka` (extra `franka`). The Panda of [gibbons] speaks an older protocol,
-which needs its older library (`panda-python` brings it) in `drivers/arm/loop.py`; the rest is the same for both.
-Nothing here was tried on a Panda, nor on any arm that is not simulated.
+Written for the FR3 with the maker's `pylibfranka` (extra `franka`). The Panda of [gibbons] uses an older protocol.
+It needs the older library (`panda-python` includes it) in `drivers/arm/loop.py`; the rest is the same for both.
+The driver was tested only on simulated arms: not on a Panda, nor on any other real arm.
 """
 
 import json
@@ -27,15 +27,15 @@ from drivers.quantities import ArmState, ImpedanceSetpoint, Pose, Vector, Wrench
 SILENT = 0.1
 """Longest time without a new state, s on the cell's clock; the arm sends one every millisecond."""
 CONNECT_TIME = 20.0
-"""Longest time until the loop runs, s of wall time: the interpreter, the compiled law, the network."""
+"""Longest time until the loop runs, s of wall time: start of the interpreter, load of the compiled law, connection."""
 RESET_TIME = 5.0
-"""Longest time for the arm's own error recovery, s of wall time; one that takes longer ends without motion and asks for another reset."""
+"""Longest time for the arm's error recovery, s of wall time. If it takes longer, the arm stays still and needs another reset."""
 START_TIME = 1.0
-"""Longest time from the end of that to the first cycle of torque control, s of wall time."""
+"""Longest time from the end of the recovery to the first cycle of torque control, s of wall time."""
 END_TIME = 5.0
 """Longest time for the loop to brake the arm and to end, s of wall time."""
 POLL_PERIOD = 0.005
-"""Time between two looks at the shared block while something is awaited, s of wall time."""
+"""Time between two polls of the shared block while the driver waits, s of wall time."""
 _ERRORS: dict[LoopPhase, type[CellError]] = {
     LoopPhase.REFLEX: ArmReflexError,
     LoopPhase.STOPPED: ArmStoppedError,
@@ -45,16 +45,16 @@ _ERRORS: dict[LoopPhase, type[CellError]] = {
 
 
 class FrankaArm:
-    """Hands setpoints to the torque loop, and reads what it last saw."""
+    """Writes setpoints to the torque loop, and reads its newest state."""
 
     def __init__(self, config: FrankaArmConfig, arm: ArmModel, clock: Clock, law: Vector | None = None) -> None:
         """Describe the arm.
 
         Args:
-            config: Where the arm is, and how it is watched.
+            config: Address of the arm, and its collision thresholds.
             arm: Figures of the arm.
             clock: The cell's clock.
-            law: State that the law begins with, shape (STATE_WORDS,); None begins with nothing known of the joints.
+            law: Initial state of the law, shape (STATE_WORDS,); None if nothing is known of the joints.
         """
         self._config, self._clock = config, clock
         self._arm, self._figures = arm, impedance.figures(arm)
@@ -66,9 +66,9 @@ class FrankaArm:
         self._seen, self._seen_at = -1, -math.inf
 
     def open(self) -> None:
-        """Start the loop and wait until the arm answers; it then holds still.
+        """Start the loop and wait until the arm answers; the arm then holds still.
 
-        An arm in reflex or stopped is opened too: `read` says so, and a reset can bring it back.
+        An arm in reflex or stopped can be opened too: `read` then raises, and a reset recovers the arm.
         """
         if self._is_open:
             return
@@ -138,12 +138,12 @@ class FrankaArm:
         self._hand_over(words)
 
     def halt(self) -> None:
-        """Hold still where the arm is, compliant."""
+        """Hold still at the present pose, compliant."""
         self._handed = self._valid_until = -math.inf
         self._hand_over(holding_words())
 
     def reset(self) -> None:
-        """Leave a reflex or a released stop, connect again, or start a loop anew that has ended; then hold still."""
+        """Leave a reflex or a released stop, connect again, or restart the loop if it has ended; then hold still."""
         if self._is_open and not self._is_alive():
             self._end()
             self._start()
@@ -201,7 +201,7 @@ class FrankaArm:
 
     @property
     def time(self) -> float:
-        """The arm's own time since it was opened, s."""
+        """Arm's own time since it was opened, s."""
         return float(self._opened()["time"][0])
 
     @property
@@ -211,7 +211,7 @@ class FrankaArm:
         return self._process.pid
 
     def figures(self) -> LoopFigures:
-        """Return how the loop kept its time."""
+        """Return the timing figures of the loop."""
         link = self._opened()
         cycles = int(link["cycles"][0])
         kept = slice(1 if cycles <= CYCLES_KEPT else 0, min(cycles, CYCLES_KEPT))

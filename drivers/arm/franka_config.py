@@ -17,13 +17,13 @@ class FrankaArmConfig(ConfigModel):
     kind: Literal["franka"]
     """A Franka arm behind the maker's control interface."""
     model: ArmName = "fr3"
-    """Arm by its figures: one of those that ship, or a file of figures beside the config."""
+    """Name of an arm that ships with the program, or a file of figures beside the config."""
     host: Annotated[str, Field(min_length=1)]
     """Network address of the arm's control interface."""
     collision_torque: Annotated[float, Field(ge=5.0, le=100.0)]
     """Estimated external torque on a joint at which the arm's reflex stops it, N·m; no default."""
     collision_force: Annotated[float, Field(ge=5.0, le=100.0)]
-    """Estimated external force at the hand at which the reflex stops the arm, N; the same figure limits the torque
+    """Estimated external force at the hand at which the reflex stops the arm, N; the same number limits the torque
     there, N·m; no default."""
     realtime: Literal["enforce", "ignore"] = "enforce"
-    """Whether a real-time kernel and priority are required; `ignore` runs without, for simulated arms."""
+    """Requirement of a real-time kernel and priority; `ignore` runs without, for simulated arms."""

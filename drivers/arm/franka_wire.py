@@ -1,4 +1,4 @@
-"""Quantities of a Franka arm's state as its maker defines them, converted into those of the contract; pure."""
+"""Conversion of a Franka arm's state from its maker's definitions to those of the contract; pure."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""An arm's inertia, at its joints and as it is felt at the peg's tip, from the masses of its links; pure numpy."""
+"""An arm's inertia at its joints and at the peg's tip, from the masses of its links; pure numpy."""
 
 import numpy as np
 
@@ -9,11 +9,11 @@ from drivers.quantities import Vector
 
 _Z = np.array([0.0, 0.0, 1.0])
 SLACK = 1e-3
-"""Smallest stiffness for which the damping is computed, N/m and N·m/rad; smaller ones count as this."""
+"""Smallest stiffness for the computation of the damping, N/m and N·m/rad; smaller values count as this."""
 
 
 def tip_inertia(arm: ArmModel, q: Vector, length: float) -> Vector:
-    """Return the inertia of arm and rotors at the end point of a peg that sits straight in the hand, (J M⁻¹ Jᵀ)⁻¹.
+    """Return the inertia of arm and rotors at the end point of a peg that is straight in the hand, (J M⁻¹ Jᵀ)⁻¹.
 
     Args:
         arm: The arm.
@@ -28,19 +28,20 @@ def tip_inertia(arm: ArmModel, q: Vector, length: float) -> Vector:
     tip = origins[-1] + (arm.kinematics.flange + arm.hand.finger_centre + length) * axes[-1]
     J = jacobian(tip, axes, origins)
     M = joint_inertia(arm, q) + np.diag(arm.joints.rotor_inertia)
+    # L = (J M⁻¹ Jᵀ)⁻¹.
     return np.linalg.inv(J @ np.linalg.inv(M) @ J.T).astype(np.float64)
 
 
 def critical_damping(L: Vector, stiffness: Vector) -> Vector:
-    """Return the damping with which every mode of an inertia on springs is critically damped, shape (6, 6).
+    """Return the damping that damps every mode of an inertia on springs critically, shape (6, 6).
 
-    It is D = 2 (L # K), the double diagonalisation of [albu], as in `drivers.arm.dynamics`, which says more.
+    It is D = 2 (L # K), the double diagonalisation of [albu]; `drivers.arm.dynamics` explains it.
 
     Args:
         L: Inertia, shape (6, 6).
         stiffness: K's diagonal, shape (6,), N/m and N·m/rad; smaller values count as `SLACK`.
     """
-    # L = C Cᵀ and C⁻¹ K C⁻ᵀ = Q Ω² Qᵀ, with the modes' rates Ω; L # K = C Q Ω Qᵀ Cᵀ.
+    # L = C Cᵀ and C⁻¹ K C⁻ᵀ = Q Ω² Qᵀ, with the natural frequencies Ω of the modes; L # K = C Q Ω Qᵀ Cᵀ.
     C = np.linalg.cholesky(L)
     inward = np.linalg.inv(C)
     squares, Q = np.linalg.eigh(inward * np.maximum(stiffness, SLACK) @ inward.T)
@@ -51,7 +52,7 @@ def critical_damping(L: Vector, stiffness: Vector) -> Vector:
 def joint_inertia(arm: ArmModel, q: Vector) -> Vector:
     """Return the mass matrix of the links and the empty hand, shape (7, 7), kg·m².
 
-    The fingers count as points at the hand's centre of mass, as in the stand-in that holds a peg.
+    The fingers count as point masses at the hand's centre of mass, as in the simulation while it holds a peg.
     """
     rotations, origins = links(arm, q)
     axes = np.array([R[:, 2] for R in rotations])
@@ -67,7 +68,8 @@ def joint_inertia(arm: ArmModel, q: Vector) -> Vector:
 
 
 def _body(mass: float, com: Vector, inertia: Vector, axes: Vector, origins: Vector, joints: int) -> Vector:
-    """Return what one body, moved by the first `joints`, adds to the mass matrix; inertia about its com, base frame."""
+    """Return the contribution to the mass matrix of one body that the first `joints` move; inertia about its com, base frame."""
+    # M = m Jvᵀ Jv + Jωᵀ I Jω.
     J = jacobian(com, axes, origins, joints)
     M: Vector = mass * J[:3].T @ J[:3] + J[3:].T @ inertia @ J[3:]
     return M

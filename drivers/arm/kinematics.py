@@ -1,7 +1,6 @@
 """Forward and inverse kinematics of an arm's links, hand and tip; pure numpy.
 
-The torque loop has its own compiled kinematics, `drivers.impedance.forward`; these functions are for callers that need
-a pose once.
+The torque loop has its own compiled kinematics, `drivers.impedance.forward`; these functions serve single calls.
 """
 
 import math
@@ -14,13 +13,13 @@ from drivers.quantities import Pose, Vector
 
 _X, _Z = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
 LONGEST_STEP = 0.2
-"""Largest change of a joint in one step towards a solution, rad."""
+"""Largest change of a joint in one iteration, rad."""
 STEPS = 100
-"""Number of steps after which the search for a solution is given up."""
+"""Largest number of iterations of the inverse kinematics."""
 CLOSE = 1e-9
-"""Error below which a solution counts as found, m and rad."""
+"""Error below which the inverse kinematics has converged, m and rad."""
 DAMPING = 1e-6
-"""Damping of the least-squares step, which keeps it finite at a singular pose."""
+"""Damping of the least-squares step; it keeps the step finite at a singular pose."""
 
 
 def links(arm: ArmModel, q: Vector) -> tuple[list[Vector], Vector]:
@@ -46,7 +45,7 @@ def finger_frame(arm: ArmModel, q: Vector) -> Pose:
 
 
 def jacobian(point: Vector, axes: Vector, origins: Vector, joints: int = JOINTS) -> Vector:
-    """Return how a point that the first `joints` carry moves and turns with the joints, shape (6, 7), base frame.
+    """Return the Jacobian of a point that the first `joints` move, shape (6, 7), translation first, base frame.
 
     Args:
         point: Shape (3,), m.
@@ -54,6 +53,7 @@ def jacobian(point: Vector, axes: Vector, origins: Vector, joints: int = JOINTS)
         origins: Points on those axes, shape (7, 3), m.
         joints: Number of joints, counted from the base, that move the point.
     """
+    # Column i is (z_i x (p - o_i), z_i).
     J = np.zeros((6, JOINTS))
     J[:3, :joints] = np.cross(axes, point - origins)[:joints].T
     J[3:, :joints] = axes[:joints].T
@@ -71,14 +71,15 @@ def largest_push(arm: ArmModel, q: Vector, length: float) -> float:
     rotations, origins = links(arm, q)
     axes = np.array([R[:, 2] for R in rotations])
     tip = origins[-1] + (arm.kinematics.flange + arm.hand.finger_centre + length) * axes[-1]
+    # F = min over joints of tau_max,i / |J_z,i|.
     levers = np.abs(jacobian(tip, axes, origins)[2])
     return float(np.min(np.array(arm.joints.torque) / np.maximum(levers, 1e-9)))
 
 
 def joints_at(arm: ArmModel, tip: Vector, axis: Vector, closing: Vector, length: float, elbow: float) -> Vector | None:
-    """Return the joint positions that bring a peg which sits straight in the hand to a goal.
+    """Return the joint positions that bring a peg to a goal; the peg is straight in the hand.
 
-    Newton's method from the arm's home, the elbow's joint held, the joints kept within their limits.
+    The method is damped Newton from the arm's home, with the elbow's joint fixed and the joints kept within their limits.
 
     Args:
         arm: The arm.
@@ -89,7 +90,7 @@ def joints_at(arm: ArmModel, tip: Vector, axis: Vector, closing: Vector, length:
         elbow: Position of the elbow's joint, rad.
 
     Returns:
-        Shape (7,), rad; None where the arm cannot reach the goal.
+        Shape (7,), rad; None if the arm cannot reach the goal.
     """
     wanted = np.column_stack([-axis, np.cross(closing, -axis), closing])
     low, high = np.array(arm.joints.q_min), np.array(arm.joints.q_max)
@@ -108,6 +109,7 @@ def joints_at(arm: ArmModel, tip: Vector, axis: Vector, closing: Vector, length:
         if float(np.abs(error).max()) < CLOSE:
             return q
         J = jacobian(point, axes, origins)[:, moving]
+        # dq = (JᵀJ + λI)⁻¹ Jᵀ e, scaled to `LONGEST_STEP`.
         step = np.linalg.solve(J.T @ J + DAMPING * np.eye(len(moving)), J.T @ error)
         step *= min(1.0, LONGEST_STEP / max(float(np.abs(step).max()), 1e-12))
         q[moving] = np.clip(q[moving] + step, low[moving], high[moving])
@@ -116,6 +118,7 @@ def joints_at(arm: ArmModel, tip: Vector, axis: Vector, closing: Vector, length:
 
 def _turn(R: Vector) -> Vector:
     """Return the rotation vector of a rotation matrix, shape (3,), rad."""
+    # 2 sin φ u = (R32 - R23, R13 - R31, R21 - R12) and 2 cos φ = tr R - 1; the result is φ u.
     twice = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
     sine, cosine = 0.5 * float(np.linalg.norm(twice)), 0.5 * (float(np.trace(R)) - 1.0)
     turn: Vector = 0.5 * twice * (math.atan2(sine, cosine) / sine if sine > 1e-12 else 1.0)

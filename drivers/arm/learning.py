@@ -1,14 +1,14 @@
-"""Torques on an arm's joints beside the commanded ones, learnt while the hand moves freely; pure and compiled.
+"""Joint torques beyond the rigid-body model, learnt while the hand moves freely; pure and compiled.
 
-A momentum observer ([deluca]) tells each joint's disturbance: the torque that was commanded and did not become motion.
-While nothing touches the hand, that is friction, what the arm's own compensation of gravity leaves over, and the inertia
-of the rotors that the model lacks:
+A momentum observer ([deluca]) estimates each joint's disturbance: the commanded torque that did not become motion.
+If nothing touches the hand, the disturbance is friction, the residual of the arm's gravity compensation, and the rotor
+inertia that the model lacks:
 
     disturbance = dry · tanh(dq / DRY_RATE) + smooth · tanh(dq / SMOOTH_RATE) + offset + rotor · ddq
 
-Recursive least squares find the four figures of each joint, from what was believed before and as sure as that was. The
-law feeds the offset forward, and friction along the motion that is commanded: a sign that comes from the setpoint closes
-no loop, as one taken from a measured velocity would.
+Recursive least squares estimate the four figures of each joint, starting from a prior mean and standard deviation. The
+law feeds the offset forward, and the friction along the commanded motion. A sign taken from the setpoint closes no
+feedback loop; one taken from a measured velocity would.
 """
 
 import math
@@ -21,8 +21,8 @@ from drivers.quantities import Vector
 
 FIGURES = 4
 DRY, SMOOTH, OFFSET, ROTOR = 0, 1, 2, 3
-"""Indices of the figures that are learnt of each joint: dry friction, friction that grows with velocity, and offset,
-N·m; rotor inertia beyond the model's, kg·m².
+"""Indices of the learnt figures of each joint: dry friction, friction that grows with velocity, and offset, N·m;
+rotor inertia beyond the model's, kg·m².
 """
 
 DRY_RATE = 0.02
@@ -30,45 +30,45 @@ DRY_RATE = 0.02
 SMOOTH_RATE = 0.25
 """Velocity at which smooth friction has three quarters of its level, rad/s; 0.1 to 0.4 in the published sigmoids."""
 ROTOR_DEVIATION = 0.1
-"""Standard deviation of a rotor's inertia about the model's before anything is learnt, kg·m²."""
+"""Standard deviation of the rotor inertia beyond the model's, before learning, kg·m²."""
 
 CYCLES = 5
 """Number of control cycles between two updates; the learnt figures change more slowly."""
 BANDWIDTH = 30.0
 """Bandwidth of the momentum observer, 1/s."""
 NOISE = 0.1
-"""Standard deviation of a disturbance that the four figures do not explain, over the observer's time, N·m."""
+"""Standard deviation of the disturbance around the four figures' prediction, over the observer's time, N·m."""
 MOVING = 0.03
 """Velocity below which a joint's figures are not updated, rad/s: dry friction at rest may have any value."""
 MEMORY = 60.0
 """Time of free motion in which the variance of a learnt figure grows back to its first value, s; joints warm up."""
 
 FRICTION_SHARE = 0.8
-"""Share of the learnt friction that is fed forward, fraction; more than the real friction would drive the arm on."""
+"""Share of the learnt friction that is fed forward, fraction. If it exceeded the real friction, the arm would be driven."""
 MOST_OFFSET = 5.0
 """Largest offset that is fed forward, N·m; a payload of 0.7 kg at arm's length causes as much."""
 
 COUNT, IS_BEGUN, COMMANDED, INTEGRAL, RESIDUAL = 0, 1, 2, 9, 16
-"""Indices of the number of cycles since the last update, of whether there was one, of the mean torques commanded since,
-and of the observer's integrals and residuals.
+"""Indices of the number of cycles since the last update, of a flag set by the first update, of the mean torques commanded
+since the last update, and of the observer's integrals and residuals.
 """
 PASSED = 23
-"""Index of three words for each joint behind the observer's low-pass: dry and smooth friction of level one, and velocity."""
+"""Index of three words for each joint after the observer's low-pass: dry and smooth friction of level one, and velocity."""
 PRIOR = PASSED + 3 * JOINTS
-"""Index of the standard deviations of all figures before anything is learnt."""
+"""Index of the standard deviations of all figures before learning."""
 LEARNT = PRIOR + FIGURES * JOINTS
 COVARIANCE = LEARNT + FIGURES * JOINTS
 WORDS = COVARIANCE + FIGURES * FIGURES * JOINTS
 
 
 def doubts(arm: ArmModel) -> Vector:
-    """Return the standard deviation of each figure before anything is learnt of an arm, shape (7, 4)."""
+    """Return the standard deviation of each figure before learning, shape (7, 4)."""
     friction, offset = np.array(arm.joints.friction), np.array(arm.joints.offset)
     return np.column_stack([friction, friction, offset, np.full(JOINTS, ROTOR_DEVIATION)])
 
 
 def begin(state: Vector, figures: Vector, deviations: Vector) -> None:
-    """Start anew from figures and their standard deviations, each shape (7, 4); `state` has shape (WORDS,)."""
+    """Reset the learning to figures and their standard deviations, each shape (7, 4); `state` has shape (WORDS,)."""
     state[:] = 0.0
     state[PRIOR:LEARNT] = deviations.flatten()
     state[LEARNT:COVARIANCE] = figures.flatten()
@@ -78,7 +78,7 @@ def begin(state: Vector, figures: Vector, deviations: Vector) -> None:
 
 
 def pause(state: Vector) -> None:
-    """Restart the observer at the next update and keep all that was learnt; `state` has shape (WORDS,)."""
+    """Restart the observer at the next update and keep the learnt figures; `state` has shape (WORDS,)."""
     state[:PRIOR] = 0.0
 
 
@@ -89,23 +89,24 @@ def figures_of(state: Vector) -> tuple[Vector, Vector]:
 
 
 def unexplained(state: Vector) -> Vector:
-    """Return the torque on each joint that was commanded and did not become motion, as the observer has it, shape (7,), N·m."""
+    """Return the observer's estimate of the commanded torque that did not become motion, shape (7,), N·m, one value a joint."""
     observed: Vector = -state[RESIDUAL : RESIDUAL + JOINTS]
     return observed
 
 
 @njit(cache=True, inline="always")
 def observe(state: Vector, M: Vector, dq: Vector, period: float, is_free: bool) -> None:  # pragma: no cover
-    """Update the observer by the torques commanded since the last update, and learn where the hand moves freely.
+    """Update the observer by the torques commanded since the last update, and learn if the hand moves freely.
 
     Args:
         state: State of the learning, shape (WORDS,); updated.
         M: Mass matrix, shape (7, 7), kg·m².
         dq: Joint velocities, shape (7,), rad/s.
         period: Time since the last update, s.
-        is_free: Whether nothing touches the hand, so that the disturbance is the joints' own.
+        is_free: True if nothing touches the hand, so that the disturbance is the joints' own.
     """
     share = period * BANDWIDTH / (1.0 + period * BANDWIDTH)
+    # p = M dq,  r = K (p - ∫ (tau + r) dt);  the disturbance is -r. All regressors pass a low-pass of the same bandwidth K.
     for i in range(JOINTS):
         momentum = 0.0
         for j in range(JOINTS):
@@ -132,8 +133,9 @@ def _learn(state: Vector, joint: int, explains: Vector, disturbance: float, peri
     known = state[LEARNT + FIGURES * joint : LEARNT + FIGURES * (joint + 1)]
     place = COVARIANCE + FIGURES * FIGURES * joint
     P = state[place : place + FIGURES * FIGURES].reshape((FIGURES, FIGURES))
+    # With regressor h, disturbance y and noise variance R:  k = P h / (R + hᵀ P h),  x += k (y - hᵀ x),  P -= k hᵀ P.
     towards = np.zeros(FIGURES)
-    # Disturbances closer together than the observer's time constant repeat each other and count for less.
+    # Disturbances within the observer's time constant are correlated, so each counts for less.
     spread, error = NOISE**2 / (period * BANDWIDTH), disturbance
     for k in range(FIGURES):
         first = state[PRIOR + FIGURES * joint + k] ** 2
@@ -158,6 +160,7 @@ def feed_forward(state: Vector, joint: int, wanted: float) -> float:  # pragma: 
         joint: Number of the joint, from 0.
         wanted: Commanded velocity, rad/s.
     """
+    # tau = offset + FRICTION_SHARE (dry tanh(w / DRY_RATE) + smooth tanh(w / SMOOTH_RATE)); levels >= 0, |offset| <= MOST_OFFSET.
     place = LEARNT + FIGURES * joint
     friction = max(state[place + DRY], 0.0) * math.tanh(wanted / DRY_RATE)
     friction += max(state[place + SMOOTH], 0.0) * math.tanh(wanted / SMOOTH_RATE)
@@ -168,9 +171,9 @@ def feed_forward(state: Vector, joint: int, wanted: float) -> float:  # pragma: 
 
 @njit(cache=True, inline="always")
 def sure_rotor(state: Vector, joint: int) -> float:  # pragma: no cover
-    """Return the rotor inertia beyond the model's that a joint has shown for sure, one standard deviation less than learnt, kg·m².
+    """Return a lower estimate of the rotor inertia beyond the model's, learnt mean less one standard deviation, >= 0, kg·m².
 
-    A damping for more inertia than there is swings where torques act late; one for less only brakes a little more slowly.
+    If the damping assumes too much inertia, the arm oscillates where torques act late; if too little, it brakes more slowly.
 
     Args:
         state: State of the learning, shape (WORDS,).

@@ -1,4 +1,4 @@
-"""What the cell and the arm's torque loop share: one block of memory, each direction behind a sequence counter."""
+"""Memory shared by the cell and the arm's torque loop: one block, each direction guarded by a sequence counter."""
 
 import math
 import mmap
@@ -11,7 +11,7 @@ from drivers import impedance
 from drivers.quantities import Vector
 
 CYCLES_KEPT = 60_000
-"""Number of the loop's newest cycles whose times are kept; they last one minute."""
+"""Number of the loop's newest cycles with recorded times; they last one minute."""
 TEXT = 400
 """Longest message, bytes."""
 
@@ -51,15 +51,15 @@ class LoopPhase(IntEnum):
     REFLEX = 2
     """The arm stopped itself; a reset is needed."""
     STOPPED = 3
-    """Emergency stop, protective stop, or somebody guides the arm by hand."""
+    """Emergency stop, protective stop, or hand guiding."""
     LOST = 4
-    """The connection is gone; a reset connects again."""
+    """The connection is lost; a reset connects again."""
     REFUSED = 5
-    """The arm's system and the maker's library do not fit together."""
+    """The arm's system and the maker's library are incompatible."""
 
 
 def holding_words() -> Vector:
-    """Return the words of "hold still where the arm is, compliant", shape (WORDS,): those of a setpoint that is never valid."""
+    """Return the words of "hold still at the present pose, compliant", shape (WORDS,): a setpoint that is never valid."""
     words = np.zeros(impedance.WORDS)
     words[impedance.VALID_UNTIL] = -math.inf
     return words
@@ -68,12 +68,12 @@ def holding_words() -> Vector:
 class LoopLink:
     """One end of the shared block.
 
-    Writer and reader are one process each. A writer makes its counter odd, writes, and makes it even; a reader
-    takes a copy only between two equal even counts, so that it never sees half of a setpoint.
+    Writer and reader are one process each. The writer makes its counter odd, writes, and makes it even. The reader accepts
+    a copy only between two equal even counts, so it never reads half of a setpoint.
     """
 
     def __init__(self, handle: int) -> None:
-        """Map the block behind a file handle."""
+        """Map the block of a file handle."""
         self._map = mmap.mmap(handle, SIZE)
         # A view of one record; scalars of a field are written through index 0.
         self.block: NDArray[np.void] = np.frombuffer(self._map, _LAYOUT, 1)
@@ -85,15 +85,13 @@ class LoopLink:
         return field
 
     def begin(self, counter: str) -> None:
-        """Begin to write what `counter` guards."""
+        """Begin to write the record that `counter` guards."""
         self._fields[counter][0] += 1
 
     end = begin
-    """`begin` and `end` both add one to the counter: it is odd while a record is being written, and even when the
-    record is whole.
-    """
+    """`begin` and `end` both add one to the counter: it is odd during a write and even when the record is whole."""
 
     def is_settled(self, counter: str) -> int | None:
-        """Return the count when nobody is writing, else None."""
+        """Return the count if no write is in progress, else None."""
         count = int(self._fields[counter][0])
         return None if count % 2 else count

@@ -1,8 +1,8 @@
 """The arm's 1 kHz torque loop, a process of its own: `python -m drivers.arm.loop HANDLE OPTIONS`.
 
-The maker's library gives one state a millisecond and expects torques back within the same one. Here nothing else
-runs: no other thread holds the interpreter, no garbage is collected, and the law is the compiled one of
-`drivers.impedance`. It ends when its standard input does, which is when the cell ends, however that happens.
+The maker's library returns one state a millisecond and expects torques within the same millisecond. The process runs
+nothing else: no other thread holds the interpreter, garbage collection is off, and the law is the compiled one of
+`drivers.impedance`. The process ends when its standard input closes, which happens however the cell ends.
 """
 
 import ctypes
@@ -29,23 +29,23 @@ from drivers.quantities import Vector
 logger = logging.getLogger(__name__)
 
 PRIORITY = 80
-"""Priority of the loop under SCHED_FIFO, where that is permitted."""
+"""Priority of the loop under SCHED_FIFO, if permitted."""
 LOOK_EVERY = 50
-"""Cycles between looks at the standard input."""
+"""Number of cycles between two checks of the standard input."""
 RATE_USED = 0.98
-"""Share of the permitted torque rate that is used: at the limit itself, rounding would be a violation."""
+"""Share of the permitted torque rate in use, fraction; at the limit itself, rounding would exceed it."""
 NEEDED_SYSTEM = "pylibfranka 0.21.3 needs system 5.9 or later: update the arm's system in Desk, or install the pylibfranka that fits it"
 """Source: compatibility_matrix.rst of the library, for the version that `constraints.txt` pins."""
 BRAKED_SPEED = 0.01
 """Speed of the fastest joint below which a motion may end, rad/s."""
 LONGEST_BRAKE = 1.0
-"""Longest time for which the arm is braked before its motion ends, s of the arm's time."""
+"""Longest braking time before the motion ends, s of the arm's time."""
 RECONNECT_PERIOD = 0.1
-"""Time between two attempts to connect while the connection is gone, s."""
+"""Time between two attempts to connect while the connection is lost, s."""
 
 
 class TorqueLoop:
-    """Follows the setpoint of the link until the standard input ends."""
+    """Follows the setpoint of the link until the standard input closes."""
 
     def __init__(
         self,
@@ -83,7 +83,7 @@ class TorqueLoop:
         self._law = np.array(law)
 
     def run(self) -> None:
-        """Connect, control, wait for a reset after a fault, and so on."""
+        """Connect, control, wait for a reset after a fault, and repeat."""
         self._warm_up()
         while not _is_over():
             try:
@@ -96,7 +96,7 @@ class TorqueLoop:
             except pylibfranka.NetworkException as error:
                 self._robot = None
                 self._fail(LoopPhase.LOST, str(error))
-            except RuntimeError as error:  # base of what else the library raises
+            except RuntimeError as error:  # base of the library's remaining errors
                 self._fail(self._phase_of_stop(), str(error))
             else:
                 return
@@ -120,7 +120,7 @@ class TorqueLoop:
         """
         link = self._link
         impedance.restart(self._law)
-        # In a reflex or a user stop the arm refuses thresholds: they are set before every start.
+        # In a reflex or a user stop the arm refuses thresholds, so they are set before every start.
         torque, force = self._collision
         self._robot.set_collision_behavior(torque, torque, force, force)
         if time.monotonic() > link["start_by"][0]:
@@ -152,7 +152,7 @@ class TorqueLoop:
             if count > 1:
                 link["missed"][0] += max(round(passed.to_sec() / self._period) - 1, 0)
             self._publish(state, q, dq)
-            # Only now is there a state to read.
+            # The first state is available only now.
             link["phase"][0] = LoopPhase.RUNNING
 
     def _torques(self, state: Any, q: Vector, dq: Vector) -> list[float]:
@@ -161,14 +161,14 @@ class TorqueLoop:
         applied, sent, step = np.array(state.tau_J_d), self._sent, self._step
         self._law[own] = applied
         tau = impedance.torque(self._figures, self._words, self._law, q, dq, self._time, self._period)
-        # |tau - sent| <= step and |tau - tau_J_d| <= step: whether the last command arrives late or was lost.
+        # |tau - sent| <= step and |tau - tau_J_d| <= step: the limit holds both if the last command arrives late and if it was lost.
         tau = np.clip(np.clip(tau, sent - step, sent + step), applied - step, applied + step)
         self._law[own] = self._sent = tau
         torques: list[float] = tau.tolist()
         return torques
 
     def _take(self) -> None:
-        """Take a new setpoint over, unless it is being written just now: then it comes a cycle later."""
+        """Take over a new setpoint; during a write, take it one cycle later."""
         link = self._link
         count = link.is_settled("setpoint_sequence")
         if count is None or count == self._taken:
@@ -177,7 +177,7 @@ class TorqueLoop:
         if link.is_settled("setpoint_sequence") != count:
             return
         self._taken = count
-        # The cell tells how long it is valid; the two clocks need not agree.
+        # The setpoint carries its remaining validity, so the two clocks need not agree.
         words[impedance.VALID_UNTIL] += self._time
         self._words[:] = words
         self._law[impedance.IS_HOLDING] = 0.0
@@ -199,7 +199,7 @@ class TorqueLoop:
         self._link["phase"][0] = phase
 
     def _phase_of_stop(self) -> LoopPhase:
-        """Return what kind of stop the arm is in; without a connection there is none to ask for."""
+        """Return the kind of stop that holds the arm; LOST without a connection."""
         if self._robot is None:
             return LoopPhase.LOST
         stops = (pylibfranka.RobotMode.UserStopped, pylibfranka.RobotMode.Guiding)
@@ -210,7 +210,7 @@ class TorqueLoop:
             return LoopPhase.LOST
 
     def _wait_for_reset(self) -> bool:
-        """Keep the state fresh until the cell asks for a reset; return False when the cell ended instead."""
+        """Keep the state fresh until the cell requests a reset; return False if the cell ended instead."""
         link = self._link
         self._words[:] = holding_words()
         while True:
@@ -244,13 +244,13 @@ class TorqueLoop:
 
 
 def _is_over() -> bool:
-    """Whether the other end of the standard input is gone."""
+    """Return True if the other end of the standard input is closed."""
     readable, _, _ = select.select([sys.stdin], [], [], 0.0)
     return bool(readable)
 
 
 def become_realtime() -> bool:
-    """Ask for a real-time priority and for memory that is never swapped out; return whether both were granted."""
+    """Request a real-time priority and locked memory; return True if both were granted."""
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
     except OSError:

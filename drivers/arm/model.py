@@ -1,7 +1,7 @@
-"""What the cell knows of an arm: kinematics, limits, masses, friction and hand, as data read from a file of figures.
+"""Model of an arm: kinematics, limits, masses, friction and hand, as data read from a file of figures.
 
-The law, the margins and the stand-in are given an `ArmModel`; none of them has a figure of its own. An arm is one file
-of figures with their sources, as those in `config/arms/`, and `arm.model` of a cell's config names it.
+The law, the margins and the simulation take an `ArmModel` and hold no figures of their own. Each arm is one file of
+figures with their sources, as in `config/arms/`; `arm.model` of a cell's config names it.
 """
 
 import math
@@ -18,7 +18,7 @@ from drivers.parts import HandShape
 from drivers.quantities import Vector
 
 JOINTS = 7
-"""Joints of every arm that the law can move: six for the pose of the tip, one for the elbow."""
+"""Number of joints of every supported arm: six for the pose of the tip, one for the elbow."""
 
 
 def _file_beside_config(name: str, info: ValidationInfo) -> str:
@@ -70,7 +70,7 @@ class Inertial(ConfigModel):
         return Inertial(mass=self.mass, com=(-x, -y, z), inertia=(xx, yy, zz, xy, -xz, -yz))
 
     def with_point(self, mass: float, at: tuple[float, float, float]) -> "Inertial":
-        """Return body and a point of this mass, kg, at a place in its frame, m, as one body about their common centre."""
+        """Return the body joined with a point mass, kg, at a place in its frame, m, as one body about their common centre."""
         whole = self.mass + mass
         centre = (self.mass * np.array(self.com) + mass * np.array(at)) / whole
         tensor = self.tensor() + _about(self.mass, np.array(self.com) - centre) + _about(mass, np.array(at) - centre)
@@ -87,7 +87,7 @@ class Inertial(ConfigModel):
 
 
 def _about(mass: float, way: Vector) -> Vector:
-    """Return the inertia of a point mass, kg, about a point from which it is `way` away, shape (3,), m; shape (3, 3), kg·m²."""
+    """Return the inertia of a point mass, kg, about a point at offset `way`, shape (3,), m; shape (3, 3), kg·m²."""
     moved: Vector = mass * (float(way @ way) * np.eye(3) - np.outer(way, way))
     return moved
 
@@ -130,17 +130,17 @@ class Joints(ConfigModel):
     torque: Torques
     """Largest torque, N·m."""
     torque_rate: Rates
-    """Largest change of a commanded torque, N·m/s: beyond it the arm ends the motion with a reflex."""
+    """Largest change of a commanded torque, N·m/s; above it the arm ends the motion with a reflex."""
     friction: Frictions
-    """Dry friction of the stand-in's joints, N·m."""
+    """Dry friction of the simulated joints, N·m."""
     smooth_friction: SmoothFriction | None = None
-    """The smooth curve of the joints' friction, where one is published."""
+    """Smooth friction curve of the joints, if one is published."""
     viscous_friction: Frictions | None = None
-    """Coefficient of each joint's viscous friction, N·m·s/rad, where one is published."""
+    """Coefficient of each joint's viscous friction, N·m·s/rad, if one is published."""
     offset: Frictions
-    """Standard deviation of what the arm's own compensation of gravity leaves over, N·m."""
+    """Standard deviation of the residual of the arm's gravity compensation, N·m."""
     rotor_inertia: Rotors
-    """Inertia that the rotors add at each joint, kg·m², published or assumed."""
+    """Rotor inertia at each joint, kg·m², published or assumed."""
 
     @model_validator(mode="after")
     def _is_in_order(self) -> Self:
@@ -151,14 +151,14 @@ class Joints(ConfigModel):
 
 
 class TorquePathModel(ConfigModel):
-    """The way of a torque from the law to the joint, as gains have to bear it."""
+    """Delay and low-pass between the computed torque and the joint; gains must be stable with them."""
 
     transport: Annotated[float, Field(ge=0.0, le=0.01)] = 0.002
-    """Time from the state that a torque is computed from until the torque acts, s."""
+    """Time from the state to the action of the torque computed from it, s."""
     cutoff: Annotated[float, Field(ge=10.0, le=1e4)] = 100.0
-    """Corner frequency of the low-pass behind it, Hz."""
+    """Corner frequency of the low-pass after the delay, Hz."""
     rotor_share: Annotated[float, Field(ge=0.0, le=1.0)] = 0.5
-    """Least share of `joints.rotor_inertia` that may show at the joints, fraction: the lighter the joint, the earlier it swings."""
+    """Least visible share of `joints.rotor_inertia` at the joints, fraction; the lighter the joint, the earlier it oscillates."""
 
 
 class Hand(HandShape):
@@ -193,7 +193,7 @@ class ArmModel(ConfigModel):
     turn_stiffness: Annotated[float, Field(gt=0.0, le=1e4)]
     """Largest rotational stiffness of the tool, N·m/rad; no setpoint is stiffer."""
     home: Angles
-    """Joint positions at which the stand-in waits, rad."""
+    """Joint positions at which the simulation starts, rad."""
     kinematics: Kinematics
     joints: Joints
     torque_path: TorquePathModel = TorquePathModel()
@@ -202,13 +202,13 @@ class ArmModel(ConfigModel):
     """Links 1 to 7, each in the frame of its joint."""
 
     def shoulder(self) -> Vector:
-        """Return the origin of the first joint's frame, shape (3,), m, base frame, which no joint moves."""
+        """Return the fixed origin of the first joint's frame, shape (3,), m, base frame."""
         dh = self.kinematics
         a, d, alpha = dh.a[0], dh.d[0], dh.alpha[0]
         return np.array([a, -math.sin(alpha) * d, math.cos(alpha) * d])
 
     def reach(self) -> float:
-        """Return the distance from the shoulder within which the finger centre always is, m: all lengths behind it in one line."""
+        """Return the reach: largest distance of the finger centre from the shoulder, m, the sum of all lengths between them."""
         dh = self.kinematics
         links = sum(math.hypot(a, d) for a, d in zip(dh.a[1:], dh.d[1:], strict=True))
         return links + abs(dh.flange + self.hand.finger_centre)
@@ -230,9 +230,9 @@ class ArmModel(ConfigModel):
 
 @lru_cache
 def read_arm(path: Path) -> ArmModel:
-    """Return the arm of a file of figures, as it was when it was first read.
+    """Return the arm of a file of figures; later changes of the file have no effect.
 
     Raises:
-        ConfigError: No such file, not TOML, or figures that no arm can have.
+        ConfigError: The file is missing, is not TOML, or holds figures outside their bounds.
     """
     return read_figures(path, ArmModel)

@@ -1,4 +1,4 @@
-"""The Franka hand as a Gripper; the maker's library blocks and therefore runs in a process of its own."""
+"""The Franka hand as a Gripper; the maker's library blocks and therefore runs in its own process."""
 
 import math
 import os
@@ -12,21 +12,21 @@ from drivers.gripper.franka_config import FrankaGripperConfig
 from drivers.quantities import GripperState
 
 SILENT = 1.0
-"""Age beyond which a state no longer counts, s of wall time."""
+"""Age at which a state is too old, s of wall time."""
 COMMAND_TIME = 10.0
 """Longest time of one command, s of wall time; the whole stroke takes 8 s at the lowest speed allowed."""
 SETTLE = 0.2
-"""Longest time from the end of a grasp until the hand's states show it, s of wall time; the two come independently."""
+"""Longest time from the end of a grasp until the hand's states show it, s of wall time; both arrive independently."""
 RESTART_PERIOD = 2.0
 """Time between two attempts to start a process that has ended, s of wall time."""
 CONNECT_TIME = 20.0
 """Longest wait for the first state of the hand, s of wall time."""
 EMPTY_WIDTH = 0.001
-"""Width below which the fingers have met and nothing is between them, m."""
+"""Width below which the fingers have met with nothing between them, m."""
 
 
 class FrankaGripper:
-    """Sends a command when it differs from the last one; a grasp that closes on nothing reports no grip."""
+    """Sends a command if it differs from the last one; a grasp that closes on nothing reports no grip."""
 
     def __init__(self, config: FrankaGripperConfig, stroke: float) -> None:
         """Describe the hand; `stroke` is the largest distance between its pads, m."""
@@ -36,7 +36,7 @@ class FrankaGripper:
         self._forget()
 
     def open(self) -> None:
-        """Connect to the hand; the fingers stay where they are."""
+        """Connect to the hand; the fingers do not move."""
         if self._process is not None:
             return
         if find_spec("pylibfranka") is None:
@@ -67,7 +67,7 @@ class FrankaGripper:
         self._started = time.monotonic()
 
     def close(self) -> None:
-        """Disconnect; the hand keeps what it holds."""
+        """Disconnect; the hand keeps its grip."""
         if self._process is not None:
             assert self._process.stdin is not None
             assert self._process.stdout is not None
@@ -89,11 +89,11 @@ class FrankaGripper:
         self._command(f"move {width} {self._config.speed}")
 
     def read(self) -> GripperState:
-        """Return the newest state; a process that has ended is started again, which moves nothing.
+        """Return the newest state; restart a process that has ended, which moves nothing.
 
         Raises:
-            GripperSilentError: The newest state is too old, a command takes too long, or the hand refused it or did not open, which
-                is told once.
+            GripperSilentError: The newest state is too old, or a command takes too long.
+                If the hand refused a command or did not open, one call raises this.
         """
         self._listen()
         self._revive()
@@ -110,7 +110,7 @@ class FrankaGripper:
 
     @property
     def process_id(self) -> int:
-        """Id of the process that talks to the hand."""
+        """Id of the process that communicates with the hand."""
         assert self._process is not None
         return self._process.pid
 
@@ -137,7 +137,7 @@ class FrankaGripper:
         self._done_at, self._has_grasped = math.inf, False
 
     def _revive(self) -> None:
-        """Start the process again when it has ended; the hand counts as lost until it reports a state."""
+        """Restart the process if it has ended; the hand counts as lost until it reports a state."""
         if self._process is None or self._process.poll() is None:
             return
         if time.monotonic() >= self._started + RESTART_PERIOD:
@@ -163,7 +163,7 @@ class FrankaGripper:
             if not self._is_busy:
                 self._width, self._is_grasped = float(width), is_grasped == "1"
         elif word == "done":
-            # The next state tells the place of the fingers.
+            # The next state gives the position of the fingers.
             self._done_at, self._has_grasped = self._heard, rest == "grasp 1"
             if rest == "move 0":
                 self._failed, self._last = "the hand did not open", ""

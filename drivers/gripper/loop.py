@@ -1,12 +1,12 @@
-"""The process that talks to the Franka hand: `python -m drivers.gripper.loop HOST`.
+"""The process that communicates with the Franka hand: `python -m drivers.gripper.loop HOST`.
 
-The maker's library blocks until the fingers have arrived, which may take seconds, and the cell must not.
+The maker's library blocks until the fingers have arrived, which can take seconds; the cell must not wait for it.
 Commands are lines on the standard input; answers are lines on the standard output:
 
-    grasp WIDTH SPEED FORCE INNER OUTER | move WIDTH SPEED      ->  done grasp|move 1|0
-    (while no command is under way)                             ->  state WIDTH 1|0 (it holds something)
-    (when the hand refuses a command)                           ->  failed TEXT
-    (when the connection is gone)                               ->  lost TEXT
+    grasp WIDTH SPEED FORCE INNER OUTER | move WIDTH SPEED   ->  done grasp|move 1|0
+    (while no command is under way)                          ->  state WIDTH 1|0 (it holds something)
+    (when the hand refuses a command)                        ->  failed TEXT
+    (when the connection is lost)                            ->  lost TEXT
 """
 
 import select
@@ -19,11 +19,11 @@ import pylibfranka
 RECONNECT_PERIOD = 0.5
 """Time between two attempts to connect, s."""
 REPORT_PERIOD = 0.01
-"""Time between two states, s; one in ten milliseconds suffices the cell's scan."""
+"""Time between two states, s; 10 ms is sufficient for the cell's scan."""
 
 
 def main() -> None:
-    """Serve the cell that started this process until the cell's end of the pipe closes."""
+    """Serve the cell that started this process until the cell closes its end of the pipe."""
     host, gripper = sys.argv[1], None
     reported = 0.0
     while True:
@@ -45,7 +45,7 @@ def main() -> None:
             print("failed", str(error).replace("\n", " "), flush=True)
         except BrokenPipeError:
             return
-        except RuntimeError as error:  # base of what the library raises
+        except RuntimeError as error:  # base of the library's errors
             gripper = None
             print("lost", str(error).replace("\n", " "), flush=True)
             readable, _, _ = select.select([sys.stdin], [], [], RECONNECT_PERIOD)

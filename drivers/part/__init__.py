@@ -1,1 +1,1 @@
-"""Cross-sections of pegs and holes; each tells the properties that other code would otherwise derive from the shape."""
+"""Cross-sections of pegs and holes; each provides the properties that other code would otherwise derive from the shape."""

@@ -1,4 +1,4 @@
-"""The properties that every part has to tell of its cross-section; `round` and `rectangular` implement them."""
+"""The properties of a part's cross-section; `round` and `rectangular` implement them."""
 
 import math
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ import numpy as np
 from drivers.quantities import Vector
 
 STEEPEST = 0.9
-"""Distance from a cylinder's axis up to which a pad follows its surface, fraction of the radius; there it rises by 64 degrees."""
+"""Distance from a cylinder's axis up to which a pad follows its surface, fraction of the radius; the slope there is 64 degrees."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,20 +19,20 @@ class Face:
     width: float
     """Width of a flat face, or diameter of a cylinder, m."""
     is_flat: bool
-    """Whether the pads touch a plane, and not the line of a cylinder."""
+    """True if the pads touch a plane, False if they touch the line of a cylinder."""
 
     @property
     def flat_width(self) -> float:
-        """Width of the plane that lies on a pad, m; 0 for a cylinder, which touches along a line."""
+        """Width of the plane that lies on a pad, m; 0 for a cylinder, because it touches along a line."""
         return self.width if self.is_flat else 0.0
 
     def groove(self, indentation: float) -> tuple[Vector, Vector]:
-        """Return lines that stand for the load across the peg's axis: their distances from the axis and their shares of
+        """Return the lines that represent the load across the peg's axis: their distances from the axis and their shares of
         the load.
 
-        A cylinder leaves a groove with the parabolic load of a bed of springs, half as wide as the square root of width
-        times depth; three lines carry that load exactly up to its fifth moment. The lines of a plane all carry the same
-        load, see `strips`.
+        A cylinder leaves a groove with the parabolic load of a bed of springs. Its half width is the square root of width times
+        depth. Three lines reproduce that load exactly up to its fifth moment. All lines of a plane carry the same load, see
+        `strips`.
 
         Args:
             indentation: Depth of the groove, m.
@@ -46,9 +46,9 @@ class Face:
         return half * math.sqrt(3.0 / 7.0) * np.array([-1.0, 0.0, 1.0]), np.array([7.0, 16.0, 7.0]) / 30.0
 
     def profile(self, beside: Vector) -> Vector:
-        """Return the distance of the surface from the plane that touches it, m, at distances from the axis, m.
+        """Return the distance of the surface from its tangent plane, m, at distances from the axis, m.
 
-        It is infinite beside a flat face, and where the surface of a cylinder is too steep for a pad to follow.
+        It is infinite beside a flat face, and where a cylinder's surface is too steep for a pad to follow.
         """
         if self.is_flat:
             return np.where(np.abs(beside) <= self.width / 2, 0.0, np.inf)
@@ -57,10 +57,9 @@ class Face:
         return np.where(np.abs(beside) < STEEPEST * radius, sunk, np.inf)
 
     def strips(self, step: float) -> Vector:
-        """Return the shares of the load on an odd number of lines `step`, m, apart, by the trapezoidal rule; they add
-        up to 1.
+        """Return the shares of the load on an odd number of lines `step`, m, apart, by the trapezoidal rule; they add up to 1.
 
-        A cylinder has one line, whose load is spread by `groove`.
+        A cylinder has one line; `groove` spreads its load.
         """
         if not self.is_flat:
             return np.ones(1)
@@ -74,12 +73,12 @@ class Part(Protocol):
     """The cross-section of a peg or of a hole; two sections of one kind can be compared.
 
     The hand holds a peg between two faces. The closing axis, along which the fingers move, is the section's first
-    axis; the second one lies across it. All lengths are in m.
+    axis; the second axis is normal to it. All lengths are in m.
     """
 
     @property
     def kind(self) -> str:
-        """Name under which skills and simulation keep their handling of such parts."""
+        """Name of the kind, by which skills and simulation select their handling of such parts."""
 
     @property
     def half(self) -> tuple[float, float]:
@@ -103,37 +102,37 @@ class Part(Protocol):
 
     @property
     def chamfer(self) -> float:
-        """Width and height of a chamfer of 45 degrees, m: of a peg at its end, of a hole at its mouth; 0 where there is none."""
+        """Width and height of a chamfer of 45 degrees, m: at a peg's end or at a hole's mouth; 0 if there is none."""
 
     @property
     def symmetry(self) -> float:
-        """Smallest turn about the peg's axis after which the peg looks the same, rad; 0 where every turn leaves it the same."""
+        """Smallest turn about the peg's axis that leaves the section unchanged, rad; 0 if every turn does."""
 
     def least_turn(self, turn: float) -> float:
-        """Return the smallest turn about the peg's axis, rad, >= 0, after which the peg looks as it does after `turn`, rad."""
+        """Return the smallest turn about the peg's axis, rad, >= 0, that is equivalent to `turn`, rad."""
 
     @property
     def face(self) -> Face:
         """The surface that the pads touch."""
 
     def outline(self) -> Vector:
-        """Return the corners of the section, or of a polygon that stands for a curved one, m, counter-clockwise, shape (n, 2)."""
+        """Return the corners of the section, or of a polygon in place of a curved one, m, counter-clockwise, shape (n, 2)."""
 
     def grown(self, gap: float) -> Self:
         """Return the section of a hole around this one with a gap of this width, m, on every side."""
 
     def clearance(self, hole: Self) -> float:
-        """Return the gap on every side of this peg in the middle of its hole, m; the smallest where the sides differ."""
+        """Return the gap on every side of this peg in the middle of its hole, m; the smallest if the sides differ."""
 
     def azimuth(self, direction: float) -> float:
-        """Return the azimuth, rad, of the point of the section that leads when the peg is tilted.
+        """Return the azimuth, rad, of the section's leading point when the peg is tilted.
 
         Args:
             direction: Azimuth of the closing axis while the peg is upright, rad.
         """
 
     def leaning(self, direction: float, tilt: float) -> tuple[Vector, Vector]:
-        """Return the axis and the closing axis, both unit, shape (3,), of a peg that is tilted towards the point that leads.
+        """Return the axis and the closing axis, both unit, shape (3,), of a peg tilted towards its leading point.
 
         Args:
             direction: Azimuth of the closing axis while the peg is upright, rad.

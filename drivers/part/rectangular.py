@@ -1,4 +1,4 @@
-"""Rectangular pegs and holes, square ones among them."""
+"""Rectangular and square pegs and holes."""
 
 import math
 from dataclasses import dataclass
@@ -70,7 +70,7 @@ class Rectangular:
         return np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * self.half
 
     def grown(self, gap: float) -> Self:
-        """Return a rectangle whose sides lie further out by `gap`, m."""
+        """Return a rectangle with every side moved outwards by `gap`, m."""
         return type(self)(self.a + 2 * gap, self.b + 2 * gap)
 
     def clearance(self, hole: "Rectangular") -> float:
@@ -82,10 +82,10 @@ class Rectangular:
         return direction + math.atan2(self.b, self.a)
 
     def leaning(self, direction: float, tilt: float) -> tuple[Vector, Vector]:
-        """Return the axes of a peg that is tilted towards a corner.
+        """Return the axes of a peg tilted towards a corner.
 
-        That corner enters the hole however the hole is turned; the edge of a peg that is tilted towards a side fits
-        only within the clearance.
+        That corner enters the hole at any yaw of the hole. If the peg were tilted towards a side, its edge would fit only
+        within the clearance.
         """
         lean = self.azimuth(direction)
         turn = rotation_about(np.array([-math.sin(lean), math.cos(lean), 0.0]), tilt)

@@ -11,7 +11,7 @@ from drivers.part.contract import Face
 from drivers.quantities import Vector
 
 CORNERS = 96
-"""Number of corners of the polygon that stands for the circle where the circle is drawn."""
+"""Number of corners of the polygon that is drawn for the circle."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +22,7 @@ class Round:
     diameter: float
     """Diameter of the circle, m."""
     chamfer: float = 0.0
-    """Width and height of a chamfer of 45 degrees, m: of a peg at its end, of a hole at its mouth."""
+    """Width and height of a chamfer of 45 degrees, m: at a peg's end or at a hole's mouth."""
 
     @property
     def half(self) -> tuple[float, float]:
@@ -51,7 +51,7 @@ class Round:
 
     @property
     def symmetry(self) -> float:
-        """Zero, rad: the peg looks the same however it is turned."""
+        """Zero, rad: every turn leaves the section unchanged."""
         return 0.0
 
     def least_turn(self, turn: float) -> float:
@@ -77,11 +77,11 @@ class Round:
         return (hole.diameter - self.diameter) / 2
 
     def azimuth(self, direction: float) -> float:
-        """Return the azimuth, rad, of the closing axis, in whose plane a round peg is tilted."""
+        """Return the azimuth, rad, of the closing axis; a round peg is tilted in its plane."""
         return direction
 
     def leaning(self, direction: float, tilt: float) -> tuple[Vector, Vector]:
-        """Return the axes of a peg that is tilted in the plane of its closing axis.
+        """Return the axes of a peg tilted in the plane of its closing axis.
 
         The closing axis then has a component along the surface's normal: the back of a finger faces the surface,
         [gibbons], Sec. IV.
@@ -92,9 +92,9 @@ class Round:
         return axis, closing
 
     def lowest(self, tip: Vector, axis: Vector, closing: Vector) -> Vector:
-        """Return the lowest point of the rim, shape (3,), m; the middle of the end where the peg is upright.
+        """Return the lowest point of the rim, shape (3,), m; the middle of the end if the peg is upright.
 
-        A chamfered peg has two rims; the upper one is lower where the peg leans by more than 45 degrees.
+        A chamfered peg has two rims; the upper one is lower if the peg leans by more than 45 degrees.
         """
         down = axis[2] * axis - UP
         size = math.sqrt(float(down @ down))

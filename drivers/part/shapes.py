@@ -1,4 +1,4 @@
-"""The shapes that a config may name, the key that sizes each, and the conversion of a size when the shape changes."""
+"""The shapes in a config, the key for the size of each, and the conversion of a size when the shape changes."""
 
 from collections.abc import Callable, Mapping
 from functools import lru_cache
@@ -11,9 +11,9 @@ from drivers.part.round import Round
 Shape = Literal["round", "square", "rectangular"]
 DIAMETER, SIDES = "diameter", "sides"
 WORDS: dict[Shape, str] = {"round": DIAMETER, "square": SIDES, "rectangular": SIDES}
-"""The key of [peg], and of [hole], that sizes each shape."""
+"""Key of [peg], and of [hole], for the size of each shape."""
 SIZED = ("peg", "hole")
-"""The sections of a config that have a size."""
+"""Sections of a config with a size."""
 
 
 @lru_cache(maxsize=64)
@@ -46,7 +46,7 @@ def part_of(
 
 
 def section_of(diameter: float | None, sides: tuple[float, float] | None, chamfer: float = 0.0) -> Part:
-    """Return the cross-section of a hole, whose shape follows from the key that gives its size.
+    """Return the cross-section of a hole; the key that gives its size determines the shape.
 
     Raises:
         ValueError: Neither key is given, both are, or a hole with corners has a chamfer; one line.
@@ -55,10 +55,9 @@ def section_of(diameter: float | None, sides: tuple[float, float] | None, chamfe
 
 
 def follow_shape(merged: Mapping[str, Any], layer: Mapping[str, Any]) -> list[tuple[str, str, str]]:
-    """Rename the sizes of peg and hole to the key of the peg's shape, after a layer of the config was laid over the
-    others.
+    """Rename the sizes of peg and hole to the key of the peg's shape, after a layer of the config was merged.
 
-    A layer that changes the shape and gives no size keeps the size below it: a diameter d becomes sides [d, d], and two
+    If a layer changes the shape and gives no size, the size below it stays: a diameter d becomes sides [d, d], and two
     equal sides become a diameter.
 
     Args:
@@ -66,7 +65,7 @@ def follow_shape(merged: Mapping[str, Any], layer: Mapping[str, Any]) -> list[tu
         layer: The layer alone.
 
     Returns:
-        Section, old key and new key of each size that was renamed.
+        Section, old key and new key of each renamed size.
 
     Raises:
         ValueError: The layer gives a size by the key of another shape, or the size below cannot be kept; one line.

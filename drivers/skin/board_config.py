@@ -1,4 +1,4 @@
-"""Config of a skin board and of the wire that it is on; pure, no I/O."""
+"""Config of a skin board and of its wire; pure, no I/O."""
 
 from typing import Annotated, Literal
 
@@ -12,11 +12,11 @@ from drivers.skin.layout import MODULE_TAXELS, MODULES, Layout
 from drivers.transport.wires import Interface
 
 EMULATED = "emulated"
-"""Channel or port that stands for an emulated board, which is wired to the simulated world."""
+"""Channel or port name of an emulated board, which is connected to the simulation."""
 BOARD_MODULES = FINGERS * MODULES
 """Number of modules of both fingers."""
 TEMPERATURE = 0
-"""Name of the channel that holds a module's temperature."""
+"""Name of the channel with a module's temperature."""
 
 
 class HubConfig(ConfigModel):
@@ -30,7 +30,7 @@ class HubConfig(ConfigModel):
     wire: SkinWireConfig = SkinWireConfig()
     """Variable parts of the hub's protocol, which differ between firmwares."""
     modules: tuple[Annotated[int, Field(ge=0, le=0xFFFFFFFF)], ...] = ()
-    """Own numbers (sui) of the modules, both of the left finger first; empty is the order on the hub."""
+    """Own numbers (sui) of the modules, both of the left finger first; if empty, the order on the hub."""
     channels: tuple[Annotated[int, Field(ge=1, le=11)], ...] = tuple(range(1, MODULE_TAXELS + 1))
     """Name of the channel of each taxel of a module, in the order of the layout."""
 
@@ -63,7 +63,7 @@ class IcubConfig(ConfigModel):
     )
     """Numbers of the triangles, both of the left finger first."""
     channels: tuple[Annotated[int, Field(ge=0, le=11)], ...] = (0, 1, 2, 3, 4, 5, 7, 8, 9, 11)
-    """Number of the triangle's channel, of twelve, that each taxel is on, in the order of the layout; assumed, to be
+    """Number of the triangle's channel, of twelve, for each taxel, in the order of the layout; assumed, to be
     checked on a real board.
     """
 
@@ -75,7 +75,7 @@ class BoardSkinConfig(ConfigModel):
     """
 
     rate: Annotated[float, Field(ge=1.0, le=100.0)] = 10.0
-    """Rate of the scans that the board is told to make, Hz; boards make 10 to 100. Source: [gibbons], Sec. VI."""
+    """Scan rate that the board is set to, Hz; boards make 10 to 100. Source: [gibbons], Sec. VI."""
     layout: Layout = "parallelogram"
     """Arrangement of the two modules of a finger. Source: set for each cell."""
     silent_frames: Annotated[float, Field(ge=1.5, le=100.0)] = 3.5
@@ -87,7 +87,7 @@ class BoardSkinConfig(ConfigModel):
 
 
 class HostSkinConfig(BoardSkinConfig):
-    """Section [skin] for a hub that the makers' host program reads, and writes to a file.
+    """Section [skin] for a hub that the makers' host program reads and writes to a file.
 
     Source: set for each cell.
     """
@@ -95,9 +95,9 @@ class HostSkinConfig(BoardSkinConfig):
     kind: Literal["host"]
     """Kind of the skin: the file of `cyskin_acquisition --buffer file`."""
     file: Annotated[str, Field(min_length=1)]
-    """File that the host program writes, its `--filename`."""
+    """File of the host program, its `--filename`."""
     board: HubConfig = HubConfig()
-    """The hub that the host program reads; it alone starts the hub, so that `board.wire` has no effect."""
+    """The hub of the host program; the host program starts it, so that `board.wire` has no effect."""
 
 
 class WiredSkinConfig(BoardSkinConfig):
@@ -119,13 +119,13 @@ class CanSkinConfig(WiredSkinConfig):
     kind: Literal["can"]
     """Kind of the skin: a board on a CAN bus."""
     interface: Interface = "socketcan"
-    """Interface through which the bus is reached."""
+    """Interface to the bus."""
     channel: Annotated[str, Field(min_length=1)] = EMULATED
     """Channel of the interface, as in "can0"; "emulated" is an emulated board in a simulated cell."""
     bitrate: Annotated[int, Field(ge=10_000, le=1_000_000)] = 1_000_000
     """Bit rate of the bus, bits/s."""
     board: Annotated[HubConfig | IcubConfig, Field(discriminator="kind")] = HubConfig()
-    """The board that is on the bus."""
+    """The board on the bus."""
 
 
 class SerialSkinConfig(WiredSkinConfig):
@@ -137,10 +137,10 @@ class SerialSkinConfig(WiredSkinConfig):
     kind: Literal["serial"]
     """Kind of the skin: a board on a serial line."""
     port: Annotated[str, Field(min_length=1)] = EMULATED
-    """Name of the serial port, best a lasting one such as those of /dev/serial/by-id; "emulated" is an emulated board
+    """Name of the serial port, preferably a permanent one as in /dev/serial/by-id; "emulated" is an emulated board
     in a simulated cell.
     """
     baud_rate: Annotated[int, Field(ge=1200, le=4_000_000)] = 115_200
     """Bit rate of the line, bits/s."""
     board: HubConfig = HubConfig()
-    """The board that is on the line."""
+    """The board on the line."""

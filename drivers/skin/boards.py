@@ -1,4 +1,4 @@
-"""Skin boards on a CAN bus, on a serial line, and behind the makers' host program as a Skin."""
+"""Skin boards as a Skin: on a CAN bus, on a serial line, and behind the makers' host program."""
 
 import logging
 import math
@@ -28,17 +28,17 @@ from drivers.transport.wires import ByteLink, CanLink
 logger = logging.getLogger(__name__)
 
 POLL_PERIOD = 0.005
-"""Time between two looks for the board while it is opened, s."""
+"""Time between two polls of the board while it is opened, s."""
 UNHEARD = 1.0
-"""Time without a listener after which a wire's full buffer may have lost scans, s, as while a program starts."""
+"""Time without a poll after which a wire's full buffer may have lost scans, s, for example while a program starts."""
 RECENT = 50
 """Number of scans over which the rate is measured."""
 LEAST_RATE = 0.8
-"""Least share of the configured rate at which a skin is opened, fraction."""
+"""Least measured rate for opening a skin, fraction of the configured rate."""
 
 
 class _BoardSkin:
-    """The parts that a skin has on every wire: baseline, mask, time stamps, and a board that is started again when it was lost."""
+    """Common parts of a skin on every wire: baseline, mask, time stamps, and the restart of a lost board."""
 
     def __init__(self, config: BoardSkinConfig, port: SkinPort, clock: Clock) -> None:
         self._config, self._port, self._clock = config, port, clock
@@ -60,11 +60,11 @@ class _BoardSkin:
         self._port.forget()
 
     def open(self) -> None:
-        """Find the modules, start the board and take the baseline; nothing may touch the skin meanwhile.
+        """Find the modules, start the board and measure the baseline; nothing may touch the skin meanwhile.
 
         Raises:
-            DeviceNotOpenedError: The bus or port cannot be opened, or the board is slower than it shall be.
-            SkinSilentError: The board does not answer; the message says what was heard instead.
+            DeviceNotOpenedError: The bus or port cannot be opened, or the board is slower than `LEAST_RATE` permits.
+            SkinSilentError: The board does not answer; the message names the frames received instead.
         """
         if self._is_open:
             return
@@ -78,14 +78,14 @@ class _BoardSkin:
             raise
 
     def close(self) -> None:
-        """Leave the bus or port; the board goes on sending."""
+        """Close the bus or port; the board continues to send."""
         self._is_open = False
         self._disconnect()
 
     def read(self) -> TaxelFrame:
         """Return the newest frame; see `drivers.protocols.Skin`.
 
-        While the skin is silent, every call also tries to bring it back; the baseline stays that of `open`.
+        While the skin is silent, every call also tries to restart it; the baseline stays that of `open`.
         """
         health, frame = self._health, self._frame
         if not self._is_open or health is None or frame is None:
@@ -104,7 +104,7 @@ class _BoardSkin:
         return frame
 
     def figures(self) -> SkinFigures:
-        """Return how well the skin is received."""
+        """Return the reception figures of the skin."""
         recent = self._recent
         span = recent[-1] - recent[0] if len(recent) > 1 else 0.0
         return SkinFigures(
@@ -120,7 +120,7 @@ class _BoardSkin:
         return self._clock.now() - self._recent[-1] if self._recent else math.inf
 
     def _silence(self) -> float:
-        """Return the time since something came while somebody listened, s."""
+        """Return the time since the last reception, counted only while the wire is polled, s."""
         return min(self._age(), self._clock.now() - self._listening_since)
 
     def _take_baseline(self) -> None:
@@ -148,10 +148,10 @@ class _BoardSkin:
         self._frame = TaxelFrame(values, trusted, still[-1].stamp, 0)
 
     def _poll(self) -> list[RawScan]:
-        """Send what is due, and return the scans that have come."""
+        """Send what is due, and return the received scans."""
         now = self._clock.now()
         if now - self._polled > UNHEARD:
-            # While nobody listens the wire's buffer overflows, which is not a silence of the board.
+            # Without polls the wire's buffer overflows, which is not a silence of the board.
             self._listening_since = now
         self._polled = now
         if not self._is_connected:

@@ -1,4 +1,4 @@
-"""The calibration of one skin, gain of each taxel and point spread: its file, and a skin that is corrected by it."""
+"""The calibration of one skin: gain of each taxel and point spread. It holds the file, and a skin corrected by it."""
 
 from datetime import date
 from pathlib import Path
@@ -28,7 +28,7 @@ class SkinCalibration(ConfigModel):
     residual: Annotated[float, Field(ge=0.0, le=1.0)]
     """Root mean square of the readings that gains and point spread leave unexplained, fraction."""
     unmeasured: tuple[tuple[int, ...], tuple[int, ...]]
-    """Numbers of the left and the right finger's taxels whose gain could not be measured and is given as 1."""
+    """Numbers of the left and the right finger's taxels without a measured gain; their gain is given as 1."""
     left: FingerGains
     """Gains of the left finger's taxels; their mean is 1."""
     right: FingerGains
@@ -55,7 +55,7 @@ def read_calibration(path: Path, layout: Layout) -> SkinCalibration:
     """Return the calibration in a file of `SkinCalibration.write`.
 
     Raises:
-        ConfigError: There is no such file, or it has another form or another layout.
+        ConfigError: The file is missing, or has another form or another layout.
     """
     found = read_figures(path, SkinCalibration, "calibration")
     if found.layout != layout:
@@ -64,7 +64,7 @@ def read_calibration(path: Path, layout: Layout) -> SkinCalibration:
 
 
 class CalibratedSkin:
-    """A skin whose readings are divided by the gains of its taxels."""
+    """A skin with every reading divided by its taxel's gain."""
 
     def __init__(self, skin: Skin, calibration: SkinCalibration) -> None:
         """Take a skin and its calibration."""

@@ -1,8 +1,8 @@
 """CySkin: messages of a hub <-> bytes <-> CAN frames; pure, no I/O.
 
-A hub carries modules of up to 12 channels, name 0 the temperature and 1 to 11 the taxels. Commands, records and ids
-are those of the public headers [cyskin_driver]. Byte order, check sum, and the messages of the start-up were observed
-at the makers' library [cyskin], which was run against a bus that answers; the tests keep these messages.
+A hub connects modules of up to 12 channels: name 0 is the temperature, 1 to 11 are the taxels. Commands, records and ids
+are those of the public headers [cyskin_driver]. Byte order, check sum and the start-up messages were observed on the
+makers' library [cyskin], connected to a bus that answers; the tests keep these messages.
 """
 
 import math
@@ -25,9 +25,9 @@ FIRST_COMMAND = 0x10
 LONGEST = 2 + 255 + 1
 """Length of the longest message, bytes."""
 FIRST, MIDDLE, LAST = 0x100, 0x200, 0x400
-"""Bits of a CAN id that mark which part of a message a frame is; a single frame is first and last."""
+"""Bits of a CAN id that mark the frame's part of a message; a single frame is first and last."""
 ALL_HUBS = 0xFF
-"""Number that addresses all hubs, those without a number too."""
+"""Number that addresses all hubs, including those without a number."""
 ALL_MODULES = 0xFF
 """Number that addresses all modules of a hub."""
 LEAVE_BOOT_LOADER = CanFrame(0x17FFFFFF, bytes.fromhex("013B00004F6D17"), is_extended=True)
@@ -40,7 +40,7 @@ _DETAILS, _DETAILS_IN_BOOT_LOADER = "BIBBHBB", "BI"
 
 
 class HubCommand(IntEnum):
-    """Number of what a message is about."""
+    """Number of a message's subject."""
 
     DISCOVER = 0x10
     SET_NUMBER = 0x11
@@ -80,13 +80,13 @@ class SkinWireConfig(ConfigModel):
     """
 
     hub: Annotated[int, Field(ge=1, le=0xFE)] = 1
-    """Number that the hub is given, the low byte of its CAN ids. Source: set for each cell."""
+    """Number given to the hub, the low byte of its CAN ids. Source: set for each cell."""
     byte_order: Literal["little", "big"] = "big"
     """Byte order of all numbers."""
     crc: Crc8 = Crc8()
     """Check sum of the messages."""
     start_up: Annotated[tuple[Step, ...], Field(min_length=1)] = MAKERS_START_UP
-    """Steps of the start-up in their order; the one that leaves the boot loader exists on CAN alone."""
+    """Steps of the start-up in their order; only CAN has the step that leaves the boot loader."""
 
     @field_validator("start_up")
     @classmethod
@@ -106,17 +106,17 @@ class Message:
 
 @dataclass(frozen=True, slots=True)
 class Module:
-    """What a hub reports of one module."""
+    """A hub's record of one module."""
 
     number: int
     """Number of the module on this hub."""
     sui: int
-    """Number that is burnt into the module (sui); a channel's uid is sui << 4 | name."""
+    """Number stored in the module by its maker (sui); a channel's uid is sui << 4 | name."""
     channels: int = 0
-    """Number of channels of the module, cut ones included; 0 if the module is still in its boot loader."""
+    """Number of channels of the module, including cut ones; 0 if the module is still in its boot loader."""
     group: int = 0
     uncut: int = 0x0FFF
-    """Mask with one bit for each channel, by name, that is not cut."""
+    """Mask with one bit for each channel, by name; 1 if the channel is not cut."""
     control: int = 0
     speed: int = 0
 
@@ -140,10 +140,10 @@ def encode(message: Message, wire: SkinWireConfig) -> bytes:
 
 
 def decode(data: bytes, wire: SkinWireConfig) -> Message:
-    """Return the message that the whole of `data` is.
+    """Return the message in `data`, which must hold exactly one.
 
     Raises:
-        WireError: The length or the check sum does not fit.
+        WireError: The length or the check sum is wrong.
     """
     if len(data) < 3 or len(data) != 3 + data[1] or data[0] < FIRST_COMMAND:
         raise WireError(f"{len(data)} bytes are no message")
@@ -167,10 +167,10 @@ class CanAssembler:
     def __init__(self) -> None:
         self._pending: bytearray | None = None
         self.broken = 0
-        """Number of frames out of turn, and of messages that began and never ended."""
+        """Number of frames out of sequence, and of messages without an end."""
 
     def feed(self, frame: CanFrame) -> bytes | None:
-        """Take one frame; return the message that it ends."""
+        """Take one frame; return the message that it completes."""
         part, pending = frame.id & _PART, self._pending
         if part in (FIRST, FIRST | LAST):
             self.broken += pending is not None
@@ -188,12 +188,12 @@ class CanAssembler:
 
 
 def sender(frame: CanFrame) -> int | None:
-    """Return the number of the hub that a frame is from or for; None if it is of another protocol."""
+    """Return the number of the sending or addressed hub of a frame; None if the frame is of another protocol."""
     return None if frame.is_extended else frame.id & _HUB
 
 
 def decode_module(payload: bytes, wire: SkinWireConfig) -> Module:
-    """Return the module that a record describes; a module in its boot loader reports its own number alone.
+    """Return the module that a record describes; a module in its boot loader reports its own number only.
 
     Raises:
         WireError: The record has another length, or names channels that no module has.
@@ -219,7 +219,7 @@ def encode_period(period: float, wire: SkinWireConfig) -> bytes:
 
 
 class Channels:
-    """The channels of a hub's modules in the order in which their readings are sent, one module after the other."""
+    """The channels of a hub's modules in the order of their readings, one module after the other."""
 
     def __init__(self, modules: Sequence[Module]) -> None:
         """Take the modules of a hub."""
@@ -237,7 +237,7 @@ class Channels:
     def decode(self, payload: bytes, wire: SkinWireConfig) -> tuple[int, Counts]:
         """Return the first channel of a message with sensor data, and the readings from there on, counts.
 
-        The message begins with the number of a module and the place of a channel among those that the module sends.
+        The message begins with the number of a module, and the index of a channel among those that the module sends.
 
         Raises:
             WireError: The message does not fit these modules.
@@ -255,12 +255,12 @@ class Channels:
 class ScanAssembler:
     """Joins parts of scans to whole ones.
 
-    Nothing numbers the scans. Parts come in order and close together, so that parts of two scans could be joined only
-    if they came within one window and each scan lost what the other one brought.
+    Scans have no numbers; parts arrive in order and close together. Parts of two scans could be joined only if both arrive
+    within one window and each scan lost the parts that the other one has.
 
     Args:
         length: Number of readings in a whole scan.
-        window: Time between arrivals beyond which parts are not of one scan, s.
+        window: Time between arrivals above which parts belong to different scans, s.
     """
 
     def __init__(self, length: int, window: float) -> None:
@@ -269,10 +269,10 @@ class ScanAssembler:
         self._there = np.zeros(length, dtype=bool)
         self._begun = -math.inf
         self.incomplete = 0
-        """Number of scans of which a part never came."""
+        """Number of scans with a missing part."""
 
     def add(self, part: tuple[int, Counts], stamp: float) -> tuple[Counts, float] | None:
-        """Take a part of a scan; return the scan that it completes, with the time at which its first part came.
+        """Take a part of a scan; return the scan that it completes, with the arrival time of its first part.
 
         Args:
             part: First channel of the part, and the readings from there on.
@@ -280,7 +280,7 @@ class ScanAssembler:
         """
         start, readings = part
         where = slice(start, start + len(readings))
-        # Parts come in order, so that one that starts before the parts present belongs to the next scan.
+        # Parts arrive in order: if a part starts before the present ones, it belongs to the next scan.
         if self._there[start:].any() or stamp - self._begun > self._window:
             self.incomplete += bool(self._there.any())
             self._there[:] = False

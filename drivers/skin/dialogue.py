@@ -1,7 +1,7 @@
 """The dialogue of host and skin board: discovery, start, and the joining of scans; pure, no I/O and no waiting.
 
-Two dialects stand beside each other: a CySkin hub, whose messages travel over CAN or a serial line, and an iCub board
-on CAN. Both give raw scans of the two fingers.
+There are two dialects: a CySkin hub over CAN or a serial line, and an iCub board on CAN. Both return raw scans of the
+two fingers.
 """
 
 import math
@@ -45,26 +45,26 @@ _WAITS: dict[Step, float] = {
 UID_BYTES = 4
 """Length of the unique number of a hub, bytes."""
 START_PERIODS = 3.0
-"""Number of periods that a started board has for its first scan."""
+"""Longest time from the start of a board to its first scan, multiple of the period."""
 SLOWEST = 0.015
-"""Longest time that the parts of one scan are under way, s; two modules and two more take 10 ms at 115 200 baud."""
+"""Longest transfer time of the parts of one scan, s; two modules and two more take 10 ms at 115 200 baud."""
 WATCHED_SCANS = 10
 LEAST_PERIOD = 0.8
-"""Number of scans, and the share of the period, below which a board that sends them too close together is told its period again."""
+"""Number of watched scans, and least share of the period between them. If they arrive faster, the period command is sent again."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RawScan:
-    """One scan of both fingers, as the board measured it."""
+    """One scan of both fingers, as measured by the board."""
 
     counts: Counts
-    """Readings, counts, shape (2, 20), left finger first; 0 where there is no such channel."""
+    """Readings, counts, shape (2, 20), left finger first; 0 without such a channel."""
     temperature: Vector
-    """Raw reading of each module, shape (4,), counts; NaN where it has none."""
+    """Raw reading of each module, shape (4,), counts; NaN without one."""
     stamp: float
-    """Time at which the first part came, s."""
+    """Arrival time of the first part, s."""
     missed: int
-    """Number of scans lost right before this one."""
+    """Number of scans lost directly before this one."""
 
 
 class TaxelPlaces:
@@ -74,7 +74,7 @@ class TaxelPlaces:
         """Find the taxels of `config` among channels with these numbers (uid), in the order of their readings."""
         wanted = config.modules or tuple(dict.fromkeys(uid >> 4 for uid in uids))[:BOARD_MODULES]
         at = {uid: index for index, uid in enumerate(uids)}
-        # The array is one place longer than the hub has channels; modules that are not on the hub read there.
+        # The array has one place more than the hub has channels; absent modules read that place.
         nowhere = len(uids)
         names = (*config.channels, TEMPERATURE)
         place = np.full((BOARD_MODULES, len(names)), nowhere)
@@ -90,11 +90,11 @@ class TaxelPlaces:
 
 
 class CySkinDialogue:
-    """Brings a hub from power-on to sensor data, and puts its scans together.
+    """Brings a hub from power-on to sensor data, and joins its scans.
 
     Args:
         config: Config of the hub.
-        period: Wanted time between two scans, s.
+        period: Requested time between two scans, s.
     """
 
     def __init__(self, config: HubConfig, period: float) -> None:
@@ -105,18 +105,18 @@ class CySkinDialogue:
         self.forget()
 
     def forget(self) -> None:
-        """Forget everything that is known of the board."""
+        """Discard everything learnt about the board."""
         self.heard = self.refused = self.incomplete = 0
         self.changed = ""
-        """Text that names the modules exchanged since the board was first seen; empty while none is."""
+        """Text that names the modules exchanged since the first discovery; empty if none."""
         self._first_seen: tuple[int, ...] | None = None
         self.restart()
 
     def restart(self) -> None:
-        """Begin the start-up again, because the board may have lost power or may never have been there."""
+        """Restart the start-up, because the board may have lost power or may never have been connected."""
         self._step = self._tries = 0
         self.is_started = False
-        """True once scans come, until the next restart."""
+        """True from the first scan until the next restart."""
         self._next = -math.inf
         self._error = ""
         self._stamps: deque[float] = deque(maxlen=WATCHED_SCANS)
@@ -130,10 +130,10 @@ class CySkinDialogue:
         self._scans: ScanAssembler | None = None
 
     def ask(self, now: float) -> list[Message | CanFrame]:
-        """Return the messages of the step that is due, and the frame that leaves the boot loader, until scans come.
+        """Return the messages of the step that is due, and the frame that leaves the boot loader, until scans arrive.
 
-        A step without its answer is repeated, then left out, as the makers' host program does. Without an answer to
-        the discovery, or without scans at the end, the start-up begins again.
+        If a step gets no answer, it is repeated, then skipped, as in the makers' host program. If the discovery gets no answer,
+        or no scans arrive at the end, the start-up begins again.
         """
         if self.is_started or now < self._next:
             return []
@@ -165,7 +165,7 @@ class CySkinDialogue:
         return scan
 
     def trouble(self) -> str:
-        """Return what is still missing before scans come, in one line."""
+        """Return what is still missing before scans arrive, in one line."""
         hub = f"hub {self._config.wire.hub}"
         parts = f"; of {self.incomplete} scans only parts came" if self.incomplete else ""
         return f"{hub} {self._missing()}{parts}{self._error}"
@@ -254,7 +254,7 @@ class CySkinDialogue:
         self._scans = ScanAssembler(len(channels), max(self._period / 2, SLOWEST))
 
     def _keeps_period(self, stamp: float) -> bool:
-        """Return whether scans come no faster than told; a board that missed the command, or started anew, keeps its own period."""
+        """Return True if scans keep the requested period; if a board missed the command or restarted, it keeps its own period."""
         self._stamps.append(stamp)
         if len(self._stamps) < WATCHED_SCANS:
             return True
@@ -273,7 +273,7 @@ class CySkinDialogue:
         if scan is None:
             return None
         counts, begun = scan
-        # The hub numbers no scans: time tells how many are missing.
+        # Scans have no numbers: the number of missing ones follows from the time.
         missed = max(round((begun - self._stamps[-1]) / self._period) - 1, 0) if self._stamps else 0
         self.is_started = self._keeps_period(begun)
         return self._places.scan(counts, begun, missed)
@@ -282,7 +282,7 @@ class CySkinDialogue:
 class IcubDialogue:
     """Starts an iCub board and joins the triangles of one scan.
 
-    A board numbers no scans: a triangle that comes a second time begins the next one.
+    Scans of a board have no numbers: a triangle that arrives a second time begins the next scan.
 
     Args:
         config: Config of the board.
@@ -295,25 +295,25 @@ class IcubDialogue:
         self._begun: dict[int, TriangleReading] = {}
         self._stamp = 0.0
         self.changed = ""
-        """Empty text: nothing on such a board tells one triangle from another."""
+        """Empty text: triangles of such a board have no serial numbers, so an exchange is not detectable."""
         self.forget()
 
     def forget(self) -> None:
-        """Forget everything that is known of the board."""
+        """Discard everything learnt about the board."""
         self._frames = TriangleAssembler(self._config.board)
         self.heard = self.incomplete = 0
         self.restart()
 
     @property
     def refused(self) -> int:
-        """Number of frames that are not of the protocol, or lack their other half."""
+        """Number of frames of another protocol, and of frames without their other half."""
         return self._frames.broken
 
     def restart(self) -> None:
         """Start the board again."""
         self._next = -math.inf
         self.is_started = False
-        """True once triangles come, until the next restart."""
+        """True from the first triangle until the next restart."""
         self._begun.clear()
 
     def ask(self, now: float) -> list[CanFrame]:
@@ -346,7 +346,7 @@ class IcubDialogue:
         return RawScan(counts.reshape(FINGERS, TAXELS), np.full(BOARD_MODULES, np.nan), self._stamp, 0)
 
     def trouble(self) -> str:
-        """Return what is still missing before scans come, in one line."""
+        """Return what is still missing before scans arrive, in one line."""
         if not self.heard:
             return f"board {self._config.board} does not send"
         missing = ", ".join(str(n) for n in self._row if n not in self._begun) or "none"

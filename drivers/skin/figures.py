@@ -1,4 +1,4 @@
-"""Figures on how well a skin board is received; pure."""
+"""Reception figures of a skin board; pure."""
 
 from dataclasses import dataclass
 
@@ -10,14 +10,14 @@ class SkinFigures:
     """Reception of the skin since it was opened."""
 
     scans: int
-    """Number of whole scans received."""
+    """Number of complete scans received."""
     lost: int
-    """Number of scans between others that never came whole."""
+    """Number of incomplete or missing scans between others."""
     refused: int
     """Number of messages refused for their check sum, their length, or a missing part."""
     rate: float
     """Rate of the newest scans, Hz; NaN before the second."""
     age: float
-    """Time since the newest scan came, s; infinite before the first."""
+    """Time since the arrival of the newest scan, s; infinite before the first."""
     temperature: Vector
-    """Raw reading of each module, shape (4,), counts; NaN where it has none."""
+    """Raw reading of each module, shape (4,), counts; NaN without one."""

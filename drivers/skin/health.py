@@ -1,6 +1,6 @@
-"""The health of taxels: which to trust, and what they read without a load, alike for hardware and simulation; pure, no I/O.
+"""The health of taxels: the mask of trusted taxels and their baseline, the same for hardware and simulation; pure, no I/O.
 
-The functions work on an array of any shape, so that a recording of another patch is treated as the live skin is.
+The functions accept arrays of any shape, so that a recording of another patch is treated like the live skin.
 """
 
 import math
@@ -20,12 +20,12 @@ Counts = NDArray[np.uint16]
 ERROR_COUNT = 43000
 """First count that marks an error instead of a pressure; host software of [cyskin]."""
 BASELINE_FRAMES = 50
-"""Least number of frames of a baseline; the noise of fewer frames would stay in the baseline for good."""
+"""Least number of frames of a baseline; with fewer, their noise would remain in the baseline."""
 
 FAINT, UNEVEN = 3.8, 1.4
-"""Mean height of all taxels above their baselines, standard deviations of a mean of their noise, and scatter of the heights, standard deviations of the noise,
-from which something touches the skin although no taxel shows it by itself. Noise leaves 1 of both, a peg that is gripped with 10 N makes 7.6 and 1.8; what
-warms the skin raises all taxels alike, and drift scatters them to either side. Source: docs/tried/angle.md.
+"""Thresholds of a touch that no single taxel shows: mean height of all taxels above their baselines, in standard deviations of the mean's
+noise, and scatter of the heights, in standard deviations of the noise. Noise alone gives 1 of both; a peg gripped with 10 N gives 7.6 and 1.8.
+Warming raises all taxels alike, and drift scatters them to either side. Source: docs/tried/angle.md.
 """
 
 
@@ -36,37 +36,36 @@ class SkinHealthConfig(ConfigModel):
     """
 
     baseline_frames: Annotated[int, Field(ge=BASELINE_FRAMES, le=10_000)] = BASELINE_FRAMES
-    """Number of frames without a load that the baseline is the mean of."""
+    """Number of frames without a load whose mean is the baseline."""
     saturation: Annotated[int, Field(ge=1000, le=ERROR_COUNT)] = 42_900
-    """Reading at which the converter is at its rail, counts; from here on it says "at least". Source: chosen just below
+    """Reading at which the converter saturates, counts; the pressure is then at least this reading. Source: chosen just below
     the error codes of [cyskin].
     """
     stuck_frames: Annotated[int, Field(ge=5, le=100_000)] = 30
-    """Number of equal readings in a row that are no measurement, because noise moves a live taxel."""
+    """Number of equal readings in a row that mark a taxel as stuck, because noise changes a live taxel."""
     frozen_frames: Annotated[int, Field(ge=2, le=100_000)] = 5
-    """Number of frames in a row, equal in every taxel, that come from a board that no longer measures."""
+    """Number of identical frames in a row that mark the board as frozen."""
     drift_time: Annotated[float, Field(ge=1.0, le=1e5)] = 3.0
     """Time constant with which the baseline follows the untouched skin, s; derived from the noise and drift of [cyskin].
     Source: docs/tried/angle.md.
     """
     touch: Annotated[float, Field(ge=3.0, le=20.0)] = 5.0
-    """Height above the baseline from which a taxel is touched, standard deviations of its noise."""
+    """Height above the baseline at which a taxel counts as touched, standard deviations of its noise."""
     least_touch: Annotated[float, Field(ge=1.0, le=5000.0)] = 50.0
-    """Smallest change that is a touch, counts, whatever the noise."""
+    """Smallest change that counts as a touch, counts, independent of the noise."""
 
 
 class SkinHealth:
-    """Baseline and mask of one skin, carried from frame to frame.
+    """Baseline and mask of one skin, updated from frame to frame.
 
-    A taxel is masked at the start when it was dead (all zero), stuck (no change) or marked an error in most
-    frames of the baseline; such a taxel stays masked until the next baseline. While running it is masked as
-    long as its reading marks an error, is saturated, has stood still, or is zero far below its baseline;
-    all are while the whole frame stands still. The baseline follows drift only
-    while nothing touches the skin.
+    A taxel is masked at the start if it was dead (all zero), stuck (no change) or marked an error in most frames of the
+    baseline; it stays masked until the next baseline. While the skin runs, a taxel is masked as long as its reading marks an
+    error, is saturated, is unchanged for too long, or is zero far below its baseline. All taxels are masked while the whole
+    frame is frozen. The baseline follows drift only while nothing touches the skin.
     """
 
     def __init__(self, config: SkinHealthConfig, still: Counts) -> None:
-        """Take the baseline.
+        """Measure the baseline.
 
         Args:
             config: Conditions under which a taxel is not trusted.
@@ -87,28 +86,28 @@ class SkinHealth:
         self.dead: Mask = (still == 0).all(axis=0)
         """Mask of taxels that read zero throughout the baseline."""
         self.stuck: Mask = (still == still[0]).all(axis=0) & ~self.dead
-        """Mask of taxels that read one and the same other value throughout the baseline."""
+        """Mask of taxels with one constant value other than zero throughout the baseline."""
         self.usable: Mask = ~(self.dead | self.stuck) & (2 * count > len(still))
-        """Mask of taxels that gave a baseline."""
+        """Mask of taxels with a valid baseline."""
         self.baseline: Vector = mean
         """Reading without a load, counts."""
         self.noise: Vector = spread
         """Standard deviation of a reading without a load, counts."""
         self._touch = np.maximum(config.touch * spread, config.least_touch)
-        """Height above the baseline from which a taxel is touched by itself, counts."""
+        """Height above the baseline at which a single taxel counts as touched, counts."""
         self._last = still[-1].copy()
         self._equal = np.ones(still.shape[1:], dtype=np.int64)
         self._stamp: float | None = None
 
     def update(self, raw: Counts, stamp: float) -> tuple[Vector, Mask]:
-        """Take one raw frame, and return readings and mask.
+        """Take one raw frame; return readings and mask.
 
         Args:
             raw: Readings, counts, of the baseline's shape.
             stamp: Time of the measurement, s.
 
         Returns:
-            Signed counts above the baseline (0 where not trusted), and where to trust them.
+            Signed counts above the baseline (0 if not trusted), and the mask of trusted taxels.
         """
         self._equal = np.where(raw == self._last, self._equal + 1, 1)
         self._last = raw.copy()
@@ -124,7 +123,7 @@ class SkinHealth:
         return values, trusted
 
     def _is_touched(self, values: Vector, trusted: Mask) -> bool:
-        """Return whether a taxel by itself, or all of them together, show a touch: a light grip raises none far above its noise."""
+        """Return True if one taxel, or all of them together, show a touch: a light grip raises no single taxel far above its noise."""
         heights = values * self._config.touch / self._touch
         if (np.abs(heights) > self._config.touch).any():
             return True
@@ -133,7 +132,7 @@ class SkinHealth:
 
 
 def dead_groups(dead: Mask, group: NDArray[np.int64]) -> list[int]:
-    """Return the groups, such as modules, that hold no living taxel.
+    """Return the groups, such as modules, in which every taxel is dead.
 
     Args:
         dead: Mask of dead taxels.
@@ -143,7 +142,7 @@ def dead_groups(dead: Mask, group: NDArray[np.int64]) -> list[int]:
 
 
 def require_trust(frame: TaxelFrame) -> TaxelFrame:
-    """Return `frame` when all its taxels can be trusted.
+    """Return `frame` if all its taxels can be trusted.
 
     Raises:
         SkinUntrustedError: A taxel is not trusted; the message names dead modules and single taxels.

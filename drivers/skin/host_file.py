@@ -1,8 +1,8 @@
-"""The file that the makers' host program writes, as a port of a skin: `cyskin_acquisition --buffer file --filename FILE`.
+"""The file of the makers' host program as a port of a skin: `cyskin_acquisition --buffer file --filename FILE`.
 
-The host program starts the hub and appends one line a sample: the first line has the channels' numbers,
-uid = sui << 4 | name; every other line a sample number, the time since the start, s, and one reading for each channel,
-counts [cyskin]. A sample is what the program received last from each channel, so it may be one hub period, 50 ms, old.
+The host program starts the hub and appends one line a sample. The first line has the channels' numbers,
+uid = sui << 4 | name. Every other line has a sample number, the time since the start, s, and one reading for each channel,
+counts [cyskin]. A sample holds each channel's last received reading, so it can be one hub period, 50 ms, old.
 """
 
 import os
@@ -30,25 +30,25 @@ class HostFile:
         self.forget()
 
     def forget(self) -> None:
-        """Forget everything that has come."""
+        """Discard everything received."""
         self._uids: tuple[int, ...] = ()
         self._first_seen: tuple[int, ...] = ()
         self._refused = 0
         self.restart()
 
     def restart(self) -> None:
-        """Open the file again, because the host program may have begun it anew."""
+        """Open the file again, because the host program may have started a new one."""
         self.is_started, self._is_stale = False, True
 
     @property
     def changed(self) -> str:
-        """Text that names another set of channels than at the first opening; empty while they are the same."""
+        """Text that names the differences from the channels of the first opening; empty if they are the same."""
         if self._uids == self._first_seen:
             return ""
         return f"{self._config.file}: other channels than when the skin was opened"
 
     def open(self) -> None:
-        """Open the file; what stands in it already is history, and is left out.
+        """Open the file and skip its present content, which is history.
 
         Raises:
             DeviceNotOpenedError: The file cannot be read, or its first line names no channels.
@@ -75,7 +75,7 @@ class HostFile:
                 "cyskin_acquisition --buffer file writes them"
             ) from None
         self._first_seen = self._first_seen or self._uids
-        # From the last byte on, the first piece is the end of a line that is there already.
+        # Reading starts at the last byte, so the first piece is the end of an existing line.
         self._file.seek(max(self._file.seek(0, os.SEEK_END) - 1, len(head) - 1))
         self._is_whole = False
 
@@ -86,7 +86,7 @@ class HostFile:
             self._file = None
 
     def exchange(self, now: float) -> list[RawScan]:
-        """Return the samples that were appended since the last look; the newest one came now.
+        """Return the samples appended since the last call; the newest one is stamped with the present time.
 
         Raises:
             DeviceNotOpenedError: The file is gone.
@@ -103,7 +103,7 @@ class HostFile:
         return [self._places.scan(counts, now - samples[-1][0] + time, 0) for time, counts in samples]
 
     def _sample(self, line: bytes) -> tuple[float, np.ndarray[tuple[int, ...], np.dtype[np.uint16]]] | None:
-        """Return time, s, and readings, counts, of a line; None of one that is no sample."""
+        """Return time, s, and readings, counts, of a line; None if the line is not a sample."""
         try:
             _, time, *readings = line.split()
             counts = np.array(readings, dtype=np.int64)
@@ -116,11 +116,11 @@ class HostFile:
             return None
 
     def refused(self) -> int:
-        """Number of lines that are no samples."""
+        """Number of lines that are not samples."""
         return self._refused
 
     def trouble(self) -> str:
-        """Return why no scan comes."""
+        """Return the reason why no scan arrives."""
         if not self._uids:
             return f"{self._config.file} has no first line yet: see whether cyskin_acquisition found its hub"
         return f"{self._config.file} grows no more: see cyskin_acquisition and the hub"

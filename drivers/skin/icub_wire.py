@@ -1,8 +1,8 @@
 """iCub skin: the frames of its boards <-> readings; pure, no I/O.
 
-From robotology/icub-firmware-shared 62f2818 and icub-main 24c1a00: id = class << 8 | board << 4 | triangle; a head
-frame brings taxels 0 to 6, a tail frame taxels 7 to 11, which of the twelve are out of range, and four error bits.
-A reading is 0xF0 without a load and falls with pressure. Nothing but CAN's own check sum covers a frame.
+From robotology/icub-firmware-shared 62f2818 and icub-main 24c1a00: id = class << 8 | board << 4 | triangle. A head
+frame holds taxels 0 to 6. A tail frame holds taxels 7 to 11, the out-of-range bits of all twelve, and four error bits.
+A reading is 0xF0 without a load and falls with pressure. A frame has no check sum besides CAN's own.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ HEAD, TAIL = 0x40, 0xC0
 SKIN_CLASS, SETUP_CLASS = 4, 2
 SETUP = 0x4C
 COUNTS_PER_STEP = 128
-"""Counts of this program in one step of the board's 8-bit reading."""
+"""Number of this program's counts in one step of the board's 8-bit reading."""
 _HEAD_TAXELS = 7
 _TAIL_TAXELS = TAXELS - _HEAD_TAXELS
 
@@ -30,12 +30,12 @@ class TriangleReading:
     values: tuple[int, ...]
     """Readings of the twelve taxels, 0 to 255; they fall with pressure."""
     out_of_range: int = 0
-    """Mask with one bit for each taxel that is out of range."""
+    """Mask with one bit for each taxel; 1 if the taxel is out of range."""
     error: int = 0
     """Error code of the board, 0 to 15; 0 means none."""
 
     def counts(self) -> Counts:
-        """Return counts that rise with pressure, shape (12,), with error marks where there is no measurement."""
+        """Return counts that rise with pressure, shape (12,), with error marks in place of missing measurements."""
         counts = (0xFF - np.array(self.values)) * COUNTS_PER_STEP
         is_wrong = np.array([self.error != 0 or bool(self.out_of_range >> k & 1) for k in range(TAXELS)])
         return np.where(is_wrong, ERROR_COUNT, counts).astype(np.uint16)
@@ -85,10 +85,10 @@ class TriangleAssembler:
         self.frames = 0
         """Number of frames of this board's skin."""
         self.broken = 0
-        """Number of frames that do not decode, and of heads and tails without their other half."""
+        """Number of frames that cannot be decoded, and of heads and tails without their other half."""
 
     def feed(self, frame: CanFrame) -> tuple[int, TriangleReading] | None:
-        """Take one frame; return the triangle's number and its reading when both halves are there."""
+        """Take one frame; return the triangle's number and its reading if both halves have arrived."""
         if frame.is_extended or frame.id >> 4 != SKIN_CLASS << 4 | self._board:
             return None
         self.frames += 1
@@ -111,5 +111,5 @@ class TriangleAssembler:
 
 
 def setup(board: int) -> CanFrame:
-    """Return the frame that makes a board send, with the offsets that the host program uses."""
+    """Return the frame that makes a board send, with the offsets of the host program."""
     return CanFrame(SETUP_CLASS << 8 | board, bytes([SETUP, 0x01, 0x01, 0x01, 0x00, 0x20, 0x00, 0x00]))

@@ -1,9 +1,9 @@
-"""Where the taxels of a finger are: geometry as data, shared by skills and stand-ins.
+"""Positions of the taxels of a finger: geometry as data, shared by skills and simulation.
 
-A finger carries two modules, triangles of 4-3-2-1 taxels at 7.5 mm ([gibbons], Sec. VI). How the two sit in
-the finger is not published, so there are two layouts. Both fingers are the same part turned half a turn
-about x, hence in the finger frame the left one is the mirror image of the right one about the x axis; the
-flip of [gibbons], Eq. (1), undoes that.
+A finger has two modules, triangles of 4-3-2-1 taxels at 7.5 mm ([gibbons], Sec. VI). The arrangement of the two in the
+finger is not published, so there are two layouts. Both fingers are the same part, one of them turned half a turn
+about x. In the finger frame the left one is therefore the mirror image of the right one about the x axis; the flip of
+[gibbons], Eq. (1), removes the mirroring.
 """
 
 from functools import lru_cache
@@ -29,12 +29,12 @@ MODULE_TAXELS = 10
 MODULES = TAXELS // MODULE_TAXELS
 """Number of modules of one finger."""
 MODULE_OF = np.repeat(np.arange(FINGERS * MODULES), MODULE_TAXELS).reshape(FINGERS, TAXELS)
-"""Number of the module that each taxel belongs to, left finger first, shape (2, 20)."""
+"""Module number of each taxel, left finger first, shape (2, 20)."""
 MODULE_OF.flags.writeable = False
 
 
 def _exchanged(*, left: bool, right: bool, fingers: bool) -> NDArray[np.intp]:
-    """Return whose reading each taxel has, shape (40,), after exchanges of a finger's modules and then of the fingers."""
+    """Return the source taxel of each reading, shape (40,), after exchanges of a finger's modules and then of the fingers."""
     told = np.arange(FINGERS * TAXELS).reshape(FINGERS, TAXELS)
     for finger, is_exchanged in enumerate((left, right)):
         if is_exchanged:
@@ -49,12 +49,12 @@ MODULE_EXCHANGES = {
     "the two modules of the right finger": _exchanged(left=False, right=True, fingers=False),
     "the two modules of each finger": _exchanged(left=True, right=True, fingers=False),
 }
-"""Ways in which modules can have each other's places, by what is exchanged: whose reading each taxel has, shape (40,)."""
+"""Possible exchanges of modules, by name: the source taxel of each reading, shape (40,)."""
 EXCHANGES = MODULE_EXCHANGES | {
     "the two fingers": _exchanged(left=False, right=False, fingers=True),
     "the two fingers and the modules of each": _exchanged(left=True, right=True, fingers=True),
 }
-"""The same with those of the fingers. A print is mirrored where the fingers are exchanged, so that it alone cannot tell these."""
+"""Possible exchanges of modules and fingers. If the fingers are exchanged, a print is mirrored; the print alone cannot show it."""
 
 _SHEAR = 1e-6
 _FLAT = 1e-3
@@ -91,8 +91,8 @@ def finger_positions(layout: Layout) -> Vector:
 def triangles(layout: Layout) -> NDArray[np.intp]:
     """Return the Delaunay triangles of one finger's taxels, shape (n, 3), indices of taxels.
 
-    A triangle belongs when no taxel lies inside its circumcircle. The rectangles between facing rows leave
-    a choice of diagonal, which a shear of a millionth makes.
+    A triangle is Delaunay if no taxel lies inside its circumcircle. In the rectangles between facing rows both diagonals
+    are possible; a shear of a millionth selects one.
     """
     x, y = positions(layout).T / PITCH
     x = x + _SHEAR * y
@@ -118,7 +118,7 @@ def triangles(layout: Layout) -> NDArray[np.intp]:
 def pad_size(layout: Layout) -> tuple[float, float]:
     """Return length (along x) and width (along y) of the rubber that can touch a peg, m.
 
-    It ends with the outermost taxels along the finger and half a lattice spacing beyond them across it:
+    It ends at the outermost taxels along the finger and half a lattice spacing beyond them across it:
     41 x 26 mm for the parallelogram, 47 x 26 mm base to base.
     """
     x, y = positions(layout).T

@@ -1,8 +1,8 @@
-"""Whether modules or fingers of the skin change places while it runs; pure, no I/O.
+"""Detection of modules or fingers of the skin that are exchanged while it runs; pure, no I/O.
 
-A hub that numbers its modules anew, or a plug that was drawn and put elsewhere, shows as one frame that agrees with the one
-before only where modules or fingers have each other's places, while the frames before it agree with each other, and so do
-those after it. A hand that closes, or a peg that turns, changes more than one frame.
+Causes are a hub that numbers its modules anew, and a plug moved to another socket. Two successive frames then agree only
+under an exchange, while the frames before agree with each other, and so do those after. If a hand closes or a peg
+turns, more than one frame changes.
 """
 
 import numpy as np
@@ -16,23 +16,23 @@ from drivers.skin.layout import EXCHANGES
 AS_TOLD: NDArray[np.intp] = np.arange(FINGERS * TAXELS)
 
 CHANGE = 0.05
-"""Change of a pressed taxel from frame to frame that is usual, fraction of its reading."""
+"""Usual change of a pressed taxel from frame to frame, fraction of its reading."""
 AGREES = 3.0
-"""Mean square of the differences, in units of the expected, up to which two frames agree."""
+"""Largest mean square difference of two frames that agree, in units of its expected value."""
 EXPLAINS = 1.8
-"""The same, up to which an exchange explains a frame: a skin whose modules change places under a peg at rest shows the noise of its
-taxels and no more, while a peg that slips to about the mirrored angle is left with 2.8 and more. Source: docs/tried/grasp.md."""
+"""Largest mean square difference if an exchange explains a frame, in the same units. An exchange under a peg at rest leaves only
+the noise of the taxels; if a peg slips to about the mirrored angle, 2.8 and more remain. Source: docs/tried/grasp.md."""
 GAIN = 25.0
-"""Log likelihood by which an exchange has to explain a frame better than the order before. Source: docs/tried/grasp.md."""
+"""Least log-likelihood ratio between an exchange and the previous order. Source: docs/tried/grasp.md."""
 TOLD = 1
-"""Number of further frames for which an exchange is told once somebody has asked: it ends every run, and a reset takes note of it."""
+"""Number of further frames that still report an exchange after the first report: it ends every run, and a reset acknowledges it."""
 
 
 class TaxelOrder:
-    """Follows the order of the taxels of one skin from frame to frame."""
+    """Tracks the order of the taxels of one skin from frame to frame."""
 
     def __init__(self, noise: Vector | None = None) -> None:
-        """Begin with the order of the baseline; `noise` is the standard deviation of each reading, shape (2, 20), counts, if known."""
+        """Begin with the order of the baseline; `noise` is the standard deviation of each reading, shape (2, 20), counts, if available."""
         known = np.ones(FINGERS * TAXELS) if noise is None else np.maximum(noise.ravel(), 1.0)
         self._variance: Vector = 2.0 * known**2
         self._before: tuple[Vector, Vector, Mask] | None = None
@@ -40,7 +40,7 @@ class TaxelOrder:
         self._exchange, self._told = "", 0
 
     def take(self, raw: Counts, values: Vector, trusted: Mask) -> None:
-        """Take one frame: raw readings, counts, those above the baseline, counts, and which are trusted, each shape (2, 20)."""
+        """Take one frame: raw readings, counts, those above the baseline, counts, and the mask of trusted ones, each shape (2, 20)."""
         now, is_known = raw.astype(float).ravel(), trusted.ravel()
         found = "" if self._before is None else self._confirmed(now, is_known, *self._before)
         self._before = now, values.ravel(), is_known
@@ -50,7 +50,7 @@ class TaxelOrder:
             self._told += 1
 
     def _confirmed(self, now: Vector, is_known: Mask, before: Vector, pressed: Vector, was_known: Mask) -> str:
-        """Return what had changed places in the frame before, if this one agrees with it; empty where nothing had."""
+        """Return the exchange found in the previous frame if this frame confirms it; empty if there is none."""
         variance = self._variance + (CHANGE * pressed) ** 2
 
         def misfit(order: NDArray[np.intp]) -> tuple[float, float]:
@@ -67,10 +67,10 @@ class TaxelOrder:
         return found
 
     def require(self) -> None:
-        """Make sure that nothing has changed places.
+        """Check that no modules or fingers were exchanged.
 
         Raises:
-            SkinUntrustedError: Something has; the message says what.
+            SkinUntrustedError: There was an exchange; the message names it.
         """
         if self._exchange:
             self._told = max(self._told, 1)

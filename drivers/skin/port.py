@@ -1,4 +1,4 @@
-"""One wire with one skin board on it: raw scans come out, and the dialogue's messages go in."""
+"""One wire with one skin board: it receives raw scans and sends the dialogue's messages."""
 
 from collections import defaultdict
 from typing import Protocol
@@ -21,14 +21,14 @@ from drivers.transport.cobs import DELIMITER, Deframer, frame
 from drivers.transport.wires import ByteLink, CanFrame, CanLink
 
 MOST_FRAMES = 1000
-"""Largest number of frames taken from a bus at once, so that a bus that babbles does not hold up the scan."""
+"""Largest number of frames per read of a bus, so that a babbling node does not delay the scan."""
 
 NOTHING_ON_BUS = ": check its supply, the wires with a terminator at both ends, and that the bus runs at its bit rate"
 NOTHING_ON_LINE = ": check its supply and cable, whether this is its port, and skin.baud_rate"
 
 
 class Link(Protocol):
-    """Something that can be opened: a wire, or a file."""
+    """A connection that can be opened: a wire, or a file."""
 
     def open(self) -> None:
         """Open it."""
@@ -42,18 +42,18 @@ class Dialogue(Protocol):
 
     @property
     def is_started(self) -> bool:
-        """True once scans come, until the next restart."""
+        """True from the first scan until the next restart."""
 
     @property
     def changed(self) -> str:
-        """Text that names what was exchanged since the board was first seen; empty while nothing was."""
+        """Text that names the exchanges since the board was first discovered; empty if there are none."""
 
     def restart(self) -> None:
         """Begin the dialogue again."""
 
 
 class SkinPort(Protocol):
-    """One wire with one board on it."""
+    """One wire with one board."""
 
     @property
     def link(self) -> Link:
@@ -64,10 +64,10 @@ class SkinPort(Protocol):
         """The dialogue with the board."""
 
     def forget(self) -> None:
-        """Forget everything that has come."""
+        """Discard everything received."""
 
     def exchange(self, now: float) -> list[RawScan]:
-        """Send what is due, and return the scans that have come; never waits.
+        """Send what is due, and return the received scans; never wait.
 
         Raises:
             CellError: The wire is lost.
@@ -77,26 +77,26 @@ class SkinPort(Protocol):
         """Number of messages that could not be decoded."""
 
     def trouble(self) -> str:
-        """Return why no scan comes, as far as the received frames tell."""
+        """Return the reason why no scan arrives, derived from the received frames."""
 
 
 class HubOnCan:
     """A CySkin hub on a CAN bus."""
 
     def __init__(self, link: CanLink, config: HubConfig, period: float) -> None:
-        """Describe the hub; `period` is the wanted time between two scans, s."""
+        """Describe the hub; `period` is the requested time between two scans, s."""
         self.link, self._wire = link, config.wire
         self.dialogue = CySkinDialogue(config, period)
         self.forget()
 
     def forget(self) -> None:
-        """Forget everything that has come."""
+        """Discard everything received."""
         self.dialogue.forget()
         self._senders: defaultdict[int, CanAssembler] = defaultdict(CanAssembler)
         self._own = self._others = self._wrong = 0
 
     def exchange(self, now: float) -> list[RawScan]:
-        """Return the scans that have come, then send what is due."""
+        """Return the received scans, then send what is due."""
         scans = []
         for part in _waiting(self.link):
             hub = sender(part)
@@ -104,7 +104,7 @@ class HubOnCan:
             is_own = hub == self._wire.hub
             self._own += is_own
             self._others += not is_own
-            # A hub that was given no number yet answers the discovery from any.
+            # A hub without a number answers the discovery under any id.
             if data is None or not (is_own or data[:1] == bytes([HubCommand.DISCOVER])):
                 continue
             try:
@@ -120,11 +120,11 @@ class HubOnCan:
         return scans
 
     def refused(self) -> int:
-        """Number of messages that could not be decoded, and of frames out of turn."""
+        """Number of messages that could not be decoded, and of frames out of sequence."""
         return self._senders[self._wire.hub].broken + self._wrong + self.dialogue.refused
 
     def trouble(self) -> str:
-        """Return why no scan comes."""
+        """Return the reason why no scan arrives."""
         if self._wrong > (heard := self.dialogue.heard):
             return f"{self._wrong} of {self._wrong + heard} messages have a wrong check sum: see board.wire.crc"
         if not self.dialogue.heard and self._others:
@@ -141,11 +141,11 @@ class IcubOnCan:
         self.forget()
 
     def forget(self) -> None:
-        """Forget everything that has come."""
+        """Discard everything received."""
         self.dialogue.forget()
 
     def exchange(self, now: float) -> list[RawScan]:
-        """Send what is due, and return the scans that have come."""
+        """Send what is due, and return the received scans."""
         for part in self.dialogue.ask(now):
             self.link.write(part)
         scans = [self.dialogue.take(part, now - part.waited) for part in _waiting(self.link)]
@@ -156,34 +156,34 @@ class IcubOnCan:
         return self.dialogue.refused
 
     def trouble(self) -> str:
-        """Return why no scan comes."""
+        """Return the reason why no scan arrives."""
         return self.dialogue.trouble() + ("" if self.dialogue.heard else NOTHING_ON_BUS)
 
 
 class HubOnSerial:
     """A CySkin hub on a serial line.
 
-    How a hub frames its messages there is not public; here each is one frame of `drivers.transport.cobs`, and there is
-    no boot loader to leave.
+    The framing of its messages there is not public. Here each message is one frame of `drivers.transport.cobs`, and the
+    boot loader is not used.
     """
 
     def __init__(self, link: ByteLink, config: HubConfig, period: float) -> None:
-        """Describe the hub; `period` is the wanted time between two scans, s."""
+        """Describe the hub; `period` is the requested time between two scans, s."""
         self.link, self._wire = link, config.wire
         self.dialogue = CySkinDialogue(config, period)
         self.forget()
 
     def forget(self) -> None:
-        """Forget everything that has come."""
+        """Discard everything received."""
         self.dialogue.forget()
         self._frames, self._whole, self._wrong = Deframer(LONGEST), 0, 0
 
     def exchange(self, now: float) -> list[RawScan]:
-        """Return the scans that have come, then send what is due."""
+        """Return the received scans, then send what is due."""
         data = self.link.read(0.0)
         behind, scans = len(data), []
         for piece in _pieces(data):
-            # A frame's first byte came at least as long ago as the line takes for the frame and for all bytes after it.
+            # A frame's first byte arrived at least the transfer time of the frame and of all later bytes ago.
             stamp = now - behind * self.link.character_time
             behind -= len(piece)
             for content in self._frames.feed(piece):
@@ -205,7 +205,7 @@ class HubOnSerial:
         return self._frames.broken + self._wrong + self.dialogue.refused
 
     def trouble(self) -> str:
-        """Return why no scan comes."""
+        """Return the reason why no scan arrives."""
         if self._frames.bytes and not self._whole:
             return f"{self._frames.bytes} bytes heard and no frame among them: another baud rate than skin.baud_rate?"
         if self._wrong > (heard := self.dialogue.heard):
@@ -214,13 +214,13 @@ class HubOnSerial:
 
 
 def _pieces(data: bytes) -> list[bytes]:
-    """Return `data` cut behind every delimiter of frames."""
+    """Return `data` split after every frame delimiter."""
     *whole, rest = data.split(bytes([DELIMITER]))
     return [piece + bytes([DELIMITER]) for piece in whole] + ([rest] if rest else [])
 
 
 def _waiting(link: CanLink) -> list[CanFrame]:
-    """Return the frames that have come."""
+    """Return the received frames."""
     frames: list[CanFrame] = []
     while len(frames) < MOST_FRAMES and (part := link.read(0.0)) is not None:
         frames.append(part)

@@ -1,4 +1,4 @@
-"""A text recording of a CySkin patch, [cyskin], played as a Skin: four of its modules stand for the two fingers."""
+"""A text recording of a CySkin patch, [cyskin], played as a Skin: four of its modules represent the two fingers."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,11 +17,11 @@ from drivers.skin.layout import MODULE_TAXELS
 class Recording:
     """Content of a recording of [cyskin].
 
-    The file's first line names the channels, uid = sui << 4 | name, where name 0 is a temperature; every other line is
-    a frame index, a time, s, and one unsigned reading for each channel, whose baseline is removed already.
+    The file's first line names the channels, uid = sui << 4 | name, where name 0 is a temperature. Every other line has
+    a frame index, a time, s, and one unsigned reading for each channel, with the baseline already removed.
 
     Raises:
-        ConfigError: There is no such file, or it has another form.
+        ConfigError: The file is missing, or has another form.
     """
 
     def __init__(self, path: Path) -> None:
@@ -38,7 +38,7 @@ class Recording:
                 f"{path}: no recording: a line of channel ids, then lines of index, time, readings"
             ) from None
         self.times: Vector = table[:, 1] - table[0, 1]
-        """Time of each frame from the first one, s."""
+        """Time of each frame since the first one, s."""
         is_taxel = uid & 15 > 0
         self.module: NDArray[np.int64] = uid[is_taxel] >> 4
         """Own number (sui) of each taxel's module."""
@@ -46,22 +46,22 @@ class Recording:
         """Readings, counts, one row for each frame."""
 
     def most_touched(self) -> list[int]:
-        """Return the own numbers of the four most touched modules among those that have enough taxels."""
+        """Return the own numbers of the four most touched modules among those with enough taxels."""
         whole = [int(n) for n in np.unique(self.module) if (self.module == n).sum() >= MODULE_TAXELS]
         touch = np.where(self.counts < ERROR_COUNT, self.counts, 0).max(axis=0)
         return sorted(whole, key=lambda n: int(touch[self.module == n].max()))[-BOARD_MODULES:]
 
 
 class RecordedSkin:
-    """Plays a recording once, at the speed of the cell's clock, from the instant at which it is opened."""
+    """Plays a recording once at the speed of the cell's clock, from the time of its opening."""
 
     def __init__(self, path: Path, clock: Clock, modules: Sequence[int] = (), silent_after: float = 0.35) -> None:
-        """Take the recording's file and what to show of it.
+        """Take the recording's file and the modules to play.
 
         Args:
             path: File of the recording.
             clock: The cell's clock.
-            modules: Own numbers of the modules to show, both of the left finger first; empty takes the most touched ones.
+            modules: Own numbers of the modules to play, both of the left finger first; empty takes the most touched ones.
             silent_after: Time without a frame after which the skin is silent, s.
         """
         self._path, self._clock, self._modules, self._limit = path, clock, tuple(modules), silent_after
@@ -72,7 +72,7 @@ class RecordedSkin:
         """Read the file.
 
         Raises:
-            ConfigError: There is no such file, it has another form, or it lacks these modules.
+            ConfigError: The file is missing, has another form, or lacks these modules.
         """
         recording = Recording(self._path)
         chosen = self._modules or recording.most_touched()
@@ -84,7 +84,7 @@ class RecordedSkin:
         self._recording, self._start = recording, self._clock.now()
 
     def close(self) -> None:
-        """Forget the file."""
+        """Release the file's content."""
         self._recording = None
 
     def read(self) -> TaxelFrame:

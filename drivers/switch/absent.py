@@ -1,4 +1,4 @@
-"""A cell whose holes have no switch, as a SuccessSwitch."""
+"""A SuccessSwitch for a cell whose holes have no switch."""
 
 from typing import Literal
 
@@ -13,11 +13,11 @@ class NoSwitchConfig(ConfigModel):
     """
 
     kind: Literal["none"]
-    """Kind of the switch: there is none, so that every hole of the cell needs other evidence, see `hole.evidence`."""
+    """Kind of the switch: none; every hole of the cell then needs other evidence, see `hole.evidence`."""
 
 
 class AbsentSwitch:
-    """Is never pressed."""
+    """A switch that is always open."""
 
     def open(self) -> None:
         """Do nothing: there is no device."""
@@ -26,5 +26,5 @@ class AbsentSwitch:
         """Do nothing: there is no device."""
 
     def read(self) -> SwitchState:
-        """Return OPEN: nothing is ever on a switch that is not there."""
+        """Return OPEN: an absent switch is never pressed."""
         return SwitchState.OPEN

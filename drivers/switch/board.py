@@ -13,29 +13,29 @@ from drivers.transport.wires import ByteLink, LineLostError
 logger = logging.getLogger(__name__)
 
 OLDEST, NEWEST = 1, 2
-"""Numbers of the oldest and the newest firmware whose packets this driver reads."""
+"""Numbers of the oldest and the newest supported firmware."""
 STALE = 0.1
-"""Age beyond which a report no longer counts, s; four heartbeats."""
+"""Age at which a report is too old, s; four heartbeats."""
 DRIFT = 0.02
-"""Largest relative error of the board's clock, fraction; its ceramic resonator is good for 0.5 %."""
+"""Largest relative error of the board's clock, fraction; its ceramic resonator is accurate to 0.5 %."""
 START_TIME = 2.5
 """Longest time from opening the port, which resets the board, to the first report, s; the boot loader waits first."""
 POLL_PERIOD = 0.01
-"""Time between looks for the first report, s."""
+"""Time between two polls for the first report, s."""
 REOPEN_PERIOD = 0.5
-"""Time between attempts to open a lost port again, s."""
+"""Time between two attempts to reopen a lost port, s."""
 _STATES = {Contacts.OPEN: SwitchState.OPEN, Contacts.CLOSED: SwitchState.CLOSED}
 
 
 class SerialSuccessSwitch:
-    """Believes the board's newest report while it is fresh; without one the state is unknown.
+    """Uses the board's newest report while it is fresh; otherwise the state is unknown.
 
-    Every report carries the board's own time. Reports that fall behind it, because something on the way holds them back
-    or repeats them, are as stale as reports that do not come at all. A lost port is opened again by itself.
+    Every report carries the board's own time. If reports are delayed or repeated on the way, they fall behind that time
+    and count as stale, like missing ones. A lost port is reopened automatically.
     """
 
     def __init__(self, config: SerialSwitchConfig, clock: Clock, line: ByteLink | None = None) -> None:
-        """Describe the board; `clock` is the cell's, `line` stands in for the port where traffic is recorded or played."""
+        """Describe the board; `clock` is the cell's, `line` replaces the port when traffic is recorded or played."""
         self._line: ByteLink = line or SerialLine(config.port, BAUD_RATE)
         self._clock = clock
         self._port = config.port
@@ -43,7 +43,7 @@ class SerialSuccessSwitch:
         self._forget()
 
     def open(self) -> None:
-        """Open the port and wait for a report that can be believed."""
+        """Open the port and wait for a valid report."""
         if self._is_open:
             return
         self._line.open()
@@ -63,7 +63,7 @@ class SerialSuccessSwitch:
         self._forget()
 
     def read(self) -> SwitchState:
-        """Return the state by the newest report, without waiting."""
+        """Return the state in the newest report, without waiting."""
         if not self._is_open:
             return SwitchState.UNKNOWN
         now = self._clock.now()
@@ -75,7 +75,7 @@ class SerialSuccessSwitch:
         return _STATES[self._report.contacts]
 
     def problem(self) -> str:
-        """Return why the state is unknown, by what was read so far, in one line; empty when it is known."""
+        """Return the reason why the state is unknown, from the bytes read so far, in one line; empty if it is known."""
         report, where = self._report, f"switch on {self._port}"
         if self._lost:
             return self._lost
@@ -127,7 +127,7 @@ class SerialSuccessSwitch:
             self._take(report, now)
 
     def _take(self, report: SwitchReport, now: float) -> None:
-        """Take a report; its age is the time by which the board's clock has fallen behind the cell's since earlier reports."""
+        """Take a report; its age is the lag of the board's clock behind the cell's, relative to earlier reports."""
         last = self._report
         if last is None:
             self._stamp = now

@@ -1,4 +1,4 @@
-"""Config of a switch board and of the line that it is on; pure, no I/O."""
+"""Config of a switch board and of its line; pure, no I/O."""
 
 from typing import Annotated, Literal
 
@@ -16,7 +16,7 @@ class SerialSwitchConfig(ConfigModel):
     kind: Literal["serial"]
     """Kind of the switch: a board on a serial line."""
     port: Annotated[str, Field(min_length=1)]
-    """Name of the serial port, best a lasting one such as those of /dev/serial/by-id; "emulated" is an emulated board
+    """Name of the serial port, preferably a permanent one as in /dev/serial/by-id; "emulated" is an emulated board
     in a simulated cell.
     """
     record: str = ""

@@ -1,7 +1,7 @@
 """The switch board's packet and bytes; pure, no I/O.
 
-The board sends ten bytes at 38400 baud, 8N1, and receives none. Only the first byte has its highest bit set, so that a reader which
-lost bytes finds its place at the next packet:
+The board sends ten bytes at 38400 baud, 8N1, and receives none. Only the first byte has its highest bit set. If a reader
+loses bytes, it therefore resynchronises at the next packet:
 
 | byte | content |
 | --- | --- |
@@ -20,7 +20,7 @@ from enum import IntEnum
 BAUD_RATE = 38400
 LENGTH = 10
 TIME_RANGE = 2**21
-"""Range of the board's time, ms; the time then starts anew."""
+"""Range of the board's time, ms; the time then restarts from 0."""
 _START = 0xD1
 _CRC_START = 0xFFFF
 _MEMORY, _PROGRAM, _WATCHDOG, _LOW_SUPPLY = 1, 2, 4, 8
@@ -28,14 +28,14 @@ _NORMALLY_OPEN, _NORMALLY_CLOSED = 4, 8
 
 
 class Contacts(IntEnum):
-    """State of the switch by its two contacts."""
+    """State of the switch, derived from its two contacts."""
 
     UNKNOWN = 0
-    """The contacts are not yet debounced since the reset, or the board found itself broken."""
+    """The contacts are not yet debounced since the reset, or the board has detected its own failure."""
     OPEN = 1
     CLOSED = 2
     DISAGREE = 3
-    """Both contacts conduct, or neither, for longer than the lever travels."""
+    """Both contacts conduct, or neither, for longer than the lever's travel time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,9 +48,9 @@ class SwitchReport:
     time: int
     """Time since the board's reset, ms, modulo `TIME_RANGE`."""
     normally_open: bool = False
-    """Whether the normally open contact conducts now."""
+    """True if the normally open contact conducts now."""
     normally_closed: bool = False
-    """Whether the normally closed contact conducts now."""
+    """True if the normally closed contact conducts now."""
     is_memory_broken: bool = False
     is_program_broken: bool = False
     was_hung: bool = False
@@ -73,7 +73,7 @@ def encode(report: SwitchReport) -> bytes:
 
 
 def decode(packet: bytes) -> SwitchReport | None:
-    """Return the report in a packet; None when length, bits or CRC are wrong."""
+    """Return the report in a packet; None if length, bits or CRC are wrong."""
     if len(packet) != LENGTH or packet[0] != _START or any(byte & 0x80 for byte in packet[1:]):
         return None
     if packet[7:] != bytes(_septets(crc_hqx(packet[:7], _CRC_START))):
@@ -93,13 +93,13 @@ def decode(packet: bytes) -> SwitchReport | None:
 
 
 class Decoder:
-    """Finds packets in bytes that come in pieces of any size."""
+    """Finds packets in pieces of bytes of any size."""
 
     def __init__(self) -> None:
         """Expect the start of a packet."""
         self._packet = bytearray()
         self.refused = 0
-        """Number of bytes that belonged to no valid packet."""
+        """Number of bytes outside valid packets."""
 
     def feed(self, data: bytes) -> list[SwitchReport]:
         """Return the packets that `data` completes, oldest first."""

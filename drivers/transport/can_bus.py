@@ -1,6 +1,6 @@
-"""CAN buses of every kind that a cell meets, as frames in and out; their readers decode them.
+"""CAN buses of every supported kind, as frames in and out; their readers decode them.
 
-Data frames of classic CAN pass, with identifiers of 11 and of 29 bits; other frames on the bus are ignored.
+Data frames of classic CAN with identifiers of 11 and of 29 bits are passed on; other frames on the bus are ignored.
 """
 
 import errno
@@ -16,17 +16,17 @@ from drivers.errors import DeviceNotOpenedError
 from drivers.transport.wires import CanFrame, CanLostError, Interface
 
 SEND_TIMEOUT = 0.1
-"""Longest time that one frame may wait for the adapter, s."""
+"""Longest wait of one frame for the adapter, s."""
 CONNECT_TIMEOUT = 1.0
 """Longest wait for a socketcand server, s."""
 MOST_ERRORS = 3
-"""Number of errors in a row after which the bus counts as lost; one undecodable frame or one full buffer does not suffice."""
+"""Number of errors in a row after which the bus counts as lost; one undecodable frame or one full buffer is tolerated."""
 MOST_OTHERS = 1000
-"""Largest number of other nodes' frames that one read of the bus passes over."""
+"""Largest number of ignored frames (echoes, errors, remote and FD frames) that one read skips."""
 ECHO_TIME = 1.0
-"""Time after which one's own frame that has not come back is lost, s."""
+"""Time after which an own frame without an echo counts as lost, s."""
 LONGEST_WAIT = 10.0
-"""Longest credible wait of a frame, s; a longer one means that somebody set the computer's clock."""
+"""Longest plausible wait of a frame, s; if it is longer, the computer's clock was set."""
 _STAMPED = ("socketcan", "udp_multicast")
 _SOCKETCAN_TROUBLE = {
     errno.EAFNOSUPPORT: "this computer's kernel has no CAN: load its modules (modprobe can_raw), or use another interface",
@@ -38,31 +38,31 @@ _SOCKETCAND_PORT, _MULTICAST_PORT = 29536, 43113
 
 
 class CanBus:
-    """One bus that nothing else in this process uses; it must not be used by several threads.
+    """One bus with no other user in this process; not for use by several threads.
 
     Args:
-        interface: Interface through which the bus is reached.
+        interface: Interface to the bus.
         channel: `socketcan`: network interface, "can0". `slcan`: serial port, "/dev/ttyACM0". `socketcand`:
-            "HOST:PORT/can0", the port may be left out. `udp_multicast`: group and port, "239.74.163.2:43113", the port
-            may be left out; frames never leave this computer. `virtual`: any name; never leaves this process.
-        bitrate: Bit rate for `slcan`, bits/s; the other interfaces got theirs when they were set up.
+            "HOST:PORT/can0", the port is optional. `udp_multicast`: group and port, "239.74.163.2:43113", the port
+            is optional; frames never leave this computer. `virtual`: any name; frames never leave this process.
+        bitrate: Bit rate for `slcan`, bits/s; the other interfaces get theirs at their setup.
     """
 
     def __init__(self, interface: Interface, channel: str, bitrate: int) -> None:
         self.interface: Interface = interface
         self.name = f"{interface} {channel}"
         self.bad_frames = 0
-        """Number of frames that could not be decoded or sent since the start."""
+        """Number of frames since the start that could not be decoded or sent."""
         self._channel, self._bitrate = channel, bitrate
         self._bus: can.BusABC | None = None
         self._read_errors = self._write_errors = 0
         self._echoes: deque[tuple[float, CanFrame]] = deque(maxlen=MOST_OTHERS)
 
     def open(self) -> None:
-        """Open the bus; an open bus is left as it is.
+        """Open the bus; no effect if it is open.
 
         Raises:
-            DeviceNotOpenedError: There is no such interface or port, no permission, or it is in use.
+            DeviceNotOpenedError: The interface or port is missing, not permitted, or in use.
         """
         if self._bus is not None:
             return
@@ -83,13 +83,13 @@ class CanBus:
                 self.bad_frames += 1
 
     def read(self, timeout: float) -> CanFrame | None:
-        """Return the next frame; None if none came within `timeout`, s, or only frames of others came.
+        """Return the next frame; None if none arrived within `timeout`, s, or only ignored frames did.
 
         Raises:
-            CanLostError: The bus is gone or was never opened.
+            CanLostError: The bus is lost or was never opened.
         """
         bus, end = self._opened(), time.monotonic() + timeout
-        # A reader that empties the bus must not stop at frames of others.
+        # The caller reads until None, so an ignored frame must not end the read.
         for _ in range(MOST_OTHERS):
             try:
                 message = bus.recv(max(end - time.monotonic(), 0.0))
@@ -109,10 +109,10 @@ class CanBus:
         return None
 
     def write(self, frame: CanFrame) -> None:
-        """Send one frame; a single frame that cannot be sent is dropped and counted.
+        """Send one frame; if a single frame cannot be sent, it is dropped and counted.
 
         Raises:
-            CanLostError: The bus is gone, was never opened, or has taken nothing for several frames.
+            CanLostError: The bus is lost, was never opened, or has accepted nothing for several frames.
         """
         bus = self._opened()
         message = can.Message(arbitration_id=frame.id, data=frame.data, is_extended_id=frame.is_extended)
@@ -125,12 +125,12 @@ class CanBus:
             self._write_errors = self._count(error, self._write_errors)
 
     def _waited(self, stamp: float) -> float:
-        """Return how long ago the kernel stamped a frame, s; 0 on interfaces whose stamps are not the kernel's."""
+        """Return the time since the kernel's stamp of a frame, s; 0 on interfaces without kernel stamps."""
         waited = time.time() - stamp if self.interface in _STAMPED else 0.0
         return waited if 0.0 < waited < LONGEST_WAIT else 0.0
 
     def _is_echo(self, frame: CanFrame) -> bool:
-        """Return whether a frame is one's own that came back, as multicast of the network does; own frames come back in order."""
+        """Return True if a frame is the echo of an own frame, as in network multicast; echoes arrive in order."""
         while self._echoes and self._echoes[0][0] < time.monotonic() - ECHO_TIME:
             self._echoes.popleft()
         for place, (_, sent) in enumerate(self._echoes):
@@ -147,7 +147,7 @@ class CanBus:
         return before + 1
 
     def _why(self, error: Exception) -> str:
-        """Return what is wrong, and what to do about it where that is known."""
+        """Return the error, with its remedy if one is known."""
         code = getattr(error, "errno", None) or getattr(error, "error_code", None)
         if self.interface == "socketcan" and code in _SOCKETCAN_TROUBLE:
             return _SOCKETCAN_TROUBLE[code]

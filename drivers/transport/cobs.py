@@ -1,7 +1,7 @@
 """Frames on a serial line: consistent overhead byte stuffing [cobs] with a zero between frames; pure, no I/O.
 
-Every frame carries a CRC of 16 bits behind its content. A reader that joins in the middle, or loses bytes, is
-in step again after the next zero.
+Every frame carries a CRC of 16 bits after its content. If a reader starts in the middle of a frame or loses bytes, it
+resynchronises at the next zero.
 """
 
 from drivers.transport.crc import crc16
@@ -11,7 +11,7 @@ _RUN = 254
 
 
 def frame(content: bytes) -> bytes:
-    """Return `content` as it is sent over the line, delimiter included."""
+    """Return the frame of `content` for the line, including the delimiter."""
     out = bytearray()
     data = content + crc16(content).to_bytes(2, "big")
     for run in data.split(b"\0"):
@@ -23,7 +23,7 @@ def frame(content: bytes) -> bytes:
 
 
 def unframe(stuffed: bytes) -> bytes | None:
-    """Return the content between two delimiters, or None where that is not a whole, intact frame."""
+    """Return the content between two delimiters, or None if it is not a complete, intact frame."""
     out = bytearray()
     at = 0
     while at < len(stuffed):
@@ -43,7 +43,7 @@ class Deframer:
     """Joins bytes to whole frames.
 
     Args:
-        longest: Length of the longest valid content, bytes; more without a delimiter is discarded.
+        longest: Length of the longest valid content, bytes; more bytes without a delimiter are discarded.
     """
 
     def __init__(self, longest: int) -> None:
@@ -55,7 +55,7 @@ class Deframer:
         """Number of frames discarded."""
 
     def feed(self, data: bytes) -> list[bytes]:
-        """Take the bytes that have arrived and return the contents of the frames that they complete."""
+        """Take the received bytes; return the contents of the frames that they complete."""
         self.bytes += len(data)
         *ended, rest = (bytes(self._pending) + data).split(bytes([DELIMITER]))
         contents = []
@@ -66,11 +66,11 @@ class Deframer:
             elif stuffed:
                 self.broken += 1
         if len(rest) > self._limit:
-            # One byte more than allowed is kept, so that the rest of this frame is not taken for a frame.
+            # One byte above the limit is kept, so that the rest of this frame is not read as a frame.
             rest = rest[: self._limit + 1]
         self._pending = bytearray(rest)
         return contents
 
     def reset(self) -> None:
-        """Discard a frame that has begun."""
+        """Discard an incomplete frame."""
         self._pending.clear()

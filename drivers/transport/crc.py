@@ -12,7 +12,7 @@ Byte = Annotated[int, Field(ge=0, le=0xFF)]
 
 
 class Crc8(ConfigModel):
-    """A CRC of 8 bits, by the parameters that catalogues of CRCs use; the default is that of a CySkin hub.
+    """A CRC of 8 bits with the parameters of CRC catalogues; the default is that of a CySkin hub.
 
     Source: [cyskin].
     """
@@ -20,11 +20,11 @@ class Crc8(ConfigModel):
     polynomial: Byte = 0x07
     """Generator polynomial without its highest term."""
     initial: Byte = 0xFF
-    """Value that the register starts with."""
+    """Initial value of the register."""
     reflected: bool = False
-    """Whether the bits of each byte, and of the result, go lowest first."""
+    """True if the bits of each byte, and of the result, are processed lowest first."""
     final: Byte = 0x00
-    """Value that is combined with the result by exclusive or."""
+    """Value that the result is XORed with."""
 
     @field_validator("polynomial")
     @classmethod
@@ -60,8 +60,8 @@ def _mirrored(byte: int) -> int:
 
 
 def crc16(data: bytes) -> int:
-    """Return the CRC of 16 bits by x^16 + x^12 + x^5 + 1, started at 0xFFFF and inverted (CRC-16/GENIBUS).
+    """Return the CRC of 16 bits with x^16 + x^12 + x^5 + 1, initial value 0xFFFF, inverted (CRC-16/GENIBUS).
 
-    Without the inversion, data cut off before a last zero byte could still fit.
+    Without the inversion, data cut off before a last zero byte could still pass the check.
     """
     return binascii.crc_hqx(data, 0xFFFF) ^ 0xFFFF

@@ -10,31 +10,31 @@ from drivers.transport.wires import LineLostError, Parity
 
 _PARITY = {"none": serial.PARITY_NONE, "even": serial.PARITY_EVEN, "odd": serial.PARITY_ODD}
 _WRITE_TIMEOUT = 1.0
-"""Longest time that a write may wait for the port, s."""
+"""Longest wait of a write for the port, s."""
 
 
 class SerialLine:
-    """One serial port, 8 data bits, that nothing else uses; it must not be used by several threads.
+    """One serial port, 8 data bits, with no other user; not for use by several threads.
 
     Args:
-        port: Name of the port, as the operating system has it.
+        port: Name of the port in the operating system.
         baud_rate: Bit rate, bits/s.
-        parity: Check bit of every character.
+        parity: Parity bit of every character.
         stop_bits: Number of stop bits, 1 or 2.
     """
 
     def __init__(self, port: str, baud_rate: int, parity: Parity = "none", stop_bits: Literal[1, 2] = 1) -> None:
         self.port = port
         self.character_time = (1 + 8 + (parity != "none") + stop_bits) / baud_rate
-        """Time that one character takes, s."""
+        """Transfer time of one character, s."""
         self._settings = {"baudrate": baud_rate, "parity": _PARITY[parity], "stopbits": stop_bits}
         self._serial: serial.Serial | None = None
 
     def open(self) -> None:
-        """Open the port; an open port is left as it is.
+        """Open the port; no effect if it is open.
 
         Raises:
-            DeviceNotOpenedError: There is no such port, no permission, or it is in use.
+            DeviceNotOpenedError: The port is missing, not permitted, or in use.
         """
         if self._serial is not None:
             return
@@ -53,10 +53,10 @@ class SerialLine:
             self._serial = None
 
     def read(self, timeout: float) -> bytes:
-        """Return the bytes that have arrived; wait up to `timeout`, s, for the first one, and return none if none came.
+        """Return the received bytes; wait up to `timeout`, s, for the first one, and return none if none arrived.
 
         Raises:
-            LineLostError: The port is gone or was never opened.
+            LineLostError: The port is lost or was never opened.
         """
         port = self._opened()
         try:
@@ -71,7 +71,7 @@ class SerialLine:
         """Send `data`.
 
         Raises:
-            LineLostError: The port is gone, was never opened, or takes nothing.
+            LineLostError: The port is lost, was never opened, or accepts nothing.
         """
         port = self._opened()
         try:

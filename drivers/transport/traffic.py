@@ -1,8 +1,8 @@
 """Traffic of any wire captured to a file, and played back to the same driver, bit for bit.
 
-A file is text: a head line, then for every look at the wire "@" and the cell's time in s, then what came ("<") and
-what was sent (">"), in hexadecimal digits, with the id in front of a CAN frame and behind it how long it had waited, s; "!" says how the wire failed. While it plays, time passes as it did
-then: every wait of the driver ends at the next look.
+A file is text with a head line. Every poll of the wire adds "@" and the cell's time in s, then received ("<") and sent
+(">") data in hexadecimal digits. A CAN frame has its id in front and the time it had waited, s, behind; "!" marks a failure
+of the wire. During playback, time passes as recorded: every wait of the driver ends at the next poll.
 """
 
 from collections.abc import Callable, Iterator
@@ -23,16 +23,16 @@ W = TypeVar("W", CanLink, ByteLink)
 
 
 class TrafficEndedError(CellError):
-    """The recording is over."""
+    """The recording has ended."""
 
     code = FaultCode.SKIN_SILENT
 
 
 class Recorder:
-    """Records the traffic of a wire; it is also the driver's clock, so that every byte has the time at which it was looked for.
+    """Records the traffic of a wire; it is also the driver's clock, so that every byte has the time of its poll.
 
     Args:
-        path: File, which is begun anew when it is first opened.
+        path: File; the first opening overwrites it.
         wire: Kind of the wire.
         clock: The cell's clock.
     """
@@ -45,7 +45,7 @@ class Recorder:
         self._written: float | None = None
 
     def open(self) -> None:
-        """Begin the file, or continue it; an open file is left as it is.
+        """Start the file, or continue it; no effect if it is open.
 
         Raises:
             ConfigError: The file cannot be written.
@@ -77,7 +77,7 @@ class Recorder:
 
     @contextmanager
     def watching(self) -> Iterator[None]:
-        """Record that somebody looks at the wire, and a failure of the wire during that."""
+        """Record a poll of the wire, and a failure of the wire during it."""
         if self._file is not None and self._written != self._now:
             self._file.write(f"@ {self._now!r}\n")
             self._written = self._now
@@ -88,14 +88,14 @@ class Recorder:
             raise
 
     def note(self, what: str, text: str) -> None:
-        """Record what came, what was sent, or what failed."""
+        """Record received or sent data, or a failure."""
         with self.watching():
             if self._file is not None:
                 self._file.write(f"{what} {text}\n")
 
 
 class _RecordedWire(Generic[W]):
-    """A wire whose traffic is written to a file."""
+    """A wire with its traffic written to a file."""
 
     def __init__(self, link: W, recorder: Recorder) -> None:
         """Take the wire and the recorder of its traffic."""
@@ -115,7 +115,7 @@ class _RecordedWire(Generic[W]):
 
 
 class RecordedCan(_RecordedWire[CanLink]):
-    """A CAN bus whose frames are written to a file."""
+    """A CAN bus with its frames written to a file."""
 
     def read(self, timeout: float) -> CanFrame | None:
         """Return the next frame."""
@@ -138,7 +138,7 @@ def _text(frame: CanFrame) -> str:
 
 
 class RecordedLine(_RecordedWire[ByteLink]):
-    """A serial line whose bytes are written to a file."""
+    """A serial line with its bytes written to a file."""
 
     def __init__(self, link: ByteLink, recorder: Recorder) -> None:
         """Take the line and the recorder of its traffic."""
@@ -146,7 +146,7 @@ class RecordedLine(_RecordedWire[ByteLink]):
         self.character_time = link.character_time
 
     def read(self, timeout: float) -> bytes:
-        """Return what has arrived."""
+        """Return the received bytes."""
         with self._recorder.watching():
             data = self._link.read(timeout)
         if data:
@@ -176,7 +176,7 @@ class TrafficPlayback:
         character_time: Time of one character on the recorded line, s; 0 for a CAN bus.
 
     Raises:
-        ConfigError: There is no such file, or it holds no recorded traffic.
+        ConfigError: The file is missing, or holds no recorded traffic.
     """
 
     def __init__(self, path: Path, character_time: float = 0.0) -> None:
@@ -185,25 +185,25 @@ class TrafficPlayback:
         self._place = 0
         self._came: Iterator[str] = iter(())
         self.differing = 0
-        """Number of messages that the driver sent and that were not sent in the recording."""
+        """Number of messages that the driver sent and that the recording lacks."""
         self._begin(0)
 
     def open(self) -> None:
-        """Succeed or fail as the recorded wire did."""
+        """Open, or raise the recorded failure."""
         self._fail()
 
     def close(self) -> None:
         """Do nothing: there is no connection to end."""
 
     def now(self) -> float:
-        """Return the time of the look that is played, s."""
+        """Return the time of the played poll, s."""
         return self._looks[self._place].time
 
     def wait_until(self, stamp: float) -> None:
-        """Go on to the next look.
+        """Advance to the next poll.
 
         Raises:
-            TrafficEndedError: There is no next look.
+            TrafficEndedError: There is no next poll.
         """
         if self._place + 1 >= len(self._looks):
             raise TrafficEndedError("the recording is over")
@@ -229,7 +229,7 @@ class PlaybackCan(TrafficPlayback):
     """A recording of a CAN bus."""
 
     def read(self, timeout: float) -> CanFrame | None:
-        """Return the next frame that came in this look."""
+        """Return the next frame received in this poll."""
         self._fail()
         text = next(self._came, None)
         if text is None:
@@ -238,7 +238,7 @@ class PlaybackCan(TrafficPlayback):
         return CanFrame(int(number, 16), bytes.fromhex(data), len(number) == EXTENDED_DIGITS, float(waited or 0.0))
 
     def write(self, frame: CanFrame) -> None:
-        """Compare a frame that is sent with the recorded ones."""
+        """Compare a sent frame with the recorded ones."""
         self._check(_text(frame).strip())
 
 
@@ -246,17 +246,17 @@ class PlaybackLine(TrafficPlayback):
     """A recording of a serial line."""
 
     def read(self, timeout: float) -> bytes:
-        """Return what came in this look."""
+        """Return the bytes received in this poll."""
         self._fail()
         return b"".join(map(bytes.fromhex, self._came))
 
     def write(self, data: bytes) -> None:
-        """Compare bytes that are sent with the recorded ones."""
+        """Compare sent bytes with the recorded ones."""
         self._check(data.hex())
 
 
 def is_traffic(path: Path) -> bool:
-    """Return whether a file holds recorded traffic."""
+    """Return True if a file holds recorded traffic."""
     try:
         with path.open("rb") as file:
             return file.read(len(HEAD)) == HEAD.encode()

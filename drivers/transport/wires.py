@@ -1,4 +1,4 @@
-"""What all wires share, without any I/O: CAN frames, the contracts of a bus and of a line, and the errors of their loss."""
+"""Common types of all wires, without any I/O: CAN frames, the contracts of a bus and of a line, and the errors of their loss."""
 
 from dataclasses import dataclass, field
 from typing import Literal, Protocol
@@ -32,7 +32,7 @@ class CanFrame:
     is_extended: bool = False
     """True if the identifier has 29 bits instead of 11."""
     waited: float = field(default=0.0, compare=False)
-    """Time from arrival at the adapter to this read, s; 0 where the interface does not tell."""
+    """Time from arrival at the adapter to this read, s; 0 if the interface does not report it."""
 
 
 class CanLink(Protocol):
@@ -45,7 +45,7 @@ class CanLink(Protocol):
         """Close the bus; may be called again."""
 
     def read(self, timeout: float) -> CanFrame | None:
-        """Return the next frame, if one came within `timeout`, s."""
+        """Return the next frame; None if none arrives within `timeout`, s."""
 
     def write(self, frame: CanFrame) -> None:
         """Send one frame."""
@@ -55,7 +55,7 @@ class ByteLink(Protocol):
     """A serial line; `SerialLine` of `drivers.transport.serial_line` is one."""
 
     character_time: float
-    """Time that one character takes, s."""
+    """Transfer time of one character, s."""
 
     def open(self) -> None:
         """Open the port."""
@@ -64,7 +64,7 @@ class ByteLink(Protocol):
         """Close the port; may be called again."""
 
     def read(self, timeout: float) -> bytes:
-        """Return the bytes that came within `timeout`, s."""
+        """Return the bytes received within `timeout`, s."""
 
     def write(self, data: bytes) -> None:
         """Send `data`."""
