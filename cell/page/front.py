@@ -20,7 +20,6 @@ from drivers.errors import DeviceNotOpenedError
 
 THREAD = "page"
 """Name of the threads that serve."""
-SPARSE = SparseFilter()
 LOGGERS = (
     "tornado.access",
     "tornado.application",
@@ -115,7 +114,7 @@ class HttpServer:
     routes: Front
 
     def __init__(self, what: str, address: tuple[str, int]) -> None:
-        self._what, self._asked = what, address
+        self._what, self._asked, self._sparse = what, address, SparseFilter()
         self._context: ssl.SSLContext | None = None
         self._socket: sockets.socket | None = None
         self._thread: threading.Thread | None = None
@@ -143,7 +142,7 @@ class HttpServer:
         """
         host, port = self._asked
         for name in LOGGERS:
-            logging.getLogger(name).addFilter(SPARSE)
+            logging.getLogger(name).addFilter(self._sparse)
         self._context = self.context()
         try:
             family = sockets.AF_INET6 if ":" in host else sockets.AF_INET
@@ -162,6 +161,8 @@ class HttpServer:
 
     def close(self) -> None:
         """Close every connection and stop listening."""
+        for name in LOGGERS:
+            logging.getLogger(name).removeFilter(self._sparse)
         if self._thread is None:
             return
         assert self._loop is not None
