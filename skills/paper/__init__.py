@@ -1,1 +1,1 @@
-"""Search, insertion and adjustment as [gibbons] prints them: recipes with the paper's equations, chosen by the key `paper.skills`."""
+"""Search, insertion and adjustment with the printed equations of [gibbons]; the key `paper.skills` selects them."""

@@ -1,4 +1,4 @@
-"""Keep the end of the peg fixed and tilt the peg along a spiral, pushing, without the skin: [gibbons], Sec. V.B."""
+"""Push the peg and tilt it along a spiral about its fixed end, without using the skin: [gibbons], Sec. V.B."""
 
 import numpy as np
 
@@ -13,9 +13,9 @@ from skills.seating import depth_of, is_seated, require_short_of_bottom
 from skills.spiral_adjust import SpiralAdjustResult
 
 RADIUS, GROWING_TIME = 0.025, 20.0
-"""Largest radius of the spiral, m, and the time in which it grows to that, s; then it begins anew. Source: [gibbons], Sec. VII."""
+"""Largest radius of the spiral, m, and its growing time, s; then the spiral restarts. Source: [gibbons], Sec. VII."""
 PUSH_DAMPING_RATIO = 1.5
-"""Damping along z, multiple of the critical one; chosen, not printed."""
+"""Damping ratio along z, 1 is critical; chosen, not printed."""
 
 
 def run(params: PaperAdjustParams, ctx: SkillContext) -> SpiralAdjustResult:
@@ -23,14 +23,14 @@ def run(params: PaperAdjustParams, ctx: SkillContext) -> SpiralAdjustResult:
     hole, first = ctx.job.hole, ctx.observe()
     K, D = params.gains.stiffness(), params.gains.damping_ratios()
     K[2], D[2] = params.push_stiffness, PUSH_DAMPING_RATIO
-    # The phase is open-loop: theta stays as it was read when it began.
+    # The adjustment is open-loop: it uses the theta measured at its start.
     identity, in_hand, roll = ctx.new_id(), ctx.in_hand(), first.arm.tcp.rotation[:, 2]
     growth, offset, x_p, running = RADIUS / GROWING_TIME, np.zeros(2), first.tip, 0.0
     for seen in ctx.scan(params.timeout, holding=True):
         running, (x_p, _) = seen.running, end_point(seen.arm.tcp, in_hand.theta, in_hand.length)
         if is_seated(seen.switch, x_p, hole):
             return _result(Outcome.SUCCESS, Reason.NONE, running, offset, depth_of(x_p, hole))
-        # Finger centre at r (cos wt, sin wt) beside the vertical through the end, with r = growth t.
+        # Offset of the finger centre from the vertical through the end: r (cos wt, sin wt), r = growth t.
         offset = spiral(seen.elapsed % GROWING_TIME, growth, params.turn_rate)
         ctx.progress(seen.elapsed / params.timeout)
         ctx.follow(

@@ -1,9 +1,11 @@
-"""The equations of [gibbons] that a skill computes, in its symbols; pure.
+"""Equations of [gibbons] that a skill computes, in the paper's symbols; pure.
 
-Eq. (1), the image I of both fingers, is `skills.tactile.picture`. Eq. (2) and (3), T_f_p, v and x_p, are
-`drivers.frames`; the printed Eq. (2) is no rigid transform and is mended there. Eq. (5) and (6), e and tau, are the arm's
-law, `drivers.impedance`, which takes x_p*, v* and K from the setpoint; the printed Eq. (5) with -K e turns the peg away
-from v*, so the orientation error is (v* x v)·phi / |v* x v| there.
+The other equations are elsewhere:
+
+- Eq. (1), the image I of both fingers: `skills.tactile.picture`.
+- Eq. (2) and (3), T_f_p, v and x_p: `drivers.frames`. The printed Eq. (2) is not a rigid transform; it is corrected there.
+- Eq. (5) and (6), e and tau: the arm's law `drivers.impedance`, with x_p*, v* and K from the setpoint. The printed
+  Eq. (5) with -K e turns the peg away from v*. The law therefore uses the orientation error (v* x v)·phi / |v* x v|.
 """
 
 import math
@@ -14,16 +16,19 @@ from drivers.frames import angle_between, rotation_about
 from drivers.quantities import Vector
 
 OFFSET = 0.01
-"""Depth of the end point's setpoint below the surface, m; in the adjustment below the end point. Source: [gibbons], Sec. IV and V.A."""
+"""Depth of the end point's setpoint below the surface, m; the adjustment measures it from the end point.
+
+Source: [gibbons], Sec. IV and V.A.
+"""
 MOST_LEAD = 0.9
-"""Largest angle between the peg and its setpoint, rad: the gate for setpoints refuses 1."""
+"""Largest angle between the peg and its setpoint, rad; the setpoint gate refuses 1."""
 
 
 def x_star(x_h: Vector, surface: float) -> Vector:
     """Return the setpoint x_p* of the end point, shape (3,), m, base frame: Eq. (4).
 
     Args:
-        x_h: Place of the hole, shape (3,), m, base frame.
+        x_h: Position of the hole, shape (3,), m, base frame.
         surface: Height of the plate, m, base frame.
     """
     # Eq. (4): x_p* = [x_h,x  x_h,y  x*_p,z]^T, x*_p,z an offset below the surface
@@ -44,9 +49,10 @@ def k_33(phi: float, phi_0: float, k_min: float, k_max: float) -> float:
 
 
 def towards(v: Vector, v_star: Vector) -> Vector:
-    """Return v* itself, or, if v is further from it, the unit vector that lies `MOST_LEAD` from v towards v*, shape (3,)."""
+    """Return v*, limited to the angle `MOST_LEAD` from v: a unit vector, shape (3,)."""
     if angle_between(v, v_star) <= MOST_LEAD:
         return v_star
+    # Rotation of v by MOST_LEAD about n = v x v* / |v x v*|
     n = np.cross(v, v_star)
     lead: Vector = rotation_about(n / np.linalg.norm(n), MOST_LEAD) @ v
     return lead

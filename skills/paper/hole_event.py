@@ -1,8 +1,8 @@
-"""The moment at which the peg falls into the hole, as the skin feels it: [gibbons], Sec. IV.
+"""Detection of the hole from a sudden change of the taxels' average: [gibbons], Sec. IV.
 
-The pushed peg loads one pad more and the other less, and a stiffening pad gains more than its partner loses, so that
-the average over all taxels follows the push. If the support goes, the average falls; if the far wall then turns the
-peg in the hand, it rises. [gibbons] prints "a sudden change" of the average and not its sign.
+The push loads one pad more and the other less. The pads stiffen with load, so the loaded pad gains more than the other
+loses: the average over all taxels follows the push. If the peg loses its support, the average falls. If the far wall
+then turns the peg in the hand, the average rises. [gibbons] prints "a sudden change" without a sign.
 """
 
 from collections import deque
@@ -12,21 +12,26 @@ import numpy as np
 from drivers.quantities import TaxelFrame
 
 MEMORY = 10
-"""Number of frames that the running average is made of; chosen, not printed."""
+"""Number of frames in the running average; chosen, not printed."""
 LEAST_COMMON = 10
-"""Least number of taxels, trusted in all compared frames, whose average counts."""
+"""Least number of taxels trusted in all compared frames; with fewer, the change is unknown."""
 
 
 class HoleEvent:
-    """Detects a sudden change of the average of the taxels that are trusted in all frames of its memory."""
+    """Detector of a sudden change of the taxels' average, over the taxels trusted in all stored frames."""
 
     def __init__(self, threshold: float) -> None:
-        """Begin without a frame; `threshold` is the change from one frame to the next that is an event, fraction of the running average."""
+        """Start without a frame.
+
+        Args:
+            threshold: Change from one frame to the next above which `update` reports the hole, fraction of the running
+                average.
+        """
         self._threshold = threshold
         self._frames: deque[TaxelFrame] = deque(maxlen=MEMORY + 1)
 
     def change(self, frame: TaxelFrame) -> float:
-        """Take a new frame; return the change since the last one, fraction of the running average, >= 0; 0 if unknown."""
+        """Add a frame; return the change since the last one, fraction of the running average, >= 0; 0 if unknown."""
         self._frames.append(frame)
         trusted = np.logical_and.reduce([each.trusted for each in self._frames])
         if len(self._frames) < 2 or np.count_nonzero(trusted) < LEAST_COMMON:
@@ -37,5 +42,5 @@ class HoleEvent:
         return abs(float(a[-2] - a[-1])) / running if running > 0.0 else 0.0
 
     def update(self, frame: TaxelFrame) -> bool:
-        """Take a new frame; return whether it shows the peg at the hole."""
+        """Add a frame; return True if the change exceeds the threshold."""
         return self.change(frame) > self._threshold

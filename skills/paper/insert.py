@@ -1,4 +1,4 @@
-"""Turn the peg towards the plate's normal with its end in the hole: [gibbons], Sec. V.A, Eq. (4)-(7)."""
+"""Align the peg with the plate's normal while its end is in the hole: [gibbons], Sec. V.A, Eq. (4)-(7)."""
 
 import math
 
@@ -12,13 +12,13 @@ from skills.seating import is_seated
 from skills.tactile_insert import TactileInsertResult
 
 ALIGNED = math.radians(15.0)
-"""Angle phi below which the adjustment takes over, rad. Source: [gibbons], Sec. VII."""
+"""Angle phi below which the adjustment starts, rad. Source: [gibbons], Sec. VII."""
 INTEGRAL_LIMIT = 3.0
 """Saturation of the integral, N·m; chosen, not printed."""
 
 
 def run(params: PaperInsertParams, ctx: SkillContext) -> TactileInsertResult:
-    """Align the peg, whose end is in the hole, with v* = [0 0 1]^T until phi is small."""
+    """Align the peg with v* = [0 0 1]^T, its end in the hole, until phi < `ALIGNED` or the peg is seated."""
     hole, first, v_star = ctx.job.hole, ctx.observe(), UP
     K, D = params.gains.stiffness(), params.gains.damping_ratios()
     identity, roll = ctx.new_id(), first.arm.tcp.rotation[:, 2]
@@ -31,8 +31,8 @@ def run(params: PaperInsertParams, ctx: SkillContext) -> TactileInsertResult:
             return TactileInsertResult(Outcome.SUCCESS, Reason.NONE, seen.running, phi_0, phi)
         ctx.progress(1.0 - min(phi / phi_0, 1.0))
         K[2] = k_33(phi, phi_0, *params.push_stiffness)
-        # Eq. (5): e = [x_p - x_p*; (v x v*) phi], mended in its order, and
-        # Eq. (6): tau = J_p^T (-K e - K_I int(e) - D J_p dq/dt), by the arm's law at 1 kHz
+        # Eq. (5): e = [x_p - x_p*; (v x v*) phi], with the order of the cross product corrected, and
+        # Eq. (6): tau = J_p^T (-K e - K_I int(e) - D J_p dq/dt), both evaluated by the arm's law at 1 kHz
         ctx.follow(
             ImpedanceSetpoint(
                 id=identity,

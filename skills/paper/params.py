@@ -1,4 +1,4 @@
-"""Parameters of the printed method: what [gibbons] leaves open. What it prints are constants of its skills."""
+"""Parameters of the printed method that [gibbons] leaves open; printed values are constants of the skills."""
 
 from typing import Annotated, Literal
 
@@ -9,7 +9,7 @@ from skills.motion import Gains
 
 
 class PaperSearchParams(SkillParams):
-    """The printed search, [gibbons], Sec. IV. The approach, the tilt and the timeout are those of `search`.
+    """The printed search, [gibbons], Sec. IV. Approach, tilt and timeout come from `search`.
 
     Source: measured by `cell study paper`.
     """
@@ -23,7 +23,7 @@ class PaperSearchParams(SkillParams):
     gains: Gains
     """Stiffness and damping ratio along the path and in rotation. Source: measured by `cell study paper`."""
     threshold: Annotated[float, Field(gt=0.0, lt=1.0)]
-    """Change of the average response from one frame to the next that shows the hole, fraction of the running average."""
+    """Change of the average response between frames that indicates the hole, fraction of the running average."""
 
 
 class PaperInsertParams(SkillParams):
@@ -59,13 +59,13 @@ class PaperAdjustParams(SkillParams):
 
 
 class PaperParams(SkillParams):
-    """The printed method, for round pegs and a success switch.
+    """The printed method; it needs round pegs and a success switch.
 
     Source: chosen, not measured.
     """
 
     skills: tuple[Literal["search", "insert", "adjust"], ...]
-    """Skills that are done as [gibbons] prints them in place of the cell's own; none is the same as no section."""
+    """Skills that use the printed method of [gibbons] instead of the cell's own; an empty list disables the section."""
     search: PaperSearchParams
     """The printed search."""
     insert: PaperInsertParams

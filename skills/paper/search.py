@@ -1,4 +1,4 @@
-"""Follow a spray-paint path over the area until the skin feels a sudden change: [gibbons], Sec. IV."""
+"""Follow a spray-paint path over the area until the skin measures a sudden change: [gibbons], Sec. IV."""
 
 import numpy as np
 
@@ -16,11 +16,11 @@ from skills.spray_search import SpraySearchResult
 
 
 def run(params: PaperSearchParams, cell: SpraySearchParams, ctx: SkillContext) -> SpraySearchResult:
-    """Search from a random point x_0 of the area until the skin feels the hole.
+    """Search from a random point x_0 of the area until the skin detects the hole.
 
     Args:
         params: Parameters of the printed search.
-        cell: Parameters of the cell's search, of which the approach, the tilt and the timeout count.
+        cell: Parameters of the cell's search; only approach, tilt and timeout are used.
         ctx: The skill's context.
     """
     hole = ctx.job.hole
@@ -48,7 +48,7 @@ def run(params: PaperSearchParams, cell: SpraySearchParams, ctx: SkillContext) -
         else:
             along += seen.step
         ctx.progress(seen.running / cell.timeout)
-        # The hand is kept as it is: v* turns with the peg in the hand.
+        # The orientation of the hand stays constant: v* turns with the peg in the hand.
         turned = rotation_about(seen.arm.tcp.rotation[:, 2], seen.peg.theta - theta_0)
         ctx.follow(
             ImpedanceSetpoint(
@@ -67,7 +67,7 @@ def run(params: PaperSearchParams, cell: SpraySearchParams, ctx: SkillContext) -
 
 
 def path_from(start: Vector, params: PaperSearchParams, cell: SpraySearchParams, ctx: SkillContext) -> SprayPaint:
-    """Return the path over the area from a point, shape (2,), m, from the middle of the area."""
+    """Return the path over the area, starting at `start`, shape (2,), m, relative to the middle of the area."""
     hole = ctx.job.hole
     half = (hole.area[0] / 2, hole.area[1] / 2)
     pitch, fast = params.pitch * hole.part.inscribed, 0 if cell.fast_axis == "x" else 1

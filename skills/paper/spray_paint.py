@@ -10,11 +10,11 @@ from drivers.quantities import Vector
 
 @dataclass(frozen=True, slots=True)
 class SprayPaint:
-    """Two sinusoids, one for each axis, that cover a rectangle as a spray gun does, [gibbons], Sec. IV and [chhatpar].
+    """Spray-paint path over a rectangle: one sinusoid for each axis, [gibbons], Sec. IV and [chhatpar].
 
-    x = a_x sin(w_x t + p_x), y = a_y sin(w_y t + p_y). One axis is swept fast, the other slowly; where the slow
-    one is fastest, in the middle, and the fast one turns, at the edge, passes on the same side are a whole fast
-    period apart: 2 pi a_slow w_slow / w_fast, which is the pitch.
+    x = a_x sin(w_x t + p_x), y = a_y sin(w_y t + p_y), with one fast and one slow axis. The passes are furthest apart
+    at the turning points of the fast axis in the middle of the slow axis. There, successive passes on the same side are
+    one fast period apart; their distance is the pitch, 2 pi a_slow w_slow / w_fast.
     """
 
     half: tuple[float, float]
@@ -25,7 +25,7 @@ class SprayPaint:
     """Phases at time 0, rad."""
 
     def at(self, time: float) -> tuple[Vector, Vector]:
-        """Return the point, m, and its velocity, m/s, at `time`, each shape (2,), from the middle of the rectangle."""
+        """Return the point, m, relative to the middle of the rectangle, and its velocity, m/s, at `time`, each shape (2,)."""
         (ax, ay), (wx, wy), (px, py) = self.half, self.rate, self.phase
         x, y = wx * time + px, wy * time + py
         return (
@@ -34,23 +34,23 @@ class SprayPaint:
         )
 
     def period(self) -> float:
-        """Return the time in which the slow axis goes there and back once, s."""
+        """Return the period of the slow axis, s."""
         return 2.0 * math.pi / min(self.rate)
 
 
 def spray_paint(
     half: tuple[float, float], pitch: float, speed: float, fast: int, start: tuple[float, float]
 ) -> SprayPaint:
-    """Return a path that begins at `start`, goes slowly towards the nearer edge, and then covers the rest of the
-    rectangle.
+    """Return a path that starts at `start`, moves slowly to the nearer edge and then covers the rest of the rectangle.
 
     Args:
         half: Half the extents, m, > 0.
         pitch: Largest distance between neighbouring passes, m.
         speed: Peak speed along the fast axis, m/s.
         fast: Axis that is swept fast, 0 or 1.
-        start: First point, m, from the middle of the rectangle and within it.
+        start: First point, m, relative to the middle of the rectangle and within it.
     """
+    # w_fast = speed / a_fast; pitch = 2 pi a_slow w_slow / w_fast, solved for w_slow; p = arcsin(start / a)
     slow = 1 - fast
     rates = [0.0, 0.0]
     rates[fast] = speed / half[fast]

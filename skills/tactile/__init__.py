@@ -1,1 +1,1 @@
-"""The way from taxels to the pose of the peg in the hand and to the hole event; no I/O."""
+"""Estimation of the peg's pose in the hand from taxel frames; no I/O."""

@@ -1,6 +1,6 @@
-"""The explicit table of estimators: the choices of `insert.estimator` and their sections of the config derive from it.
+"""Table of estimators: `insert.estimator` and the estimators' config sections derive from it.
 
-A new estimator is one module, with parameters and a class that has `estimate`, and one entry here.
+To add an estimator, write one module with its parameters and a class with `estimate`, and add one entry here.
 """
 
 from collections.abc import Callable
@@ -25,22 +25,22 @@ Templated = TypeVar("Templated", LikelihoodParams, RobustParams)
 
 @dataclass(frozen=True, slots=True)
 class TouchSetup:
-    """What an estimator is made for."""
+    """Hardware and peg that an estimator is built for."""
 
     layout: Layout
     """Layout of the taxels."""
     peg: Peg
-    """The peg that is held."""
+    """Held peg."""
     point_spread: float | None
-    """Standard deviation of the elastomer's point spread as the skin's calibration found it, m; None without a calibration."""
+    """Standard deviation of the elastomer's point spread from the skin's calibration, m; None without a calibration."""
 
 
 @dataclass(frozen=True, slots=True)
 class EstimatorEntry(Generic[P]):
-    """One estimator: everything that the config and the assembly derive from it."""
+    """One estimator: its name, its parameters and its constructor."""
 
     name: str
-    """Name in `insert.estimator`, and of the estimator's section of the config."""
+    """Name in `insert.estimator` and of the estimator's config section."""
     params: type[P]
     make: Callable[[P, TouchSetup], Estimator]
 
@@ -49,7 +49,7 @@ def estimators(*entries: EstimatorEntry[Any]) -> dict[str, EstimatorEntry[Any]]:
     """Return the entries by name.
 
     Raises:
-        ConfigError: Two have the same name.
+        ConfigError: Two entries have the same name.
     """
     table = {entry.name: entry for entry in entries}
     if len(table) < len(entries):
@@ -60,7 +60,7 @@ def estimators(*entries: EstimatorEntry[Any]) -> dict[str, EstimatorEntry[Any]]:
 
 
 def _as_measured(params: Templated, setup: TouchSetup) -> Templated:
-    """Return parameters with the point spread that the skin's calibration found, if it found one."""
+    """Return the parameters with the calibrated point spread, if there is a calibration."""
     if setup.point_spread is None:
         return params
     templates = params.templates.model_copy(update={"blur": setup.point_spread})

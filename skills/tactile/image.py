@@ -18,47 +18,47 @@ LATTICE_ERROR: dict[Layout, float] = {"parallelogram": 3.2e-6, "base_to_base": 4
 
 
 class ImageParams(ConfigModel):
-    """How the image is made and read.
+    """Parameters of the tactile image and of its ellipse.
 
     Source: chosen on simulated pads, its effect measured by `cell study tactile`.
     """
 
     kind: Literal["image"] = "image"
-    """The estimator of [gibbons]: an image of the taxels, and the ellipse in it."""
+    """The estimator of [gibbons]: the ellipse of an image of the taxels."""
     pixel: Annotated[float, Field(ge=1e-4, le=5e-3)] = 1e-3
     """Side of a pixel, m."""
     full_scale: Annotated[float, Field(ge=100.0, le=1e6)] = 20e3
-    """Reading at which a pixel is saturated, counts; [gibbons], Eq. (1). Source: [cyskin], highest touch peak; method of
+    """Reading at which a pixel saturates, counts; [gibbons], Eq. (1). Source: [cyskin], highest touch peak; method of
     [gibbons], Eq. (1).
     """
     threshold: Fraction = 0.5
     """Brightness below which a pixel is background, fraction of the brightest."""
     least_peak: Annotated[float, Field(ge=0.0, le=43e3)] = 2000.0
-    """Highest pixel below which a frame shows no peg, counts."""
+    """Least brightness of the brightest pixel if the frame shows a peg, counts."""
     least_elongation: Annotated[float, Field(ge=1.0, le=100.0)] = 1.5
-    """Least ratio of an ellipse's axes that has a direction, ratio."""
+    """Least ratio of the ellipse's axes for its direction to be used, ratio."""
     most_width: Annotated[float, Field(ge=5e-4, le=2e-2)] = 4e-3
-    """Largest standard deviation along an ellipse's minor axis that is a peg, m; 2.4 mm for 8 mm of diameter."""
+    """Largest standard deviation along the minor axis of a peg's ellipse, m; 2.4 mm for a diameter of 8 mm."""
     most_residual: Fraction = 0.4
-    """Largest share of the image beside the peg's axis in a frame that shows a peg, fraction."""
+    """Largest share of the image away from the peg's axis if the frame shows a peg, fraction."""
     least_trusted: Annotated[int, Field(ge=3, le=FINGERS * TAXELS)] = 20
-    """Number of trusted taxels below which a frame tells nothing."""
+    """Least number of trusted taxels for an estimate."""
 
 
 class ImageEstimator:
-    """Image moments of the thresholded sum of both fingers' images, the method of [gibbons].
+    """Estimator by image moments of the thresholded sum of both fingers' images, the method of [gibbons].
 
-    `skills.tactile.picture` makes the image and treats taxels that are not trusted. The left image is flipped
-    ([gibbons], Eq. (1)) by taking its taxels where they are in the finger frame. A dead module is replaced by the other
-    finger's.
+    `skills.tactile.picture` makes the image and handles untrusted taxels. The flip of the left image ([gibbons],
+    Eq. (1)) follows from the taxels' positions in the finger frame. If a module is dead, the module of the other
+    finger replaces it.
 
-    The error of theta comes mostly from the lattice and not from noise. An error e of the second moments turns the
-    ellipse by e / (l1 - l2), with its squared axes l1, l2 (first order of the moments' formula); sigma is that for
-    `LATTICE_ERROR`, enlarged by the share of taxels that are missing.
+    The coarse lattice, not noise, causes most of the error of theta. An error e of the second moments turns the ellipse
+    by e / (l1 - l2), to first order, where l1 and l2 are the squared axes. Sigma is this value for e = `LATTICE_ERROR`,
+    scaled by the ratio of all taxels to trusted taxels.
     """
 
     def __init__(self, params: ImageParams, layout: Layout) -> None:
-        """Lay the pixel grid over the taxels of `layout`."""
+        """Prepare the pixel grid over the taxels of `layout`."""
         from skills.tactile.picture import Projector  # OpenCV takes 0.2 s to import
 
         self._params = params
@@ -67,7 +67,7 @@ class ImageEstimator:
         self._projector = Projector(layout, params.pixel, params.full_scale)
 
     def image(self, frame: TaxelFrame) -> Vector:
-        """Return I of [gibbons], Eq. (1), before the threshold, counts; rows along y, columns along x, both rising."""
+        """Return I of [gibbons], Eq. (1), before the threshold, counts; rows along +y, columns along +x."""
         shown: Vector = np.maximum(self._projector.image(frame.values, frame.trusted), 0.0)
         return shown
 
@@ -80,6 +80,7 @@ class ImageEstimator:
         if peak < params.least_peak or peak <= 0.0 or trusted < params.least_trusted:
             return PegPose(0.0, 0.0, math.pi / 2, 1.0, False, frame.stamp)
         ellipse = self._projector.ellipse(image, params.threshold * peak)
+        # Signed distance of the axis from the finger centre: offset = y cos(theta) - x sin(theta)
         c, s = math.cos(ellipse.theta), math.sin(ellipse.theta)
         offset = c * ellipse.y - s * ellipse.x
         residual = self._beside(frame, c, s, offset)
@@ -94,12 +95,13 @@ class ImageEstimator:
         )
 
     def _beside(self, frame: TaxelFrame, c: float, s: float, offset: float) -> float:
-        """Return the share of the positive counts that lies more than a pitch beside the axis."""
+        """Return the share of the positive counts at more than one taxel pitch from the axis."""
         pressed = np.maximum(frame.values.ravel(), 0.0) * frame.trusted.ravel()
         beside = np.abs(self._taxels @ np.array([-s, c]) - offset) > PITCH
         return float(pressed @ beside / pressed.sum())
 
     def _sigma(self, split: float, trusted: int) -> float:
-        """Return the standard deviation of theta, rad, at most that of no knowledge at all (pi/2)."""
+        """Return the standard deviation of theta, rad, at most pi/2 (theta unknown)."""
+        # sigma = e / (l1 - l2), e = LATTICE_ERROR · all / trusted
         error = self._lattice_error * FINGERS * TAXELS / trusted
         return min(error / split, math.pi / 2) if split > 0.0 else math.pi / 2

@@ -1,8 +1,8 @@
-"""Maximum likelihood over templates: the angle and offset whose frame is most like the one measured.
+"""Maximum likelihood over templates: estimate angle and offset by comparing a frame with predicted frames.
 
-Each finger's load is a constant and a part that rises along the peg. The four amounts enter a frame linearly
-and have Gaussian priors (both fingers about alike, the rise opposite), so for every angle and offset they are
-integrated out exactly; what remains is a posterior over the two, whose mean and spread are the answer.
+Each finger's load is a constant plus a part that rises along the peg. The four load amounts enter a frame linearly.
+Their priors are Gaussian: equal mean loads on both fingers, opposite rises. The loads are therefore integrated out
+exactly for every angle and offset. The estimate is the mean and spread of the remaining posterior of angle and offset.
 """
 
 import math
@@ -20,7 +20,7 @@ from skills.tactile.templates import TemplateParams, Templates, make_templates
 
 
 class LikelihoodParams(ConfigModel):
-    """What a frame is expected to look like, and when it shows no peg.
+    """Model of an expected frame, and limits beyond which a frame shows no peg.
 
     Source: chosen on simulated pads, its effect measured by `cell study tactile`.
     """
@@ -28,15 +28,15 @@ class LikelihoodParams(ConfigModel):
     kind: Literal["ml", "robust"] = "ml"
     """The estimator by maximum likelihood over templates. Source: docs/tried/angle.md."""
     templates: TemplateParams = TemplateParams()
-    """Model of the pad, as its maker states it."""
+    """Model of the pad, from the maker's data."""
     noise: Annotated[float, Field(ge=1.0, le=5000.0)] = 300.0
     """Standard deviation of a taxel's reading, counts."""
     gain_spread: Annotated[float, Field(ge=0.0, le=0.5)] = 0.08
-    """Standard deviation of a taxel's gain and of what templates miss, fraction of the reading."""
+    """Standard deviation of a taxel's gain and of the template error, fraction of the reading."""
     offset_spread: Annotated[float, Field(ge=1e-5, le=1e-2)] = 7e-4
     """Standard deviation of the peg's offset from the finger centre, m."""
     off_centre: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.05
-    """Prior probability that the offset lies anywhere within the templates' reach instead, fraction."""
+    """Prior probability of an offset uniform over the templates' reach, fraction."""
     imbalance: Annotated[float, Field(ge=0.01, le=2.0)] = 0.3
     """Standard deviation of half the difference of the fingers' loads, fraction of their mean."""
     rise: Annotated[float, Field(ge=0.01, le=5.0)] = 0.6
@@ -44,26 +44,26 @@ class LikelihoodParams(ConfigModel):
     common_rise: Annotated[float, Field(ge=0.01, le=5.0)] = 0.1
     """Standard deviation of the rise over 20 mm that both loads share, fraction of their mean."""
     wide_misfit: Annotated[float, Field(ge=1.0, le=100.0)] = 3.0
-    """Misfit beyond which the peg is looked for at all offsets, ratio of squared residuals to those expected."""
+    """Misfit above which all offsets are searched, ratio of squared residuals to those expected."""
     least_load: Annotated[float, Field(ge=0.0, le=43e3)] = 1500.0
-    """Mean load, as the reading right under the peg, below which there is no peg, counts; five times the noise."""
+    """Least mean load of a held peg, as the reading directly under the peg, counts; five times the noise."""
     most_sigma: Annotated[float, Field(gt=0.0, le=1.6)] = 0.1
-    """Standard deviation of an angle above which theta is not reported, rad."""
+    """Standard deviation of theta above which it is not reported, rad."""
     most_misfit: Annotated[float, Field(ge=1.0, le=1000.0)] = 12.0
-    """Misfit beyond which a frame shows something other than a peg, ratio of squared residuals to those expected."""
+    """Misfit above which the frame does not show a peg, ratio of squared residuals to those expected."""
     most_residual: Fraction = 0.3
-    """Largest share of a frame's squares that a peg leaves unexplained, fraction; more is taken where the noise explains it, as under a weak
-    grip: where the misfit is at most `wide_misfit`.
+    """Largest share of a frame's squares that a peg leaves unexplained, fraction; a larger share is accepted if the misfit is at most
+    `wide_misfit`, because noise then explains it, for example under a weak grip.
     """
     least_trusted: Annotated[int, Field(ge=3, le=FINGERS * TAXELS)] = 20
-    """Number of trusted taxels below which a frame tells nothing."""
+    """Least number of trusted taxels for an estimate."""
 
 
 class LikelihoodEstimator:
-    """Posterior over templates: a coarse grid everywhere, a fine one about the likely angles.
+    """Estimator by the posterior over templates: a coarse grid over all angles, a fine grid near the likely angles.
 
-    Theta is the posterior's mean and sigma its spread, which is widened by the misfit where the frame is further from
-    the best template than noise and gains explain.
+    Theta is the mean of the posterior and sigma its standard deviation. If the misfit exceeds the value expected from
+    noise and gains, it widens sigma.
     """
 
     def __init__(self, params: LikelihoodParams, layout: Layout, peg: Peg) -> None:
@@ -88,34 +88,36 @@ class Found(NamedTuple):
     theta: float
     """In-hand angle, rad."""
     offset: float
-    """Distance of the peg's axis from the finger centre, m, signed."""
+    """Signed distance of the peg's axis from the finger centre, m."""
     sigma: float
     """Standard deviation of theta, rad."""
     load: float
-    """Mean load of both fingers, as the reading right under the peg, counts."""
+    """Mean load of both fingers, as the reading directly under the peg, counts."""
     misfit: float
     """Sum of squared residuals over its expected value, ratio."""
     residual: float
-    """Share of the frame's squares that the template leaves unexplained, fraction."""
+    """Share of the frame's squares not explained by the template, fraction."""
     chance: float
-    """Log posterior of the likeliest angle, up to a constant of frame and weights."""
+    """Log posterior of the likeliest angle, up to a constant that depends on frame and weights."""
     place: float
-    """Position of the print among those of the bank, 0 for the first; a fraction lies between two prints."""
+    """Index of the print in the bank, 0 for the first; interpolated between two prints."""
     surety: float
-    """Precision of `place`, one over its variance, with the prior belief included."""
+    """Precision of `place`, 1/variance, including the prior."""
     whole: float
-    """Logarithm of the load of one pad, mean of both fingers, along all of the peg that lies in it, counts·m."""
+    """Logarithm of the load of one pad, mean of both fingers, integrated along the peg's contact, counts·m."""
 
 
 UNKNOWN_LOAD = (0.0, 0.0)
-"""Expected `Found.whole` and one over its variance where no load is expected."""
+"""`Found.whole` and its precision 1/variance if no load is expected."""
 
 
 class Bank:
-    """The templates of one peg, for one print in the pads or several, ready to be compared with frames."""
+    """Templates of one peg, for one print or several, prepared for comparison with frames."""
 
     def __init__(self, params: LikelihoodParams, templates: Templates) -> None:
-        """Prepare the tables of a comparison; the prints are one, or at least three that change by even steps."""
+        """Prepare the tables of a comparison for one print, or for at least three prints at even steps."""
+        # Prior of the offset d: p(d) = (1 - q) N(d; 0, offset_spread) + q / (2 offset_reach), q = off_centre,
+        # times a constant; `prior` is -ln(p / max p).
         within = np.exp(-0.5 * (templates.offset / params.offset_spread) ** 2) / params.offset_spread
         anywhere = math.sqrt(2.0 * math.pi) / (2.0 * params.templates.offset_reach)
         chance = (1.0 - params.off_centre) * within + params.off_centre * anywhere
@@ -127,7 +129,7 @@ class Bank:
         self._coarse = templates.coarse
         self.left: Vector = np.zeros(FINGERS * TAXELS)
         """Residuals of the last comparison over their standard deviations, shape (40,)."""
-        # The first call compiles the comparison or fetches it from the cache; it must not happen in the first scan.
+        # The first call compiles the comparison or loads it from the cache; it must not happen during a scan.
         self.compare(np.ones(FINGERS * TAXELS), np.ones(FINGERS * TAXELS))
 
     def compare(
@@ -142,10 +144,10 @@ class Bank:
 
         Args:
             values: Readings, counts, shape (40,).
-            weights: One over the readings' expected variance, 0 where not trusted, shape (40,).
-            is_wide: Try all offsets and not only those near the finger centre.
-            believed: Expected print, as place and surety of `Found`; None for no expectation.
-            load: Expected load, as `Found.whole` and one over its variance.
+            weights: Inverse of the readings' expected variance, 0 if not trusted, shape (40,).
+            is_wide: True to try all offsets, False to try those near the finger centre.
+            believed: Expected print, as place and surety of `Found`; None if unknown.
+            load: Expected load, as `Found.whole` and its precision 1/variance.
         """
         from skills.tactile.posterior import posterior  # imports the compiler, which only a comparison needs
 
@@ -155,14 +157,15 @@ class Bank:
 
 
 def weights_of(params: LikelihoodParams, values: Vector, trusted: Mask) -> Vector:
-    """Return one over the variance that is expected of each reading, shape (40,), 0 where it is not trusted."""
+    """Return the inverse of each reading's expected variance, shape (40,), 0 if the taxel is not trusted."""
+    # w = 1 / (noise² + (gain_spread · max(y, 0))²)
     expected = params.gain_spread * np.maximum(values, 0.0)
     weights: Vector = trusted / (params.noise**2 + expected * expected)
     return weights
 
 
 def pose_of(params: LikelihoodParams, found: Found, frame: TaxelFrame) -> PegPose:
-    """Return the result of a comparison as a pose, healthy or not."""
+    """Return the result of a comparison as a pose; `healthy` is True if it meets all limits of `params`."""
     healthy = (
         found.load >= params.least_load
         and found.sigma <= params.most_sigma

@@ -1,8 +1,8 @@
-"""Whether the modules of the skin have each other's places, told by the print of a peg that has just been grasped.
+"""Detection of exchanged skin modules from the print of a newly grasped peg.
 
-The peg ends between the pads, so that its print is longer towards the tip than towards the palm. A finger whose two modules
-are exchanged shows the print turned by half a turn. Exchanged fingers show it mirrored, which is the print of a peg at the
-opposite angle: no single print tells them.
+The peg ends between the pads, so its print is longer towards the tip than towards the palm. If the two modules of a
+finger are exchanged, that finger's print is turned by half a turn. If the fingers are exchanged, the print is mirrored.
+A mirrored print equals that of a peg at the opposite angle, so one print cannot detect exchanged fingers.
 """
 
 import math
@@ -15,37 +15,37 @@ from drivers.quantities import TaxelFrame, Vector
 from drivers.skin.layout import MODULE_EXCHANGES
 
 EXCHANGED = math.log(1000.0)
-"""Mean log odds of a frame from which modules count as exchanged: one grasp in a thousand, it is taken, comes after an exchange."""
+"""Mean log odds per frame above which modules count as exchanged; the prior is one exchange in 1000 grasps."""
 LEAST_FRAMES = 3
-"""Number of frames below which nothing is said, for the errors of one may outweigh a faint print."""
+"""Least number of frames for a decision, because the errors of one frame can exceed a faint print."""
 
 
 @runtime_checkable
 class TellsOrder(Protocol):
-    """Estimator that can tell from a print whether modules have each other's places; those without templates cannot."""
+    """Estimator that can detect exchanged modules from a print; it needs templates."""
 
     def order_odds(self, frame: TaxelFrame) -> Vector:
-        """Return the log odds of each of `MODULE_EXCHANGES` against the modules as told, shape (3,); 0 where there is no print."""
+        """Return the log odds of each of `MODULE_EXCHANGES` against the configured order, shape (3,); 0 without a print."""
 
 
 class PrintOrder:
-    """Gathers what the frames of one grasp say of the order of the modules."""
+    """Evidence of exchanged modules, collected over the frames of one grasp."""
 
     def __init__(self, estimator: object) -> None:
-        """Begin without a frame; an estimator that cannot tell says nothing."""
+        """Start without a frame; if `estimator` has no `order_odds`, the check is disabled."""
         self._estimator = estimator if isinstance(estimator, TellsOrder) else None
         self._odds: list[Vector] = []
 
     def take(self, frame: TaxelFrame) -> None:
-        """Take one new frame of the hand that holds a peg clear of all."""
+        """Add one new frame, measured while the hand holds a peg in free space."""
         if self._estimator is not None:
             self._odds.append(self._estimator.order_odds(frame))
 
     def require(self) -> None:
-        """Make sure that the modules are where they are told to be.
+        """Check that the modules are in the configured places.
 
         Raises:
-            SkinUntrustedError: The print fits exchanged modules better; the message says which.
+            SkinUntrustedError: The print fits exchanged modules better; the message names them.
         """
         if len(self._odds) < LEAST_FRAMES:
             return

@@ -1,4 +1,4 @@
-"""The tactile image and its ellipse, made with OpenCV; imported only by what looks at images."""
+"""Tactile image and its ellipse, computed with OpenCV; only modules that need images import it."""
 
 import math
 from dataclasses import dataclass
@@ -12,25 +12,23 @@ from drivers.quantities import FINGERS, TAXELS, Mask, Vector
 from drivers.skin.layout import Layout, finger_positions, triangles
 
 Image = NDArray[np.integer[Any] | np.floating[Any]]
-"""Image in counts, single precision, which resolves a thousandth of a count."""
+"""Image in counts, single precision, with a resolution of a thousandth of a count."""
 LEAST_KNOWN = 0.25
-"""Least share of a pixel's weights on trusted taxels for which the pixel is made from them alone, fraction; below it
-the pixel is black.
-"""
+"""Least share of a pixel's weights on trusted taxels, fraction; below it the pixel is black."""
 PRECISION = 1e-6
-"""Relative precision of figures in single precision; smaller differences are taken as none."""
+"""Relative precision of single-precision values; smaller differences count as zero."""
 
 
 @dataclass(frozen=True, slots=True)
 class Ellipse:
-    """The ellipse with the second moments of an image."""
+    """Ellipse with the second moments of an image."""
 
     x: float
-    """Middle along x, m, finger frame."""
+    """Centre along x, m, finger frame."""
     y: float
-    """Middle along y, m, finger frame."""
+    """Centre along y, m, finger frame."""
     theta: float
-    """Direction of the long axis from x, rad, in [-pi/2, pi/2)."""
+    """Angle from x to the long axis, rad, in [-pi/2, pi/2)."""
     major: float
     """Variance along the long axis, m²."""
     minor: float
@@ -38,23 +36,23 @@ class Ellipse:
 
 
 class Projector:
-    """Draws frames on a grid of pixels, rows along y and columns along x, both rising, its middle at the finger centre.
+    """Projection of frames onto a grid of pixels, rows along +y and columns along +x, centred on the finger centre.
 
-    Each pixel of a finger's image is interpolated linearly between the corners a, b, c of its Delaunay triangle, and is
-    black outside all triangles. `cv2.remap` interpolates bilinearly, which on the square a, b, c, b + c - a is linear:
-    the taxels are laid out as one such square of 2 x 2 pixels for every triangle, and every pixel is sampled from its
-    own square.
+    Each pixel of a finger's image is interpolated linearly between the corners a, b, c of its Delaunay triangle.
+    Pixels outside all triangles are black. `cv2.remap` interpolates bilinearly, which is linear on the square
+    a, b, c, b + c - a. The source image therefore holds one such square of 2 x 2 pixels for each triangle, and each
+    pixel is sampled from the square of its triangle.
     """
 
     def __init__(self, layout: Layout, pixel: float, full_scale: float) -> None:
-        """Lay pixels of side `pixel`, m, over the taxels of `layout`; they are saturated at `full_scale`, counts."""
+        """Prepare pixels of side `pixel`, m, over the taxels of `layout`; they saturate at `full_scale`, counts."""
         taxels, corners = finger_positions(layout), triangles(layout)
         columns, rows = np.ceil(np.abs(taxels).max(axis=(0, 1)) / pixel - 1e-9).astype(int)
         x, y = np.meshgrid(np.arange(-columns, columns + 1), np.arange(-rows, rows + 1))
         self.centres: Vector = np.stack([x, y], axis=-1) * pixel
         """Centres of the pixels, shape (rows, columns, 2), m, finger frame."""
         self._pixel, self._middle, self._full_scale = pixel, (columns, rows), full_scale
-        # Both fingers in one source and one destination, the right below the left.
+        # Both fingers share one source and one destination image, the right below the left.
         a, b, c = np.eye(FINGERS * TAXELS, dtype=np.float32)[
             np.concatenate([corners + TAXELS * finger for finger in range(FINGERS)]).T
         ]
@@ -74,7 +72,7 @@ class Projector:
     def image(self, values: Vector, trusted: Mask) -> Image:
         """Return the saturated sum of both fingers' images, [gibbons], Eq. (1), counts, shape (rows, columns).
 
-        A pixel with a corner that is not trusted is made from its other corners in both images, scaled to the whole.
+        If a corner of a pixel is not trusted, the remaining corners in both images are scaled up to replace it.
 
         Args:
             values: Readings, counts, shape (2, 20).
@@ -89,14 +87,15 @@ class Projector:
         return np.asarray(cv2.threshold(total, self._full_scale, 0.0, cv2.THRESH_TRUNC)[1])
 
     def ellipse(self, image: Image, threshold: float) -> Ellipse:
-        """Return the ellipse of the pixels that are at least as bright as `threshold`, counts, >= 0; darker pixels are
-        background.
+        """Return the ellipse of the pixels with a brightness of at least `threshold`, counts, >= 0.
 
-        Pixels keep their grey value. Moments and axes are those of [gibbons], Sec. III.
+        Pixels keep their grey value. Moments and axes follow [gibbons], Sec. III.
         """
         _, bright = cv2.threshold(image, threshold * (1.0 - PRECISION), 0.0, cv2.THRESH_TOZERO)
         moments = cv2.moments(bright)
         mass, area = moments["m00"], self._pixel**2
+        # theta = 1/2 atan2(2 mu11, mu20 - mu02);
+        # variances along the axes = (mu20 + mu02 ± sqrt((mu20 - mu02)² + 4 mu11²)) / 2
         xx, xy, yy = (moments[name] / mass * area for name in ("mu20", "mu11", "mu02"))
         split = math.hypot(xx - yy, 2.0 * xy)
         theta = 0.5 * math.atan2(2.0 * xy, xx - yy)
@@ -116,7 +115,7 @@ class Projector:
         return drawn[:rows], drawn[rows:]
 
     def _scale_of(self, trusted: Mask) -> Image:
-        """Return the factor on each pixel where some taxels are missing, shape (rows, columns)."""
+        """Return the factor on each pixel that compensates for untrusted taxels, shape (rows, columns)."""
         known = np.add(*self._drawn(trusted.astype(float)))
         whole = np.add(*self._drawn(np.ones(trusted.shape)))
         share = known / np.maximum(whole, 0.5)

@@ -1,4 +1,4 @@
-"""The pose of the peg in the hand: the value, the protocol that reads it from a frame, and the one that keeps it between frames."""
+"""Pose of the peg in the hand: its value, the protocol that estimates it from a frame, and the protocol that tracks it."""
 
 import math
 from dataclasses import dataclass
@@ -14,35 +14,35 @@ class PegPose:
     theta: float
     """In-hand angle, rad, in [-pi/2, pi/2)."""
     offset: float
-    """Distance of the peg's axis from the finger centre, in the plane of the pads, m, signed."""
+    """Signed distance of the peg's axis from the finger centre, m, in the plane of the pads."""
     sigma: float
     """Standard deviation of theta, rad."""
     residual: float
-    """Part of the frame that the estimate does not explain, 0 to 1."""
+    """Share of the frame not explained by the estimate, 0 to 1."""
     healthy: bool
-    """Whether theta may be used."""
+    """True if theta may be used."""
     stamp: float
-    """Time of the frame that the estimate was made from, s."""
+    """Time of the frame on which the estimate is based, s."""
 
 
 NO_PEG = PegPose(theta=0.0, offset=0.0, sigma=math.inf, residual=1.0, healthy=False, stamp=-math.inf)
-"""Pose before the first healthy estimate: straight out of the hand, and not healthy."""
+"""Pose before the first healthy estimate: theta is 0 and `healthy` is False."""
 
 
 class Estimator(Protocol):
-    """Reads the pose of the peg in the hand from frames; an estimator remembers only what frames tell of the pads."""
+    """Estimator of the peg's pose in the hand from frames; between frames it keeps only what it learnt about the pads."""
 
     def estimate(self, frame: TaxelFrame) -> PegPose:
-        """Return the pose of the peg in `frame`; `healthy` is False where the frame shows none."""
+        """Return the pose of the peg in `frame`; `healthy` is False if the frame shows no peg."""
 
 
 class Tracker(Protocol):
-    """Keeps the pose of the peg in the hand from frame to frame, and between them."""
+    """Tracker of the peg's pose in the hand, updated at every scan."""
 
     def follow(self, new: PegPose | None) -> PegPose:
-        """Return the pose of the peg now, at every scan; not healthy as long as nothing is known.
+        """Return the present pose of the peg, at every scan; `healthy` is False until the first estimate.
 
         Args:
-            new: Healthy estimate from a frame that has just come, if any. Its stamp may lie in the past; an estimate that is
-                no newer than the one in use changes nothing.
+            new: Healthy estimate from a new frame, if any. Its stamp can lie in the past. If it is not newer than the
+                estimate in use, it is ignored.
         """

@@ -1,6 +1,6 @@
-"""The comparison of a frame with templates, compiled: what `skills.tactile.likelihood` evaluates for every frame.
+"""Compiled comparison of a frame with templates, evaluated by `skills.tactile.likelihood` for every frame.
 
-The module stands apart so that modules which only name the estimators, as the config and the register map do, import no
+The module is separate so that the config and the register map, which only name the estimators, do not import the
 compiler.
 """
 
@@ -13,41 +13,42 @@ from drivers.quantities import TAXELS
 from skills.tactile.templates import COARSE_OFFSET, COARSE_THETA
 
 COARSE_PRINT = 2
-"""Step, where none is expected, between the prints that are tried first."""
+"""Step between the prints of the coarse search if no print is expected."""
 NEAR = 2
-"""Number of those offsets to either side of the finger centre that are tried; all are tried only when none of these fits."""
+"""Number of coarse offsets to try on either side of the finger centre; if none fits, all are tried."""
 FINE = 10
-"""Number of templates to either side of a likely angle that are tried next."""
+"""Number of templates to try on either side of a likely angle in the fine search."""
 MODES = 2
-"""Number of likely angles that are looked at; between the lattice's rows two angles may look alike."""
+"""Number of likely angles to refine; between the lattice's rows two angles can give similar frames."""
 MANY_MODES = 4
-"""The same where no print is expected, so that an angle may look like others with another print."""
+"""Number of likely angles to refine if no print is expected: two angles can give similar frames with different prints."""
 RIVAL = 30.0
-"""Difference of log likelihood on the coarse grid within which a second angle counts as a rival of the best."""
+"""Largest difference of log likelihood on the coarse grid for which a second angle is refined."""
 AMOUNTS = 6
 """Number of fitted quantities: four loads, angle and offset."""
 HOPELESS = 20.0
 """Difference of log posterior to the best beyond which an angle is not refined."""
 STIFFENING = 0.4
-"""Curvature of the load along a peg that is pushed across the pads, ratio c·a/b² where the load is a + b·s + c·s² at s along the peg.
+"""Curvature of the load along a peg that is pushed across the pads: ratio c·a/b² for the load a + b·s + c·s² at s along the peg.
 
-A pad that answers with k·d/(1 - d/t) to a depth d = d0 + p·s has a = k·d0/(1 - d0/t), b = k·p/(1 - d0/t)² and c = b²/a·(d0/t), and a hand presses
-30 N to about 0.45 of the thickness t; an answer that grows as a power n of the depth has (n - 1)/(2n), 0.25 for a square. The first law is
-the stand-in's own, and of a real pad it is assumed. Source: docs/tried/angle.md.
+A pad with the pressure k·d/(1 - d/t) at depth d = d0 + p·s has a = k·d0/(1 - d0/t), b = k·p/(1 - d0/t)² and
+c = b²/a·(d0/t). A grip of 30 N presses the pad to about 0.45 of the thickness t. A pressure proportional to the
+depth's n-th power gives (n - 1)/(2n): 0.25 for n = 2. The simulated pad follows the first law; for a real pad it is
+assumed. Source: docs/tried/angle.md.
 """
 LEAST_TURN = 0.15
-"""Smallest rise over 20 mm from which on the curvature of the load is considered, fraction of the load; with less it is below 1 %."""
+"""Least rise over 20 mm for which the curvature is computed, fraction of the load; below it the curvature is under 1 %."""
 FAINT = 0.01
-"""Reading below which a taxel tells nothing of the curvature, fraction of that right under the peg."""
+"""Reading below which a taxel is left out of the curvature, fraction of the reading directly under the peg."""
 OTHER_LOAD = 0.1
-"""Probability that the load is any other than the expected one, fraction: a hand that still closes, another grip."""
+"""Probability of a load other than the expected one, fraction: the hand is still closing, or the grip has changed."""
 NEVER = -1e30
 """Log likelihood of an impossible template."""
 
 
 @njit(cache=True, forceinline=True)
 def _sums(weights, weighed, even, rising, first):  # type: ignore[no-untyped-def]
-    """Return one finger's sums of even², even·rising, rising², values·even and values·rising, each times the weight."""
+    """Return the weighted sums of even², even·rising, rising², values·even and values·rising of one finger."""
     ee = er = rr = ye = yr = np.float32(0.0)
     for k in range(first, first + TAXELS):
         we = weights[k] * even[k]
@@ -61,9 +62,9 @@ def _sums(weights, weighed, even, rising, first):  # type: ignore[no-untyped-def
 
 @njit(cache=True, forceinline=True)
 def _solve(left, right, tightness, solution):  # type: ignore[no-untyped-def]
-    """Return the log likelihood with the loads integrated out from both fingers' `_sums`; `solution` gets the loads' amounts.
+    """Return the log likelihood with the loads integrated out, from both fingers' `_sums`; write the loads to `solution`.
 
-    The amounts are the mean load, half the difference (left less right), the common rise and the opposite rise.
+    The loads are the mean load, half the difference (left minus right), the common rise and the opposite rise.
     """
     lee, ler, lrr, lye, lyr = left
     ree, rer, rrr, rye, ryr = right
@@ -71,10 +72,10 @@ def _solve(left, right, tightness, solution):  # type: ignore[no-untyped-def]
     y0, y1, y2, y3 = lye + rye, lye - rye, lyr + ryr, lyr - ryr
     if ee <= 0.0 or y0 <= 0.0:
         return NEVER
-    # A spread is a fraction of the mean load.
+    # Prior precisions: spreads are fractions of the mean load y0 / ee, so p_i = tightness_i (ee / y0)².
     share = ee / y0
     p1, p2, p3 = tightness[0] * share * share, tightness[1] * share * share, tightness[2] * share * share
-    # Triangular factors of [[ee, dee, er, der], [., ee+p1, der, er], [., ., rr+p2, drr], [., ., ., rr+p3]].
+    # A = L D L^T = [[ee, dee, er, der], [., ee+p1, der, er], [., ., rr+p2, drr], [., ., ., rr+p3]], r = 1 / diag(D)
     r0 = 1.0 / ee
     l10, l20, l30 = dee * r0, er * r0, der * r0
     u21, u31 = der - l20 * dee, er - l30 * dee
@@ -84,6 +85,7 @@ def _solve(left, right, tightness, solution):  # type: ignore[no-untyped-def]
     r2 = 1.0 / (rr + p2 - l20 * er - l21 * u21)
     l32 = u32 * r2
     r3 = 1.0 / (rr + p3 - l30 * der - l31 * u31 - l32 * u32)
+    # L z = y, then L^T solution = D^-1 z
     z1 = y1 - l10 * y0
     z2 = y2 - l20 * y0 - l21 * z1
     z3 = y3 - l30 * y0 - l31 * z1 - l32 * z2
@@ -91,13 +93,14 @@ def _solve(left, right, tightness, solution):  # type: ignore[no-untyped-def]
     solution[2] = z2 * r2 - l32 * solution[3]
     solution[1] = z1 * r1 - l21 * solution[2] - l31 * solution[3]
     solution[0] = y0 * r0 - l10 * solution[1] - l20 * solution[2] - l30 * solution[3]
+    # ln L = 1/2 (z^T D^-1 z + ln(p1 p2 p3 / (D1 D2 D3))); the mean load has a flat prior, so there is no p0 / D0
     shrunk = p1 * r1 * p2 * r2 * p3 * r3
     return 0.5 * (y0 * y0 * r0 + z1 * z1 * r1 + z2 * z2 * r2 + z3 * z3 * r3 + math.log(shrunk))
 
 
 @njit(cache=True)
 def _bend(mean, rise, along):  # type: ignore[no-untyped-def]
-    """Return by how much a pad that stiffens bears more than a load that rises evenly, counts, see `STIFFENING`.
+    """Return the load of a stiffening pad minus the linear load, counts; see `STIFFENING`.
 
     Args:
         mean: Load at the middle of the contact, counts.
@@ -108,14 +111,14 @@ def _bend(mean, rise, along):  # type: ignore[no-untyped-def]
         return 0.0
     turn, lowest = rise * along / mean, -0.5 / STIFFENING
     if turn < lowest:
-        # Beyond its lowest point the parabola would rise again where the peg is lifted off the pad.
+        # Beyond its minimum the parabola would rise again, but the peg lifts off the pad there: the load stays constant.
         return mean * (STIFFENING * lowest * lowest + lowest - turn)
     return mean * STIFFENING * turn * turn
 
 
 @njit(cache=True)
 def _bent(weights, weighed, even, rising, along, first, middle, mean, rise):  # type: ignore[no-untyped-def]
-    """Return one finger's sums of what `_bend` adds, times even and rising, and the log likelihood that taking it off the readings adds."""
+    """Return the weighted sums bend·even and bend·rising of one finger, and the log likelihood gained by subtracting bend."""
     by_even = by_rising = gain = 0.0
     at_middle = mean + rise * middle
     for k in range(first, first + TAXELS):
@@ -130,13 +133,14 @@ def _bent(weights, weighed, even, rising, along, first, middle, mean, rise):  # 
 
 @njit(cache=True)
 def _evidence(weights, weighed, even, rising, along, middle, tightness, solution):  # type: ignore[no-untyped-def]
-    """Return the log likelihood of one template with the loads integrated out; `solution` gets the amounts of `_solve`.
+    """Return the log likelihood of one template with the loads integrated out; write the loads of `_solve` to `solution`.
 
-    The curvature of the loads follows from their rise. `middle` is the middle of the contact, in units of 20 mm, or NaN for loads that rise evenly.
+    The curvature of the loads follows from their rise. `middle` is the middle of the contact, in units of 20 mm; NaN
+    selects linear loads.
     """
     lee, ler, lrr, lye, lyr = _sums(weights, weighed, even, rising, 0)
     ree, rer, rrr, rye, ryr = _sums(weights, weighed, even, rising, TAXELS)
-    # The differences of near-equal sums that follow need double precision.
+    # The following differences of nearly equal sums need double precision.
     left = (float(lee), float(ler), float(lrr), float(lye), float(lyr))
     right = (float(ree), float(rer), float(rrr), float(rye), float(ryr))
     found = _solve(left, right, tightness, solution)
@@ -152,7 +156,7 @@ def _evidence(weights, weighed, even, rising, along, middle, tightness, solution
 
 @njit(cache=True)
 def _is_tilted(solution):  # type: ignore[no-untyped-def]
-    """Return whether the loads rise so much along the peg that their curvature counts."""
+    """Return True if the loads rise enough along the peg for their curvature to matter."""
     return abs(solution[2]) + abs(solution[3]) > LEAST_TURN * solution[0]
 
 
@@ -164,22 +168,24 @@ def _middle(borne):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _whole(borne, solution):  # type: ignore[no-untyped-def]
-    """Return the logarithm of the load of one pad, mean of both fingers, counts·m, under the amounts of `_evidence`."""
+    """Return the logarithm of the load of one pad, mean of both fingers, counts·m, for the loads of `_evidence`."""
     return math.log(max(solution[0] * borne[0] + solution[2] * borne[1], 1e-9))
 
 
 @njit(cache=True, forceinline=True)
 def _of_load(borne, load, solution):  # type: ignore[no-untyped-def]
-    """Return the log likelihood of the load under the amounts of `_evidence`, where one is expected."""
+    """Return the log likelihood of the loads of `_evidence`, given the expected load."""
+    # ln(q + (1 - q) exp(-(whole - expected)² precision / 2)), q = OTHER_LOAD
     away = _whole(borne, solution) - load[0]
     return math.log(OTHER_LOAD + (1.0 - OTHER_LOAD) * math.exp(-0.5 * load[1] * away * away))
 
 
 @njit(cache=True, forceinline=True)
 def _roughly_at(a, c, w, weights, weighed, against, tables, load, tightness, solution):  # type: ignore[no-untyped-def]
-    """Return the log posterior at coarse angle a, offset c and print w as `_at` does, for loads that rise evenly.
+    """Return the log posterior at coarse angle a, offset c and print w, as `_at` does, for linear loads.
 
-    `against` is the prior's share. The function is inlined, because a call with so many arrays costs as much as the sums.
+    `against` is the negative log prior. The function is inlined, because a call with so many arrays costs as much time
+    as the sums.
     """
     even, rising, borne = tables
     left = _sums(weights, weighed, even[w, a, c], rising[w, a, c], 0)
@@ -192,10 +198,10 @@ def _roughly_at(a, c, w, weights, weighed, against, tables, load, tightness, sol
 
 @njit(cache=True)
 def _at(i, j, w, weights, weighed, prior, even, rising, along, borne, load, tightness, solution):  # type: ignore[no-untyped-def]
-    """Return the log posterior at angle i, which may exceed either end of the grid, offset j and print w."""
+    """Return the log posterior at angle i, offset j and print w; i can exceed either end of the grid."""
     n, m = even.shape[1], even.shape[2]
     if i < 0 or i >= n:
-        # After half a turn the same axis has the opposite offset.
+        # The angle wraps after half a turn; the offset then changes its sign.
         i, j = i % n, m - 1 - j
     middle = _middle(borne[w, i, j])
     found = (
@@ -208,10 +214,10 @@ def _at(i, j, w, weights, weighed, prior, even, rising, along, borne, load, tigh
 
 @njit(cache=True)
 def _row(i, j, w, weights, weighed, prior, even, rising, along, borne, load, tightness, solution):  # type: ignore[no-untyped-def]
-    """Climb along the prints and offsets of angle i from j and w.
+    """Find the maximum over prints and offsets at angle i by hill climbing from j and w.
 
-    Returns the log posterior with the offset integrated out and the print at its best, the mean and the best place of
-    the offset, the best place of the print, the same interpolated between two prints, and its precision.
+    Returns the log posterior with the offset integrated out at the best print, the mean index and the best index of
+    the offset, the best index of the print, the same interpolated between two prints, and its precision.
     """
     last, m = even.shape[0] - 1, even.shape[2]
     j = min(max(j, 1), m - 2)
@@ -230,7 +236,7 @@ def _row(i, j, w, weights, weighed, prior, even, rising, along, borne, load, tig
             high = _at(i, j, w + 1, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
         bend, lean = 2.0 * here - low - high, 0.5 * (high - low)
         if here > 0.5 * NEVER and bend < -0.5 * NEVER:
-            # It and both neighbours are possible.
+            # All three prints are possible: the vertex of the parabola through them interpolates the print.
             surety = max(bend, 0.0)
             between = lean / max(surety, abs(lean), 1e-9)
             more = lean * between - 0.5 * surety * between * between
@@ -244,7 +250,8 @@ def _row(i, j, w, weights, weighed, prior, even, rising, along, borne, load, tig
         high = _at(i, j + 1, w, weights, weighed, prior, even, rising, along, borne, load, tightness, solution)
     bend, lean, middle = 2.0 * here - low - high, 0.5 * (high - low), float(j)
     if 0.0 < bend < -NEVER and low <= here and high <= here:
-        # The parabola through the three log posteriors gives the area of a Gaussian.
+        # Gaussian through the three log posteriors: ln(area) = here + lean² / (2 bend) - ln(bend) / 2,
+        # mean = j + lean / bend.
         more += 0.5 * lean * lean / bend - 0.5 * math.log(bend)
         middle += lean / bend
     return here + more, middle, j, w, w + between, surety
@@ -281,7 +288,7 @@ def posterior(  # type: ignore[no-untyped-def] # noqa: C901, PLR0915  compiled l
         prior[w] = beside + 0.5 * surety * (w - place) ** 2
     coarse, nearest = np.full(n // COARSE_THETA, NEVER), np.zeros(n // COARSE_THETA, np.int64)
     likeliest = np.full(n // COARSE_THETA, usual)
-    # Where no print is expected, the angle is looked for among all of them.
+    # If no print is expected, the search covers all prints.
     first_print, last_print = (usual, usual) if surety > 0.0 else (0, even.shape[0] - 1)
     reach = middle // COARSE_OFFSET if is_wide else NEAR
     for a in range(coarse.size):
@@ -345,7 +352,7 @@ def posterior(  # type: ignore[no-untyped-def] # noqa: C901, PLR0915  compiled l
             power += values[k] ** 2
             seen += 1.0
     misfit /= max(seen - AMOUNTS, 1.0)
-    # An unexplained remainder reduces the information in every reading.
+    # A misfit above 1 reduces the information in every reading: chance_k = exp((ln p_k - ln p_best) / misfit)
     worth = 1.0 / max(misfit, 1.0)
     mass = first = second = aside = 0.0
     for k in range(count):
@@ -356,6 +363,7 @@ def posterior(  # type: ignore[no-untyped-def] # noqa: C901, PLR0915  compiled l
         first += chance * away
         second += chance * away * away
         aside += chance * (about[k] - middle) * (1.0 if 0 <= turns[k] < n else -1.0)
+    # theta = theta_i + E[away]; sigma² = Var[away] + step² / 12, the second term from the grid's step
     first /= mass
     angle = (theta[i] + first + math.pi / 2) % math.pi - math.pi / 2
     sigma = math.sqrt(second / mass - first * first + step * step / 12.0)

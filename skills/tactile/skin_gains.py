@@ -1,8 +1,8 @@
-"""Gains of the taxels and point spread of the pads from a sweep: a long rod is held at known angles; pure.
+"""Calibration of the taxels' gains and the pads' point spread from a sweep of a long rod over known angles; pure.
 
-The model is that of the templates. At every angle each finger carries a load along the rod, a constant and a part that
-rises along it, and a taxel reads its gain times what the template of that angle says. For one point spread, loads and
-gains are fitted in turn, each by linear least squares; the point spread with the least residual is taken.
+The model is that of the templates. At every angle, the load of each finger is a constant plus a part that rises along
+the rod. A taxel's reading is its gain times the template of that angle. For each point spread, loads and gains are
+fitted alternately by linear least squares. The result is the point spread with the least residual.
 """
 
 from collections.abc import Sequence
@@ -16,13 +16,13 @@ from drivers.skin.layout import Layout, positions
 from skills.tactile.templates import TemplateParams, make_templates
 
 SPREADS = np.arange(0.6e-3, 2.41e-3, 0.2e-3)
-"""Point spreads that are tried, m."""
+"""Point spreads to try, m."""
 ROUNDS = 20
 LEAST_SIGNAL = 0.3
-"""Least share of the brightest taxel's best reading that a taxel should read at its own best angle for its gain to be measured."""
+"""Least peak template reading of a taxel for its gain to be fitted, as a fraction of the largest peak of all taxels."""
 
 END = 3e-3
-"""Distance from a pad's ends within which taxels see the end of the rod's groove, m."""
+"""Distance from a pad's ends within which the end of the rod's groove affects the taxels, m."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,13 +30,13 @@ class SkinGains:
     """Result of the fit to a sweep."""
 
     gains: Vector
-    """Gain of each taxel, shape (2, 20); the mean of the measured gains is 1 on each finger, and gains not measured are 1."""
+    """Gain of each taxel, shape (2, 20); the measured gains have mean 1 on each finger, the others are 1."""
     measured: Mask
     """True for each taxel whose gain was measured, shape (2, 20)."""
     point_spread: float
     """Standard deviation of the elastomer's point spread, m."""
     residual: float
-    """Root mean square of the residual, as a share of that of the readings, fraction."""
+    """RMS of the residual over RMS of the readings, fraction."""
 
 
 def rod_angles(step: float) -> Vector:
@@ -52,9 +52,9 @@ def fit_gains(
 
     Args:
         angles: Angles of the rod in the hand, shape (n,), rad, multiples of the templates' step of half a degree.
-        readings: Mean of some frames at each angle, counts above the baseline, shape (n, 2, 20).
-        trusted: Taxels that could be trusted throughout the sweep, shape (2, 20).
-        rod: The rod, long enough to lie across the whole pad, in its middle.
+        readings: Mean readings at each angle, counts above the baseline, shape (n, 2, 20).
+        trusted: Mask of the taxels trusted throughout the sweep, shape (2, 20).
+        rod: The rod, long enough to cross the whole pad, held at its middle.
         layout: Layout of the taxels.
         spreads: Point spreads to try, evenly spaced, m.
 
@@ -68,11 +68,12 @@ def fit_gains(
     best = int(left.argmin())
     spread = float(spreads[best])
     if 0 < best < len(fits) - 1:
-        # The least residual lies at the vertex of the parabola through the best point spread and its neighbours.
+        # Vertex of the parabola through the squared residuals b, a, c at s - h, s, s + h: s + h/2 (b - c) / (b - 2a + c)
         before, at, after = left[best - 1 : best + 2] ** 2
         spread += 0.5 * float((before - after) / (before - 2 * at + after)) * float(spreads[1] - spreads[0])
     gains, measured, residual = fits[best]
-    # The model is least certain at the pad's ends, alike at both ends of both fingers, so only differences are used there.
+    # The model is least accurate at the pad's ends and has the same error at both ends of both fingers. Only the
+    # differences between these gains are used.
     along = np.abs(positions(layout)[:, 0])
     at_end = measured & (along > along.max() - END)
     if at_end.any():
@@ -100,9 +101,11 @@ def _fit(
         for finger in range(FINGERS):
             use = measured[finger]
             for k in range(len(angles)):
+                # Loads at angle k: min |y - g (a even + b rising)|²
                 basis = (model[:, k, finger] * gains[finger])[:, use].T
                 load = np.linalg.lstsq(basis, readings[k, finger, use], rcond=None)[0]
                 predicted[k, finger] = load @ model[:, k, finger]
+            # Gain of each taxel: min |y - g m|² over all angles, g = sum(m y) / sum(m²), scaled to mean 1
             power = (predicted[:, finger] ** 2).sum(axis=0)
             fitted = (predicted[:, finger] * readings[:, finger]).sum(axis=0) / np.maximum(power, 1e-9)
             gains[finger, use] = fitted[use] / fitted[use].mean()

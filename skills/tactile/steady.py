@@ -1,7 +1,7 @@
-"""Whether the skin of a hand that has just closed shows one peg, frame after frame.
+"""Check that the skin shows a steady print of the peg after the hand has closed.
 
-A single frame of a module that reads at random may look like a print. A peg that rests in the hand is a print in every frame, and all
-modules then repeat their readings to within noise.
+A single frame with random readings of a faulty module can resemble a print. If a peg rests in the hand, every frame
+shows its print and all modules repeat their readings to within noise.
 """
 
 import numpy as np
@@ -11,31 +11,37 @@ from drivers.quantities import FINGER_NAMES, FINGERS, Mask, TaxelFrame
 from drivers.skin.layout import MODULE_OF, MODULES
 
 JUDGED = 8
-"""Largest number of frames that are judged after the first one: 0.8 s of a skin at 10 Hz."""
+"""Largest number of frames to judge after the first one: 0.8 s at 10 Hz."""
 NEEDED = 3
-"""Number of frames that show the peg from which the print is believed, and of those with a restless module from which it is refused. A noisy skin,
-or a weak grip, shows the peg in most frames but not in all. Source: docs/tried/grasp.md.
+"""Number of frames that decide: with the peg, the print is accepted; with a restless module, it is rejected.
+
+If the skin is noisy or the grip weak, most frames show the peg, but not all. Source: docs/tried/grasp.md.
 """
 STEADY = 3500.0
-"""Largest median change of a module's readings from one frame to the next of a peg at rest, counts. Source: docs/tried/grasp.md."""
+"""Largest median change of a module's readings between two frames while the peg rests, counts. Source: docs/tried/grasp.md."""
 
 
 class GraspPrint:
-    """Gathers the frames of a closed hand at rest until they tell whether the skin shows the peg."""
+    """Frames of a closed hand at rest, judged until it is decided whether the skin shows the peg."""
 
     def __init__(self) -> None:
-        """Begin without a frame."""
+        """Start without a frame."""
         self._before: TaxelFrame | None = None
         self._judged = self._agreed = self._spoilt = 0
         self._restless = np.zeros(FINGERS * MODULES, dtype=int)
 
     @property
     def is_judged(self) -> bool:
-        """Whether enough frames have been taken."""
+        """True if enough frames have been judged."""
         return max(self._agreed, self._spoilt) >= NEEDED or self._judged >= JUDGED
 
     def take(self, frame: TaxelFrame, is_print: bool) -> None:
-        """Take one new frame; `is_print` tells whether the estimator finds a peg in it. The first is only what the next is compared with."""
+        """Add one new frame; the first frame serves only as the reference of the second.
+
+        Args:
+            frame: The new frame.
+            is_print: True if the estimator finds a peg in the frame.
+        """
         before, self._before = self._before, frame
         if before is None:
             return
@@ -47,10 +53,10 @@ class GraspPrint:
         self._agreed += is_print and not is_spoilt
 
     def require(self) -> None:
-        """Make sure that enough frames show the peg.
+        """Check that enough frames show the peg.
 
         Raises:
-            SkinUntrustedError: They do not; one line that names a module that does not repeat its readings, if there is one.
+            SkinUntrustedError: Too few frames show the peg; the message names a restless module, if there is one.
         """
         if self._agreed >= NEEDED:
             return
@@ -66,7 +72,7 @@ class GraspPrint:
 
 
 def restless_modules(before: TaxelFrame, frame: TaxelFrame) -> Mask:
-    """Return which modules change more from one frame to the next than a peg at rest explains, shape (4,); single taxels do not count."""
+    """Return a mask of the modules, shape (4,), whose median change between two frames exceeds `STEADY`."""
     known = before.trusted & frame.trusted
     change = np.abs(frame.values - before.values)
     modules = [change[known & (module == MODULE_OF)] for module in range(FINGERS * MODULES)]

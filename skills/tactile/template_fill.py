@@ -1,6 +1,6 @@
-"""The readings of all taxels under a line of load, compiled: the sums that `skills.tactile.templates` tabulates once.
+"""Compiled readings of all taxels under a line load; `skills.tactile.templates` tabulates them once.
 
-The module stands apart so that modules which only name the estimators, as the config and the register map do, import no
+The module is separate so that the config and the register map, which only name the estimators, do not import the
 compiler.
 """
 
@@ -13,14 +13,14 @@ from drivers.compiled import njit
 HALF_LINE = 0.02
 """Distance from the finger centre at which a load of unit rise has grown by 1, m."""
 FAR = 25.0
-"""Squared distance beyond which a line of load is not felt, in squared standard deviations of the blur."""
+"""Squared distance beyond which a line load is neglected, in squared standard deviations of the blur."""
 SURE = 4.5
-"""Distance from an end of the line, in standard deviations times the root of two, from which on the end is not felt; what is left out is 2e-10."""
+"""Distance from an end of the line, in standard deviations times the root of two, beyond which the end is neglected; the error is 2e-10."""
 
 
 @njit(cache=True, inline="always")
 def _end(distance):  # type: ignore[no-untyped-def]
-    """Return the integral of the blur up to an end of the line, and its density there, both times 2 over what is the root of pi."""
+    """Return the integral of the blur up to an end of the line, erf(u), and exp(-u²), for u = `distance`."""
     if distance > SURE:
         return 1.0, 0.0
     if distance < -SURE:
@@ -30,7 +30,8 @@ def _end(distance):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, inline="always")
 def _spread(beside, groove, groove_weights, blur):  # type: ignore[no-untyped-def]
-    """Return the load of the blurred groove at a distance beside its middle."""
+    """Return the load of the blurred groove at the distance `beside` from its middle."""
+    # sum over g of w_g exp(-((beside - groove_g) / blur)² / 2)
     spread = 0.0
     for g in range(groove.size):
         square = ((beside - groove[g]) / blur) ** 2
@@ -58,11 +59,11 @@ def fill(  # type: ignore[no-untyped-def] # noqa: C901  compiled nested loops ov
     first,
     last,
 ):
-    """Fill in the readings of all taxels for every length of the line behind the finger centre, the angles from `first` to before `last`, and every
-    offset; where the line misses the pad, nothing.
+    """Fill in the readings of all taxels for every line length behind the finger centre, angle and offset.
 
-    The readings are in units of the load over 2·sqrt(2 pi)·blur. `backs` have to fall, so that lines which end at the
-    pad's edge alike follow one another.
+    Angles run from `first` to before `last`. If the line misses the pad, its readings stay unchanged. Readings are in
+    units of the load over 2·sqrt(2 pi)·blur. `backs` must decrease, so that lines with the same end at the pad's edge
+    are adjacent.
     """
     scale = 1.0 / (blur * math.sqrt(2.0))
     density = 1.0 / (scale * math.sqrt(math.pi))
@@ -97,6 +98,8 @@ def fill(  # type: ignore[no-untyped-def] # noqa: C901  compiled nested loops ov
                             break
                         if low != before:
                             lower, at_lower = _end((low - along) * scale)
+                            # area = spread (erf(u_high) - erf(u_low)), u = (end - along) scale
+                            # slope = along · area - spread (exp(-u_high²) - exp(-u_low²)) / (scale sqrt(pi))
                             area = spread * (upper - lower)
                             slope = along * area - spread * (at_upper - at_lower) * density
                             before = low

@@ -1,10 +1,9 @@
-"""Readings of the taxels for a peg at any angle and offset, in closed form: the model that estimators compare a frame
-with.
+"""Model of the taxels' readings for a peg at any angle and offset, in closed form; estimators compare frames with it.
 
-The peg presses a line into each pad. Its load per metre is a constant and a part that rises along the peg; its groove
-has the parabolic pressure of a bed of springs; the elastomer blurs with a Gaussian, and a taxel averages over its disc.
-Along the line the blurred load is a difference of error functions; disc and groove are small sums. A peg with flat
-sides presses a face, which is an even mean of parallel lines.
+The peg presses a line into each pad. Its load per metre is a constant plus a part that rises along the peg. Its groove
+has the parabolic pressure of a bed of springs. The elastomer blurs with a Gaussian, and a taxel averages over its disc.
+Along the line, the blurred load is a difference of error functions; disc and groove are small sums. A peg with flat
+sides presses a face, modelled as the mean of parallel lines.
 """
 
 import math
@@ -24,11 +23,11 @@ from drivers.quantities import FINGERS, TAXELS, Vector
 from drivers.skin.layout import Layout, finger_positions, pad_size
 
 MOST_THREADS = 8
-"""Largest number of threads that fill the tables."""
+"""Largest number of threads for filling the tables."""
 
 
 class TemplateParams(ConfigModel):
-    """The pad as its maker states it; the simulated pad may differ.
+    """The pad by its maker's data; the simulated pad can differ.
 
     Source: chosen on simulated pads, its effect measured by `cell study tactile`.
     """
@@ -36,23 +35,24 @@ class TemplateParams(ConfigModel):
     blur: Annotated[float, Field(ge=1e-4, le=1e-2)] = 1.2e-3
     """Standard deviation of the point spread of 1 mm of elastomer, m; assumed, about the thickness."""
     taxel_diameter: Annotated[float, Field(ge=1e-3, le=7e-3)] = 4e-3
-    """Diameter of the round area that one taxel averages over, m; assumed, about half the pitch."""
+    """Diameter of the sensitive disc of one taxel, m; assumed, about half the pitch."""
     indentation: Annotated[float, Field(ge=1e-5, le=3e-3)] = 8.5e-4
-    """Depth of the groove that a usual grip leaves, m; the groove then reaches 2.6 mm to either side under 8 mm."""
+    """Depth of the groove under a usual grip, m; half the groove is then 2.6 mm wide under a diameter of 8 mm."""
     theta_step: Annotated[float, Field(ge=2e-3, le=0.1)] = math.pi / 360
     """Angle between neighbouring templates, rad."""
     offset_step: Annotated[float, Field(ge=5e-5, le=2e-3)] = 2.5e-4
     """Offset between neighbouring templates, m."""
     offset_reach: Annotated[float, Field(ge=1e-3, le=1e-2)] = 1e-2
-    """Largest distance of the peg's axis from the finger centre, m; from there on a print of 8 mm leaves the pad. Source: docs/tried/angle.md."""
+    """Largest distance of the peg's axis from the finger centre, m; beyond it the print of 8 mm leaves the pad. Source: docs/tried/angle.md."""
 
     def broader(self, factor: float) -> Self:
-        """Return the pad with prints that are broader by `factor`, point spread and groove alike."""
+        """Return the pad with prints broader by `factor`, in both point spread and groove."""
+        # The half-width of a groove of depth d under a radius r is sqrt(2 r d): d grows with factor².
         return self.model_copy(update={"blur": factor * self.blur, "indentation": factor**2 * self.indentation})
 
 
 COARSE_THETA, COARSE_OFFSET = 5, 4
-"""Steps along angle and offset between the templates that are tried first."""
+"""Steps along angle and offset between the templates of the coarse search."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,24 +60,25 @@ class Templates:
     """Readings of every taxel for all angles and offsets of one grid, for one print or several."""
 
     theta: Vector
-    """Angles, shape (n,), rad, from -pi/2 up, evenly spaced over half a turn."""
+    """Angles, shape (n,), rad, increasing from -pi/2, evenly spaced over half a turn."""
     offset: Vector
     """Offsets, shape (m,), m, evenly spaced about 0."""
     even: NDArray[np.float32]
-    """Readings for a load of 1 along the whole peg, shape (p, n, m, 40); a taxel under an endless peg reads 1."""
+    """Readings for a load of 1 along the whole peg, shape (p, n, m, 40); 1 is the reading under an endless peg."""
     rising: NDArray[np.float32]
     """Readings for a load that rises from 0 at the finger centre to 1 at `HALF_LINE` towards the tip, shape (p, n, m, 40)."""
     along: NDArray[np.float32]
-    """Places of the taxels along the peg, from the finger centre towards the tip, in units of `HALF_LINE`, shape (n, 40)."""
+    """Positions of the taxels along the peg, from the finger centre towards the tip, in units of `HALF_LINE`, shape (n, 40)."""
     borne: NDArray[np.float32]
-    """Whole load of one pad under a load of 1 along the peg, and under one that rises as above, shape (p, n, m, 2), m."""
+    """Total load of one pad for the loads of `even` and of `rising`, shape (p, n, m, 2), m."""
     coarse: tuple[NDArray[np.float32], ...] = ()
-    """Copies of even, rising and borne at the coarse steps, the middle offset among them: they stay in the processor's
-    cache, where the whole tables take a hundred megabytes.
+    """Copies of even, rising and borne at the coarse steps, including the middle offset.
+
+    The copies fit in the processor's cache; the whole tables take a hundred megabytes.
     """
 
     def __post_init__(self) -> None:
-        """Copy the coarse steps, and forbid writing: estimators share the tables."""
+        """Copy the coarse steps and make all arrays read-only, because estimators share the tables."""
         if not self.coarse:
             first = self.offset.size // 2 % COARSE_OFFSET
             tables = (self.even, self.rising, self.borne)
@@ -89,20 +90,20 @@ class Templates:
             table.flags.writeable = False
 
     def part(self, first: int, last: int) -> "Templates":
-        """Return the prints from `first` to before `last`; the tables are shared."""
+        """Return the prints from `first` to before `last`; the result shares the tables."""
         even, rising, borne = (table[first:last] for table in (self.even, self.rising, self.borne))
         coarse = tuple(table[first:last] for table in self.coarse)
         return Templates(self.theta, self.offset, even, rising, self.along, borne, coarse)
 
 
 def make_templates(layout: Layout, peg: Peg, params: TemplateParams) -> Templates:
-    """Return the templates of a peg that is held as stated on one layout, p = 1; the first call takes a fraction of a second."""
+    """Return the templates of a peg held with its stated overhang, p = 1; the first call takes a fraction of a second."""
     return reaching_templates(layout, peg, params, (peg.overhang,))
 
 
 @lru_cache(maxsize=2)
 def broad_templates(layout: Layout, peg: Peg, params: TemplateParams, factors: tuple[float, ...]) -> Templates:
-    """Return the templates of prints that are broader by each of `factors`."""
+    """Return the templates of prints broader by each of `factors`."""
     made = [_make(layout, peg, params.broader(factor), (peg.overhang,)) for factor in factors]
     even, rising, borne = (
         np.concatenate([getattr(each, table) for each in made]) for table in ("even", "rising", "borne")
@@ -112,7 +113,7 @@ def broad_templates(layout: Layout, peg: Peg, params: TemplateParams, factors: t
 
 @lru_cache(maxsize=4)
 def reaching_templates(layout: Layout, peg: Peg, params: TemplateParams, overhangs: tuple[float, ...]) -> Templates:
-    """Return the templates of pegs that reach beyond the finger centre by each of `overhangs`, m, and not by their own."""
+    """Return the templates of pegs that reach beyond the finger centre by each of `overhangs`, m, instead of by `peg.overhang`."""
     return _make(layout, peg, params, overhangs)
 
 
@@ -125,7 +126,8 @@ def _make(layout: Layout, peg: Peg, params: TemplateParams, overhangs: tuple[flo
     side = round(params.offset_reach / params.offset_step)
     offset = np.arange(-side, side + 1, dtype=np.float64) * params.offset_step
     length, width = pad_size(layout)
-    # Seven points integrate polynomials over a disc exactly up to the fifth power.
+    # Seven-point rule on a disc of radius R, exact for polynomials up to degree 5:
+    # weight 1/4 at the centre, 1/8 at six points on the radius R sqrt(2/3).
     turn = np.arange(6) * math.pi / 3
     reach = params.taxel_diameter / 2 * math.sqrt(2.0 / 3.0)
     disc = np.concatenate([[[0.0, 0.0]], reach * np.column_stack([np.cos(turn), np.sin(turn)])])
@@ -142,7 +144,7 @@ def _make(layout: Layout, peg: Peg, params: TemplateParams, overhangs: tuple[flo
         np.zeros((2, backs.size, theta.size, lines.size, TAXELS)),
         np.zeros((2, backs.size, 1, lines.size, TAXELS)),
     )
-    # Every angle is a row of its own, so that threads share the work.
+    # Each angle fills its own row, so threads can share the work.
     bounds = np.linspace(0, theta.size, min(os.cpu_count() or 1, MOST_THREADS) + 1).astype(int).tolist()
 
     def fill_rows(first: int, last: int) -> None:
@@ -169,9 +171,10 @@ def _make(layout: Layout, peg: Peg, params: TemplateParams, overhangs: tuple[flo
 
 
 def _along(theta: Vector, layout: Layout) -> NDArray[np.float32]:
-    """Return how far along the peg the taxels lie, see `Templates.along`, for angles, shape (n,), rad."""
+    """Return the taxels' positions along the peg, see `Templates.along`, for angles `theta`, shape (n,), rad."""
     from skills.tactile.template_fill import HALF_LINE  # imports the compiler as well
 
+    # along = x cos(theta) + y sin(theta)
     along = np.column_stack([np.cos(theta), np.sin(theta)]) @ finger_positions(layout).reshape(-1, 2).T
     return (along / HALF_LINE).astype(np.float32)
 
@@ -179,7 +182,7 @@ def _along(theta: Vector, layout: Layout) -> NDArray[np.float32]:
 def _borne(
     theta: Vector, offset: Vector, half: tuple[float, float], tip: float, overhangs: tuple[float, ...]
 ) -> NDArray[np.float32]:
-    """Return what one pad bears under loads along the peg's axis, see `Templates.borne`.
+    """Return the total load of one pad under loads along the peg's axis, see `Templates.borne`.
 
     Args:
         theta: Angles, shape (n,), rad.
@@ -197,12 +200,19 @@ def _borne(
         along = np.where(np.abs(step) < 1e-9, 1e-9, step)
         low = np.maximum(low, -start / along - np.abs(edge / along))
         high = np.minimum(high, -start / along + np.abs(edge / along))
+    # Integrals of 1 and of s / HALF_LINE over s from low to high
     length = np.maximum(high - low, 0.0)
     return np.stack([length, length * (high + low) / (2.0 * HALF_LINE)], axis=-1).astype(np.float32)
 
 
 def _beside(lines: Vector, face: Vector, whole: float) -> NDArray[np.float32]:
-    """Return the readings under a face from those under lines, shape (n, m + face's size - 1, 20), in units of `whole`."""
+    """Return the readings under a face, in units of `whole`, as the weighted sum over its lines.
+
+    Args:
+        lines: Readings under lines, shape (n, m + size of the face - 1, 20).
+        face: Weights of the face's lines.
+        whole: Reading of a taxel under the face of an endless peg.
+    """
     count = lines.shape[1] - face.size + 1
     summed = np.zeros((lines.shape[0], count, lines.shape[2]))
     for k in range(face.size):
