@@ -159,7 +159,7 @@ class JournalWriter:
     def _work(self) -> None:
         try:
             self._start()
-        except Exception as error:  # `open` raises it in its own thread instead of waiting for ever
+        except Exception as error:  # passed to `open`, which raises it instead of waiting for ever
             self._end()
             with self._changed:
                 self._failed = _unusable(self._folder, error) if isinstance(error, OSError) else error

@@ -78,7 +78,7 @@ class TerminalLine:
         self._watch(report)
 
     def accept(self, command: Command) -> None:
-        """After a control, call the function with its result; for a program, the reports contain it."""
+        """Call the function with the result of a control; for a program, the reports contain it."""
         if command.code < FIRST_PROGRAM:
             self._watch(Report(sequence=command.sequence, result=Result.SUCCESS))
 
