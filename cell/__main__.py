@@ -1,6 +1,6 @@
 """Entry point of `python -m cell` and of the command `cell`.
 
-Worker processes import this module again, so that it imports what a command needs only when that command is run.
+Worker processes import this module again, so a command's dependencies are imported only when it runs.
 """
 
 import gc
@@ -21,23 +21,21 @@ def main() -> int:
         try:
             from cell.cli import main as run
         except CellError as error:
-            # Faults of a catalogue show when it is read.
+            # Faults of a catalogue are raised at its import.
             sys.stderr.write(f"{error}\n")
             return 2
         return run()
-    except (
-        KeyboardInterrupt
-    ):  # before the command line listens, or a second time while what was interrupted is put in order
+    except KeyboardInterrupt:  # before the command line handles signals, or a second time during cleanup
         sys.stderr.write("cell: stopped\n")
         return 1
     finally:
-        # Whatever the interpreter still has to put in order, another Ctrl-C ends it at once.
+        # During the interpreter's own cleanup, another Ctrl-C ends the process at once.
         signal.signal(signal.SIGINT, signal.SIG_DFL)
-        gc.freeze()  # what is left goes with the process; looking for cycles in it would take half a second
+        gc.freeze()  # the process frees its memory at exit; a search for cycles would take half a second
 
 
 def _foreign_packages() -> str:
-    """Return one line if another distribution's package hides one of this program's, or an empty text."""
+    """Return one line if another distribution's package hides one of this program's; else empty."""
     home = Path(__file__).parent.parent
     for name in ("drivers", "plc_bridge", "sim", "skills"):
         found = find_spec(name)

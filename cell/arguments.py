@@ -1,4 +1,4 @@
-"""Options that several commands share: their types, and the config and the journal that they name; imports nothing heavy."""
+"""Options shared by several commands, with the config and the journal that they name; it imports nothing slow."""
 
 import argparse
 from collections.abc import Iterable
@@ -16,9 +16,7 @@ if TYPE_CHECKING:
 
 
 class Parser(argparse.ArgumentParser):
-    """Parser of the command line that raises its errors, so that they are reported like any other wrong use, with what
-    may have been meant.
-    """
+    """Parser of the command line that raises its errors, so that they are reported like other wrong use, with a suggestion."""
 
     def error(self, message: str) -> NoReturn:
         """Raise the error.
@@ -36,7 +34,7 @@ class Parser(argparse.ArgumentParser):
         """
         for word in args or ():
             if word == "--" or (self._subparsers is not None and not word.startswith("-")):
-                break  # the rest is that of a command
+                break  # the rest belongs to a command
             option = word.split("=", 1)[0]
             if option.startswith("--") and not any(known.startswith(option) for known in self._option_string_actions):
                 known = [name for name in self._option_string_actions if name.startswith("--")]
@@ -68,7 +66,7 @@ def add_journal(parser: argparse.ArgumentParser) -> None:
 
 
 def load_config(args: argparse.Namespace, default_pace: str | None = None) -> "LoadedConfig":
-    """Return the config that --config and --set name, at `default_pace` unless --set says another.
+    """Return the config named by --config and --set, at `default_pace` unless --set replaces it.
 
     Raises:
         ConfigError: The config is wrong.
@@ -82,7 +80,7 @@ def load_config(args: argparse.Namespace, default_pace: str | None = None) -> "L
 
 
 def open_journal(args: argparse.Namespace, config: "JournalConfig") -> "Journal":
-    """Return the journal to write, not yet open: of --journal, of the config's `folder`, or of the user's own data folder."""
+    """Return the journal for writing, not yet open: in --journal, the config's `folder`, or the user's data folder."""
     from cell.journal import Journal, default_folder
     from cell.journal_upkeep import Keep
 
@@ -91,14 +89,14 @@ def open_journal(args: argparse.Namespace, config: "JournalConfig") -> "Journal"
 
 
 def read_journal(args: argparse.Namespace) -> "Journal":
-    """Return the journal to read, not yet open: of --journal, or of the user's own data folder."""
+    """Return the journal for reading, not yet open: in --journal, or the user's data folder."""
     from cell.journal import Journal, default_folder
 
     return Journal(args.journal or default_folder(), is_read_only=True)
 
 
 def add_query(parser: argparse.ArgumentParser) -> None:
-    """Add the options that select the runs of a question."""
+    """Add the options that select runs."""
     parser.add_argument("--since", default="", metavar="WHEN", help="30m, 12h, 7d, 4w back, or a date in local time")
     parser.add_argument("--outcome", metavar="WORD", help="success, failure, aborted, fault, lost or running")
     parser.add_argument("--fault", type=positive, metavar="CODE", help="number of a fault, as in 2004")
@@ -108,7 +106,7 @@ def add_query(parser: argparse.ArgumentParser) -> None:
 
 
 def query_of(args: argparse.Namespace) -> "RunQuery":
-    """Return the selection of runs that the options state.
+    """Return the selection of runs from the options.
 
     Raises:
         ConfigError: A time or a word in it is wrong.
@@ -125,10 +123,10 @@ def query_of(args: argparse.Namespace) -> "RunQuery":
 
 
 def require_program(query: "RunQuery") -> None:
-    """Make sure, for a question that found no run, that the program which it names exists.
+    """If a query found no run, require that its program exists.
 
     Raises:
-        ConfigError: There is no such program.
+        ConfigError: The program does not exist.
     """
     from skills.catalogue import CATALOGUE
 
@@ -137,7 +135,7 @@ def require_program(query: "RunQuery") -> None:
 
 
 def out_folder(folder: Path) -> Path:
-    """Return the folder that a command writes to, which is made where it is missing.
+    """Return the output folder of a command; create it if it is missing.
 
     Raises:
         ConfigError: The folder cannot be made.
@@ -150,10 +148,10 @@ def out_folder(folder: Path) -> Path:
 
 
 def require_known(what: str, name: str, known: Iterable[str]) -> None:
-    """Make sure that a name is a known one.
+    """Require a known name.
 
     Raises:
-        ConfigError: The name is unknown; `what` says what it should name.
+        ConfigError: The name is unknown; `what` is the kind of name, for the message.
     """
     known = list(known)
     if name not in known:

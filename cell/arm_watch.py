@@ -1,4 +1,4 @@
-"""Whether the arm's calibration still fits what the arm does in a run; pure."""
+"""Check of the arm's calibration against the joint torques of a run; pure."""
 
 import logging
 
@@ -12,21 +12,22 @@ from skills.contract import Observation
 logger = logging.getLogger(__name__)
 
 MOVING = 0.03
-"""Velocity from which on a joint's torque tells of its friction, rad/s."""
+"""Joint velocity above which the torque contains full friction, rad/s."""
 LEAST_SCANS = 50
-"""Number of scans in which a joint has to have moved in one sense before it is judged: those of one transfer."""
+"""Least number of scans with motion in one direction before a joint is judged; one transfer has about as many."""
 MOST_APART = 3.0
-"""Standard deviations, of those that learning begins with, by which the torque in one sense may differ in the mean."""
+"""Largest deviation of the mean torque in one direction, in standard deviations of the calibration's prior."""
 
 
 class ArmWatch:
-    """Compares, in every scan in which nothing touches the hand, the torque that each joint takes with what its calibration says.
+    """Compares each joint's torque with its calibration, in scans of free motion.
 
-    Means over one sense of motion are compared, so that the inertia of rotors, which speeds up as often as it slows down, cancels out.
+    Means over one direction of motion are compared: the torque that accelerates rotors then cancels the torque that
+    decelerates them.
     """
 
     def __init__(self, calibration: ArmCalibration | None, arm: ArmModel) -> None:
-        """Take the calibration, if there is one, and the figures of its arm."""
+        """Keep the calibration; without one, nothing is compared. `arm` holds the figures of its arm."""
         self._calibration = calibration
         self._told = ""
         if calibration is not None:
@@ -39,7 +40,7 @@ class ArmWatch:
         self._sums, self._counts = np.zeros((2, JOINTS)), np.zeros((2, JOINTS))
 
     def see(self, seen: Observation, setpoint: ImpedanceSetpoint | None) -> None:
-        """Take one scan with the setpoint that was held."""
+        """Add one scan and its setpoint."""
         if self._calibration is None or setpoint is None or not setpoint.is_free or seen.arm.unexplained is None:
             return
         apart = seen.arm.unexplained - self._calibration.predicted(seen.arm.dq)
@@ -48,7 +49,7 @@ class ArmWatch:
             self._counts[sense] += is_moving
 
     def end(self) -> str:
-        """Judge the run, and return what does not fit; one that hardly moved the arm leaves the verdict as it was."""
+        """Judge the run and return the largest misfit, one line, empty if all fits; without enough motion, keep the last verdict."""
         is_judged = self._counts >= LEAST_SCANS
         if self._calibration is None or not is_judged.any():
             return self._told

@@ -1,7 +1,7 @@
-"""Makes devices, clock and estimator from a CellConfig, opens the devices, and closes them in reverse order.
+"""Builds devices, clock and estimator from a CellConfig, opens the devices, and closes them in reverse order.
 
-This is the only module that names hardware and simulated classes together, and where the type checker proves that each
-satisfies its protocol. Simulated classes are imported only when a config asks for them.
+Only this module names hardware and simulated classes together; here the type checker proves that each satisfies its
+protocol. Simulated classes are imported only if a config needs them.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -60,20 +60,20 @@ if TYPE_CHECKING:
     from sim.truth import Truth
 
 SCAN_STREAM = 5
-"""Key of the random stream for scans that come late."""
+"""Key of the random stream for late scans."""
 SEARCH_STREAM = 3
-"""Key of the random stream for choices of the skills; the simulated world draws from the streams before it."""
+"""Key of the random stream for choices of the skills; the simulated world uses the lower keys."""
 
 
 def _nothing() -> None:
-    """Do nothing: the people and machines around a real cell do it."""
+    """Do nothing: at a real cell, people and machines do this work."""
 
 
 class Pluggable(Protocol):
-    """A device of a simulated cell whose cable somebody may pull out and plug in again."""
+    """A simulated device with a cable that can be unplugged."""
 
     is_unplugged: bool
-    """Whether the cable is pulled out."""
+    """True if the cable is unplugged."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,36 +89,36 @@ class Cell:
     restock: Callable[[Job, int], None]
     """Function that sets up the workpiece and pegs of the run with this seed; on hardware the line does it."""
     exchange: Callable[[], None] = _nothing
-    """Function that takes the workpiece with the seated peg away; on hardware the line does it."""
+    """Function that removes the workpiece with the seated peg; on hardware the line does it."""
     refill: Callable[[], None] = _nothing
     """Function that fills the rack; on hardware it does nothing, because a person fills the rack before reporting it."""
     clear: Callable[[], None] = _nothing
-    """Function that takes the peg away from wherever it is; on hardware it does nothing, because a person takes the peg away before reporting it."""
+    """Function that removes the peg from any place; on hardware it does nothing: a person removes the peg before reporting it."""
     errors: Mapping[str, str] = field(default_factory=dict)
     """Errors drawn for a simulated cell, by name, for records."""
     truth: "Callable[[], Truth] | None" = None
-    """Function that returns the true state, which no sensor tells; None on hardware."""
+    """Function that returns the true state, which no sensor measures; None on hardware."""
     pivot: Callable[[], tuple[float, Vector]] | None = None
-    """Function that returns the part of the truth that is compared in every scan: in-hand angle, rad, and tip, m, base frame; None on hardware."""
+    """Function that returns the true in-hand angle, rad, and tip, m, base frame, for every scan; None on hardware."""
     sight: Callable[[], Sight] | None = None
     """Function that returns the true poses of peg and hole, for pictures of a run; None on hardware."""
     arm_calibration: ArmCalibration | None = None
-    """Calibration that the arm's learning begins with; None where the config names none."""
+    """Calibration with which the arm's learning starts; None if the config names none."""
     boards: tuple[Device, ...] = ()
     """Emulated boards that are powered before the devices are opened."""
     skin_wire: "EmulatedCan | EmulatedLine | None" = None
-    """Emulated wire of the skin, whose faults may be replaced; None where there is none."""
+    """Emulated wire of the skin, with replaceable faults; None if there is none."""
     skin_figures: Callable[[], SkinFigures] | None = None
-    """Function that returns how well the skin is received; None for a simulated skin without a wire."""
+    """Function that returns the reception figures of the skin; None for a simulated skin without a wire."""
     cables: Mapping[str, Pluggable] = field(default_factory=dict)
-    """Simulated devices by name whose cables may be pulled out in a rehearsal; no real device is among them."""
+    """Simulated devices, by name, with cables that can be unplugged in a rehearsal; empty on hardware."""
 
     def devices(self) -> tuple[tuple[str, Device], ...]:
-        """Return the devices by name, in the order in which they are opened."""
+        """Return the devices by name, in opening order."""
         return (("arm", self.arm), ("gripper", self.gripper), ("skin", self.skin), ("switch", self.switch))
 
     def context(self, seed: int) -> SkillContext:
-        """Return a skill's context; `seed` is that of the choices which skills make at random."""
+        """Return a skill's context; `seed` is the seed of the skills' random choices."""
         config = self.config
         return SkillContext(
             clock=self.clock,
@@ -138,7 +138,7 @@ class Cell:
 
 
 def bounds_of(arm: ArmModel) -> ArmBounds:
-    """Return what an arm may be asked for, by its file of figures."""
+    """Return the bounds of an arm's setpoints, from its file of figures."""
     joints = arm.joints
     return ArmBounds(
         speed=arm.tool_speed,
@@ -154,12 +154,12 @@ def bounds_of(arm: ArmModel) -> ArmBounds:
 
 
 def choices(seed: int) -> np.random.Generator:
-    """Return the random generator of the skills' choices in the run with this seed."""
+    """Return the random generator of the skills' choices in a run with this seed."""
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(SEARCH_STREAM,)))
 
 
 def make_estimator(config: CellConfig) -> Estimator:
-    """Return the estimator that `insert.estimator` names."""
+    """Return the estimator named by `insert.estimator`."""
     entry, path = ESTIMATORS[config.params(INSERT).estimator], config.calibration.skin
     measured = None if path is None else _calibration(path, config.skin.layout).point_spread
     return entry.make(config.estimator_params(entry), TouchSetup(config.skin.layout, config.peg, measured))
@@ -167,14 +167,12 @@ def make_estimator(config: CellConfig) -> Estimator:
 
 @lru_cache(maxsize=8)
 def _calibration(path: Path, layout: Layout) -> SkinCalibration:
-    """Return the content of a calibration file as it was when the cell was started, so that gains and point spread
-    belong together.
-    """
+    """Return the content of a calibration file; it is read once per process, so that gains and point spread match."""
     return read_calibration(path, layout)
 
 
 def make_tracker(config: CellConfig) -> Tracker:
-    """Return the tracker that keeps theta from frame to frame."""
+    """Return the tracker that filters theta from frame to frame."""
     smoothing = config.smoothing
     if (blend := config.handling().blend) is not None:
         smoothing = smoothing.model_copy(update={"blend": blend})
@@ -182,10 +180,10 @@ def make_tracker(config: CellConfig) -> Tracker:
 
 
 def assemble(config: CellConfig) -> Cell:
-    """Return the cell of a config, with nothing opened yet.
+    """Return the cell of a config, not yet opened.
 
     Raises:
-        ConfigError: A file that the config names is wrong, too old, or of another device.
+        ConfigError: A file named by the config is wrong, too old, or of another device.
     """
     calibration = _arm_calibration(config, date.today())
     if isinstance(config.arm, FrankaArmConfig):
@@ -235,10 +233,10 @@ def assemble(config: CellConfig) -> Cell:
 
 
 def _arm_calibration(config: CellConfig, today: date) -> ArmCalibration | None:
-    """Return the arm's calibration, if the config names one, and make sure that no calibration is too old.
+    """Return the arm's calibration, if the config names one; require that no calibration is too old.
 
     Raises:
-        ConfigError: A file cannot be used; one line with the file, what was found and what is allowed.
+        ConfigError: A file cannot be used; one line with the file, the value found and the permitted values.
     """
     files = config.calibration
     if files.skin is not None:
@@ -260,13 +258,13 @@ def _require_age(path: Path, measured: date, longest: float, today: date) -> Non
 
 
 def _law(config: CellConfig, calibration: ArmCalibration | None) -> Vector:
-    """Return the state that the arm's law begins with."""
+    """Return the initial state of the arm's law."""
     arm = config.arm_model()
     return impedance.new_state(arm, None if calibration is None else calibration.believed(arm))
 
 
 def _hardware(config: CellConfig, arm: FrankaArmConfig, calibration: ArmCalibration | None) -> Cell:
-    """Return a cell around a real arm, whose other devices are then real as well."""
+    """Return a cell with a real arm; all other devices are then real too."""
     assert isinstance(config.gripper, FrankaGripperConfig)
     assert isinstance(config.switch, SerialSwitchConfig | NoSwitchConfig)
     clock = WallClock()
@@ -286,17 +284,17 @@ def _hardware(config: CellConfig, arm: FrankaArmConfig, calibration: ArmCalibrat
 
 @dataclass(frozen=True, slots=True)
 class SkinLine:
-    """A skin as its wire gives it, without a calibration."""
+    """A skin without calibration, with its wire."""
 
     skin: Skin
     clock: Clock
-    """The cell's clock, which an emulated board keeps step with."""
+    """The cell's clock; an emulated board runs on it too."""
     figures: Callable[[], SkinFigures] | None
-    """Function that returns how well the skin is received; None where there is no wire."""
+    """Function that returns the reception figures of the skin; None without a wire."""
     wire: "EmulatedCan | EmulatedLine | None" = None
-    """Emulated wire, whose faults may be replaced; None where there is none."""
+    """Emulated wire, with replaceable faults; None if there is none."""
     cable: Pluggable | None = None
-    """End of the cable that can be pulled out; None of a real board."""
+    """Device whose cable can be unplugged; None for a real board."""
 
 
 def _calibrated(config: CellConfig, skin: Skin) -> Skin:
@@ -306,7 +304,7 @@ def _calibrated(config: CellConfig, skin: Skin) -> Skin:
 
 
 def real_skin(config: CellConfig) -> SkinLine:
-    """Return the skin of a real board, without a calibration, on wall time."""
+    """Return the skin of a real board, without calibration, on wall time."""
     return _real_skin(config, WallClock())
 
 
@@ -344,9 +342,7 @@ def _serial_skin(config: SerialSkinConfig, line: ByteLink, clock: Clock) -> Skin
 def _world_skin(
     config: CellConfig, source: "SkinSource", rng: np.random.Generator, drawn: "Drawn | None" = None
 ) -> SkinLine:
-    """Return the skin between the pads of a simulated world: a simulated one, or a driver with an emulated board behind
-    its wire.
-    """
+    """Return the skin of a simulated world: a simulated one, or a driver with an emulated board behind its wire."""
     skin, model, seed = config.skin, config.boards.skin, config.first_seed
     if isinstance(skin, CanSkinConfig) and skin.channel == EMULATED:
         from sim.board_clock import BoardClock
@@ -370,10 +366,10 @@ def _world_skin(
 
 
 def played_skin(config: CellConfig, path: Path, clock: Clock) -> SkinLine:
-    """Return a skin that is played from a file: traffic of a wire, on the playback's own clock, or a text, on `clock`.
+    """Return a skin played from a file: recorded traffic, on the playback's own clock, or a text file, on `clock`.
 
     Raises:
-        ConfigError: The file is no recording, or one of another wire than `skin.kind` says.
+        ConfigError: The file is not a recording, or its wire differs from `skin.kind`.
     """
     skin = config.skin
     if not is_traffic(path):
@@ -397,10 +393,10 @@ def _require_wire(path: Path, found: str, wanted: str) -> None:
 
 
 def bench_skin(config: CellConfig, rod_half: float) -> "tuple[Skin, Clock, CalibrationBench]":
-    """Return the cell's skin on a bench with a rod as thick as the peg, `rod_half` m to either side, and its clock.
+    """Return the cell's skin, its clock, and a bench with a rod as thick as the peg, half length `rod_half`, m.
 
     Raises:
-        ConfigError: The skin is not a simulated one.
+        ConfigError: The skin is not simulated.
     """
     from sim.bench import CalibrationBench
     from sim.disturb import draw
@@ -422,9 +418,7 @@ def bench_skin(config: CellConfig, rod_half: float) -> "tuple[Skin, Clock, Calib
 def _switch(
     config: CellConfig, source: "SwitchSource", clock: Clock
 ) -> tuple[SuccessSwitch, Clock, tuple[Device, ...], Pluggable | None]:
-    """Return the switch, the clock that an emulated switch board keeps step with, that board if any, and whose cable can be
-    pulled out.
-    """
+    """Return the switch, the clock that an emulated switch board runs on, that board if any, and the device with the cable."""
     wired = config.switch
     if isinstance(wired, NoSwitchConfig):
         return AbsentSwitch(), clock, (), None
@@ -472,7 +466,7 @@ def opened(cell: Cell, only: str = "") -> Iterator[Cell]:
 
 
 def check(cell: Cell) -> list[tuple[str, str]]:
-    """Open each device, read it once, close it; return the name of each with "ok" or what is wrong.
+    """Open each device, read it once and close it; return the name of each with "ok" or its fault.
 
     Raises:
         DeviceNotOpenedError: An emulated board cannot be powered.

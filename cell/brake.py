@@ -1,4 +1,4 @@
-"""Bringing the arm of a cell to rest: what a skill is asked to do, and the halt that needs no skill."""
+"""Bringing the arm of a cell to rest: by a request to the skill, or by a halt without it."""
 
 import logging
 from collections.abc import Callable
@@ -11,7 +11,7 @@ logger = logging.getLogger(__name__)
 
 
 def fault_of(act: Callable[[], None]) -> CellError | None:
-    """Call a function and return the fault that it raised, or None; an error inside this program becomes a fault too."""
+    """Call a function and return the fault that it raised, or None; an internal error becomes a fault too."""
     try:
         act()
     except CellError as error:
@@ -23,35 +23,35 @@ def fault_of(act: Callable[[], None]) -> CellError | None:
 
 
 class Brake:
-    """Brings one arm to rest; every method but `halt` is for the scan thread alone."""
+    """Brings one arm to rest; only `halt` may be called from another thread than the scan's."""
 
     def __init__(self, cell: Cell, context: SkillContext) -> None:
-        """Take the opened cell and the context of its skills."""
+        """Keep the opened cell and its skill context."""
         self._cell, self._context = cell, context
         self.request = Request.RUN
-        """Request that the skill under way reads at its next scan."""
+        """Request that the running skill reads at its next scan."""
         self._since = 0.0
 
     @property
     def is_at_rest(self) -> bool:
-        """Whether the arm stands."""
+        """True if the arm is at rest."""
         return self._context.rest.is_reached
 
     def ask(self, request: Request) -> None:
-        """Ask the skill to hold or to stop, and look from now on whether the arm has come to rest."""
+        """Request a hold or a stop from the skill, and start to check whether the arm has come to rest."""
         self.request = request
         self._context.rest.seek(self._cell.clock.now())
 
     def resume(self) -> None:
-        """Ask the skill to lead the arm back from a hold."""
+        """Request the skill to lead the arm back from a hold."""
         self.request, self._since = Request.RESUME, self._cell.clock.now()
 
     def led_back(self, stamp: float) -> float:
-        """Return for how long the arm has been led back at a time of the cell's clock, s."""
+        """Return the time since `resume`, s, at the time `stamp` of the cell's clock, s."""
         return stamp - self._since
 
     def halt(self) -> None:
-        """Halt the arm in any state; an arm at rest is left alone, since a halt lets it sink by the error of its gravity model."""
+        """Halt the arm in any state, unless it is at rest: a halt lets it sink by the error of its gravity model."""
         if self.is_at_rest:
             return
         try:
@@ -60,7 +60,7 @@ class Brake:
             logger.error("the arm does not take the halt: %s", error)
 
     def wait(self, meanwhile: Callable[[], None] = lambda: None) -> CellError | None:
-        """Wait until the arm stands, calling `meanwhile` at each scan; after a fault halt the arm and return the fault."""
+        """Wait until the arm is at rest, calling `meanwhile` at each scan; after a fault, halt the arm and return the fault."""
 
         def act() -> None:
             self._context.rest.wait(self._cell.clock, self._context.scan_period, meanwhile)

@@ -1,4 +1,4 @@
-"""Calibration of the skin: a sweep of a rod over known angles, and the dated file that results."""
+"""Calibration of the skin: a sweep of a rod over known angles gives a dated file."""
 
 import math
 from collections.abc import Callable
@@ -18,34 +18,34 @@ from drivers.skin.calibration import SkinCalibration
 from skills.tactile.skin_gains import fit_gains, rod_angles
 
 ROD_HALF = 0.05
-"""Half the length of the rod, m; it reaches across the whole pad to either side of the finger centre."""
+"""Half the length of the rod, m; the rod crosses the whole pad on both sides of the finger centre."""
 STEP = math.radians(5.0)
 STEP_BY_HAND = math.radians(15.0)
-"""Step between the angles of a rod that somebody turns by hand, rad; it makes twelve angles."""
+"""Step between the angles if a person turns the rod, rad; this gives twelve angles."""
 FRAMES = 20
-"""Number of frames that are read at every angle and averaged."""
+"""Number of frames averaged at each angle."""
 SETTLE = 0.5
-"""Time between a new angle and the first frame that is used, s."""
+"""Time from a new angle to the first frame used, s."""
 RECOVERY = 3.0
-"""Time in which the elastomer recovers from the angle before, s."""
+"""Recovery time of the elastomer after each angle, s."""
 
 
 def calibrate_skin(
     config: CellConfig, today: date, turned: Callable[[int, int], None], ask: Callable[[str], object] = input
 ) -> SkinCalibration:
-    """Sweep a rod as thick as the peg over half a turn, and return what that tells.
+    """Sweep a rod as thick as the peg over half a turn, and return the calibration.
 
-    A simulated skin, or an emulated board, is swept on a bench; of a real one somebody has to hold the rod.
+    A simulated skin or an emulated board is swept on a bench. At a real skin, a person holds the rod.
 
     Args:
         config: Config of the cell.
         today: Date of the calibration.
-        turned: Called with the number of angles done and the number of all.
-        ask: Asks somebody to do something, and returns when it is done.
+        turned: Function called with the number of angles done and of all.
+        ask: Function that shows a request to a person and returns after it is done.
 
     Raises:
-        ConfigError: The readings are not those of a rod.
-        CellError: The skin cannot be opened, or fell silent.
+        ConfigError: The readings do not match a rod.
+        CellError: The skin cannot be opened, or has timed out.
     """
     period = 1.0 / config.scan_rate
     skin: Skin
@@ -83,31 +83,31 @@ def calibrate_skin(
 
 
 class Rod(Protocol):
-    """A rod, and the hand about it."""
+    """A rod, and the hand around it."""
 
     def hold(self, theta: float) -> None:
-        """Close the fingers about the middle of the rod at this in-hand angle, rad."""
+        """Close the fingers around the middle of the rod at an in-hand angle, rad."""
 
     def release(self) -> None:
         """Open the fingers."""
 
 
 class HandHeldRod:
-    """A rod that somebody holds, who is told what to do and presses Enter when it is done."""
+    """A rod held by a person, who follows the requests and presses Enter after each."""
 
     def __init__(self, skin: Skin, clock: Clock, period: float, ask: Callable[[str], object]) -> None:
-        """Take the skin, which is read every `period`, s, meanwhile: a board that nobody reads counts as silent."""
+        """Keep the skin; it is read every `period`, s, while the person works, because an unread board times out."""
         self._skin, self._clock, self._period, self._ask = skin, clock, period, ask
 
     def hold(self, theta: float) -> None:
-        """Have the rod turned and the fingers closed."""
+        """Request that the person turns the rod and closes the fingers."""
         self._have_done(
             f"turn a rod as thick as the peg, 0.1 m or longer, to {math.degrees(theta):+.0f} degrees, its middle between "
             "the pads, and close the fingers on it; then Enter: "
         )
 
     def release(self) -> None:
-        """Have the fingers opened."""
+        """Request that the person opens the fingers."""
         self._have_done("open the fingers, touch nothing; then Enter: ")
 
     def _have_done(self, text: str) -> None:
@@ -121,18 +121,18 @@ class HandHeldRod:
 def sweep(
     skin: Skin, clock: Clock, rod: Rod, angles: Vector, period: float, turned: Callable[[int, int], None]
 ) -> tuple[Vector, Mask]:
-    """Return the rod's readings at each angle, and which taxels were trusted throughout.
+    """Return the rod's readings at each angle, and the mask of taxels trusted in all of them.
 
-    Before every angle the fingers stay open for a while, because offsets drift and the elastomer remembers the angle
-    before.
+    Before every angle the fingers stay open for `RECOVERY`, because offsets drift and the elastomer keeps a trace of the
+    last angle.
 
     Args:
         skin: The opened skin.
-        clock: The clock that the skin keeps.
+        clock: The clock of the skin.
         rod: The rod in the hand.
         angles: The angles, shape (n,), rad.
-        period: Time between two looks at the skin, s.
-        turned: Called with the number of angles done and the number of all.
+        period: Polling period of the skin, s.
+        turned: Function called with the number of angles done and of all.
 
     Returns:
         Mean readings, counts, shape (n, 2, 20), and a mask, shape (2, 20).
@@ -150,7 +150,7 @@ def sweep(
 
 
 def _mean(skin: Skin, clock: Clock, settle: float, period: float) -> tuple[Vector, Mask]:
-    """Return the mean of the frames after `settle`, s, and which taxels were trusted in all of them."""
+    """Return the mean of the frames after `settle`, s, and the mask of taxels trusted in all of them."""
     start = clock.now() + settle
     frames: list[TaxelFrame] = []
     while len(frames) < FRAMES:

@@ -1,8 +1,8 @@
-"""Calibration of the arm: each joint slowly to and fro in free space, then all together, and the figures that result.
+"""Calibration of the arm: each joint moves slowly to and fro in free space, then all joints together.
 
-The arm is moved through the same contract as by every skill: setpoints at the tool centre point that follow from joint paths, one a
-scan, past the gate and the limits. What a joint takes beside the torque that moves the arm's model comes from the law's own
-momentum observer, by `ArmState.unexplained`.
+The arm moves through the same contract as in a skill: joint paths give one setpoint at the tool centre point per scan,
+through the gate and the limits. The torque of a joint beyond the arm's model comes from the law's momentum observer,
+`ArmState.unexplained`.
 """
 
 import math
@@ -30,46 +30,46 @@ from skills.grasp_from_rack import ACROSS_RACK
 from skills.motion import VALIDITY, Goal, Transfer, move
 
 REACH = 0.2
-"""Largest way of a joint from where the arm stands, rad."""
+"""Largest joint displacement from the start, rad."""
 RUN_UP = 0.2
-"""Time in which a pass reaches its speed, and in which it loses it, s."""
+"""Time of acceleration and of deceleration of a pass, s."""
 SETTLED = 0.5
-"""Time after the run-up until torques count, s: a joint that ran past its speed is back by then, and rotors no longer show."""
+"""Time after the run-up before torques count, s; then overshoot in speed and rotor torque have decayed."""
 HEIGHT = 0.25
 """Height of the fingers over rack and plate, m."""
 INSIDE = 0.02
-"""Distance from the edge of the workspace and of the joints' ranges that is kept, m and rad."""
+"""Margin to the edge of the workspace, m, and to the joints' limits, rad."""
 LEAST_REACH = 0.5
-"""Least share of `REACH` with which an arm is calibrated where the workspace leaves no more, fraction."""
+"""Least permitted displacement in a small workspace, as a fraction of `REACH`."""
 SWING = 0.07
-"""Amplitude of each joint while all joints move together, rad."""
+"""Amplitude of each joint in the motion of all joints, rad."""
 RATES = (1.0, 1.3, 1.7, 1.1, 1.9, 1.5, 2.1)
-"""Angular rate of each joint while all joints move together, rad/s; the rates differ, so that every combination of directions occurs."""
+"""Angular rate of each joint in the motion of all joints, rad/s; they differ, so that every combination of directions occurs."""
 NULL_LEAD = impedance.NULL_DAMPING / impedance.NULL_STIFFNESS
-"""Time by which the commanded posture leads the path, s; it makes up for the lag of the null space."""
+"""Lead of the commanded posture before the path, s; it compensates the lag of the null space."""
 MOVING = 0.03
-"""Velocity from which on a joint's torque is compared with the figures, rad/s."""
+"""Joint velocity above which the torque is compared with the figures, rad/s."""
 AWAKE = 0.5
-"""Least share of its commanded speed that a joint has to have in a pass, fraction; a slower one is held by something."""
+"""Least ratio of measured to commanded speed in a pass, fraction; a slower joint is blocked."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sweep:
-    """How the joints are moved."""
+    """Parameters of the joint motions."""
 
     speeds: tuple[float, ...] = (0.06, 0.15, 0.35)
-    """Speeds of the passes, rad/s: of slow corrections, of a search, and of a transfer."""
+    """Speeds of the passes, rad/s: as in slow corrections, in a search, and in a transfer."""
     even: float = 1.2
-    """Time of the even part of a pass, s, where the joint's range leaves so much."""
+    """Time of the constant-speed part of a pass, s, if the joint's range permits it."""
     repeats: int = 2
-    """Number of passes at each speed in each sense, at least 2."""
+    """Number of passes at each speed in each direction, at least 2."""
     together: float = 12.0
-    """Time for which all joints move together, s."""
+    """Duration of the motion of all joints, s."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sample:
-    """One scan of a motion: time since it began, s, velocities of the joints, rad/s, and the torques that they took beside the model's, N·m."""
+    """One scan of a motion: time since its start, s, joint velocities, rad/s, and torques beyond the model, N·m."""
 
     elapsed: float
     dq: Vector
@@ -79,17 +79,17 @@ class Sample:
 def calibrate_arm(
     config: CellConfig, today: date, done: Callable[[int, int], None], sweep: Sweep = Sweep()
 ) -> ArmCalibration:
-    """Move every joint and return its calibration; the arm is brought to rest in any case.
+    """Move every joint and return the arm's calibration; in any case, bring the arm to rest.
 
     Args:
-        config: Config of the cell; a calibration that it names is not used.
+        config: Config of the cell; its own calibration is not used.
         today: Date of the calibration.
-        done: Called with the number of motions done and the number of all.
-        sweep: How the joints are moved.
+        done: Function called with the number of motions done and of all.
+        sweep: Parameters of the joint motions.
 
     Raises:
-        NotCalibratedError: Something was touched, a joint did not move, or the figures are none that an arm can have.
-        CellError: A device cannot be opened, is silent or stopped, or does not do what it is told.
+        NotCalibratedError: The arm had contact, a joint did not move, or the figures are impossible for an arm.
+        CellError: A device cannot be opened, times out, is stopped, or does not follow its setpoint.
     """
     arm = config.arm_model()
     with opened(assemble(_alone(config))) as cell:
@@ -117,7 +117,7 @@ def calibrate_arm(
 
 
 def _alone(config: CellConfig) -> CellConfig:
-    """Return the config without the calibration that is measured anew, and where it is simulated as fast as may be."""
+    """Return the config without the arm's calibration; a simulation runs at the fastest pace."""
     changes: dict[str, object] = {"calibration": config.calibration.model_copy(update={"arm": None})}
     if config.is_simulated and config.sim is not None:
         changes["sim"] = config.sim.model_copy(update={"pace": "max"})
@@ -130,7 +130,7 @@ def _require_empty(ctx: SkillContext) -> None:
 
 
 def _go_to_middle(config: CellConfig, ctx: SkillContext) -> Vector:
-    """Go to above the middle between rack and plate; return where the joints are then, shape (7,), rad."""
+    """Move to a point above the middle between rack and plate; return the joint positions, shape (7,), rad."""
     transfer = config.params(GRASP).transfer
     low, high = np.array(config.limits.low), np.array(config.limits.high)
     between = 0.5 * (np.array(config.hole.centre) + np.array(config.rack.first))
@@ -152,7 +152,7 @@ def _go_to_middle(config: CellConfig, ctx: SkillContext) -> Vector:
 def _to_and_fro(
     arm: ArmModel, start: Vector, config: CellConfig, ctx: SkillContext, sweep: Sweep, done: Callable[[int, int], None]
 ) -> list[Pass]:
-    """Move one joint after the other to and fro at every speed, and return the means of the passes."""
+    """Move each joint in turn to and fro at every speed, and return the means of the passes."""
     passes = []
     for joint in range(JOINTS):
         done(joint, JOINTS + 1)
@@ -172,10 +172,10 @@ def _to_and_fro(
 def _pass(
     arm: ArmModel, at: Vector, to: Vector, joint: int, speed: float, config: CellConfig, ctx: SkillContext
 ) -> Pass:
-    """Move a joint evenly, and return the mean of its even part.
+    """Move a joint in one pass, and return the mean of the constant-speed part.
 
     Raises:
-        NotCalibratedError: The joint hardly moved.
+        NotCalibratedError: The joint was slower than `AWAKE` of its commanded speed.
     """
     seen = _seen(arm, at, to, speed, config, ctx)
     sense = math.copysign(1.0, float(to[joint] - at[joint]))
@@ -190,7 +190,7 @@ def _pass(
 
 
 def _seen(arm: ArmModel, at: Vector, to: Vector, speed: float, config: CellConfig, ctx: SkillContext) -> list[Sample]:
-    """Lead the joints straight from one place to another at an even speed, and return the samples of the even part."""
+    """Move the joints straight between two positions, and return the samples of the constant-speed part."""
     way = to - at
     duration = float(np.abs(way).max()) / speed + RUN_UP
 
@@ -206,11 +206,11 @@ def _seen(arm: ArmModel, at: Vector, to: Vector, speed: float, config: CellConfi
 
 
 def _all_together(arm: ArmModel, start: Vector, config: CellConfig, ctx: SkillContext, duration: float) -> list[Sample]:
-    """Move all joints at once, and return the samples."""
+    """Move all joints together, and return the samples."""
     rates = np.array(RATES)
 
     def path(time: float) -> tuple[Vector, Vector]:
-        # The swing grows and fades, so that it begins and ends at rest.
+        # The amplitude grows and decays, so that the motion starts and ends at rest.
         grown = SWING * math.sin(math.pi * time / duration) ** 2
         growth = SWING * math.pi / duration * math.sin(2.0 * math.pi * time / duration)
         turned = rates * time
@@ -229,7 +229,7 @@ def _follow(
     transfer: Transfer,
     ctx: SkillContext,
 ) -> Iterator[Observation]:
-    """Lead the joints along a path, and yield every scan.
+    """Move the joints along a path, and yield every scan.
 
     Args:
         arm: Figures of the arm.
@@ -258,7 +258,7 @@ def _follow(
                 stiffness=stiffness,
                 damping_ratio=damping,
                 valid_until=seen.stamp + VALIDITY,
-                # The null space is damped against the base, so that its goal has to lead.
+                # The null space is damped against the base, so that its goal must lead.
                 posture=q + NULL_LEAD * dq,
                 is_free=True,
                 twist=Twist(twist[:3], twist[3:]),
@@ -268,16 +268,16 @@ def _follow(
 
 
 def _hand(figures: Vector, q: Vector) -> tuple[Pose, Vector]:
-    """Return T_base_tcp and how it moves with the joints, shape (6, 7), base frame; `figures` are `drivers.impedance`'s."""
+    """Return T_base_tcp and its Jacobian, shape (6, 7), base frame; `figures` are those of `drivers.impedance`."""
     position, rotation, axes, origins = impedance.forward(figures, q)
     return Pose(position, rotation), jacobian(position, axes, origins)
 
 
 def _reach(arm: ArmModel, start: Vector, joint: int, config: CellConfig) -> float:
-    """Return how far a joint can go to either side within its own range and the hand within the workspace, rad.
+    """Return the largest displacement of a joint to both sides, within its range and with the hand in the workspace, rad.
 
     Raises:
-        ConfigError: Too little for a calibration.
+        ConfigError: The displacement is too small for a calibration.
     """
     low, high = np.array(config.limits.low) + INSIDE, np.array(config.limits.high) - INSIDE
     for share in np.linspace(1.0, LEAST_REACH, 6):
@@ -297,7 +297,7 @@ def _reach(arm: ArmModel, start: Vector, joint: int, config: CellConfig) -> floa
 
 
 def _even(time: float, duration: float) -> tuple[float, float]:
-    """Return position and rate, both per whole way, of a motion that runs up evenly, goes on evenly, and slows down evenly."""
+    """Return position and rate, relative to the whole distance, of a trapezoidal speed profile."""
     most = 1.0 / (duration - RUN_UP)
     t = min(max(time, 0.0), duration)
     if t < RUN_UP:

@@ -1,7 +1,8 @@
-"""Places of plate and rack, touched off with pegs from the rack: height and tilt of the plate, place of the slots, length of the pegs.
+"""Places of plate and rack, measured by touching with pegs from the rack.
 
-Everything is told as this arm sees it, from its own joints. One touch tells how high the plate is by a peg of the stated length: with
-several pegs the mean is taken for the plate's, and the differences for the pegs'.
+The results are height and tilt of the plate, place of the slots, and length of the pegs, all from this arm's own joints.
+One touch gives the plate's height for a peg of the stated length. With several pegs, the mean is attributed to the plate
+and the differences to the pegs.
 """
 
 import math
@@ -26,68 +27,68 @@ from skills.contract import Interrupted, Observation, Outcome, SkillContext
 from skills.touch_off import touch_off
 
 PEGS = 3
-"""Number of pegs that are taken, one slot after the other."""
+"""Number of pegs, taken from consecutive slots."""
 MOST_FORCE = 25.0
-"""Largest force at the TCP while a peg touches, N; beyond it the calibration ends."""
+"""Largest force at the TCP during a touch, N; above it the calibration ends."""
 STILL = 1e-3
-"""Height by which the hand has risen when it is no longer at the slot, m."""
+"""Rise of the hand above which it has left the slot, m."""
 REPEATED = 1e-4
 """Repeatability of the arm, m, standard deviation: its maker's 0.1 mm."""
 MOST_HEIGHT = 0.01
-"""Largest difference between the plate's height and the stated one that is believed, m."""
+"""Largest plausible difference of the plate's height from the stated one, m."""
 MOST_TILT = 0.05
-"""Largest tilt of the plate that is believed, rad."""
+"""Largest plausible tilt of the plate, rad."""
 MOST_UNEVEN = 1e-3
-"""Largest distance of a touched point from the plane through all, m."""
+"""Largest distance of a touched point from the fitted plane, m."""
 MOST_RACK = 5e-3
-"""Largest difference between the rack's place and the stated one that is believed, m."""
+"""Largest plausible difference of the rack's place from the stated one, m."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PegTouches:
-    """Measurements that were made with one peg."""
+    """Measurements with one peg."""
 
     slot: Vector
-    """Middle of the slot's mouth less the stated one, along x and y, shape (2,), m."""
+    """Measured minus stated centre of the slot's mouth, along x and y, shape (2,), m."""
     points: Vector
-    """Places that the peg touched, by the stated length, shape (n, 3), m, base frame."""
+    """Touched points for the stated length, shape (n, 3), m, base frame."""
 
 
 @dataclass(frozen=True, slots=True)
 class Places:
-    """What the pegs told together; lengths in m, each with half the width of its 95 % interval where that is asked for."""
+    """Results of all pegs; lengths in m, pairs are a value and half the width of its 95 % interval."""
 
     date: date
     unit: str
     height: float
-    """Height of the plate in the middle of the hole's area, base frame, by pegs of the stated length in the mean."""
+    """Height of the plate at the centre of the hole's area, base frame, if the mean peg has the stated length."""
     height_interval: float
     lean: tuple[tuple[float, float], ...]
-    """Slopes of the plate along x and y under each peg, rad: each finds another workpiece where the line exchanges them."""
+    """Slopes of the plate along x and y for each peg, rad; each peg has its own workpiece if the line exchanges them."""
     uneven: float
     """Largest root mean square distance of a peg's points from their plane."""
     pegs: tuple[float, ...]
-    """Length by which each peg reached further than the pegs did in the mean."""
+    """Length of each peg minus the mean length."""
     rack: tuple[float, float]
-    """Place of the rack less the stated one, along x and y."""
+    """Measured minus stated place of the rack, along x and y."""
     rack_interval: tuple[float, float]
     centre: tuple[float, float, float]
-    """Place of the plate as `hole.centre` would have it."""
+    """Value for `hole.centre`."""
     first: tuple[float, float, float]
-    """Place of the rack as `rack.first` would have it."""
+    """Value for `rack.first`."""
     is_plate_elsewhere: bool
-    """Whether the stated height lies outside of the interval, so that the file is to be changed."""
+    """True if the stated height is outside the interval, so that the file must be changed."""
     is_rack_elsewhere: bool
-    """Whether the stated place of the rack lies outside of an interval, so that the file is to be changed."""
+    """True if the stated place of the rack is outside an interval, so that the file must be changed."""
 
     @property
     def tilt(self) -> float:
-        """Largest tilt of the plate that a peg found, rad."""
+        """Largest measured tilt of the plate, rad."""
         return max(math.hypot(*each) for each in self.lean)
 
     @property
     def sections(self) -> str:
-        """What to write in the cell's file; empty where all is as it is stated, as far as the pegs can tell."""
+        """Lines for the cell's file; empty if all stated values are within the intervals."""
         return "\n".join(
             [f"[hole]\ncentre = {point(self.centre)}\n"] * self.is_plate_elsewhere
             + [f"[rack]\nfirst = {point(self.first)}\n"] * self.is_rack_elsewhere
@@ -97,7 +98,7 @@ class Places:
         """Write a file whole or not at all.
 
         Raises:
-            ConfigError: The file cannot be written; one that was there before stays.
+            ConfigError: The file cannot be written; an existing file stays unchanged.
         """
         head = (
             f"# Touched off by `cell calibrate places` on {self.date}, arm {self.unit}; for the cell's file. SI units.\n"
@@ -109,17 +110,17 @@ class Places:
 
 
 def calibrate_places(config: CellConfig, today: date, done: Callable[[int, int], None], pegs: int = PEGS) -> Places:
-    """Take pegs from the rack, touch the plate with each, and return the measured places; the arm is brought to rest first.
+    """Take pegs from the rack, touch the plate with each, bring the arm to rest, and return the measured places.
 
     Args:
         config: Config of the cell.
         today: Date of the calibration.
-        done: Called with the number of touches done and the number of all.
-        pegs: Number of pegs to take, from the first slot on, at least 2.
+        done: Function called with the number of touches done and of all.
+        pegs: Number of pegs to take, starting at the first slot, at least 2.
 
     Raises:
-        NotCalibratedError: No peg, nothing to touch, too much force, or places that are none.
-        CellError: A device cannot be opened, is silent or stopped, or does not do what it is told.
+        NotCalibratedError: There is no peg or no contact, the force is too high, or the places are implausible.
+        CellError: A device cannot be opened, times out, is stopped, or does not follow its setpoint.
     """
     if config.is_simulated and config.sim is not None:
         config = config.model_copy(update={"sim": config.sim.model_copy(update={"pace": "max"})})
@@ -128,7 +129,7 @@ def calibrate_places(config: CellConfig, today: date, done: Callable[[int, int],
 
 
 def measured_places(cell: Cell, today: date, done: Callable[[int, int], None], pegs: int = PEGS) -> Places:
-    """Do what `calibrate_places` does with a cell that is open."""
+    """Do the work of `calibrate_places` with an open cell."""
     config, ctx = cell.config, cell.context(0)
     ctx.limits = config.limits.model_copy(update={"force": min(config.limits.force, MOST_FORCE)})
     ctx.stage = "calibrate places"
@@ -151,7 +152,7 @@ def measured_places(cell: Cell, today: date, done: Callable[[int, int], None], p
 
 
 def corners(hole: Hole) -> list[Vector]:
-    """Return places round the area that contains the hole, on solid plate, each shape (3,), m, base frame."""
+    """Return points around the hole's area, on solid plate, each shape (3,), m, base frame."""
     middle, (x, y) = np.array(hole.centre), (0.5 * extent + 0.5 * PLATE_BORDER for extent in hole.area)
     return [middle + np.array([sx * x, sy * y, 0.0]) for sx, sy in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
 
@@ -194,14 +195,14 @@ def _touches(cell: Cell, ctx: SkillContext, slot: int, pegs: int, done: Callable
 
 
 def mouth(hand: Pose, theta: float, offset: float, config: CellConfig) -> Vector:
-    """Return the middle of the mouth of the slot that a peg stood in when the hand closed, along x and y, shape (2,), m."""
+    """Return the centre of the mouth of the peg's slot from the hand's pose at the grasp, along x and y, shape (2,), m."""
     tip, axis = end_point(hand, theta, config.peg.length)
     across: Vector = tip + config.rack.depth * axis + offset * hand.rotation[:, 1]
     return across[:2]
 
 
 def places_of(touched: Sequence[PegTouches], config: CellConfig, today: date) -> Places:
-    """Return what pegs told together: each the plane of its plate."""
+    """Return the results of all pegs; each gives the plane of its plate."""
     middle = np.array(config.hole.centre)
     planes = [plane_through(each.points - middle) for each in touched]
     heights = middle[2] + np.array([values[2] for values, _ in planes])
@@ -219,7 +220,7 @@ def places_of(touched: Sequence[PegTouches], config: CellConfig, today: date) ->
         height_interval=sure,
         lean=tuple((float(values[0]), float(values[1])) for values, _ in planes),
         uneven=max(rms for _, rms in planes),
-        # A peg that reaches further touches with the hand higher up, and by the stated length the plate seems higher.
+        # If a peg is longer than stated, the hand is higher at contact, so that the plate seems higher by that length.
         pegs=tuple(float(x) for x in heights - height),
         rack=(float(rack[0]), float(rack[1])),
         rack_interval=(float(apart[0]), float(apart[1])),
@@ -231,14 +232,14 @@ def places_of(touched: Sequence[PegTouches], config: CellConfig, today: date) ->
 
 
 def plane_through(points: Vector) -> tuple[Vector, float]:
-    """Return slopes along x and y and height of the plane through points, shape (n, 3), m, and their distance from it, rms, m."""
+    """Return slopes along x and y and height of the plane fitted to points, shape (n, 3), m, and their rms distance, m."""
     rows = np.column_stack([points[:, :2], np.ones(len(points))])
     values, *_ = np.linalg.lstsq(rows, points[:, 2], rcond=None)
     return np.asarray(values), float(np.sqrt(np.mean((points[:, 2] - rows @ values) ** 2)))
 
 
 def implausible(found: Places, config: CellConfig) -> str | None:
-    """Return in words what no plate or rack can have; None where all is plausible."""
+    """Return the first implausible value in words; None if all are plausible."""
     checks = (
         ("plate: height off by", found.height - config.hole.centre[2], MOST_HEIGHT, "m", "see hole.centre"),
         ("plate: tilt", found.tilt, MOST_TILT, "rad", "see how the plate stands"),
@@ -259,5 +260,5 @@ def implausible(found: Places, config: CellConfig) -> str | None:
 
 
 def point(values: Sequence[float]) -> str:
-    """Return a place as a config file has it, m."""
+    """Return a position in the format of a config file, m."""
     return f"[{', '.join(f'{value:.5f}' for value in values)}]"

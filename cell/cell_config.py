@@ -1,4 +1,4 @@
-"""CellConfig, the union of every part's config model, what has to hold across its sections, and its values in typed form."""
+"""CellConfig: the union of every part's config model, the checks across sections, and typed access to its values."""
 
 from typing import TYPE_CHECKING, Annotated, Any, Self, TypeVar
 
@@ -61,33 +61,33 @@ from skills.wrench_zero import WrenchConfig
 P = TypeVar("P", bound=SkillParams)
 E = TypeVar("E", bound=ConfigModel)
 RECIPE_SECTIONS = frozenset({"preset", "peg", "hole", "rack", "corner", *(skill.section for skill in CATALOGUE.skills)})
-"""Sections that a recipe may state: the part, its place and how to handle it, but never the hardware."""
+"""Sections that a recipe can state: the part, its place and its handling, but not the hardware."""
 
 
 class JournalConfig(ConfigModel):
-    """[journal]: where the records of runs go, and how many are kept.
+    """[journal]: folder of the records of runs, and limits of their age and size.
 
     Source: chosen, not measured.
     """
 
     folder: str = ""
-    """Folder that the records of runs go to; empty is the user's own data folder. Source: set for each cell."""
+    """Folder of the records of runs; empty is the user's own data folder. Source: set for each cell."""
     days: Annotated[int, Field(ge=0, le=36500)] = 0
-    """Days after which runs, their samples and events are deleted; 0 keeps all."""
+    """Age after which runs, their samples and events are deleted, days; 0 keeps all."""
     bytes: Annotated[int, Field(ge=0)] = 0
-    """Size of all samples together, bytes, beyond which the oldest are deleted, while their runs stay on record; 0 keeps all."""
+    """Total size of samples above which the oldest are deleted, bytes; their runs stay on record; 0 keeps all."""
     least_free: Annotated[int, Field(ge=0)] = 500_000_000
-    """Free space of the disk below which the PLC is warned, bytes; below a tenth of it no samples are recorded."""
+    """Free space of the disk below which the cell warns the PLC, bytes; below a tenth of it no samples are recorded."""
 
 
 class PageConfig(ConfigModel):
-    """[page]: the page for browsers, and the figures.
+    """[page]: the page for browsers, and the metrics.
 
     Source: set for each cell.
     """
 
     names: tuple[Annotated[str, Field(pattern=r"^[A-Za-z0-9.-]{1,253}$")], ...] = ()
-    """Names by which browsers may call the cell beside its addresses and the computer's own name, as in "cell-7.plant.example"."""
+    """Names of the cell for browsers, in addition to its addresses and the computer's name, as in "cell-7.plant.example"."""
 
 
 class CalibrationConfig(ConfigModel):
@@ -99,15 +99,15 @@ class CalibrationConfig(ConfigModel):
     skin: FilePath | None = None
     """File of the skin's measured gains and point spread, written by `cell calibrate skin`."""
     arm: FilePath | None = None
-    """File of the measured friction and remainder of gravity of the arm's joints, written by `cell calibrate arm`; learning begins with it."""
+    """File of the measured friction and gravity remainder of the arm's joints, written by `cell calibrate arm`; the start of learning."""
     longest_age: Annotated[float, Field(gt=0.0, le=3.2e8)] = 31536000.0
-    """Age from which on a file of measured values is refused, s; the default is 365 days. Source: chosen, not measured."""
+    """Age above which a file of measured values is refused, s; the default is 365 days. Source: chosen, not measured."""
 
 
 def _catalogued() -> type[ConfigModel]:
     """Return a model with a section for every skill and every estimator.
 
-    A section may be left out where all of its keys have defaults.
+    If all of its keys have defaults, a section can be left out.
 
     Raises:
         ConfigError: Two entries claim the same section.
@@ -134,30 +134,30 @@ class CellConfig(Catalogued):
     """Config of one cell."""
 
     preset: str = ""
-    """Name of a file of `presets/` that is laid over this one; empty is none. Source: set for each cell."""
+    """Name of a file of `presets/` to lay over this one; empty is none. Source: set for each cell."""
     world: str = ""
-    """Name of a file of `worlds/` that is laid over this one, below the preset: another version of the simulated world, or a scene of it;
-    empty is none. Source: set for each cell."""
+    """Name of a file of `worlds/`, another simulated world or scene, to lay over this one, below the preset; empty is none.
+    Source: set for each cell."""
     scan_rate: Annotated[float, Field(ge=10.0, le=1000.0)]
-    """Rate of the scan, in which a skill senses and decides once, Hz. Source: chosen, not measured."""
+    """Rate of the scan, Hz; a skill senses and decides once per scan. Source: chosen, not measured."""
     retries: Annotated[int, Field(ge=0, le=10)]
-    """Number of times that `insert_peg` searches anew when the peg turns out not to be in the hole. Source: docs/tried/insertion.md."""
+    """Number of new searches by `insert_peg` if the peg is not in the hole. Source: docs/tried/insertion.md."""
     scan: ScanLimits = ScanLimits()
-    """How late the scan may come. Source: decision 0015."""
+    """Limits of late scans. Source: decision 0015."""
     wrench: WrenchConfig = WrenchConfig()
-    """What may be believed of the external wrench that the arm estimates. Source: docs/tried/search.md."""
+    """Plausibility limits of the arm's estimated external wrench. Source: docs/tried/search.md."""
     limits: Limits
-    """Force and workspace that end a skill at once."""
+    """Limits of force and workspace; beyond them a skill ends at once."""
     peg: Peg
     """The part to insert."""
     hole: Hole
-    """The hole that the part goes into."""
+    """The hole for the part."""
     rack: Rack
-    """The rack where pegs stand upright until they are taken."""
+    """The rack with upright pegs."""
     corner: CornerParams | None = None
-    """Handling of a peg with corners, which replaces that of a round peg; needed for such a peg."""
+    """Handling of a peg with corners, instead of that of a round peg; required for such a peg."""
     paper: PaperParams | None = None
-    """The method as [gibbons] prints it, which replaces skills of the cell."""
+    """The method as printed in [gibbons], instead of skills of the cell."""
     arm: Annotated[SimArmConfig | FrankaArmConfig, Field(discriminator="kind")]
     """The robot arm."""
     gripper: Annotated[SimGripperConfig | FrankaGripperConfig, Field(discriminator="kind")]
@@ -165,15 +165,15 @@ class CellConfig(Catalogued):
     skin: Annotated[SimSkinConfig | CanSkinConfig | SerialSkinConfig | HostSkinConfig, Field(discriminator="kind")]
     """The tactile skin on both fingers."""
     smoothing: Smoothing = Smoothing()
-    """How theta is carried from frame to frame."""
+    """Filter of theta from frame to frame."""
     switch: Annotated[SimSwitchConfig | SerialSwitchConfig | NoSwitchConfig, Field(discriminator="kind")]
     """The success switch under the hole."""
     plc: PlcConfig
     """The lines to the PLC."""
     learning: LearningConfig = LearningConfig()
-    """What a served cell takes over from part to part."""
+    """Learning of a served cell from part to part."""
     journal: JournalConfig = JournalConfig()
-    """Where the records of runs go."""
+    """Storage of the records of runs."""
     page: PageConfig = PageConfig()
     """Names of the cell for browsers."""
     contact: ContactConfig | None = None
@@ -183,7 +183,7 @@ class CellConfig(Catalogued):
     sim: SimConfig | None = None
     """The simulated world."""
     reality: RealityConfig = RealityConfig()
-    """Differences of a simulated cell from what the software believes."""
+    """Differences of a simulated cell from the software's model."""
     boards: BoardsConfig = BoardsConfig()
     """Emulated boards behind the wires of skin and switch."""
     calibration: CalibrationConfig = CalibrationConfig()
@@ -192,7 +192,7 @@ class CellConfig(Catalogued):
     @model_validator(mode="before")
     @classmethod
     def _tilt_of_the_plate(cls, tree: Any) -> Any:
-        """Take `hole.tilt` of a simulated cell as `sim.plate.tilt`: it is true of the plate, and no skill may read it."""
+        """Move `hole.tilt` of a simulated cell to `sim.plate.tilt`: it is a true value, which skills must not read."""
         if not isinstance(tree, dict) or not isinstance(hole := tree.get("hole"), dict) or "tilt" not in hole:
             return tree
         if not isinstance(sim := tree.get("sim"), dict):
@@ -325,7 +325,7 @@ class CellConfig(Catalogued):
         return self
 
     def ways(self) -> dict[str, Transfer]:
-        """Return the ways through free space by key."""
+        """Return the transfers through free space by key."""
         return {
             f"{skill.section}.{name}": value
             for skill in CATALOGUE.skills
@@ -334,7 +334,7 @@ class CellConfig(Catalogued):
         }
 
     def followed(self) -> dict[str, Gains]:
-        """Return all gains by key: those that the skin steers, and those on the way through free space."""
+        """Return all gains by key: those on the skin's measurement, and those of transfers through free space."""
         return {**self.steered(), **{f"{key}.gains": way.gains for key, way in self.ways().items()}}
 
     def arm_model(self) -> ArmModel:
@@ -342,13 +342,13 @@ class CellConfig(Catalogued):
         return read_arm(arm_file(self.arm.model))
 
     def arm_unit(self) -> str:
-        """Return what tells the cell's own arm from others of its kind, for the files that were measured with it."""
+        """Return the identifier of the cell's own arm, for the files measured with it."""
         if isinstance(self.arm, FrankaArmConfig):
             return f"at {self.arm.host}"
         return f"simulated, seed {self.first_seed}"
 
     def place(self) -> Place:
-        """Return the place and the attitude in which the arm works with a peg that the skin steers."""
+        """Return the place and the attitude of the arm with a steered peg at the hole."""
         search = self.handling().search
         return Place(
             arm=self.arm_model(),
@@ -362,30 +362,30 @@ class CellConfig(Catalogued):
 
     @property
     def first_seed(self) -> int:
-        """Seed of the first run's draws and choices, to which each further peg adds one; 0 for a physical cell."""
+        """Seed of the first run's draws and choices; each further peg adds one. 0 for a physical cell."""
         return self.sim.seed if self.is_simulated and self.sim is not None else 0
 
     @property
     def is_simulated(self) -> bool:
-        """Whether the arm is a simulated one; a physical cell, too, takes the sections of the world from its base."""
+        """True if the arm is simulated; a physical cell inherits the sections of the world from its base too."""
         return self.arm.kind == "sim"
 
     def require_simulated(self, what: str) -> None:
-        """Make sure that this is a simulated cell.
+        """Require a simulated cell.
 
         Raises:
-            ConfigError: The cell is a real one; `what` is the command that needs a simulated one.
+            ConfigError: The cell is real; `what` names the command that needs a simulated one.
         """
         if not self.is_simulated:
             raise ConfigError(f'{what}: arm.kind = "{self.arm.kind}": runs on simulated cells alone; "sim" allowed')
 
     def is_skin_emulated(self) -> bool:
-        """Whether the skin is a driver with an emulated board behind its wire."""
+        """True if the skin is a driver with an emulated board behind its wire."""
         skin = self.skin
         return EMULATED in (getattr(skin, "channel", None), getattr(skin, "port", None))
 
     def is_skin_simulated(self) -> bool:
-        """Whether the skin is a simulated one, or a driver with an emulated board behind its wire."""
+        """True if the skin is simulated, or a driver with an emulated board behind its wire."""
         return self.skin.kind == "sim" or self.is_skin_emulated()
 
     def params(self, skill: Skill[P]) -> P:
@@ -401,12 +401,12 @@ class CellConfig(Catalogued):
         return params
 
     def with_params(self, skill: Skill[Any], **changes: Any) -> Self:
-        """Return a copy in which some parameters of a skill have other values, which are not checked."""
+        """Return a copy with some parameters of a skill replaced, without validation."""
         params: SkillParams = self.params(skill)
         return self.model_copy(update={skill.section: params.model_copy(update=changes)})
 
     def steered(self) -> dict[str, Gains]:
-        """Return all gains that act on what the skin tells, by key."""
+        """Return all gains on the skin's measurement, by key."""
         found = {
             f"{skill.section}.{name}": getattr(self.params(skill), name)
             for skill in CATALOGUE.skills
@@ -428,7 +428,7 @@ class CellConfig(Catalogued):
         return handling(self.peg.part, sections_of(self.skill_set()))
 
     def job(self, slot: int = 0) -> Job:
-        """Return the part and its places, to be taken from the rack's `slot`."""
+        """Return the part and its places, with the peg in the rack's `slot`."""
         hand = self.arm_model().hand
         shape = HandShape(**{name: getattr(hand, name) for name in HandShape.model_fields})
         return Job(peg=self.peg, hole=self.hole, rack=self.rack, hand=shape, slot=slot)

@@ -1,4 +1,4 @@
-"""Verdicts for a technician on the devices' readings and on the computer's timing."""
+"""Verdicts on the devices' readings and on the computer's timing, for a technician."""
 
 import numpy as np
 
@@ -11,27 +11,27 @@ from drivers.skin.layout import MODULE_OF
 from skills.contract import LEAST_TRUSTED
 
 OK = "ok"
-"""Word with which the verdict on a device begins that can be worked with."""
+"""First word of the verdict on a usable device."""
 LOOP_TIME = 0.5
-"""Time for which the arm's torque loop is watched, s."""
+"""Duration of the measurement of the arm's torque loop, s."""
 MOST_MISSED = 0.01
-"""Largest share of the arm's states that may be missed, fraction; the arm stops at twenty in a row."""
+"""Largest permitted share of missed arm states, fraction; after twenty in a row the arm stops."""
 LEAST_IN_TIME = 0.95
-"""Least share of the torques that have to come in time, fraction."""
+"""Least share of torques sent in time, fraction."""
 _ARM_FAULTS = (FaultCode.ARM_STOPPED, FaultCode.ARM_REFLEX)
 SCANS = 50
-"""Number of scans over which the timing is measured."""
+"""Number of scans in the timing measurement."""
 WORST = 3
-"""Number of the latest scans that are left out, because any computer is late at times."""
+"""Number of the scans with the largest delay to leave out, because every computer is late at times."""
 LATE_SHARE = 0.5
-"""Largest delay of a scan, fraction of its period."""
+"""Largest permitted delay of a scan, fraction of its period."""
 
 
 def skin_verdict(frame: TaxelFrame) -> str:
-    """Return "ok", followed by the single taxels that are not trusted where the skin works without them.
+    """Return "ok", followed by single untrusted taxels if the skin works without them.
 
     Raises:
-        SkinUntrustedError: A whole module is dead, or too few taxels can be trusted for any skill.
+        SkinUntrustedError: A whole module is dead, or too few taxels are trusted for any skill.
     """
     try:
         require_trust(frame)
@@ -43,7 +43,7 @@ def skin_verdict(frame: TaxelFrame) -> str:
 
 
 def verdict(reading: object) -> str:
-    """Return "ok", or what is wrong with the readings of a device while the cell stood idle and empty."""
+    """Return "ok", or the fault in the readings of a device in an idle and empty cell."""
     if isinstance(reading, TaxelFrame):
         return skin_verdict(reading)
     if reading is SwitchState.CLOSED:
@@ -54,7 +54,7 @@ def verdict(reading: object) -> str:
 
 
 def loop_verdict(figures: LoopFigures) -> str:
-    """Return "ok", or how the arm's torque loop misses its time."""
+    """Return "ok", or the missed times of the arm's torque loop."""
     if figures.missed <= MOST_MISSED * figures.cycles and figures.success_rate >= LEAST_IN_TIME:
         return OK
     return (
@@ -64,13 +64,13 @@ def loop_verdict(figures: LoopFigures) -> str:
 
 
 def remedy(error: CellError) -> str:
-    """Return a fault as a technician reads it, with the remedy where the message itself does not say it."""
+    """Return a fault as text for a technician; add the remedy if the message lacks it."""
     told = f"fault {error.code.value}: {error}"
     return f"{told}: {FAULTS[error.code].remedy}" if error.code in _ARM_FAULTS else told
 
 
 def check_clock(clock: Clock, period: float) -> str:
-    """Wait for some scans as the cell does; return OK, or how late they start when that is too late.
+    """Wait for `SCANS` scans as the cell does; return OK, or their delay if it is too large.
 
     Args:
         clock: The cell's clock.

@@ -1,6 +1,6 @@
-"""The command line: which commands there are, and with which status each ends.
+"""The command line: its commands and their exit status.
 
-Exit status: 0 done and good, 1 done and not good, 2 wrong use, 3 fault.
+Exit status: 0 success, 1 no success, 2 wrong use, 3 fault.
 """
 
 import argparse
@@ -29,7 +29,7 @@ logger = logging.getLogger(__name__)
 
 
 class CommandModule(Protocol):
-    """The contents of a command's module; it imports what it needs when it is run, so that no other command pays for it."""
+    """Contents of a command's module; it imports its dependencies when it runs, so that other commands start fast."""
 
     SUMMARY: str
     """Purpose of the command, in one line for the help."""
@@ -42,55 +42,55 @@ class CommandModule(Protocol):
 
 
 class Stop(ThreadEvent):
-    """The wish of a signal to end a command.
+    """Stop flag set by SIGINT, SIGTERM and SIGHUP.
 
-    A command that asks whether it is set ends in its own way from then on; before, as while it still imports and compiles, and
-    where a command never asks, the signal interrupts it.
+    Once a command has read the flag, a signal only sets it, and the command ends in its own way.
+    Before that, for example during imports and compilation, a signal interrupts the command.
     """
 
     def __init__(self) -> None:
-        """Begin with nobody who asks."""
+        """Start unset and unread."""
         super().__init__()
         self._is_asked_for = False
         self._taken = math.inf
-        """Monotonic time of the first signal to a command that asks, s; infinite before."""
+        """Monotonic time of the first signal after the flag was first read, s; infinite before."""
 
     def is_set(self) -> bool:
-        """Tell whether a signal has come."""
+        """Return True if a signal has arrived."""
         self._is_asked_for = True
         return super().is_set()
 
     def wait(self, timeout: float | None = None) -> bool:
-        """Wait for a signal, so many s at most, and tell whether it has come."""
+        """Wait up to `timeout` s for a signal; return True if it has arrived."""
         self._is_asked_for = True
         return super().wait(timeout)
 
     def take(self, *_: object) -> None:
-        """Take a signal.
+        """Handle a signal.
 
         Raises:
-            KeyboardInterrupt: Nobody has asked yet, or the command goes on although it was told to end before. What a terminal that
-                is closed sends more than once counts as one.
+            KeyboardInterrupt: The command has not read the flag yet, or it still runs after an earlier signal.
+                Signals within `REPEATED` count as one, because a closing terminal sends several.
         """
         now = time.monotonic()
         if not self._is_asked_for or now > self._taken + REPEATED:
             raise KeyboardInterrupt
         self._taken = min(self._taken, now)
-        # Not here: the thread that the signal has come to may hold the event's lock at this moment, and would wait for itself.
+        # Set on another thread: the interrupted thread may hold the event's lock and would deadlock.
         Thread(target=self.set, name="stop", daemon=True).start()
 
     def hear(self) -> None:
-        """Take a signal on another thread than the main one, which interrupts nobody."""
+        """Handle a signal on a thread other than the main one, without an interrupt."""
         if self._is_asked_for:
             self.set()
 
 
 ENDS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-"""Signals that ask a command to end."""
+"""Signals that request the end of a command."""
 REPEATED = 1.0
-"""Time after a signal within which another one says the same, s."""
+"""Time after a signal within which further signals count as the same, s."""
 AGAIN = 0.02
-"""Time after which an interruption that was lost is tried again, s."""
+"""Delay before a lost interrupt is raised again, s."""
 COMPLETION = "completion"
 """Command that needs the arguments of all others."""
 COMMANDS = {
@@ -119,7 +119,7 @@ COMMANDS = {
     "map": "cell.commands.map",
     COMPLETION: "cell.commands.completion",
 }
-"""Module of each command; those of the laboratory are named here and imported nowhere."""
+"""Module of each command; modules of the laboratory are imported only through this table."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -136,10 +136,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return _complain("stopped", NOT_GOOD)
     except BrokenPipeError:
-        # The reader of the output has left; the output goes elsewhere so that the interpreter's last flush is quiet too.
+        # The reader of the output has closed it; redirect the output so that the interpreter's last flush does not fail.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return NOT_GOOD
-    except Exception as error:  # whatever it is, a technician reads one line and never a traceback
+    except Exception as error:  # a technician must get one line, not a traceback
         return _complain(f"fault {CellError.code.value}: {type(error).__name__}: {error}; -v shows more", FAULT)
 
 
@@ -169,7 +169,7 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
 
 
 class _Version(argparse.Action):
-    """Prints the versions, and ends the program."""
+    """Print the versions and end the program."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
         from cell.versions import told
@@ -180,17 +180,17 @@ class _Version(argparse.Action):
 
 @contextmanager
 def _logging(args: argparse.Namespace) -> Iterator[None]:
-    """Log meanwhile to standard error, warnings of the interpreter too, in a way that never waits for whoever reads it."""
+    """Log to standard error without waiting for its reader, warnings of the interpreter included."""
     level = logging.DEBUG if args.verbose else logging.INFO if args.command == "serve" else logging.ERROR
     handler = PatientHandler(sys.stderr)
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
     logging.basicConfig(level=level, handlers=[handler], force=True)
-    logging.captureWarnings(True)  # the interpreter would write them by itself, and wait for a reader
+    logging.captureWarnings(True)  # the interpreter itself would write them and wait for a reader
     try:
         yield
     except CellError:
         raise
-    except Exception:  # noted for -v while the log is open, and raised again
+    except Exception:  # logged for -v while the log is open, and raised again
         logger.debug("error inside this program", exc_info=True)
         raise
     finally:
@@ -202,7 +202,7 @@ def _logging(args: argparse.Namespace) -> Iterator[None]:
 
 @contextmanager
 def _heard(stop: Stop) -> Iterator[None]:
-    """Note signals on a thread of its own too: a main thread that hangs outside the interpreter runs no handler."""
+    """Receive signals on a second thread: if the main thread hangs outside the interpreter, it runs no handler."""
     ours, its = socket.socketpair()
     its.setblocking(False)
 
@@ -225,10 +225,10 @@ def _heard(stop: Stop) -> Iterator[None]:
 
 @contextmanager
 def _threads() -> Iterator[None]:
-    """End the command as a signal does if a thread ends by an exception: nobody may wait for it, or believe that it works.
+    """End the command with SIGTERM if a thread ends by an exception: other threads must not wait for it.
 
     Raises:
-        CellError: A thread has ended so.
+        CellError: A thread has ended by an exception.
     """
     lost: list[str] = []
 
@@ -256,7 +256,7 @@ def _complain(message: str, status: int) -> int:
 
 
 def _again() -> None:
-    """Interrupt once more a little later: the compiler called back when the signal came, and nobody there can raise anything."""
+    """Repeat the interrupt a little later: during a callback of the compiler, an exception cannot be raised."""
     again = Timer(AGAIN, os.kill, (os.getpid(), signal.SIGINT))
     again.daemon = True
     again.start()
@@ -264,7 +264,7 @@ def _again() -> None:
 
 @contextmanager
 def _signals() -> Iterator[Stop]:
-    """Yield what the signals to end, the end of a terminal included, set or interrupt."""
+    """Yield the stop flag, with handlers for SIGINT, SIGTERM and SIGHUP installed."""
     stop, tell = Stop(), sys.unraisablehook
     before = {number: signal.signal(number, stop.take) for number in ENDS}
     sys.unraisablehook = lambda lost: _again() if isinstance(lost.exc_value, KeyboardInterrupt) else tell(lost)

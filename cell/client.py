@@ -1,4 +1,4 @@
-"""A terminal as one more client of a cell that is served elsewhere: run, stop and watch over its Modbus port."""
+"""A terminal as a Modbus client of a served cell: run, stop and watch."""
 
 from collections.abc import Callable, Iterable
 from threading import Event as ThreadEvent
@@ -11,16 +11,16 @@ from plc_bridge.peer import Peer
 from skills.catalogue import CATALOGUE
 
 PERIOD = 0.1
-"""Time between two looks at a cell that is watched, s."""
+"""Polling period of `watch`, s."""
 LONGEST = 3600.0
-"""Wall time after which a run is given up, s."""
+"""Longest wait for the end of a run, wall time, s."""
 
 
 def raw_parameters(sets: Iterable[str]) -> list[tuple[int, int]]:
     """Return number and raw count of each `KEY=VALUE`.
 
     Raises:
-        ConfigError: No command can carry that key, or that value of it.
+        ConfigError: The key is not a parameter of commands, or the value is out of range.
     """
     numbers = {spec.name: number for number, spec in enumerate(PARAMETERS)}
     found = []
@@ -50,7 +50,7 @@ def run_remote(
     """Run a program, a skill or a control on a served cell, under the same lease as a PLC; return the last report.
 
     Raises:
-        CellError: The cell does not answer, or somebody else holds the lease.
+        CellError: The cell times out, or another client holds the lease.
     """
     peer = Peer(*address)
     peer.connect()
@@ -81,10 +81,10 @@ def run_remote(
 def watch_remote(
     address: tuple[str, int], show: Callable[[ReportImage, Diagnostics], None], stop: ThreadEvent, once: bool
 ) -> None:
-    """Read a served cell's report and counts again and again, and write nothing.
+    """Poll a served cell's report and counts without writing.
 
     Raises:
-        CellError: The cell does not answer.
+        CellError: The cell times out.
     """
     peer = Peer(*address)
     try:

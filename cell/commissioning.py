@@ -1,7 +1,7 @@
-"""Commissioning with the real PLC: the steps that it is asked to take, and what each step measured.
+"""Commissioning with the real PLC: the requested steps, and the measurement of each step.
 
-The cell is served meanwhile. A step is over once the cell has seen what the step asks for, or once its time is up;
-nothing depends on what a technician says.
+The cell is served during commissioning. A step ends when the cell has measured the requested action, or at its timeout;
+no step relies on a confirmation by a technician.
 """
 
 import time
@@ -17,11 +17,11 @@ from plc_bridge.sight import PlcSight
 from skills.catalogue import CATALOGUE
 
 BEATS = 50
-"""Number of changes of the life counter that its step waits for."""
+"""Number of changes of the life counter that the step requires."""
 MOST_OF_TIMEOUT = 0.5
 """Largest gap between two changes of the life counter, fraction of `plc.life_timeout`."""
 MOTION = CATALOGUE["recover"].code
-"""Command code of a motion of the cell that needs no part."""
+"""Command code of a motion that needs no part."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,14 +29,14 @@ class CellSighting:
     """View of the cell in one scan."""
 
     time: float
-    """Time of this computer, s."""
+    """Monotonic time of this computer, s."""
     plc: PlcSight | None
-    """View of the PLC; None while it is not there."""
+    """View of the PLC; None while it is not connected."""
     holder: str
     """Name of the link that holds the lease; empty when it is free."""
     report: Report
     command: Command | None = None
-    """Command that the scan took from the line."""
+    """Command taken from the line in this scan."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,20 +49,20 @@ class Finding:
 
 
 Look = Callable[["Memory", CellSighting], str | None]
-"""Function that returns the measurement once a step has seen what it asks for, else None."""
+"""Function that returns the measurement when the requested action has happened, else None."""
 
 
 @dataclass(slots=True)
 class Memory:
-    """Memory of a step while it lasts."""
+    """Memory of the present step."""
 
     began: CellSighting
     at: dict[str, float] = field(default_factory=dict)
-    """Time at which each thing was seen first, s."""
+    """Time of the first observation of each thing, s."""
     run: Command | None = None
 
     def first(self, what: str, now: CellSighting) -> None:
-        """Remember when something was seen first."""
+        """Store the time of the first observation of `what`."""
         self.at.setdefault(what, now.time)
 
 
@@ -72,23 +72,23 @@ class Step:
 
     name: str
     asks: str
-    """Request to the technician: what the PLC has to do."""
+    """Request to the technician: the action of the PLC."""
     look: Look
 
 
 class StepFailedError(Exception):
-    """The PLC did something else than the step asks for."""
+    """The action of the PLC was not the requested one."""
 
 
 @dataclass(slots=True)
 class Walk:
-    """The way through all steps.
+    """The sequence of all steps.
 
     Args:
         host: Address, node or line of the PLC.
-        life_timeout: Time after which a silent PLC is lost, s.
-        patience: Longest time that one step may take, s.
-        ask: Called with the request to the technician at the beginning of each step.
+        life_timeout: Timeout of the PLC's life counter, s.
+        patience: Longest time for one step, s.
+        ask: Function called with the request to the technician at the start of each step.
     """
 
     host: str
@@ -114,11 +114,11 @@ class Walk:
 
     @property
     def is_over(self) -> bool:
-        """Whether all steps were taken, or one of them did not pass."""
+        """True if all steps have passed, or one has failed."""
         return len(self.findings) == len(self.steps()) or any(not each.passed for each in self.findings)
 
     def look(self, now: CellSighting) -> None:
-        """Take what the cell sees in this scan."""
+        """Evaluate one scan of the cell."""
         if self.is_over:
             return
         step = self.steps()[len(self.findings)]
@@ -200,7 +200,7 @@ def _moved(memory: Memory, now: CellSighting) -> str | None:
 
 
 def _begin(memory: Memory, now: CellSighting) -> None:
-    """Remember the run that the PLC starts; another than the motion without a part is a failure."""
+    """Store the run that the PLC starts; any program other than the motion without a part is a failure."""
     if now.command is None or not FIRST_PROGRAM <= now.command.code < Control.LOST:
         return
     if now.command.code != MOTION:
@@ -230,37 +230,37 @@ def _lost(memory: Memory, now: CellSighting) -> str | None:
 
 
 class WatchedLine:
-    """The bridge as the line of a cell, with commissioning watching every scan."""
+    """The bridge as the line of a cell; commissioning evaluates every scan."""
 
     def __init__(self, bridge: Bridge, walk: Walk, stop: Event) -> None:
-        """Take the bridge, the steps, and what ends the service once they are over."""
+        """Keep the bridge, the steps, and the event that ends the service after the last step."""
         self._bridge, self._walk, self._stop = bridge, walk, stop
         self._is_watching = False
         self._report = Report()
 
     def begin(self) -> None:
-        """Begin with the first step."""
+        """Start the first step."""
         self._is_watching = True
 
     def poll(self) -> Command | None:
-        """Ask the bridge, and show what it gives."""
+        """Return the bridge's next command, and evaluate it."""
         command = self._bridge.poll()
         if command is not None:
             self._look(self._report, command)
         return command
 
     def publish(self, report: Report) -> None:
-        """Tell the bridge, and show it."""
+        """Publish the report on the bridge, and evaluate it."""
         self._report = report
         self._bridge.publish(report)
         self._look(report)
 
     def accept(self, command: Command) -> None:
-        """Tell the bridge."""
+        """Confirm the command on the bridge."""
         self._bridge.accept(command)
 
     def refuse(self, command: Command, refusal: Refusal) -> None:
-        """Tell the bridge."""
+        """Refuse the command on the bridge."""
         self._bridge.refuse(command, refusal)
 
     def _look(self, report: Report, command: Command | None = None) -> None:
@@ -273,10 +273,10 @@ class WatchedLine:
 
 
 def record(walk: Walk, name: str, date: str, version: str) -> dict[str, object]:
-    """Return the record of a walk, as it is printed and signed.
+    """Return the record of commissioning, for printing and signature.
 
     Args:
-        walk: The walk with its findings.
+        walk: The steps with their results.
         name: Name of the person who commissioned.
         date: Date, ISO 8601.
         version: Version of this program.

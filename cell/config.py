@@ -1,4 +1,4 @@
-"""Loading of a cell: its file upon its base, then world, preset, recipe and single keys, with the origin of each value."""
+"""Loading of a cell: layers of base, file, world, preset, recipe and single keys, with the origin of each value."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -16,28 +16,29 @@ from drivers.errors import ConfigError
 
 @dataclass(frozen=True, slots=True)
 class LoadedConfig:
-    """A cell and the recipes that it knows, each a whole config of its own."""
+    """A cell and its recipes, each a whole config."""
 
     cell: CellConfig
     recipes: Mapping[int, CellConfig] = field(default_factory=dict)
-    """Config of each recipe by its number; 0 is the cell's own part."""
+    """Config of each recipe, by number; 0 is the cell's own part."""
     origins: Mapping[int, Origins] = field(default_factory=dict)
     """Origin of each value that is not a default, by recipe."""
 
 
 def load(path: Path | None = None, preset: str | None = None, sets: Iterable[str] = ()) -> LoadedConfig:
-    """Load a cell: what the file names as its `base`, the file, then its world and its preset, then, for each recipe, the recipe's file, then single keys.
+    """Load a cell from layers, each laid over those before.
 
-    `worlds/`, `presets/` and `recipes/` stand beside the file; a world or a preset that is not there is looked for among those that
-    ship with the program.
+    The order is: the file's `base`, the file, its world, its preset, the file of each recipe, single keys. The folders
+    `worlds/`, `presets/` and `recipes/` are beside the file. If a world or a preset is missing there, the shipped one is
+    used.
 
     Args:
-        path: TOML file of the cell; None is the simulated cell that ships with the program.
+        path: TOML file of the cell; None for the shipped simulated cell.
         preset: Name of the preset that replaces the file's own.
-        sets: Single keys, `KEY=VALUE`; a value is TOML, a bare word a text.
+        sets: Single keys, `KEY=VALUE`; the value is TOML, or a bare word for a text.
 
     Raises:
-        ConfigError: One line with file, key, what was found and what is allowed.
+        ConfigError: One line with file, key, the value found and the permitted values.
     """
     path = path or DEFAULT
     below = layers(path)
@@ -52,10 +53,10 @@ def load(path: Path | None = None, preset: str | None = None, sets: Iterable[str
 
 
 def with_parameters(config: CellConfig, parameters: Iterable[tuple[str, Any]]) -> CellConfig:
-    """Return a config with single values replaced, as a command may ask for; only keys of recipes can be replaced.
+    """Return a config with single values replaced by a command; only keys of recipes can be replaced.
 
     Raises:
-        ConfigError: A key is unknown, or a value is not allowed.
+        ConfigError: A key is unknown, or a value is not permitted.
     """
     parameters = list(parameters)
     if not parameters:

@@ -1,7 +1,7 @@
-"""Checks that sections of a config go together: sizes, places, the workspace, and the stability of gains; pure.
+"""Checks across sections of a config: sizes, places, the workspace, and the stability of gains; pure.
 
-Each raises a ValueError in one line that names the key, its value and what is allowed; `cell.cell_config` calls them when a
-config is validated.
+Each check raises a ValueError of one line with the key, its value and the permitted values; `cell.cell_config` calls the
+checks when it validates a config.
 """
 
 import math
@@ -22,16 +22,16 @@ from skills.setpoint_gate import Limits
 from skills.spiral_params import SpiralAdjustParams
 
 LATCH_MARGIN = 1.2
-"""Factor by which a real latch may resist more than is stated, ratio. Source: `latch.force` of config/reality.toml."""
+"""Largest force of a real latch relative to the stated force, ratio. Source: `latch.force` of config/reality.toml."""
 LEAST_TURN = 1e-3
-"""Turn of a peg with corners against its hole that is left out of account, rad; what a rounded figure makes."""
+"""Tolerance for the rotation of a peg with corners relative to its hole, rad; it covers rounded figures."""
 
 
 def require_shallow(peg: Peg, hole: Hole, rack: Rack) -> None:
-    """Make sure that the peg reaches the bottom of hole and slot.
+    """Require that the peg reaches the bottom of hole and slot.
 
     Raises:
-        ValueError: One of them is as deep as the peg reaches; one line.
+        ValueError: The hole or the slot is deeper than the peg reaches; one line.
     """
     for name, depth in (("hole.depth", hole.depth), ("rack.depth", rack.depth)):
         if depth >= peg.length:
@@ -41,10 +41,10 @@ def require_shallow(peg: Peg, hole: Hole, rack: Rack) -> None:
 
 
 def require_apart(hole: Hole, rack: Rack) -> None:
-    """Make sure that rack and plate of a simulated cell do not overlap.
+    """Require that rack and plate of a simulated cell do not overlap.
 
     Raises:
-        ValueError: They do; one line.
+        ValueError: They overlap; one line.
     """
     (near, far), (least, most) = rack.bounds, hole.plate_bounds
     if all(near[i] < most[i] and least[i] < far[i] for i in range(2)):
@@ -55,7 +55,7 @@ def require_apart(hole: Hole, rack: Rack) -> None:
 
 
 def require_clear_way(grasp: GraspFromRackParams, search: SpraySearchParams, rack: Rack, peg: Peg) -> None:
-    """Make sure that the peg is drawn out of its slot, and comes down to the plate in the time for that.
+    """Require that the peg leaves its slot completely, and reaches the plate within its timeout.
 
     Raises:
         ValueError: A height or a speed is too small; one line.
@@ -73,10 +73,10 @@ def require_clear_way(grasp: GraspFromRackParams, search: SpraySearchParams, rac
 
 
 def require_workspace(limits: Limits) -> None:
-    """Make sure that the workspace has an extent along every axis.
+    """Require a workspace with positive extent along every axis.
 
     Raises:
-        ValueError: It has none; one line.
+        ValueError: An extent is not positive; one line.
     """
     for low, high, axis in zip(limits.low, limits.high, "xyz", strict=True):
         if low >= high:
@@ -84,10 +84,10 @@ def require_workspace(limits: Limits) -> None:
 
 
 def require_workspace_in_reach(limits: Limits, arm: ArmModel) -> None:
-    """Make sure that the workspace ends where the arm's hand can be at all.
+    """Require a workspace within the reach of the arm's hand.
 
     Raises:
-        ValueError: A corner lies further out along an axis than the arm reaches; one line.
+        ValueError: A corner is further out along an axis than the arm reaches; one line.
     """
     shoulder, reach = arm.shoulder(), arm.reach()
     for name, corner in (("low", limits.low), ("high", limits.high)):
@@ -100,15 +100,15 @@ def require_workspace_in_reach(limits: Limits, arm: ArmModel) -> None:
 
 
 def require_permitted(followed: Mapping[str, Gains], ways: Mapping[str, Transfer], arm: ArmModel) -> None:
-    """Make sure that no gain and no speed is more than the arm may be asked for.
+    """Require that every gain and speed is within the arm's bounds.
 
     Args:
         followed: Gains by the key of their section.
-        ways: Ways through free space by the key of their section.
+        ways: Transfers through free space by the key of their section.
         arm: Figures of the arm.
 
     Raises:
-        ValueError: One is; one line.
+        ValueError: A gain or a speed is above its bound; one line.
     """
     asked = [
         *((f"{key}.translation", gains.translation, arm.stiffness, "stiffness") for key, gains in followed.items()),
@@ -124,9 +124,9 @@ def require_permitted(followed: Mapping[str, Gains], ways: Mapping[str, Transfer
 def require_pressed(
     latch: Latch | None, adjust: SpiralAdjustParams, grasp: GraspFromRackParams, peg: Peg, limits: Limits
 ) -> None:
-    """Make sure that the adjustment presses the part through its latch, with what its pads bear.
+    """Require that the adjustment presses the part through its latch, within the friction limit of the pads.
 
-    A push that goes through exceeds the latch's force by `LATCH_MARGIN`, and then by what friction in the arm's joints keeps.
+    The push must exceed `LATCH_MARGIN` times the latch's force, plus the loss by friction in the arm's joints.
 
     Raises:
         ValueError: The push, the grip or the force limit is too small for the latch; one line.
@@ -150,10 +150,10 @@ def require_pressed(
 
 
 def require_printable(paper: PaperParams, peg: Peg, hole: Hole) -> None:
-    """Make sure that the printed skills have the part and the evidence that they are made for.
+    """Require a round peg and a switch for the skills as printed in the paper.
 
     Raises:
-        ValueError: The peg has corners, or no switch decides; one line.
+        ValueError: The peg has corners, or the hole has no switch; one line.
     """
     if not is_printed_for(peg.part):
         raise ValueError(
@@ -166,10 +166,10 @@ def require_printable(paper: PaperParams, peg: Peg, hole: Hole) -> None:
 
 
 def require_prior_inside(hole: Hole, limits: Limits) -> None:
-    """Make sure that the likely place of the hole lies in the workspace.
+    """Require that the likely place of the hole is in the workspace.
 
     Raises:
-        ValueError: It lies outside; one line.
+        ValueError: It is outside; one line.
     """
     if hole.prior is not None:
         for low, high, mean, axis in zip(limits.low, limits.high, hole.prior.mean, "xyz", strict=False):
@@ -181,10 +181,10 @@ def require_prior_inside(hole: Hole, limits: Limits) -> None:
 
 
 def require_turned_as_hole(search: SpraySearchParams, peg: Peg) -> None:
-    """Make sure that the hand holds a peg with corners as its hole is turned.
+    """Require that a peg with corners has the same rotation about the vertical as its hole.
 
     Raises:
-        ValueError: The tilt azimuth turns the peg against the hole; one line.
+        ValueError: The tilt azimuth rotates the peg relative to the hole; one line.
     """
     azimuth, part = search.tilt_azimuth, peg.part
     turn = part.least_turn(azimuth)
@@ -196,10 +196,10 @@ def require_turned_as_hole(search: SpraySearchParams, peg: Peg) -> None:
 
 
 def require_reach(place: Place, hole: Hole, limits: Limits) -> None:
-    """Make sure that the arm reaches the hole, and can press there with as much as the force limit.
+    """Require that the arm reaches the hole and can press there with the force limit.
 
     Raises:
-        ValueError: It does not reach, or cannot press so hard; one line.
+        ValueError: The hole is out of reach, or the largest push is below the limit; one line.
     """
     if not place.is_within_reach():
         raise ValueError(
@@ -214,15 +214,15 @@ def require_reach(place: Place, hole: Hole, limits: Limits) -> None:
 
 
 def require_stable(steered: Mapping[str, Gains], rate: float, place: Place) -> None:
-    """Make sure that every gain which acts on what the skin tells is stable by the margin of `cell.margins`.
+    """Require that every gain on the skin's measurement is stable with the margin of `cell.margins`.
 
     Args:
         steered: Gains by the key of their section.
         rate: Rate of the skin's frames, Hz.
-        place: Place and attitude in which the arm works.
+        place: Place and attitude of the arm at the hole.
 
     Raises:
-        ValueError: A gain is too high; one line with the largest one allowed.
+        ValueError: A gain is too high; one line with the largest permitted one.
     """
     for name, gains in steered.items():
         found = too_high(gains, rate, place)
@@ -234,14 +234,14 @@ def require_stable(steered: Mapping[str, Gains], rate: float, place: Place) -> N
 
 
 def require_steady(followed: Mapping[str, Gains], place: Place) -> None:
-    """Make sure that every gain, and the hold of a halted arm, bears the arm's torque path by the margin of `cell.margins`.
+    """Require that every gain, and the hold of a halted arm, is stable with the arm's torque path, with the margin of `cell.margins`.
 
     Args:
         followed: Gains by the key of their section.
-        place: Place and attitude in which the arm works.
+        place: Place and attitude of the arm at the hole.
 
     Raises:
-        ValueError: A gain, or the hold, would let the arm swing; one line.
+        ValueError: With a gain, or with the hold, the arm would oscillate; one line.
     """
     path = place.arm.torque_path
     late = f"where they act {1e3 * path.transport:g} ms late behind {path.cutoff:g} Hz on {place.arm.name}; {MARGIN} times needed"

@@ -1,4 +1,4 @@
-"""Report of a wrong config in one line: file, key, what was found, what is allowed."""
+"""Report of a wrong config in one line: file, key, the value found, the permitted values."""
 
 import json
 import re
@@ -22,19 +22,19 @@ def explain(
     file: str,
     order: Sequence[str] = (),
 ) -> str:
-    """Return one line about the first fault of a config: its file, the key, what was found, and what is allowed.
+    """Return one line about the first fault of a config: file, key, the value found, and the permitted values.
 
     Args:
         error: Pydantic's report.
-        model: The model that the config should have met.
+        model: The model of the config.
         tree: The config as given.
         source: Origin of each key.
-        file: File that should have held a key which is missing.
-        order: Every place that keys came from, each laid over those before it: of two keys that do not go together,
-            the one that was laid over the other is to blame.
+        file: File to name for a missing key.
+        order: Origins of keys, each laid over those before it. If two keys conflict, the error names the one from the
+            later origin.
     """
     errors = error.errors(include_url=False)
-    # A misspelt key is also missed under its right name.
+    # A misspelt key is also reported as missing under its right name.
     first = next((each for each in errors if each["type"] == "extra_forbidden"), errors[0])
     place, schema = _walk(first["loc"], _schema(model), tree)
     key = ".".join(place)
@@ -54,7 +54,7 @@ def explain(
         if not key:
             return f"{_blamed(text, source, order) or file}: {text}"
         within = (*place, *text.split(" = ")[0].split("."))
-        # A check within a section may name its key itself.
+        # The message of a check within a section can name its key.
         return f"{source[within]}: {key}.{text}" if within in source else f"{origin}: {key}: {text}"
     return f"{origin}: {key} = {found!r}: {allowed(schema, _schema(model))} allowed{_hint(found, schema)}"
 
@@ -65,16 +65,16 @@ def _schema(model: type[BaseModel]) -> Mapping[str, Any]:
 
 
 def _beginner(section: Place, source: Mapping[Place, str], order: Sequence[str], file: str) -> str:
-    """Return the origin of a section that a preset, a recipe or an option began, after the cell's file."""
+    """Return the origin of a section that was first stated by a preset, a recipe or an option, after the cell's file."""
     begun = {name for place, name in source.items() if section and place[: len(section)] == section}
     later = order[order.index(file) + 1 :] if file in order else ()
     return min(begun, key=order.index) if begun and begun <= set(later) else ""
 
 
 def _blamed(text: str, source: Mapping[Place, str], order: Sequence[str]) -> str:
-    """Return the origin of the key that is to blame for a fault across sections; the text names the keys.
+    """Return the origin of the key that caused a fault across sections; the text names the keys.
 
-    A key that is to blame and is not the first one in the text is named as well.
+    If this key is not the first one in the text, return its name too.
     """
     named = [place for word in _KEY.findall(text) if (place := tuple(word.split("."))) in source]
     if not named:
@@ -88,7 +88,7 @@ def _blamed(text: str, source: Mapping[Place, str], order: Sequence[str]) -> str
 
 
 def _known(place: Place, schema: Mapping[str, Any], root: Mapping[str, Any]) -> str:
-    """Return the keys that a section has, and the one that was probably meant, which may be one of another section."""
+    """Return the keys of a section, and a suggestion, which can be a key of another section."""
     names = sorted(name for variant in _variants(schema, root) for name in variant.get("properties", {}))
     section = ".".join(place[:-1])
     near = did_you_mean(place[-1], names)
@@ -107,7 +107,7 @@ def _known(place: Place, schema: Mapping[str, Any], root: Mapping[str, Any]) -> 
 
 
 def _variants(schema: Mapping[str, Any], root: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """Return the sections that a key may hold, one for each kind."""
+    """Return the permitted sections of a key, one for each kind."""
     return [_follow(branch, root) for branch in schema.get("anyOf", schema.get("oneOf", [schema]))]
 
 
@@ -116,11 +116,11 @@ _FORMATS = {"ipv4network": "a network or address", "ipv6network": "a network or 
 
 
 def allowed(schema: Mapping[str, Any], root: Mapping[str, Any] | None = None) -> str:
-    """Return what a JSON schema allows, in words; never empty.
+    """Return the values permitted by a JSON schema, in words; never empty.
 
     Args:
         schema: Schema of one key.
-        root: The whole schema, whose definitions the key's may refer to; None where it refers to none.
+        root: The whole schema with the definitions; None if the key's schema has no references.
     """
     schema = _follow(schema, root or {})
     if "const" in schema:
@@ -170,7 +170,7 @@ def _bound(schema: Mapping[str, Any], name: str) -> float | None:
 
 
 def _hint(found: Any, schema: Mapping[str, Any]) -> str:
-    """Return a hint at the probable cause of a number that is far too large."""
+    """Return a hint to the probable cause if a number is far too large."""
     if isinstance(found, bool) or not isinstance(found, int | float):
         return ""
     for branch in schema.get("anyOf", [schema]):
@@ -181,9 +181,9 @@ def _hint(found: Any, schema: Mapping[str, Any]) -> str:
 
 
 def _walk(loc: tuple[int | str, ...], root: Mapping[str, Any], tree: Any) -> tuple[Place, Mapping[str, Any]]:
-    """Return the key that `loc` means, without pydantic's names of union branches, and the schema found there.
+    """Return the key at `loc`, without pydantic's names of union branches, and its schema.
 
-    For a key that the schema does not know, the schema is that of the section around it.
+    If the key is unknown, return the schema of its section.
     """
     schema, place, value = _follow(root, root), [], tree
     for step in loc:

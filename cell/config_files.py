@@ -1,4 +1,4 @@
-"""Files that make up a config: the cell's own, its base, presets, recipes and arms, read as tables; no model is known here."""
+"""Files of a config: the cell's own, its base, presets, recipes and arms, read as tables without a model."""
 
 import tomllib
 from collections.abc import Iterator
@@ -9,15 +9,15 @@ from drivers.errors import ConfigError
 
 _HERE = Path(__file__).parent
 SHIPPED = next(place for place in (_HERE / "shipped", _HERE.parent / "config") if (place / "sim.toml").is_file())
-"""Folder of the configs that come with the program: data of the installed package, or the folder `config` of a checkout."""
+"""Folder of the shipped configs: data of the installed package, or the folder `config` of a checkout."""
 DEFAULT = SHIPPED / "sim.toml"
-"""The simulated cell, which every command takes where no other is named."""
+"""The simulated cell, the default of every command."""
 ERRORS_FILE = "reality.toml"
-"""Name of the shipped file of errors, which does not describe a cell."""
+"""Name of the shipped file of errors of reality, which is not a cell's file."""
 ARMS = SHIPPED / "arms"
-"""Folder of the files of figures of the arms that come with the program."""
+"""Folder of the shipped files of arm figures."""
 NOT_INHERITED = (("limits", "force"), ("limits", "low"), ("limits", "high"), ("hole", "centre"), ("rack", "first"))
-"""Sections that a cell's file has to state itself, whatever its base states: limits, and the places of its parts."""
+"""Keys that a cell's file must state even if its base has them: limits, and the places of its parts."""
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -37,7 +37,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def layers(path: Path) -> list[tuple[str, dict[str, Any]]]:
-    """Return a cell's file by name, preceded by the one that its `base` names, which lies beside it or is shipped."""
+    """Return the layers of a cell, name and table: the file of its `base`, beside it or shipped, then its own file."""
     tree = read_toml(path)
     name = tree.pop("base", None)
     if name is None:
@@ -69,21 +69,21 @@ def recipe_files(path: Path) -> Iterator[tuple[int, Path]]:
 
 
 def arm_file(model: str) -> Path:
-    """Return the file of figures that an `arm.model` names, which may not exist."""
+    """Return the path of the file of figures for an `arm.model`; the file may not exist."""
     return Path(model) if model.endswith(".toml") else ARMS / f"{model}.toml"
 
 
 def presets(path: Path | None = None, kind: str = "preset") -> dict[str, Path]:
-    """Return the presets, or the worlds, that a cell's file may name, and their files: those beside it, then those that are shipped."""
+    """Return the files of presets or worlds available to a cell's file, by name: those beside it, then the shipped ones."""
     folders = [SHIPPED / f"{kind}s", (path or DEFAULT).parent / f"{kind}s"]
     return {file.stem: file for place in folders for file in sorted(place.glob("*.toml"))}
 
 
 def find_preset(path: Path, name: Any, kind: str = "preset") -> Path:
-    """Return the file of a preset, or a world, by its name.
+    """Return the file of a preset or a world by its name.
 
     Raises:
-        ConfigError: There is no such file.
+        ConfigError: The file does not exist.
     """
     known = presets(path, kind)
     if name not in known:

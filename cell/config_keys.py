@@ -1,9 +1,9 @@
 """Every key of the config: its meaning, unit, range, default, source and reader; pure.
 
-Everything derives from the models: the docstring of a key is its meaning, and its first clause ends in the unit, as in
-"Peak speed of the tip, m/s; 0.1 in [gibbons].". A pure number says what it is instead: "fraction", "ratio", "count".
-The last sentence says where the figure comes from, as in "Source: docs/tried/search.md; measured by `cell trials`.". A key
-without one has the source of its section, which stands in the section's docstring or in that of its model.
+The models are the only source: the docstring of a key is its meaning, and its first clause ends in the unit, as in
+"Peak speed of the tip, m/s; 0.1 in [gibbons].". For a pure number, a word replaces the unit: "fraction", "ratio", "count".
+The last sentence gives the source of the figure, as in "Source: docs/tried/search.md; measured by `cell trials`.". If a
+key has none, the source in the docstring of its section or of its model applies.
 """
 
 import inspect
@@ -26,9 +26,9 @@ UNITS = (
     *("m", "m/s", "1/s", "1/s²", "rad", "rad/s", "s", "Hz", "kg", "N", "N/m", "N·s/m", "N·m", "N·m/rad", "N·m·s/rad"),
     *("N·m/(rad·s)", "Pa", "counts", "counts/Pa", "bits/s"),
 )
-"""Units of keys: SI, counts of the skin's converter, and bits a second."""
+"""Units of keys: SI, counts of the skin's converter, and bits per second."""
 PURE = ("fraction", "ratio", "standard deviations", "multiple", "count", "percent", "number")
-"""Words that stand in place of a unit for a pure number."""
+"""Words that replace the unit of a pure number."""
 _UNIT = re.compile(
     r", (" + "|".join(re.escape(word) for word in sorted((*UNITS, *PURE), key=len, reverse=True)) + r")(?![\w·/²(])"
 )
@@ -40,30 +40,30 @@ _ASSUMED = "assumed"
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """One key of the config; where a section comes in kinds, the key of one kind."""
+    """One key of the config; if a section has several kinds, the key of one kind."""
 
     name: str
     """Name with its sections, as in `search.speed`."""
     kind: str
-    """Kind of the section that has the key, as in `skin.kind = "can"`; empty where the section has a single kind."""
+    """Kind of the key's section, as in `skin.kind = "can"`; empty if the section has a single kind."""
     meaning: str
-    """The docstring without its sentence on the source."""
+    """The docstring without its source sentence."""
     unit: str
-    """Unit, or the word that stands for it; empty for values that are not numbers."""
+    """Unit, or the word that replaces it; empty for values that are not numbers."""
     allowed: str
-    """Type and range in words."""
+    """Type and permitted range in words."""
     default: str | None
-    """Default as TOML; None where the key has to be given."""
+    """Default as TOML; None if the key is required."""
     sources: tuple[str, ...]
-    """Sources of the figure; a figure without any other is "chosen, not measured", or "set for each cell", part or trial."""
+    """Sources of the figure; without a reference "chosen, not measured", or "set for each cell", part or trial."""
     reader: str
-    """Module whose class declares the key and reads it."""
+    """Module of the class that declares and reads the key."""
     setters: tuple[str, ...]
-    """Places that may set the key: a cell's file, a preset and `--set` always, a recipe or a command's parameter at times."""
+    """Places that can set the key: always a cell's file, a preset and `--set`; for some keys a recipe or a command's parameter."""
     is_float: bool
-    """Whether the value is a number with a fraction, or several."""
+    """True if the value is one or several floating-point numbers."""
     section: str
-    """Class of the section that has the key."""
+    """Class of the key's section."""
 
     @property
     def summary(self) -> str:
@@ -85,18 +85,16 @@ def find(name: str) -> list[Key]:
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """The value of one key in force."""
+    """Value in force of one key."""
 
     key: Key
     value: Any
     origin: str
-    """File or option that the value came from; `default` where none states it."""
+    """File or option of the value; `default` if none states it."""
 
 
 def in_force(loaded: LoadedConfig, recipe: int = 0) -> list[Setting]:
-    """Return the value in force of every key that a cell has, with one of its recipes; sections that it does without
-    are left out.
-    """
+    """Return the value in force of every key of a cell with one of its recipes; unused optional sections are left out."""
     by_section = {(key.name, key.section): key for key in keys()}
     origins = {".".join(place): origin for place, origin in loaded.origins.get(recipe, {}).items()}
     return [
@@ -115,7 +113,7 @@ def _leaves(model: BaseModel, place: str) -> Iterator[tuple[str, str, Any]]:
 
 
 def section_summary(name: str) -> str:
-    """Return the first clause of a section's docstring; empty where it has none."""
+    """Return the first clause of a section's docstring; empty without a docstring."""
     models: list[type[BaseModel]] = [CellConfig]
     *above, last = name.split(".")
     for step in above:
@@ -132,8 +130,7 @@ def section_summary(name: str) -> str:
 def split_source(text: str) -> tuple[str, tuple[str, ...]]:
     """Return a docstring without its last sentence "Source: ...", and the sources of a key.
 
-    A docstring without that sentence has for sources the references that it cites, and says by one word that a figure
-    is assumed.
+    If the docstring lacks that sentence, the sources are the references that it cites, or the word "assumed" in it.
     """
     stated = _SOURCE.search(text)
     if stated:
@@ -142,12 +139,12 @@ def split_source(text: str) -> tuple[str, tuple[str, ...]]:
 
 
 def _stated(text: str) -> tuple[str, ...]:
-    """Return the sources that the last sentence of a docstring states; none without such a sentence."""
+    """Return the sources in the last sentence of a docstring; none without such a sentence."""
     return split_source(text)[1] if _SOURCE.search(text) else ()
 
 
 def _of_model(model: type[BaseModel], field: str) -> tuple[str, ...]:
-    """Return the sources that the class which declares a key states for all of its keys."""
+    """Return the sources that a key's class states for all of its keys."""
     return _stated(" ".join(inspect.cleandoc(_owner(model, field).__doc__ or "").split()))
 
 
@@ -157,14 +154,14 @@ def first_sentence(text: str) -> str:
 
 
 def first_clause(text: str) -> str:
-    """Return what stands before the first semicolon of a docstring's first sentence."""
+    """Return the text before the first semicolon of a docstring's first sentence."""
     return first_sentence(text).split(";")[0]
 
 
 def _keys_of(model: type[BaseModel], place: str, kind: str, source: tuple[str, ...] = ()) -> Iterator[Key]:
-    """Yield the keys of a model; `source` is that of its section and stands for keys that have none of their own.
+    """Yield the keys of a model; `source` is that of its section and applies to keys without their own.
 
-    A key's own docstring goes before that of its section, and that before the docstring of its model.
+    The source in a key's docstring has priority, then that of its section, then that of its model.
     """
     properties = _properties(model)
     for name, field in model.model_fields.items():
@@ -195,7 +192,7 @@ def _properties(model: type[BaseModel]) -> Mapping[str, Any]:
 
 
 def _models(annotation: Any) -> Iterator[type[BaseModel]]:
-    """Yield the models that an annotation may hold; one is a section, several are its kinds."""
+    """Yield the models in an annotation; one model is a section, several are its kinds."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
         return
@@ -236,13 +233,13 @@ def _has_float(annotation: Any) -> bool:
 
 
 def unit_of(meaning: str) -> str:
-    """Return the unit that a docstring's first sentence names after a comma, or what a pure number is; empty without one."""
+    """Return the unit after a comma in a docstring's first sentence, or the word that replaces it; empty without one."""
     found = _UNIT.search(first_clause(meaning))
     return found.group(1) if found else ""
 
 
 def toml(value: Any) -> str:
-    """Return a value as a config file has it."""
+    """Return a value in TOML, as in a config file."""
     if isinstance(value, BaseModel):
         return toml(value.model_dump(mode="json"))
     if isinstance(value, bool):

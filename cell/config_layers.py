@@ -1,4 +1,4 @@
-"""Layers of a config, tables laid over each other key by key, with the origin of each key; pure."""
+"""Layers of a config: tables merged key by key, with the origin of each key; pure."""
 
 import re
 import tomllib
@@ -9,7 +9,7 @@ from drivers.errors import ConfigError
 from drivers.part.shapes import follow_shape
 
 Origins = Mapping[tuple[str, ...], str]
-"""Origin of each value, a file, `--set` or `parameter`, by the place of its key."""
+"""Origin of each value, a file, `--set` or `parameter`, by the path of its key."""
 SET = "--set"
 """Origin of the single keys of a command line."""
 
@@ -18,7 +18,7 @@ def parse_set(text: str) -> tuple[tuple[str, ...], Any]:
     """Return path and value of `KEY.SUBKEY=VALUE`.
 
     Raises:
-        ConfigError: The text has another form.
+        ConfigError: The text does not have this form.
     """
     key, equals, literal = text.partition("=")
     if not equals or not re.fullmatch(r"\w+(\.\w+)*", key.strip()):
@@ -31,7 +31,7 @@ def parse_set(text: str) -> tuple[tuple[str, ...], Any]:
 
 
 def nested(place: tuple[str, ...], value: Any) -> dict[str, Any]:
-    """Return tables within each other that hold a value at a place."""
+    """Return nested tables that hold one value at the path `place`."""
     for name in reversed(place):
         value = {name: value}
     tables: dict[str, Any] = value
@@ -39,7 +39,7 @@ def nested(place: tuple[str, ...], value: Any) -> dict[str, Any]:
 
 
 def lay_layer(below: dict[str, Any], above: Mapping[str, Any], name: str, source: dict[tuple[str, ...], str]) -> None:
-    """Merge a whole layer into what is below it; a size that it keeps takes the key of the peg's shape."""
+    """Merge a whole layer into those below; a size kept from below takes the key of the new peg shape."""
     lay_over(below, above, name, source)
     try:
         renamed = follow_shape(below, above)
@@ -56,7 +56,7 @@ def lay_over(
     source: dict[tuple[str, ...], str],
     at: tuple[str, ...] = (),
 ) -> None:
-    """Merge `above` into `below`, tables key by key, other values whole, and note the origin of each key."""
+    """Merge `above` into `below`, tables key by key, other values whole, and store the origin of each key."""
     for key, value in above.items():
         place = (*at, key)
         if isinstance(value, Mapping) and (key not in below or isinstance(below[key], dict)):

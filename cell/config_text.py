@@ -1,4 +1,4 @@
-"""Config files as text: a whole config as TOML, a file's keys commented with what they mean, and the JSON schema of a file; pure."""
+"""Config files as text: a whole config as TOML, comments with each key's meaning, and the JSON schema of a file; pure."""
 
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
@@ -9,7 +9,7 @@ from cell.config_keys import Setting, find, section_summary, toml
 
 
 def as_toml(settings: Iterable[Setting]) -> str:
-    """Return settings as a config file, each with its unit and its origin."""
+    """Return settings as a config file, each with unit and origin."""
     sections: dict[str, list[str]] = {"": []}
     for setting in settings:
         section, _, name = setting.key.name.rpartition(".")
@@ -23,7 +23,7 @@ def as_toml(settings: Iterable[Setting]) -> str:
 
 
 def commented(text: str) -> str:
-    """Return a config file with the first clause of every key's meaning behind it; whole lines of comment stay."""
+    """Return a config file with the first clause of each key's meaning as a comment; lines that are only comment stay."""
     return "\n".join(_commented(text.splitlines())) + "\n"
 
 
@@ -43,7 +43,7 @@ def _commented(lines: Iterable[str]) -> Iterator[str]:
 
 
 def _meaning(name: str, kinds: Mapping[str, str]) -> str:
-    """Return the short meaning of a key, in the kind that its section has in this file; for a whole table that of its section."""
+    """Return the short meaning of a key, for its section's kind in this file; for a whole table, that of the section."""
     found = [key for key in find(name) if key.name == name]
     chosen = [key for key in found if not key.kind or _is_kind(key.kind, kinds)]
     return (chosen or found)[0].summary if found else section_summary(name)
@@ -70,7 +70,7 @@ def _kinds(lines: Iterable[str]) -> dict[str, str]:
 
 
 def _without_comment(line: str) -> str:
-    """Return a line of `key = value` without what follows its value."""
+    """Return a line of `key = value` without its comment."""
     for end in [k for k, sign in enumerate(line) if sign == "#"]:
         try:
             tomllib.loads(line[:end])
@@ -81,9 +81,9 @@ def _without_comment(line: str) -> str:
 
 
 def file_schema() -> dict[str, Any]:
-    """Return the JSON schema of a cell's file, draft 7, as editors of TOML read it.
+    """Return the JSON schema of a cell's file, draft 7, for TOML editors.
 
-    No key is required, because a missing one may come from the file's `base` or its preset.
+    No key is required, because a missing one can come from the file's `base` or its preset.
     """
     schema = CellConfig.model_json_schema()
     schema["properties"] = {
@@ -98,7 +98,7 @@ def file_schema() -> dict[str, Any]:
 
 
 def _draft_7(schema: Any) -> Any:
-    """Return a schema in the terms of draft 7: `definitions`, `items` for tuples, one reference with nothing beside it."""
+    """Return a schema in draft 7: `definitions`, `items` for tuples, a reference without other keywords."""
     if isinstance(schema, list):
         return [_draft_7(each) for each in schema]
     if not isinstance(schema, dict):

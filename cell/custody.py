@@ -1,6 +1,4 @@
-"""Custody of the peg over faults, resets and restarts: where it is and what the rack still holds, in a small file
-beside the journal.
-"""
+"""Record of the peg over faults, resets and restarts: its place and the emptied slots of the rack, in a file beside the journal."""
 
 import json
 import logging
@@ -34,18 +32,20 @@ from plc_bridge.messages import PartEvidence, PartPlace, Refusal
 logger = logging.getLogger(__name__)
 
 FLUSH_TIME = 5.0
-"""Longest wait for the disk at the end of the program, s."""
+"""Longest wait for the disk when the program ends, s."""
 
 
 class Custody:
-    """Place of the peg of one cell, and number of emptied slots of its rack; for the scan thread."""
+    """Place of one cell's peg, and number of emptied slots of its rack; for the scan thread."""
 
     def __init__(self, folder: Path, kind: str) -> None:
-        """Read the state that the program before this one left; without its file the place is unknown where a run may have left a peg anywhere.
+        """Read the state left by the earlier program.
+
+        If runs are on record but the file is missing or too old, the place is unknown.
 
         Args:
             folder: Folder of the journal.
-            kind: `arm.kind` of the config; what a simulated cell left does not count for a real one.
+            kind: `arm.kind` of the config; simulated and real cells use separate files.
         """
         self._file = KeptFile(folder / f"part-{kind}.json", "where the peg is", is_void_if_late=True)
         self._kept, self._emptied = _read(self._file.path)
@@ -57,18 +57,18 @@ class Custody:
         """Last known state of the peg."""
 
     def see(self, seen: PegEvidence, places: Places, is_running: bool) -> bool:
-        """Take one look at the devices; return whether the peg's place has changed."""
+        """Update the state from one reading of the devices; return True if the peg's place has changed."""
         if self._is_known:
             return self._become(after(self.part, seen, places, is_running))
         self._is_known = True
         return self._become(at_start(self._kept, seen, places))
 
     def see_hand(self, hand: GripperState, switch: SwitchState, places: Places, is_running: bool) -> bool:
-        """Take one look while the arm does not tell where it is; return whether the peg's place has changed."""
+        """Update the state from one reading without the arm's pose; return True if the peg's place has changed."""
         return self._is_known and self._become(by_hand_alone(self.part, hand, switch, places, is_running))
 
     def end(self, seen: PegEvidence, places: Places) -> bool:
-        """Take the look after a run; return whether the peg's place has changed."""
+        """Update the state from the reading after a run; return True if the peg's place has changed."""
         is_new = self._become(after_run(self.part, seen, places))
         self.keep(is_lasting=True)
         return is_new
@@ -79,24 +79,24 @@ class Custody:
         return refusal_of(self.part, switch, is_empty, recovers_first)
 
     def take(self, rack: Rack) -> int:
-        """Return the slot that the next peg is taken from, which is empty from now on."""
+        """Return the slot of the next peg, and count it as emptied."""
         slot = self._emptied % rack.slots
         self._emptied = slot + 1 if rack.refill == "feeder" else self._emptied + 1
         self.keep()
         return slot
 
     def refill(self) -> None:
-        """Take note that every slot of the rack is filled."""
+        """Register that every slot of the rack is filled."""
         self._emptied = 0
         self.keep(is_lasting=True)
 
     def seat(self, evidence: str) -> None:
-        """Take note that the peg that was let go is seated, by evidence of the run."""
+        """Register that the released peg is seated, by evidence of the run."""
         self._become(proven(self.part, evidence))
         self.keep(is_lasting=True)
 
     def clear(self) -> None:
-        """Take note that a person has taken the peg away; evidence of the devices counts again from the next look on."""
+        """Register that a person has removed the peg; the devices count again from the next reading."""
         told = "a person has taken the last peg away"
         self._become(PartState(PartPlace.RACK, told, basis=PartEvidence.PERSON))
         self.keep(is_lasting=True)
@@ -109,19 +109,19 @@ class Custody:
         return is_new
 
     def keep(self, is_lasting: bool = False) -> None:
-        """Have the present state written to the file without waiting for the disk; with `is_lasting` it survives a loss of power."""
+        """Queue the present state for the file without waiting for the disk; with `is_lasting` it survives a power failure."""
         data = {**asdict(self.part), "place": self.part.place.name, "emptied": self._emptied}
         self._file.put(json.dumps(data), is_lasting)
 
     def flush(self) -> bool:
-        """Wait for `FLUSH_TIME` at most until the present state is in the file, as the program ends; return whether it is."""
+        """Wait up to `FLUSH_TIME` until the present state is in the file; return True if it is. Called when the program ends."""
         return self._file.flush(FLUSH_TIME)
 
 
 def _doubt(path: Path, folder: Path, *, is_simulated: bool) -> str:
-    """Return why the file tells nothing of where the peg is now; empty if it does, or if nothing has moved yet.
+    """Return why the file does not show the peg's present place; empty if it does, or before the first run.
 
-    A run whose end is not on record may have moved the peg after the last text that reached the disk.
+    If the end of a run is not on record, the peg may have moved after the last write to the disk.
     """
     try:
         newest = newest_run(folder, is_simulated=is_simulated)
@@ -142,7 +142,7 @@ def _known_place(name: object) -> PartPlace:
 
 
 class KeptPart(ConfigModel):
-    """Content of the file; earlier versions have neither the evidence in bits, nor a width, nor how far the hand has slid down the peg."""
+    """Content of the file; files of earlier versions lack `basis`, `width` and `slid`."""
 
     place: Annotated[PartPlace, BeforeValidator(_known_place)]
     evidence: Annotated[str, Field(max_length=1000)]
@@ -154,11 +154,14 @@ class KeptPart(ConfigModel):
     width: Coordinate = 0.0
     slid: Coordinate = 0.0
     emptied: Annotated[int, Field(ge=0, lt=1 << 31)]
-    """Number of emptied slots of the rack, or of the slot that a feeder fills next."""
+    """Number of emptied slots of the rack, or the number of the slot that a feeder fills next."""
 
 
 def _read(path: Path) -> tuple[PartState | None, int]:
-    """Return the content of the file, None without one; a damaged one says that the place is unknown."""
+    """Return the state in the file and the number of emptied slots; None and 0 without a file.
+
+    If the file is damaged, the place is unknown.
+    """
     try:
         kept = KeptPart.model_validate_json(path.read_bytes())
     except FileNotFoundError:

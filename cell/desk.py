@@ -1,4 +1,4 @@
-"""The desk between a cell and its line: the PackML state, the report, the answers to commands, and what onlookers see."""
+"""The desk between a cell and its line: PackML state, report, answers to commands, and the view for the page."""
 
 import logging
 from dataclasses import replace
@@ -20,23 +20,23 @@ logger = logging.getLogger(__name__)
 
 
 class CommandLine(Protocol):
-    """Where commands come from and reports go: the bridge to the PLC, or a technician's terminal."""
+    """Source of commands and reader of reports: the bridge to the PLC, or a technician's terminal."""
 
     def poll(self) -> Command | None:
         """Return the next command, or None; never waits.
 
         Raises:
-            PlcLostError: Whoever started what is running has fallen silent.
+            PlcLostError: The client that started the running program has timed out.
         """
 
     def publish(self, report: Report) -> None:
         """Make the report readable; never waits."""
 
     def accept(self, command: Command) -> None:
-        """Tell whoever gave a command that it is done: a program begins, a control is obeyed; never waits."""
+        """Confirm a command to its sender: the program starts or the control is executed; never waits."""
 
     def refuse(self, command: Command, refusal: Refusal) -> None:
-        """Tell whoever gave a command that it is not done, and why; never waits."""
+        """Refuse a command to its sender, with the reason; never waits."""
 
 
 class Desk:
@@ -45,17 +45,17 @@ class Desk:
     def __init__(
         self, line: CommandLine, live: Live, journal: Journal, clock: Clock, part: PartWatch, late: LateScans
     ) -> None:
-        """Begin in IDLE; every report includes the peg's place, trouble with records, and late scans."""
+        """Start in IDLE; every report includes the peg's place, faults of the records, and late scans."""
         self._line, self._live, self._journal, self._part, self._late = line, live, journal, part, late
         self.poll, self.accept = line.poll, line.accept
         self.events = EventLog(journal, clock.now)
         self.misfit = ""
-        """Line that says where the arm's torques in the last run differed from its calibration; empty where they agreed."""
+        """Disagreement of the last run's joint torques with the arm's calibration, one line; empty if they agree."""
         self.state = State.IDLE
         self.report = Report(state=State.IDLE)
 
     def enter(self, event: Event) -> None:
-        """Take the transition that an event causes in the present state; an event that causes none changes nothing."""
+        """Make the transition of an event in the present state; change nothing if there is none."""
         before, self.state = self.state, after(self.state, event)
         if self.state is before:
             return
@@ -70,12 +70,12 @@ class Desk:
             self.enter(Event.FINISHED)
 
     def open(self, command: Command, run: int = 0) -> None:
-        """Begin the report on a command, whose run has this number, 0 as long as it has none."""
+        """Start the report on a command; `run` is the number of its run, 0 before it has one."""
         before = self.report
         self.report = Report(command.sequence, run=run, transition=before.transition, warnings=before.warnings)
 
     def tell_times(self, clock: StageClock) -> None:
-        """Put the times of the stages into the report."""
+        """Write the times of the stages into the report."""
         self.report = replace(
             self.report,
             stage_times=CATALOGUE.in_places(clock.times),
@@ -83,12 +83,12 @@ class Desk:
         )
 
     def tell_part(self) -> None:
-        """Put the peg's place and the evidence of it into the report."""
+        """Write the peg's place and its evidence into the report."""
         self.report = self._part.filled(self.report)
         self._live.evidence = self._part.part.evidence
 
     def publish(self) -> None:
-        """Give the report to the line, with everything in it that changes from scan to scan."""
+        """Update the fields that change at every scan, and publish the report on the line."""
         self.tell_part()
         before, warnings = self.report, warnings_of(self._journal, self._late.is_warned, bool(self.misfit))
         if (before.state, before.warnings, before.overruns) != (self.state, warnings, self._late.count):
@@ -97,7 +97,7 @@ class Desk:
         self._line.publish(self.report)
 
     def fault(self, error: CellError) -> None:
-        """Enter ABORTED and report the fault; moving again takes a reset."""
+        """Enter ABORTED and report the fault; the arm moves again only after a reset."""
         self._say(error)
         self.events.fault(error)
         self.enter(Event.ABORT)
@@ -109,7 +109,7 @@ class Desk:
         self.report = replace(self.report, result=result, fault=error.code)
 
     def tell_blocked(self, error: CellError) -> None:
-        """Publish the fault of a scan that does not come, from the watchdog's thread; the desk's own report is left to the scan thread."""
+        """Publish the fault of a blocked scan, from the watchdog's thread; only the scan thread changes the desk's own report."""
         self._say(error)
         self._line.publish(replace(self.report, state=State.ABORTING, fault=error.code))
 
@@ -118,10 +118,10 @@ class Desk:
         self._live.fault = str(error)
 
     def show(self, look: Look) -> None:
-        """Let onlookers see one scan."""
+        """Publish one scan to the viewers."""
         self._live.show(look)
 
     def refuse(self, command: Command, refusal: Refusal) -> None:
-        """Answer that a command is not obeyed, and why."""
+        """Refuse a command with a reason."""
         self.events.refusal(command, refusal)
         self._line.refuse(command, refusal)

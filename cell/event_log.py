@@ -1,4 +1,4 @@
-"""The events of a cell beside the samples of its runs, as the journal records them."""
+"""The events of a cell, as the journal records them."""
 
 import logging
 from collections.abc import Callable
@@ -17,32 +17,32 @@ logger = logging.getLogger(__name__)
 
 
 class EventLog:
-    """Puts the events of one cell on record."""
+    """Records the events of one cell."""
 
     def __init__(self, journal: Journal, now: Callable[[], float]) -> None:
-        """Take the journal, and the cell's time, s."""
+        """Keep the journal and the function that returns the cell's time, s."""
         self._journal, self._now = journal, now
         self.run = 0
-        """Number of the run under way; 0 for none."""
+        """Number of the present run; 0 for none."""
 
     def state(self, before: State, after: State) -> None:
-        """Note that the state changed."""
+        """Record a change of state."""
         self._note(EventKind.STATE, after.name, code=after, text=before.name)
 
     def command(self, command: Command) -> None:
-        """Note what was asked for, and by whom."""
+        """Record a command and its source."""
         self._note(EventKind.COMMAND, name_of(command.code), command.code, command)
 
     def refusal(self, command: Command, refusal: Refusal) -> None:
-        """Note that a command was refused, and why."""
+        """Record the refusal of a command, with the reason."""
         self._note(EventKind.REFUSAL, refusal.name.lower(), refusal, command, name_of(command.code))
 
     def fault(self, error: CellError) -> None:
-        """Note a fault."""
+        """Record a fault."""
         self._note(EventKind.FAULT, error.code.name, error.code, text=str(error))
 
     def warned(self, before: int, now: int, misfit: str = "") -> None:
-        """Note the warnings, sums of `Warnings`, that have come or gone; `misfit` says what of the arm's calibration does not fit."""
+        """Record new and cleared warnings; `before` and `now` are sums of `Warnings`, `misfit` is the text of the arm's warning."""
         texts = {Warnings.NOT_RECORDED: self._journal.trouble, Warnings.ARM_CALIBRATION: misfit}
         for bit, name in WARNINGS.items():
             if (before ^ now) & bit:
@@ -50,7 +50,7 @@ class EventLog:
                 self._note(EventKind.WARNING, name if now & bit else f"{name} is over", text=text)
 
     def rehearsal(self, pull: Pull) -> None:
-        """Note that somebody pulled or plugged a cable of a simulated cell."""
+        """Record that a viewer unplugged or plugged in a cable of a simulated cell."""
         self._note(EventKind.REHEARSAL, f"{pull.cable} {'unplugged' if pull.is_out else 'plugged in'}", by=pull.source)
 
     def _note(
@@ -90,7 +90,7 @@ def warnings_of(journal: Journal, is_late: bool, is_misfit: bool) -> int:
 
 
 def name_of(code: int) -> str:
-    """Return the name of a command by its code, in lower case; the number where it means nothing."""
+    """Return the name of a command code, in lower case; the number if the code is unknown."""
     if code in CATALOGUE.by_code:
         return CATALOGUE.by_code[code].name
     try:

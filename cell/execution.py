@@ -1,4 +1,4 @@
-"""A program from its start to its judged end: the run's record, the peg and the skills, rest after trouble, the result."""
+"""Execution of one program: the run's record, the next peg, the skills, the stop after a fault, and the judged result."""
 
 import logging
 from collections.abc import Callable, Sequence
@@ -45,7 +45,7 @@ class Execution:
         beat: Callable[[], None],
         meanwhile: Callable[[], None],
     ) -> None:
-        """Take what a program works with, and become the one that the scan of its skills calls.
+        """Keep the parts of the cell that a program needs, and register the callbacks of the skill context.
 
         Args:
             cell: The opened cell.
@@ -54,9 +54,9 @@ class Execution:
             desk: Keeps state and report.
             part: Watches the peg.
             brake: Brings the arm to rest.
-            watch: Function that is told whether scans have to come now.
-            beat: Function that is called when a scan of a skill begins; takes the commands that wait.
-            meanwhile: Function that is called at each scan while the arm comes to rest after a run.
+            watch: Function that starts (True) or ends (False) the supervision of a program's scans by the watchdog.
+            beat: Function called at the start of each scan of a skill; it takes the waiting commands.
+            meanwhile: Function called at each scan while the arm comes to rest after a run.
         """
         self._cell, self._context, self._journal = cell, context, journal
         self._desk, self._part, self._brake = desk, part, brake
@@ -70,15 +70,21 @@ class Execution:
         self._done = Progress(())
         self._run: RunRecord | None = None
         self.last: RunRow | None = None
-        """The run that ended last, as the journal has it."""
+        """Journal row of the last run that ended; None before the first."""
 
     @property
     def is_running(self) -> bool:
-        """Whether a run is open."""
+        """True if a run is under way."""
         return self._run is not None
 
     def run(self, command: Command, entry: Entry, config: CellConfig) -> CellError | None:
-        """Run a program to its end; the cell is then in a state that waits, or has the fault that is returned to answer."""
+        """Run a program to its end.
+
+        Without a fault the cell is then in Complete, Stopped or another waiting state.
+
+        Returns:
+            First fault of the run, which the caller must report; None if there is none.
+        """
         self._brake.request, self._done = Request.RUN, progress_of(entry)
         records: list[StageRecord] = []
         taken, claim = self._cell.clock.now(), entry.claim
@@ -114,20 +120,20 @@ class Execution:
         return fault
 
     def abandon(self, fault: CellError) -> None:
-        """Close the record of the run under way where the scan itself cannot go on."""
+        """Close the record of the run under way when the scan cannot continue."""
         run, self._run = self._run, None
         if run is not None:
             self._closed(run, [], ending_of([], fault, run.clock.stage), fault)
 
     def show(self, seen: Observation) -> None:
-        """Let onlookers see one scan."""
+        """Publish one scan to the viewers."""
         run, stage = (self._run.row.run, self._context.stage) if self._run is not None else (0, "")
         self._desk.show(Look(seen, stage, run, self._context.job.hole.centre[2]))
 
     # Beginning.
 
     def _open(self, command: Command, entry: Entry, config: CellConfig, taken: float) -> None:
-        """Open the record, and make the cell ready for the skills of this config."""
+        """Open the run's record and set up the context for this config."""
         seed = self._first_seed + self._stocked if entry.starts_empty else self._seed
         self._run = RunRecord(self._journal, command, entry.name, config, taken, seed)
         self._desk.events.run = self._run.row.run
@@ -137,13 +143,13 @@ class Execution:
         ctx = self._context
         ctx.job = config.job(slot=ctx.job.slot)
         ctx.limits, ctx.stage, ctx.held = config.limits, "", None
-        # A recipe may bring another peg, and a preset another method.
+        # The recipe can change the peg, and the preset can change the method.
         ctx.estimator, ctx.tracker = make_estimator(config), make_tracker(config)
         self._desk.enter(Event.FINISHED)
         self._watch(True)
 
     def _take_peg(self, entry: Entry, config: CellConfig) -> None:
-        """Turn to the next slot of the rack, where the program takes a fresh peg."""
+        """Select the next slot of the rack if the program starts with an empty hand."""
         if not entry.starts_empty:
             return
         ctx = self._context
@@ -155,14 +161,14 @@ class Execution:
     # Ending.
 
     def _brought_to_rest(self, records: Sequence[StageRecord], fault: CellError | None) -> CellError | None:
-        """Bring the arm to rest after a run that did not end as it should; return the first fault."""
+        """Bring the arm to rest; after a fault or a run without success, wait until it stands. Return the first fault."""
         if fault is not None:
             self._desk.enter(Event.ABORT)
             self._desk.report = replace(self._desk.report, fault=fault.code)
         elif ending_of(records, None, "").outcome is Outcome.SUCCESS and self._desk.state is State.EXECUTE:
             self._brake.halt()
             return None
-        # Nobody is asked for a sign of life any more: the arm has to come to rest.
+        # The PLC watchdog is off from here: the arm must come to rest even without a PLC.
         self._brake.request = Request.STOP
         later = self._brake.wait(self._meanwhile)
         return fault or later
@@ -170,7 +176,7 @@ class Execution:
     def _judged(
         self, claim: Claim, records: Sequence[StageRecord], fault: CellError | None, stage: str
     ) -> tuple[Ending, CellError | None]:
-        """Return how a run ended by the evidence, and the first fault."""
+        """Judge the run by the evidence; return its ending and the first fault."""
         ending = ending_of(records, fault, stage)
         if fault is not None:
             return ending, fault
@@ -181,7 +187,7 @@ class Execution:
     def _closed(
         self, run: RunRecord, records: Sequence[StageRecord], ending: Ending, fault: CellError | None
     ) -> CellError | None:
-        """Tell the journal and the line how a run ended; return the first fault."""
+        """Write the run's ending to the journal and the report; return the first fault."""
 
         def write() -> None:
             self._desk.tell_part()
@@ -196,7 +202,7 @@ class Execution:
         return fault or later
 
     def _settle(self, outcome: Outcome) -> None:
-        """Enter the state that follows a run without a fault, and report how it ended."""
+        """Enter the state that follows a run without a fault, and report the result."""
         desk = self._desk
         desk.report = replace(desk.report, result=Result[outcome.name])
         if outcome is Outcome.ABORTED:
@@ -213,7 +219,7 @@ class Execution:
             desk.report = replace(desk.report, progress=100)
         desk.enter(Event.FINISHED)
 
-    # What the skills call at every scan.
+    # Callbacks of the skill context, one call per scan or stage.
 
     def _poll(self) -> Request:
         run = self._run

@@ -1,4 +1,4 @@
-"""What of a cell is open to other computers, and how long its keys are valid: what `serve`, `check` and the figures report."""
+"""Ports of a cell that are open to other computers, and validity of its keys, for `serve`, `check` and the metrics."""
 
 import ipaddress
 from collections.abc import Mapping
@@ -9,11 +9,11 @@ from plc_bridge.config import PlcConfig, TlsConfig
 
 Address = tuple[str, int]
 SOON = 30.0
-"""Time before the end of a key's validity from which it is no longer found good, days."""
+"""Remaining validity of a key below which it must be renewed, days."""
 
 
 def is_local(host: str) -> bool:
-    """Return True if only this computer reaches what listens on `host`."""
+    """Return True if only this computer can connect to `host`."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -21,7 +21,7 @@ def is_local(host: str) -> bool:
 
 
 def exposures(plc: PlcConfig, page: Address | None = None, metrics: Address | None = None) -> list[str]:
-    """Return what other computers may do here without being named or known, one line for each open port."""
+    """Return one line for each open port: what unknown computers can do there."""
     found = []
     if not is_local(plc.modbus.host) and not plc.modbus.allow:
         found.append(
@@ -43,7 +43,7 @@ def exposures(plc: PlcConfig, page: Address | None = None, metrics: Address | No
 
 
 def key_days(tls: TlsConfig | None) -> Mapping[str, float]:
-    """Return the time for which each file of the keys is still valid, days; negative if it no longer is.
+    """Return the remaining validity of each key file, days; negative after its end.
 
     Raises:
         DeviceNotOpenedError: A file cannot be read.
@@ -57,7 +57,7 @@ def key_days(tls: TlsConfig | None) -> Mapping[str, float]:
 
 
 def key_verdict(days: float) -> str:
-    """Return "ok" and the days left, or what is wrong with the age of a key."""
+    """Return "ok" and the days left, or the fault of an expired or expiring key."""
     if days < 0.0:
         return f"expired {-days:.0f} days ago: renew it, then start the cell again"
     return (

@@ -1,4 +1,4 @@
-"""Motion of an arm by a person: guided by hand, or jogged by keys that are held down; pure but for `moved_by_keys`."""
+"""Motion of an arm by a person: guided by hand, or jogged by held keys; pure except `moved_by_keys`."""
 
 import math
 from collections.abc import Callable
@@ -23,31 +23,31 @@ DIRECTIONS = {
 JOG_SPEED = 0.02
 """Speed of the tool while a key is held, m/s."""
 DEAD_MAN = 0.2
-"""Time after a key for which the tool goes on, s; a key that is held repeats more often."""
+"""Time after a key press during which the tool moves, s; a held key repeats faster."""
 GUIDE_SPEED = 0.15
-"""Largest speed at which the setpoint follows the hand, m/s; a faster hand is held back."""
+"""Largest speed of the setpoint as it follows the hand, m/s; above it, the arm resists."""
 TURN_SPEED = 0.5
-"""Largest rate at which the setpoint turns after the hand, rad/s."""
+"""Largest angular rate of the setpoint as it follows the hand, rad/s."""
 MOST_SPEED = 0.4
-"""Speed of the tool at which guiding ends, m/s."""
+"""Speed of the tool above which guiding ends, m/s."""
 MOST_FORCE = 30.0
 """Largest force between setpoint and hand, N."""
 STIFFNESS, TURN_STIFFNESS = 1000.0, 25.0
 """Stiffness between setpoint and hand, N/m and N·m/rad."""
 YIELD, TURN_YIELD = 6.0, 1.0
-"""Force, N, and torque, N·m, beyond which the setpoint gives way: less than friction and gravity's remainder would let the arm sink."""
+"""Force, N, and torque, N·m, above which the setpoint follows; they must exceed friction and gravity remainder, or the arm sinks."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Held:
-    """Pose of the hand that the arm is asked for."""
+    """Commanded pose of the hand."""
 
     pose: Pose
     velocity: Vector
     """Velocity of its origin, shape (3,), m/s."""
 
     def setpoint(self, number: int, stamp: float, until: float) -> ImpedanceSetpoint:
-        """Return the setpoint of a motion, valid until a time, s."""
+        """Return the setpoint of a motion, valid until the time `until`, s."""
         return ImpedanceSetpoint(
             id=number,
             tip=self.pose.position,
@@ -61,7 +61,7 @@ class Held:
 
 
 def guided(held: Held, hand: Pose, step: float, limits: Limits) -> Held:
-    """Return what is held after a hand was guided for `step`, s: it follows beyond the yield, within speed and workspace.
+    """Return the held pose after guiding for `step`, s; it follows above the yield force, within speed and workspace.
 
     dx = min(|e| - F/K, v_max dt) e/|e|, e = x_hand - x_held; the same for the rotation vector between the two.
     """
@@ -76,7 +76,7 @@ def guided(held: Held, hand: Pose, step: float, limits: Limits) -> Held:
 
 
 def jogged(held: Held, hand: Pose, direction: Vector, step: float, limits: Limits) -> Held:
-    """Return what is held after a key was held for `step`, s; it leads the hand by no more than the force limit allows."""
+    """Return the held pose after a key was held for `step`, s; its lead before the hand is bounded by the force limit."""
     position = _inside(held.pose.position + JOG_SPEED * step * direction, held.pose.position, limits)
     if float(np.linalg.norm(position - hand.position)) * STIFFNESS > 0.5 * MOST_FORCE:
         position = held.pose.position
@@ -84,7 +84,7 @@ def jogged(held: Held, hand: Pose, direction: Vector, step: float, limits: Limit
 
 
 def _beyond(error: Vector, slack: float, most: float) -> Vector:
-    """Return the part of an error beyond its slack, at most so long."""
+    """Return the part of an error beyond `slack`, with length at most `most`."""
     size = float(np.linalg.norm(error))
     if size <= slack:
         return np.zeros(3)
@@ -93,23 +93,23 @@ def _beyond(error: Vector, slack: float, most: float) -> Vector:
 
 
 def _inside(position: Vector, before: Vector, limits: Limits) -> Vector:
-    """Return the place inside the workspace that is next to a position; one that is outside comes no further out."""
+    """Return the point of the workspace next to a position; from outside the workspace, do not move further out."""
     inside: Vector = np.clip(position, np.minimum(limits.low, before), np.maximum(limits.high, before))
     return inside
 
 
 def moved_by_keys(cell: Cell, keys: Keys, act: Callable[[str, ArmState], bool], is_guided: bool) -> None:
-    """Let a person move the arm until a key ends it; then halt it.
+    """Let a person move the arm until a key ends the motion; then halt the arm.
 
     Args:
-        cell: The cell, whose arm is open.
+        cell: The cell, with its arm open.
         keys: Keys of the person.
-        act: Called with every key that is no direction; returns False to end.
-        is_guided: Whether the arm follows the hand that guides it while no key moves it; otherwise it holds still.
+        act: Function called with every key that is not a direction; returns False to end.
+        is_guided: True if the arm follows the guiding hand while no key is pressed; else it holds its pose.
 
     Raises:
-        TrackingError: The hand is moved too fast, or against more force than allowed.
-        CellError: The arm is silent or stopped.
+        TrackingError: The person moves the hand too fast, or against too much force.
+        CellError: The arm times out or is stopped.
     """
     config, clock = cell.config, cell.clock
     limits = config.limits.model_copy(update={"force": min(config.limits.force, MOST_FORCE)})

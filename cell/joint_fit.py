@@ -1,4 +1,4 @@
-"""Friction and remainder of gravity of a joint, from the torques that passes to and fro took; pure."""
+"""Friction and gravity remainder of a joint, from the torques of passes in both directions; pure."""
 
 import math
 from collections.abc import Sequence
@@ -11,27 +11,27 @@ from drivers.arm.learning import DRY_RATE, SMOOTH_RATE
 from drivers.quantities import Vector
 
 RESOLVED = 0.03
-"""Least half width of an interval, N·m: what a momentum observer errs by where rotors and torque path are not in the model."""
+"""Least half width of an interval, N·m: error of a momentum observer without rotors and torque path in its model."""
 RESOLVED_SHARE = 0.02
-"""Share of a figure by which the observer errs beside that, fraction."""
+"""Additional relative error of the observer, fraction."""
 ROTOR = 0.3
-"""Inertia that a rotor may add to the model's, kg·m², and by how much it may add more or less: 0 to 0.61 are published, see `config/arms/fr3.toml`."""
+"""Rotor inertia beyond the model, kg·m², and its uncertainty; published values are 0 to 0.61, see `config/arms/fr3.toml`."""
 
 
 @dataclass(frozen=True, slots=True)
 class Pass:
-    """Mean of one pass of one joint at an even speed."""
+    """Mean of one pass of one joint at constant speed."""
 
     joint: int
     """Number of the joint, from 0."""
     speed: float
-    """Commanded speed, rad/s; its sign tells the sense."""
+    """Commanded velocity, rad/s, with the sign of its direction."""
     rate: float
-    """Velocity that the joint had, rad/s."""
+    """Measured velocity of the joint, rad/s."""
     torque: float
-    """Torque that it took beside what moves the arm's model, N·m."""
+    """Torque of the joint beyond the arm's model, N·m."""
     drift: float = 0.0
-    """Rate at which that velocity changed, rad/s²: rotors, which are not in the model, take torque for it."""
+    """Acceleration during the pass, rad/s²; it causes rotor torque, which is not in the model."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,14 +46,15 @@ class JointFit:
 
 
 def fit(passes: Sequence[Pass], speeds: Sequence[float]) -> JointFit:
-    """Return what the passes of one joint tell.
+    """Return the figures of one joint from its passes.
 
-    Friction at a speed is half the difference between the mean torques there and back, whatever its law; the offset is the mean of
-    all such means. What a rotor may have taken to change its velocity during a pass is taken off, and stands in the interval as often again. Dry and smooth friction are fitted to the passes, neither less than 0.
+    For any friction law, the friction at a speed is half the difference of the mean torques in the two directions. The
+    offset is the mean of their means. The estimated rotor torque of the acceleration during a pass is subtracted, and the
+    same amount is added to the interval. Dry and smooth friction are fitted to the passes, both >= 0.
 
     Args:
-        passes: Passes at each of the speeds, two or more in either sense.
-        speeds: Speeds whose friction is told, rad/s.
+        passes: Passes at each of the speeds, at least two in each direction.
+        speeds: Speeds for which friction is returned, rad/s.
     """
     passes = [replace(each, torque=each.torque - ROTOR * each.drift) for each in passes]
     groups = {(s, sense): [p.torque for p in passes if p.speed == sense * s] for s in speeds for sense in (-1.0, 1.0)}
@@ -68,7 +69,7 @@ def fit(passes: Sequence[Pass], speeds: Sequence[float]) -> JointFit:
             np.mean([each.drift * math.copysign(1.0, each.speed) for each in passes if abs(each.speed) == speed])
         )
         had = float(np.mean([abs(p.rate) for p in passes if abs(p.speed) == speed]))
-        # A joint that was a little slower than asked for is taken to the speed by the fitted curve.
+        # If a joint was slightly slower than commanded, the fitted curve corrects its torque to the commanded speed.
         slower = smooth[0] * (math.tanh(speed / SMOOTH_RATE) - math.tanh(had / SMOOTH_RATE))
         half = 0.5 * (float(np.mean(there)) - float(np.mean(back))) + slower
         statistical = 0.5 * quantile * scatter * math.sqrt(1 / len(there) + 1 / len(back))
@@ -80,7 +81,7 @@ def fit(passes: Sequence[Pass], speeds: Sequence[float]) -> JointFit:
 
 
 def _levels(passes: Sequence[Pass], offset: float) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return the levels of dry and smooth friction that fit the passes best beside an offset, N·m, each with its interval."""
+    """Return the best-fit levels of dry and smooth friction for a given offset, N·m, each with its interval."""
     rates, torques = np.array([p.rate for p in passes]), np.array([p.torque for p in passes]) - offset
     rows = np.column_stack([np.tanh(rates / DRY_RATE), np.tanh(rates / SMOOTH_RATE)])
     used, values, spread = [0, 1], np.zeros(2), np.zeros((2, 2))
@@ -96,7 +97,7 @@ def _levels(passes: Sequence[Pass], offset: float) -> tuple[tuple[float, float],
 
 
 def _interval(value: float, statistical: float) -> float:
-    """Return half the width of an interval, N·m: what scatters, and what the observer resolves."""
+    """Return half the width of an interval, N·m, from scatter and from the resolution of the observer."""
     return math.hypot(statistical, RESOLVED, RESOLVED_SHARE * value)
 
 

@@ -1,4 +1,4 @@
-"""The journal: runs, their stages, events and configs in an SQLite index, one stream of samples per run beside it."""
+"""The journal: an SQLite index of runs, stages, events and configs, and one file of samples per run."""
 
 import os
 from collections.abc import Sequence
@@ -25,7 +25,7 @@ MOST = 2**62
 
 
 def default_folder() -> Path:
-    """Return the folder of the user's own data, which holds the journal."""
+    """Return the folder of the journal, in the user's data folder."""
     base = os.environ.get("XDG_DATA_HOME")
     return (Path(base) if base else Path("~/.local/share").expanduser()) / "tactile-insertion-cell"
 
@@ -33,8 +33,8 @@ def default_folder() -> Path:
 class Journal:
     """The records of a cell.
 
-    A thread of its own writes the records, and callers never wait for it; a reader of the same object waits until they
-    are written.
+    A separate thread writes the records, so that callers never wait. Reading methods of the same object wait until
+    all records are written.
     """
 
     def __init__(self, folder: Path, *, is_read_only: bool = False, keep: "Keep | None" = None) -> None:
@@ -42,7 +42,7 @@ class Journal:
 
         Args:
             folder: Folder of the index and the samples.
-            is_read_only: Whether nothing is made, migrated or written; a folder without an index then has no runs.
+            is_read_only: True to create, migrate and write nothing; a folder without an index then has no runs.
             keep: Limits of age and size of the records; None keeps everything.
         """
         self.folder = folder
@@ -51,16 +51,16 @@ class Journal:
         self._writer: JournalWriter | None = None
 
     def open(self) -> None:
-        """Open the index; to write, make it where there is none and bring an earlier layout up to the present one.
+        """Open the index.
 
-        To write, runs that a killed program left open are closed, and an index that is torn is put aside and made again
-        from the samples.
+        When opened to write, the journal creates a missing index and migrates an earlier layout. It closes the runs that
+        a killed program left open. If the index is damaged, the journal sets it aside and rebuilds it from the samples.
 
         Raises:
-            JournalError: The folder or the index cannot be used, or a newer version of the program has made it.
+            JournalError: The folder or the index cannot be used, or a newer version of the program has written it.
         """
         if not self._is_read_only:
-            # Arrow and the thread that writes, which whoever only asks for runs does not need.
+            # Imported here because a reader of runs needs neither Arrow nor the writing thread.
             from cell.journal_upkeep import Keep
             from cell.journal_writer import JournalWriter
 
@@ -72,11 +72,11 @@ class Journal:
             self._index = Index(self.folder, is_read_only=True)
 
     def close(self) -> None:
-        """Write what waits and close; harmless when repeated."""
+        """Write the waiting records and close; idempotent."""
         index, self._index = self._index, None
         if index is not None:
             index.close()
-        # The one that can write is the last: only it can put away what SQLite keeps beside the index.
+        # Close the writing connection last: only it can remove SQLite's files beside the index.
         writer, self._writer = self._writer, None
         if writer is not None:
             writer.close()
@@ -93,10 +93,10 @@ class Journal:
     # Methods that write.
 
     def begin(self, row: RunRow, facts: "SceneFacts | None" = None) -> RunRow:
-        """Put a run on record; return it with its number.
+        """Record the start of a run; return its row with its number.
 
         Args:
-            row: The run as it begins.
+            row: Row of the run at its start.
             facts: Facts of the scene for pictures of the run.
 
         Raises:
@@ -105,7 +105,7 @@ class Journal:
         return self._writing().begin(row, facts)
 
     def write(self, run: int, block: "SampleBlock") -> None:
-        """Put samples of a run on record.
+        """Record samples of a run.
 
         Raises:
             JournalError: The journal is not open.
@@ -113,7 +113,7 @@ class Journal:
         self._writing().write(run, block)
 
     def finish(self, row: RunRow, stages: Sequence[StageRow] = (), rest: "SampleBlock | None" = None) -> None:
-        """Put on record how a run and its stages ended, with the rest of its samples.
+        """Record the end of a run and its stages, with the rest of its samples.
 
         Raises:
             JournalError: The journal is not open.
@@ -121,7 +121,7 @@ class Journal:
         self._writing().finish(row, stages, rest)
 
     def note(self, row: EventRow) -> None:
-        """Put an event on record; the index gives it its number.
+        """Record an event; the index numbers it.
 
         Raises:
             JournalError: The journal is not open.
@@ -129,7 +129,7 @@ class Journal:
         self._writing().note(row)
 
     def keep_config(self, row: ConfigRow) -> None:
-        """Keep a config whole, once.
+        """Record a whole config, once.
 
         Raises:
             JournalError: The journal is not open.
@@ -138,12 +138,12 @@ class Journal:
 
     @property
     def trouble(self) -> str:
-        """Text that says what cannot be put on record now, and why; empty where all is well."""
+        """Records that cannot be written now, and the reason; empty without trouble."""
         return "" if self._writer is None else self._writer.trouble
 
     @property
     def is_disk_low(self) -> bool:
-        """Whether the disk has less free space than is asked for."""
+        """True if the free space of the disk is below `Keep.least_free`."""
         return self._writer is not None and self._writer.is_disk_low
 
     def _writing(self) -> "JournalWriter":
@@ -154,7 +154,7 @@ class Journal:
     # Methods that read.
 
     def runs(self, last: int, since: str = "") -> list[RunRow]:
-        """Return the newest runs, newest first, of those that started at the wall time `since`, ISO 8601 UTC, or later."""
+        """Return the newest `last` runs, newest first, started at or after `since`, ISO 8601 UTC."""
         return self.select(RunQuery(since), last)
 
     def find(self, run: int) -> RunRow:
@@ -171,38 +171,38 @@ class Journal:
         return found[0]
 
     def last_run(self) -> int:
-        """Return the number of the newest run; 0 when none is on record."""
+        """Return the number of the newest run; 0 if none is on record."""
         return int(self._reading().execute("SELECT coalesce(max(run), 0) FROM runs", [])[0][0])
 
     def outcomes(self, query: RunQuery) -> dict[str, int]:
-        """Return the number of runs of each outcome, of those that a question is about."""
+        """Return the number of runs of each outcome, among the runs that a query selects."""
         where, values = query.where()
         counted = f"SELECT outcome, count(*) FROM runs WHERE {where} GROUP BY outcome"
         return dict(self._reading().execute(counted, values))
 
     def stages(self, run: int) -> list[StageRow]:
-        """Return the stages of a run in the order in which they were tried."""
+        """Return the stages of a run, in the order of their tries."""
         return self._reading().rows(StageRow, "WHERE run = ? ORDER BY place", [run])
 
     def select(self, query: RunQuery, last: int = MOST) -> list[RunRow]:
-        """Return the newest runs that a question is about, newest first."""
+        """Return the newest `last` runs that a query selects, newest first."""
         where, values = query.where()
         return self._reading().rows(RunRow, f"WHERE {where} ORDER BY run DESC LIMIT ?", [*values, last])
 
     def told(self, query: RunQuery) -> Told:
-        """Return what a report tells of the runs that a question is about, as far as they have ended."""
+        """Return the report figures of the ended runs that a query selects."""
         where, values = query.where()
         asked = f"FROM runs JOIN told USING (run) WHERE {where} AND outcome != 'running' ORDER BY started"
         return told_columns(self._reading().execute(f"SELECT kind, figures {asked}", values))
 
     def events(self, since: str = "", run: int | None = None) -> list[EventRow]:
-        """Return the events, oldest first, from the wall time `since`, ISO 8601 UTC, on; of one run where it is named."""
+        """Return the events at or after `since`, ISO 8601 UTC, oldest first; with `run`, only those of this run."""
         if run is not None:
             return self._reading().rows(EventRow, "WHERE time >= ? AND run = ? ORDER BY event", [since, run])
         return self._reading().rows(EventRow, "WHERE time >= ? ORDER BY event", [since])
 
     def config(self, digest: str) -> str | None:
-        """Return the config that runs name by its digest, as JSON; None where it was not kept."""
+        """Return the config with a digest, as JSON; None if it is not on record."""
         found = self._reading().rows(ConfigRow, "WHERE config_hash = ?", [digest])
         return found[0].config if found else None
 
@@ -211,11 +211,11 @@ class Journal:
         return self.folder / f"run-{run:06d}.arrows"
 
     def _reading(self) -> Index:
-        """Return the index to read, with all in it that was put on record before."""
+        """Return the index for reading, after all earlier records are written."""
         if self._writer is not None:
             self._writer.flush()
             if self._index is not None and not self._index.is_in_place():
-                # Somebody deleted it, or it was torn and has been made again.
+                # The index was deleted, or it was damaged and rebuilt.
                 self._index.close()
                 self._index = None
             if self._index is None:
@@ -226,7 +226,7 @@ class Journal:
 
 
 def newest_run(folder: Path, *, is_simulated: bool) -> RunRow | None:
-    """Return the newest run of a simulated cell, or of a real one, that is on record in a folder; None if there is none.
+    """Return the newest recorded run of a simulated or real cell in a folder; None if there is none.
 
     Raises:
         JournalError: The index cannot be read.

@@ -1,4 +1,4 @@
-"""The SQLite index of a journal: opened to write or to read, one statement after the other; used by one thread at a time."""
+"""The SQLite index of a journal, opened to write or to read; used by one thread at a time."""
 
 import json
 import logging
@@ -32,22 +32,22 @@ Row = TypeVar("Row", RunRow, StageRow, EventRow, ConfigRow)
 
 INDEX = "runs.sqlite"
 OWNER_ONLY, OWNERS_FOLDER = 0o600, 0o700
-"""Permissions of the journal's files and of a folder that is made for them."""
+"""Permissions of the journal's files and of a folder created for them."""
 OTHERS_WRITE = 0o022
-"""Permissions by which others than its owner may write a folder."""
+"""Permission bits that let users other than the owner write a folder."""
 SET_ASIDE = "set-aside.jsonl"
-"""Name of the file of rows whose content the index cannot hold, one JSON object a line."""
+"""Name of the file of rows that the index cannot store, one JSON object per line."""
 LOCK_TIMEOUT = 1.0
-"""Time that a statement waits for an index which another program has locked, s."""
+"""Longest wait of a statement if another program has locked the index, s."""
 
 
 def require_own(folder: Path) -> None:
-    """Make sure that only its owner may write a journal's folder, if there is one yet.
+    """Require that only its owner can write a journal's folder, if the folder exists.
 
-    What lies in it decides where the arm searches first and whether a start is safe, so that whoever writes it moves the cell.
+    Files in the folder decide where the arm searches first and whether a start is safe.
 
     Raises:
-        JournalError: Others may write it.
+        JournalError: Other users can write the folder.
     """
     with suppress(FileNotFoundError):
         if (mode := folder.stat().st_mode) & OTHERS_WRITE:
@@ -57,11 +57,11 @@ def require_own(folder: Path) -> None:
 
 
 class DamagedIndexError(JournalError):
-    """The index is no SQLite file, or is torn."""
+    """The index is not an SQLite file, or is damaged."""
 
 
 class BadRowError(JournalError):
-    """The content of a row cannot be written, however often it is tried."""
+    """SQLite refuses the content of a row; a retry does not help."""
 
 
 _BAD_ROW = (
@@ -77,43 +77,44 @@ _IF_SAME = (
     f"ON CONFLICT (run) DO UPDATE SET {', '.join(f'{name} = excluded.{name}' for name in names(RunRow)[1:])}"
     " WHERE started = excluded.started OR outcome = 'running'"
 )
-"""End of a statement that replaces the row of a run, but never that of another run which has its number."""
+"""End of a statement that replaces the row of a run, but never the row of another run with the same number."""
 
 
 class Index:
     """The rows of a journal."""
 
     def __init__(self, folder: Path, *, is_read_only: bool) -> None:
-        """Open the index; to write, make it where there is none and bring an earlier layout up to the present one.
+        """Open the index.
 
-        To read, nothing is made, migrated or written; a folder without an index has no runs.
+        To write, create a missing index and migrate an earlier layout. To read, write nothing; a folder without an index
+        has no runs.
 
         Raises:
-            DamagedIndexError: The index is no SQLite file, or is torn.
-            JournalError: The index cannot be used, or a newer version of the program has made it.
+            DamagedIndexError: The index is not an SQLite file, or is damaged.
+            JournalError: The index cannot be used, or a newer version of the program has written it.
         """
         self.path = folder / INDEX
         with self._told():
             self._connection = _opened_to_read(self.path) if is_read_only else _opened_to_write(self.path)
             self._file = self.path.stat().st_ino if self.path.exists() else 0
-        # Text that is no UTF-8 is shown as far as it goes.
+        # If a text is not valid UTF-8, its invalid bytes are replaced.
         self._connection.text_factory = lambda text: text.decode(errors="replace")
         self._set_aside: set[str] = set()
 
     def is_in_place(self) -> bool:
-        """Tell whether the file that was opened is still the one under its name."""
+        """Return True if the path still names the opened file."""
         try:
             return self.path.stat().st_ino == self._file
         except OSError:
             return False
 
     def close(self) -> None:
-        """Close; harmless when repeated."""
+        """Close; idempotent."""
         self._connection.close()
 
     @contextmanager
     def at_once(self) -> Iterator[None]:
-        """Make all that is written meanwhile one transaction, which fails as a whole.
+        """Write everything in the `with` block as one transaction.
 
         Raises:
             JournalError: The index cannot be written.
@@ -122,22 +123,22 @@ class Index:
         try:
             yield
             self.execute("COMMIT", [])
-        except BaseException:  # an interrupt as well must not leave half a transaction; it is raised again
+        except BaseException:  # even an interrupt must not leave half a transaction; it is raised again
             with suppress(sqlite3.Error):
                 self._connection.execute("ROLLBACK")
             raise
 
     def rows(self, row: type[Row], where: str = "", values: list[object] | None = None) -> list[Row]:
-        """Return the rows of a table that `where`, with `values` in the places of its question marks, selects."""
+        """Return the rows of a table that `where` selects; `values` replace its question marks."""
         found = self.execute(f"SELECT {', '.join(names(row))} FROM {TABLES[row]} {where}", values or [])
         return [row(*each) for each in found]
 
     def put(self, row: Any, *, is_numbered_here: bool = False, how: str = "INSERT", then: str = "") -> bool:
-        """Write a row; a row whose content cannot be written is set aside in a file, and everything else goes on.
+        """Write a row. If the index refuses its content, set the row aside in a file.
 
         Args:
             row: The row.
-            is_numbered_here: True if the index counts up the number in the first column.
+            is_numbered_here: True if the index assigns the number in the first column.
             how: Beginning of the statement.
             then: End of the statement.
 
@@ -160,7 +161,7 @@ class Index:
         return True
 
     def _put_aside(self, row: Any, why: BadRowError) -> None:
-        """Write a row where a person can read it, once, and say so."""
+        """Write a row once to a file that a person can read, and log it."""
         if (text := repr(row)) in self._set_aside:
             return
         self._set_aside.add(text)
@@ -175,9 +176,9 @@ class Index:
             logger.error("%s; the row is set aside in %s", why, path)
 
     def put_ended(self, row: RunRow, stages: Sequence[StageRow]) -> None:
-        """Write how a run and the tries of its stages ended, and what reports tell of it.
+        """Write the end of a run, the tries of its stages, and its figures for reports.
 
-        A run whose row cannot be written is recorded as lost.
+        If the run's row cannot be written, record the run as lost.
 
         Raises:
             JournalError: The index cannot be written.
@@ -196,7 +197,7 @@ class Index:
 
         Raises:
             BadRowError: The content of `values` cannot be written.
-            DamagedIndexError: The index is torn.
+            DamagedIndexError: The index is damaged.
             JournalError: The index cannot be used.
         """
         with self._told():
@@ -211,7 +212,7 @@ class Index:
         except _BAD_ROW as error:
             raise BadRowError(f"{self.path}: a row cannot be written: {error}") from None
         except (OSError, sqlite3.Error) as error:
-            # A torn file is a plain DatabaseError; its subclasses tell of locks, full disks and wrong statements.
+            # A damaged file raises a plain DatabaseError; its subclasses mean locks, full disks and wrong statements.
             damaged = type(error) is sqlite3.DatabaseError
             raise (DamagedIndexError if damaged else JournalError)(f"{self.path}: cannot be used: {error}") from None
 
@@ -226,7 +227,7 @@ def _opened_to_write(path: Path) -> sqlite3.Connection:
         index.execute("PRAGMA synchronous=NORMAL")
         index.execute("PRAGMA journal_mode=WAL")
         migrate(index, _tell_all)
-        # What is told to be on record is on the disk, also when the power fails.
+        # With FULL, a committed record survives a power failure.
         index.execute("PRAGMA synchronous=FULL")
     except (JournalError, sqlite3.Error):
         index.close()
@@ -235,7 +236,7 @@ def _opened_to_write(path: Path) -> sqlite3.Connection:
 
 
 def _tell_all(index: sqlite3.Connection) -> None:
-    """Tell of every run that has ended and is not told of yet, as in an index of an earlier layout.
+    """Fill the table `told` for every ended run that lacks a row there, as in an earlier layout.
 
     Raises:
         sqlite3.Error: The index cannot be written.
@@ -251,7 +252,7 @@ def _tell_all(index: sqlite3.Connection) -> None:
 
 
 def _opened_to_read(path: Path) -> sqlite3.Connection:
-    """Return the index, or a copy in memory in the present layout of one that has an earlier layout or none."""
+    """Return the index; if its layout is earlier or it is missing, return a copy in memory in the present layout."""
     copy = sqlite3.connect(":memory:", isolation_level=None, check_same_thread=False)
     if path.exists():
         index = _read_only(path)
@@ -264,9 +265,9 @@ def _opened_to_read(path: Path) -> sqlite3.Connection:
 
 
 def _read_only(path: Path) -> sqlite3.Connection:
-    """Return an index to read, also one in a folder where nothing can be written.
+    """Open an index for reading, even in a folder without write permission.
 
-    SQLite needs to write beside an index in WAL mode even to read it, unless it is told that nobody changes it.
+    To read an index in WAL mode, SQLite writes beside it unless the connection is declared immutable.
     """
     for mode in ("mode=ro", "mode=ro&immutable=1"):
         place = f"{path.absolute().as_uri()}?{mode}"

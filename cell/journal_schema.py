@@ -1,15 +1,15 @@
-"""The tables of the journal as values, and how an index of an earlier layout becomes one of the present layout.
+"""The tables of the journal as values, and the migration of an index from an earlier layout.
 
 | table     | one row for each                                                                         |
 | --------- | ---------------------------------------------------------------------------------------- |
 | `runs`    | run of a program or a skill                                                               |
 | `stages`  | try of a stage in a run                                                                   |
 | `events`  | change of state, command, refusal, fault, warning                                         |
-| `configs` | config that a run was made with, whole, under the digest that runs name in `config_hash`  |
-| `told`    | run that has ended: what reports tell of it and of its stages, packed; see `journal_told`  |
+| `configs` | config of runs, whole, under the digest that runs hold in `config_hash`                   |
+| `told`    | run that has ended: its figures for reports, packed; see `journal_told`                   |
 
-The number of the layout is the index's `PRAGMA user_version`. Layout 1, of version 0.1, has the table `runs` alone and
-says 0 there; `LAYOUT` is the present one.
+The number of the layout is the index's `PRAGMA user_version`; `LAYOUT` is the present one. Layout 1, of version 0.1,
+has only the table `runs`, and its `user_version` is 0.
 """
 
 import sqlite3
@@ -25,12 +25,12 @@ LAYOUT = 7
 RUNNING = "running"
 """Outcome of a run that has not ended."""
 LOST = "lost"
-"""Outcome of a run whose program ended, by a kill or a power failure, before the record was closed."""
+"""Outcome of a run if the program was killed, or lost power, before it closed the record."""
 
 
 @dataclass(frozen=True, slots=True)
 class RunRow:
-    """One run, as the index has it."""
+    """Row of one run."""
 
     run: int
     started: str
@@ -43,29 +43,29 @@ class RunRow:
     sequence: int
     """Sequence number of the PLC's command."""
     outcome: str = RUNNING
-    """`success`, `failure`, `aborted` or `fault`; `running` until the run ends; `lost` where the program was killed."""
+    """`success`, `failure`, `aborted` or `fault`; `running` until the run ends; `lost` if the program was killed."""
     stage: str = ""
-    """Skill that was reached last."""
+    """Last skill that the run reached."""
     reason: str = ""
-    """Reason of the outcome, in the words of the skill; empty for a success and a fault."""
+    """Reason of the outcome, named by the skill; empty for a success and a fault."""
     fault: int = 0
     """Fault code; 0 for none."""
     message: str = ""
-    """Message of the fault, or how a lost run was closed."""
+    """Message of the fault, or of the closing of a lost run."""
     stage_times: str = "[]"
     """Time of each skill, JSON, list of [skill, s]."""
     versions: str = "{}"
     """Version of each package, JSON."""
     config_hash: str = ""
-    """Digest of the config that the run was made with, which the table `configs` holds whole."""
+    """Digest of the run's config; the table `configs` holds the whole config."""
     ended: str = ""
-    """Wall time of the end, ISO 8601, UTC; empty while the run lasts."""
+    """Wall time of the end, ISO 8601, UTC; empty until the run ends."""
     cycle_time: float | None = None
     """Time from the command to its answer on the cell's clock, transfers included, s."""
     parameters: str = "{}"
     """Parameters that came with the command, JSON, key to value in SI units."""
     is_simulated: int = 0
-    """1 where the arm was a simulated one."""
+    """1 if the arm was simulated, else 0."""
     seed: int | None = None
     """Seed of the simulated world's draws and of the skills' choices in this run."""
     peak_force: float | None = None
@@ -73,30 +73,30 @@ class RunRow:
     deepest: float | None = None
     """Largest depth of the held peg's tip below the plate's surface over the area of the hole, m."""
     retries: int = 0
-    """Number of stages that did not succeed and were tried again."""
+    """Number of tries that failed and were repeated."""
     theta: float | None = None
-    """In-hand angle of the peg when it was seen last, rad."""
+    """Last in-hand angle of the peg, rad."""
     sigma: float | None = None
     """Standard deviation of `theta`, rad."""
     part: str = ""
-    """Place of the peg when the run ended, in the words of `plc_bridge.messages.PartPlace`, in lower case."""
+    """Place of the peg at the end of the run: a name of `plc_bridge.messages.PartPlace`, lower case."""
     samples: int = 0
     """Number of scans whose samples reached the disk."""
     length: float | None = None
-    """Distance from the finger centre to the peg's end point that the run ended with, m: the job's, corrected by the first touch-down."""
+    """Distance from the finger centre to the peg's end at the end of the run, m: the job's, corrected at the first touch-down."""
     proof: str = ""
-    """Evidence by which the success of seating the peg was proven: the switch, or the force that its latch took; empty where nothing was to prove."""
+    """Evidence that proved a seated peg: the switch, or the force of the latch; empty if no proof was required."""
     part_evidence: str = ""
     """Evidence of `part`, one line."""
 
 
 UNKNOWN_RUN = RunRow(0, "", "", 0, "", "", 0)
-"""Row of a run of which nothing is known, as of one whose samples are of version 0.1."""
+"""Row of a run without any information, for example with samples of version 0.1."""
 
 
 @dataclass(frozen=True, slots=True)
 class StageRow:
-    """One try of a stage in a run; times on the cell's clock, from the command on."""
+    """One try of a stage in a run; times on the cell's clock, since the command."""
 
     run: int
     place: int
@@ -107,24 +107,24 @@ class StageRow:
     ended: float
     """End of the try, s."""
     counted: float | None = None
-    """Time that the skill counts as its own, without the way to its place, s; None where it never answered."""
+    """Time counted by the skill, without the transfer to its place, s; None if the skill returned no result."""
     outcome: str = ""
-    """Outcome in the words of a run's; empty where a later stage ended in a fault, which leaves the earlier ones unanswered."""
+    """Outcome, one of a run's words; empty if a later stage ended in a fault, because then no result is on record."""
     reason: str = ""
     retried: int = 0
-    """1 where the program tried again after it."""
+    """1 if the program repeated the stage, else 0."""
     theta: float | None = None
-    """In-hand angle of the peg at the end, rad; None where it was not known."""
+    """In-hand angle of the peg at the end, rad; None if unknown."""
     sigma: float | None = None
     """Standard deviation of `theta`, rad."""
     residual: float | None = None
-    """Part of the last taxel frame that the estimate of `theta` does not explain, 0 to 1."""
+    """Share of the last taxel frame that the estimate of `theta` does not explain, 0 to 1."""
     peak_force: float | None = None
     """Largest estimated external force at the TCP, N."""
     deepest: float | None = None
     """Largest depth of the held peg's tip below the plate's surface over the area of the hole, m."""
     facts: str = "{}"
-    """What the skill's result says beside its end, as a JSON object: the fields that the skill adds to `SkillResult`."""
+    """Fields that the skill adds to `SkillResult`, as a JSON object."""
 
 
 class EventKind(StrEnum):
@@ -133,15 +133,15 @@ class EventKind(StrEnum):
     STATE = "state"
     """The state changed; `name` is the new one, `text` the one before."""
     COMMAND = "command"
-    """A program, a skill or a control was asked for by `source`; `name` is its name."""
+    """`source` requested a program, a skill or a control; `name` is its name."""
     REFUSAL = "refusal"
-    """A command of `source` was refused; `name` is why."""
+    """The cell refused a command of `source`; `name` is the reason."""
     FAULT = "fault"
-    """A fault, in a run or outside one; `name` and `code` are its own, `text` its message."""
+    """A fault, in a run or outside one; `name` and `code` are the fault's, `text` its message."""
     WARNING = "warning"
-    """Something is not as it should be without stopping the cell; with " is over" behind its name it has gone."""
+    """A warning that does not stop the cell; " is over" after its name means that it has cleared."""
     REHEARSAL = "rehearsal"
-    """Somebody, `source`, has made trouble in a simulated cell on purpose; `name` is what."""
+    """`source` has requested a cable fault in a simulated cell; `name` is the fault."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +149,7 @@ class EventRow:
     """One event."""
 
     event: int
-    """Number, counted up by the index."""
+    """Number, assigned by the index."""
     time: str
     """Wall time, ISO 8601, UTC."""
     stamp: float
@@ -179,11 +179,11 @@ class ConfigRow:
 
 @dataclass(frozen=True, slots=True)
 class ToldRow:
-    """Figures that reports tell of one run that has ended, so that a report of hundred thousand runs reads a narrow table."""
+    """Report figures of one ended run; a report of 100,000 runs reads only this narrow table."""
 
     run: int
     kind: str
-    """How it ended and which stages it had, as `journal_told` writes it: one text for all runs of which the same is told."""
+    """Ending and stages of the run, as `journal_told` writes them; equal for all runs of one kind."""
     figures: bytes
     """Figures as `journal_told` packs them."""
 
@@ -212,7 +212,7 @@ TABLES: dict[type, str] = {
 """Name of the table of each row."""
 _INDICES = (
     "DROP INDEX IF EXISTS runs_started",
-    # All that questions ask and reports tell of a run, so that neither reads the long rows themselves.
+    # The index covers all columns that queries and reports need, so that neither reads the long rows.
     "CREATE INDEX IF NOT EXISTS runs_asked ON runs (started, program, outcome, fault, serial, recipe, stage, reason)",
     "CREATE UNIQUE INDEX IF NOT EXISTS stages_run ON stages (run, place)",
     "CREATE INDEX IF NOT EXISTS events_time ON events (time)",
@@ -226,11 +226,11 @@ def names(row: type) -> tuple[str, ...]:
 
 
 def migrate(index: sqlite3.Connection, fill: Callable[[sqlite3.Connection], None]) -> None:
-    """Give the index the tables and columns of the present layout, and let `fill` fill what is new; what is in it stays.
+    """Add the missing tables and columns of the present layout, and call `fill` to fill them; existing rows stay.
 
     Raises:
-        JournalError: A newer version of the program has made it.
-        sqlite3.Error: It cannot be written.
+        JournalError: A newer version of the program has written the index.
+        sqlite3.Error: The index cannot be written.
     """
     if require_known_layout(index) == LAYOUT:
         return
@@ -252,7 +252,7 @@ def require_known_layout(index: sqlite3.Connection) -> int:
     """Return the number of the index's layout, 0 for a new file and for layout 1.
 
     Raises:
-        JournalError: A newer version of the program has made it.
+        JournalError: A newer version of the program has written the index.
     """
     layout = int(index.execute("PRAGMA user_version").fetchone()[0])
     if layout > LAYOUT:
@@ -263,12 +263,12 @@ def require_known_layout(index: sqlite3.Connection) -> int:
 
 
 def present(index: sqlite3.Connection, row: type) -> set[str]:
-    """Return the columns that the index has of a table; none where it has no such table."""
+    """Return the existing columns of a table; an empty set if the table is missing."""
     return {str(column[1]) for column in index.execute(f"PRAGMA table_info({TABLES[row]})")}
 
 
 def _bring_up(index: sqlite3.Connection, row: type) -> None:
-    """Make the table of a row, or add the columns that it lacks."""
+    """Create the table of a row, or add its missing columns."""
     has = present(index, row)
     if not has:
         declared = [_declared(row, field) for field in fields(row)]
@@ -280,7 +280,7 @@ def _bring_up(index: sqlite3.Connection, row: type) -> None:
 
 
 def _declared(row: type, field: "Field[Any]") -> str:
-    """Return a column as SQL declares it."""
+    """Return the SQL declaration of a column."""
     key = _KEYS.get(row, "")
     if key.split(" ")[0] == field.name:
         return key

@@ -1,7 +1,7 @@
-"""What reports tell of runs: packed for each run when it ends, unpacked as columns for all runs that a report is about.
+"""Figures of runs for reports: packed for each run when it ends, unpacked as columns for the runs of a report.
 
-Runs whose ends and stages are called the same are of one kind. A run's figures are 64-bit floats, the values of `RUN_FIGURES` and then those of `STAGE_FIGURES` for each of its stages,
-all tries of a stage together; NaN stands for what is not on record.
+Runs with the same ending and the same stage names are of one kind. A run's figures are 64-bit floats: the values of
+`RUN_FIGURES`, then those of `STAGE_FIGURES` for each stage, all tries of a stage together. NaN means not on record.
 """
 
 import json
@@ -15,15 +15,15 @@ from typing import NamedTuple
 from cell.journal_schema import RunRow, StageRow, ToldRow
 
 RUN_FIGURES = ("started", "cycle_time", "peak_force")
-"""Figures of a run: its start in seconds since 1970, UTC, and as in its row, s and N."""
+"""Figures of a run: its start, s since 1970, UTC; its cycle time, s; its peak force, N."""
 STAGE_FIGURES = ("counted", "whole", "residual")
-"""Sum of the times that the skill counts as its own, s; sum of the times with the way to its place, s, unknown in
-journals of layout 1; largest residual of theta, 0 to 1.
+"""Figures of a stage: sum of the skill's own times, s; sum of the times with transfers, s, unknown in journals of layout 1;
+largest residual of theta, 0 to 1.
 """
 
 
 class Kind(NamedTuple):
-    """What runs of one kind have in common: columns of their rows, and the names of their stages."""
+    """Properties shared by the runs of one kind: columns of their rows, and the names of their stages."""
 
     outcome: str
     stage: str
@@ -34,7 +34,7 @@ class Kind(NamedTuple):
 
 
 class Told(NamedTuple):
-    """Columns of the runs that have ended and that a report is about, oldest first: one value for each run."""
+    """Columns of the ended runs of a report, oldest first, one value per run."""
 
     kind: Sequence[str]
     """Each a `Kind` as JSON."""
@@ -43,7 +43,7 @@ class Told(NamedTuple):
 
 @dataclass(slots=True)
 class _StageSum:
-    """All tries of one stage."""
+    """Sums over all tries of one stage."""
 
     counted: float = math.nan
     whole: float = math.nan
@@ -51,9 +51,9 @@ class _StageSum:
 
 
 def told_row(row: RunRow, stages: Sequence[StageRow]) -> ToldRow:
-    """Return what reports tell of a run that has ended with these tries of its stages.
+    """Return the report figures of a run that has ended with these tries of its stages.
 
-    Of a run without any, as those in journals of layout 1, the times in its row are taken.
+    Without tries, as in journals of layout 1, use the times in the run's row.
     """
     sums: dict[str, _StageSum] = {}
     for stage in stages:

@@ -1,4 +1,4 @@
-"""Upkeep of a journal before and between runs: lost runs are closed, a torn index is made again, old records are deleted."""
+"""Upkeep of a journal before and between runs: close lost runs, rebuild a damaged index, delete old records."""
 
 import json
 import logging
@@ -32,9 +32,9 @@ class Keep:
     days: int = 0
     """Age beyond which runs and events are deleted, days."""
     bytes: int = 0
-    """Size of all samples beyond which the oldest are deleted, bytes; their runs stay on record."""
+    """Total size of samples beyond which the oldest are deleted, bytes; their runs stay on record."""
     least_free: int = 0
-    """Free space of the disk below which a warning is given, bytes; below a tenth of it no samples are recorded."""
+    """Free space of the disk below which the cell warns, bytes; below a tenth of it no samples are recorded."""
 
 
 def samples_path(folder: Path, run: int) -> Path:
@@ -43,19 +43,19 @@ def samples_path(folder: Path, run: int) -> Path:
 
 
 def sampled_runs(folder: Path) -> dict[int, Path]:
-    """Return the files of samples in a folder by the number of their run."""
+    """Return the files of samples in a folder, by run number."""
     found = ((_SAMPLES.fullmatch(path.name), path) for path in folder.iterdir())
     return {int(match[1]): path for match, path in found if match is not None}
 
 
 def next_number(index: Index, folder: Path) -> int:
-    """Return the lowest number that no run has had."""
+    """Return the lowest unused run number."""
     given = index.execute("SELECT coalesce(max(seq), 0) FROM sqlite_sequence WHERE name = 'runs'", [])[0][0]
     return 1 + max(int(given), *sampled_runs(folder), 0)
 
 
 def opened_to_write(folder: Path) -> Index:
-    """Return the index; one that is torn is put aside and made again from the samples.
+    """Return the index; if it is damaged, set it aside and rebuild it from the samples.
 
     Raises:
         JournalError: The journal cannot be used.
@@ -72,7 +72,7 @@ def opened_to_write(folder: Path) -> Index:
 
 
 def made_again(folder: Path, why: str) -> Index:
-    """Put a torn index aside and return a new one with what the samples tell.
+    """Set a damaged index aside and return a new one, restored from the samples.
 
     Raises:
         JournalError: The folder cannot be written.
@@ -87,7 +87,7 @@ def made_again(folder: Path, why: str) -> Index:
     except OSError as error:
         raise JournalError(f"{folder / INDEX}: damaged, and cannot be put aside: {error}") from None
     index = Index(folder, is_read_only=False)
-    # The file of a number that is kept ready for the next run is empty until that run begins.
+    # The file reserved for the next run is empty until that run begins.
     runs = {run: path for run, path in sampled_runs(folder).items() if path.stat().st_size}
     with index.at_once():
         for run, path in sorted(runs.items()):
@@ -99,9 +99,9 @@ def made_again(folder: Path, why: str) -> Index:
 
 
 def close_lost_runs(index: Index, folder: Path, under_way: Collection[int] = ()) -> None:
-    """Close the record of every run that a killed program left open, and restore runs that the index does not have.
+    """Close the record of every run that a killed program left open, and restore runs that the index lacks.
 
-    Runs `under_way` in this program are left alone.
+    Runs `under_way` in this program stay unchanged.
     """
     known = {row.run: row for row in index.rows(RunRow, "WHERE outcome = 'running'") if row.run not in under_way}
     listed = {int(run) for (run,) in index.execute("SELECT run FROM runs", [])}
@@ -113,7 +113,7 @@ def close_lost_runs(index: Index, folder: Path, under_way: Collection[int] = ())
             if path.stat().st_size:
                 _restore(index, run, path)
             elif not under_way:
-                # The number was kept ready and may have been told to a PLC; it is not given again.
+                # The number was reserved, and a PLC may have read it; it must not be used again.
                 path.unlink()
                 _count_up_to(index, run)
 
@@ -121,9 +121,9 @@ def close_lost_runs(index: Index, folder: Path, under_way: Collection[int] = ())
 def delete_old(index: Index, folder: Path, keep: Keep) -> None:
     """Delete the records beyond the limits.
 
-    Age is counted from record to record, up to the computer's clock. A step of more than `keep.days`, or one back in time, counts as none:
-    the clock was wrong, or the cell was off. What is on record before such a step is kept until `keep.days` have passed since in smaller
-    steps, whichever of the two it was. A clock that is ahead by less than `keep.days` is believed.
+    The age of a record is the sum of the time steps between later records, up to the computer's clock. A step longer
+    than `keep.days`, or backward, does not age records: the clock was wrong or the cell was off. If the clock is ahead
+    by less than `keep.days`, its time counts.
     """
     if keep.days > 0:
         _delete_aged(index, folder, keep.days)
@@ -132,7 +132,7 @@ def delete_old(index: Index, folder: Path, keep: Keep) -> None:
 
 
 def warn_of_clock(index: Index, folder: Path, keep: Keep) -> None:
-    """Say where the computer's clock is so far ahead of the newest run that the time between the two does not count as age."""
+    """Record a warning if the clock is more than `keep.days` ahead of the newest run, so that this time ages no record."""
     newest = _newest(index)
     if not keep.days or newest is None or wall_clock.now() - newest <= timedelta(days=keep.days):
         return
@@ -145,7 +145,7 @@ def warn_of_clock(index: Index, folder: Path, keep: Keep) -> None:
 
 
 def _newest(index: Index) -> datetime | None:
-    """Return when the run that was recorded last began, by its number and not by its date; None where none says it."""
+    """Return the start time of the run with the highest number; None if no run has a valid one."""
     where = "WHERE outcome != 'running' AND started != '' ORDER BY run DESC LIMIT 1"
     for (started,) in index.execute(f"SELECT started FROM runs {where}", []):
         with suppress(ValueError):
@@ -155,7 +155,7 @@ def _newest(index: Index) -> datetime | None:
 
 
 def _last_aged(index: Index, table: str, key: str, time: str, days: int) -> int:
-    """Return the number of the newest record of a table that is older than so many days; 0 where none is."""
+    """Return the number of the newest record of a table that is older than `days`; 0 if there is none."""
     steps = f"julianday(lead({time}, 1, ?) OVER (ORDER BY {key})) - julianday({time})"
     found = index.execute(
         f"WITH steps AS (SELECT {key}, {steps} AS step FROM {table} WHERE {time} != ''), ages AS (SELECT {key},"
@@ -167,7 +167,7 @@ def _last_aged(index: Index, table: str, key: str, time: str, days: int) -> int:
 
 
 def _delete_aged(index: Index, folder: Path, days: int) -> None:
-    """Delete the runs and the events that are older than so many days."""
+    """Delete the runs and events older than `days`."""
     with index.at_once():
         where = "outcome != 'running' AND run <= ?"
         last: list[object] = [_last_aged(index, "runs", "run", "started", days)]
@@ -183,7 +183,7 @@ def _delete_aged(index: Index, folder: Path, days: int) -> None:
 
 
 def _delete_beyond_size(index: Index, folder: Path, most: int) -> None:
-    """Delete the oldest samples beyond a size of all of them, bytes."""
+    """Delete the oldest samples until their total size is at most `most`, bytes."""
     files = sampled_runs(folder)
     sizes = {run: path.stat().st_size for run, path in files.items()}
     open_runs = {int(run) for (run,) in index.execute("SELECT run FROM runs WHERE outcome = 'running'", [])}
@@ -196,22 +196,22 @@ def _delete_beyond_size(index: Index, folder: Path, most: int) -> None:
 
 
 def event(kind: EventKind, name: str, text: str, run: int = 0) -> EventRow:
-    """Return an event of the journal itself, which has no time on the cell's clock."""
+    """Return an event of the journal itself; its time on the cell's clock is 0."""
     return EventRow(0, wall_clock.now_text(), 0.0, kind, name, run=run, text=text)
 
 
 def ending_text(row: RunRow, stages: list[StageRow]) -> str:
-    """Return the last block's text on the run's end, JSON."""
+    """Return the end of a run as JSON, for its last block of samples."""
     return json.dumps({"run": _plain(row), "stages": [_plain(stage) for stage in stages]})
 
 
 def beginning_text(row: RunRow) -> str:
-    """Return the head's text on the run, JSON."""
+    """Return the start of a run as JSON, for the head of its samples."""
     return json.dumps(_plain(row))
 
 
 def _restore(index: Index, run: int, path: Path, row: RunRow = UNKNOWN_RUN) -> None:
-    """Put a run on record as its samples tell it: as it ended, or as lost."""
+    """Record a run from its samples: with its recorded end, or as lost."""
     ended, stages = _as_recorded(run, path, row)
     index.put_ended(ended, stages)
     if ended.outcome == LOST:
@@ -220,7 +220,7 @@ def _restore(index: Index, run: int, path: Path, row: RunRow = UNKNOWN_RUN) -> N
 
 
 def _as_recorded(run: int, path: Path, row: RunRow) -> tuple[RunRow, list[StageRow]]:
-    """Return the row and the stages of a run as its samples tell them; a damaged record is that of a lost run."""
+    """Return the row and the stages of a run from its samples; if the record is damaged, the run is lost."""
     beginning, ending = b"", b""
     with suppress(JournalError):
         beginning, ending = read_rows(path)
@@ -234,14 +234,14 @@ def _as_recorded(run: int, path: Path, row: RunRow) -> tuple[RunRow, list[StageR
 
 @dataclass(frozen=True, slots=True)
 class _Ending:
-    """End of a run, as its last block of samples has it."""
+    """End of a run, as stored in its last block of samples."""
 
     run: RunRow
     stages: list[StageRow]
 
 
 def _lost(row: RunRow, path: Path) -> RunRow:
-    """Return the row of a run whose record was never closed, with what its samples tell."""
+    """Return the row of a run whose record was never closed, completed from its samples."""
     try:
         samples = read_samples(path)
         ended = datetime.fromtimestamp(path.stat().st_mtime, UTC).isoformat(timespec="milliseconds")
@@ -271,7 +271,7 @@ def _lost(row: RunRow, path: Path) -> RunRow:
 
 
 def _count_up_to(index: Index, run: int) -> None:
-    """Make sure that the number `run` is not given again."""
+    """Reserve all numbers up to `run`, so that the index does not assign them again."""
     index.execute("UPDATE sqlite_sequence SET seq = max(seq, ?) WHERE name = 'runs'", [run])
     index.execute(
         "INSERT INTO sqlite_sequence (name, seq) SELECT 'runs', ? WHERE NOT EXISTS"

@@ -1,7 +1,7 @@
-"""Writes the journal on a thread of its own, so that no disk and no lock ever holds up the scan.
+"""Writes the journal on a separate thread, so that neither the disk nor a lock delays the scan.
 
-What is to be written waits in two bounded queues: rows of the index, which are tried again until the index takes them,
-and blocks of samples, which are given up for the rest of their run when the disk refuses them.
+Two bounded queues hold the waiting records. Rows of the index are retried until they are written. If the disk refuses
+a block of samples, the rest of that run's samples is dropped.
 """
 
 import fcntl
@@ -39,29 +39,29 @@ from drivers.scene_facts import SceneFacts
 logger = logging.getLogger(__name__)
 
 MOST_ROWS = 20_000
-"""Number of rows that may wait; a day of events of a cell in production."""
+"""Largest number of waiting rows: a day of events of a cell in production."""
 MOST_BLOCKS = 60
-"""Number of blocks of samples that may wait; a minute at the usual scan rate, 4 MB."""
+"""Largest number of waiting blocks of samples: a minute at the usual scan rate, 4 MB."""
 RETRY_AFTER = 1.0
-"""Time from a row that could not be written to the next attempt, s."""
+"""Delay between two attempts to write a row, s."""
 CLOSING_TIME = 5.0
 """Longest time to write waiting records at the end, s."""
 DISK_PERIOD = 10.0
-"""Time between two looks at the free space of the disk, s."""
+"""Period of the check of the disk's free space, s."""
 UPKEEP_PERIOD = 3600.0
 """Time between two deletions of old records, s."""
 LOCK = "writer.lock"
-"""Name of the lock that the one process holds which writes; its text is that process and its start."""
+"""Name of the lock file held by the writing process; its text is the process id and the start time."""
 _HOLDER = re.compile(r"(\d+) ([\d:.T+-]+)\n", re.ASCII)
 _BAD_CONTENT = (ArithmeticError, LookupError, TypeError, ValueError, struct.error)
-"""Errors by which values of the index show that they are none that this program has written."""
+"""Errors raised if the index holds values that this program cannot have written."""
 
 
 class JournalWriter:
-    """The writing side of a journal; every method but `open` and `close` returns at once."""
+    """The writing side of a journal; every method except `open`, `close` and `flush` returns at once."""
 
     def __init__(self, folder: Path, keep: Keep) -> None:
-        """Keep the folder, and how long what is in it is kept."""
+        """Keep the folder, and the limits of its records."""
         self._folder, self._keep = folder, keep
         self._rows: deque[Callable[[Index], object]] = deque()
         self._blocks: deque[tuple[Callable[[], None], int]] = deque()
@@ -73,19 +73,19 @@ class JournalWriter:
         self._index: Index | None = None
         self._samples = RunSamples(folder, keep.least_free)
         self._last, self._ready = 0, 0
-        """Newest number that was given, and one whose file is kept ready; 0 for none."""
+        """Last assigned run number, and the number whose file is reserved; 0 for none."""
         self._row_trouble = ""
         self.is_disk_low = False
-        """Whether the disk has less free space than is asked for."""
+        """True if the free space of the disk is below `Keep.least_free`."""
         self._lock = -1
 
     @property
     def trouble(self) -> str:
-        """Text that says what cannot be written now, and why; empty where all is well."""
+        """Records that cannot be written now, and the reason; empty without trouble."""
         return self._row_trouble or self._samples.trouble
 
     def open(self) -> None:
-        """Open the index, close what a killed program left open, and begin to write.
+        """Open the index, close runs that a killed program left open, and start to write.
 
         Raises:
             JournalError: The folder or the index cannot be used, or another process writes it.
@@ -100,7 +100,7 @@ class JournalWriter:
             raise self._failed
 
     def close(self) -> None:
-        """Write what waits, for a few seconds at most, and end; harmless when repeated."""
+        """Write the waiting records, for a few seconds at most, and end; idempotent."""
         if self._thread is None:
             return
         with self._changed:
@@ -110,13 +110,13 @@ class JournalWriter:
         self._thread = None
 
     def flush(self, timeout: float = 10.0) -> bool:
-        """Wait until all is written; return whether it is. Never called by the scan."""
+        """Wait until all records are written; return True if they are. The scan must not call this."""
         with self._changed:
             self._changed.notify_all()
             return self._changed.wait_for(self._is_idle, timeout)
 
     def begin(self, row: RunRow, facts: SceneFacts | None) -> RunRow:
-        """Return the row of a run with its number, which is on record soon."""
+        """Return the row of a run with its number, and queue it for writing."""
         with self._changed:
             row = replace(row, run=self._ready or self._last + 1)
             self._last, self._ready = row.run, 0
@@ -129,7 +129,7 @@ class JournalWriter:
         self._add_block(lambda: self._samples.write(run, block), block.used, run)
 
     def finish(self, row: RunRow, stages: Sequence[StageRow], block: SampleBlock | None) -> None:
-        """Write how a run and its stages ended, with its last samples."""
+        """Write the end of a run and its stages, with its last samples."""
         self._add_block(lambda: self._finish(row, list(stages), block or SampleBlock()), 0)
 
     def note(self, row: EventRow) -> None:
@@ -137,7 +137,7 @@ class JournalWriter:
         self._add_row(lambda index: index.put(row, is_numbered_here=True))
 
     def keep_config(self, row: ConfigRow) -> None:
-        """Keep a config whole, once."""
+        """Record a whole config, once."""
         self._add_row(lambda index: index.put(row, how="INSERT OR IGNORE"))
 
     def _add_row(self, job: Callable[[Index], object]) -> None:
@@ -159,7 +159,7 @@ class JournalWriter:
     def _work(self) -> None:
         try:
             self._start()
-        except Exception as error:  # whoever opens the journal gets it, whatever it is, instead of waiting for ever
+        except Exception as error:  # passed to `open`, which raises it instead of waiting for ever
             self._end()
             with self._changed:
                 self._failed = _unusable(self._folder, error) if isinstance(error, OSError) else error
@@ -167,7 +167,7 @@ class JournalWriter:
             return
         try:
             self._write_until_closed()
-        except Exception as error:  # a writer that ends without a word would stop the records silently
+        except Exception as error:  # without this report the records would stop silently
             logger.exception("error in the journal's writer")
             self._row_trouble = f"the journal's writer ended: {type(error).__name__}: {error}"
         finally:
@@ -185,16 +185,16 @@ class JournalWriter:
             self._tidy()
         self._claim()
         self._look_at_disk()
-        prepare()  # the first block of a run does not wait for it
+        prepare()  # so that the first block of a run need not wait for it
         with self._changed:
             self._is_open = True
             self._changed.notify_all()
 
     def _take_lock(self) -> None:
-        """Keep every other process from writing.
+        """Lock the journal against writing by other processes.
 
         Raises:
-            JournalError: Another process writes.
+            JournalError: Another process holds the lock.
         """
         self._lock = os.open(self._folder / LOCK, os.O_CREAT | os.O_RDWR, OWNER_ONLY)
         try:
@@ -211,7 +211,7 @@ class JournalWriter:
         os.write(self._lock, f"{os.getpid()} {now_text()}\n".encode())
 
     def _tidy(self) -> None:
-        """Bring the records in order: lost runs closed, old records deleted."""
+        """Close lost runs and delete old records."""
         index = self._index_in_place()
         close_lost_runs(index, self._folder)
         self._last = max(self._last, next_number(index, self._folder) - 1)
@@ -252,7 +252,7 @@ class JournalWriter:
         return is_dead or (not self._rows and not self._blocks and not self._is_busy)
 
     def _write_rows(self) -> bool:
-        """Write all rows that wait as one transaction; return whether the index took them."""
+        """Write all waiting rows as one transaction; return True if it succeeded."""
         jobs = list(self._rows)
         if not jobs:
             return True
@@ -274,10 +274,10 @@ class JournalWriter:
         return True
 
     def _index_in_place(self) -> Index:
-        """Return the index, made again from the samples where somebody has deleted or replaced it.
+        """Return the index; if it was deleted or replaced, rebuild it from the samples.
 
         Raises:
-            JournalError: It cannot be used.
+            JournalError: The index cannot be used.
         """
         if self._index is not None and not self._index.is_in_place():
             self._index.close()
@@ -288,7 +288,7 @@ class JournalWriter:
         return self._index
 
     def _put_aside(self, why: str) -> None:
-        """Make a torn index again from the samples."""
+        """Set a damaged index aside and rebuild it from the samples."""
         if self._index is not None:
             self._index.close()
             self._index = None
@@ -316,7 +316,7 @@ class JournalWriter:
             self._rows.append(lambda index: index.put_ended(row, stages))
 
     def _claim(self) -> None:
-        """Keep the next number ready."""
+        """Reserve the next run number."""
         if self._ready or self._is_closing:
             return
         try:
@@ -339,7 +339,7 @@ class JournalWriter:
             logger.error("old records are not deleted: %s", error)
 
     def _end(self) -> None:
-        """Give back the number that is not used, and close."""
+        """Release the unused number, and close."""
         if self._ready:
             self._samples.give_back(self._ready)
         self._samples.close()

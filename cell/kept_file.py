@@ -1,4 +1,4 @@
-"""A small file that is kept up to date by a thread of its own, so that no disk holds up whoever changes it."""
+"""A small file written by a separate thread, so that the disk does not delay the caller."""
 
 import logging
 import os
@@ -13,28 +13,28 @@ OWNER_ONLY = 0o600
 
 
 RETRY_AFTER = 1.0
-"""Time from a text that could not be written to the next attempt, s."""
+"""Delay between two attempts to write a text, s."""
 
 
 class KeptFile:
-    """One file whose newest text reaches the disk whole or not at all; a text that is overtaken is not written."""
+    """One file whose newest text is written whole or not at all; an older text still waiting is skipped."""
 
     def __init__(self, path: Path, what: str, is_void_if_late: bool = False) -> None:
-        """Take the file and its use.
+        """Keep the path and its use.
 
         Args:
             path: The file.
             what: Content of the file, for messages.
-            is_void_if_late: True if an older text must not be believed, so that the file is emptied while the newest cannot be written.
+            is_void_if_late: True to empty the file while the newest text cannot be written, because an older text is wrong.
         """
         self.path, self._what, self._is_void_if_late = path, what, is_void_if_late
         self._changed = Condition()
         self._text: str | None = None
-        """Text that waits; None if none does."""
+        """Text that waits; None if there is none."""
         self._is_lasting, self._is_at_work = False, False
 
     def put(self, text: str, is_lasting: bool) -> None:
-        """Let the file have a text soon, with `is_lasting` also after a loss of power; never waits."""
+        """Queue a text for the file; with `is_lasting` it then survives a power failure. Never waits."""
         with self._changed:
             self._text, self._is_lasting = text, self._is_lasting or is_lasting
             if not self._is_at_work:
@@ -42,7 +42,7 @@ class KeptFile:
                 Thread(target=self._write, name="kept file", daemon=True).start()
 
     def flush(self, timeout: float) -> bool:
-        """Wait at most so long, s, until the newest text is written; return True if it is."""
+        """Wait up to `timeout`, s, until the newest text is written; return True if it is."""
         with self._changed:
             return self._changed.wait_for(lambda: not self._is_at_work, timeout)
 
@@ -71,16 +71,16 @@ class KeptFile:
 
 
 def _empty(path: Path) -> None:
-    """Leave nothing in a file, which a full disk permits."""
+    """Empty a file; this works even on a full disk."""
     with suppress(OSError):
         os.close(os.open(path, os.O_CREAT | os.O_TRUNC | os.O_WRONLY, OWNER_ONLY))
 
 
 def replace(path: Path, text: str, is_lasting: bool) -> None:
-    """Give a file a text, whole or not at all, with `is_lasting` also after a loss of power.
+    """Replace the text of a file, whole or not at all; with `is_lasting` it then survives a power failure.
 
     Raises:
-        OSError: It cannot be written.
+        OSError: The file cannot be written.
     """
     beside = path.with_suffix(".tmp")
     try:

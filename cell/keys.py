@@ -1,4 +1,4 @@
-"""Keys that a person presses, one by one: of a terminal at once, of a pipe as fast as they are asked for."""
+"""Key presses of a person, one by one: from a terminal at once, from a pipe on request."""
 
 import os
 import select
@@ -7,22 +7,22 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 END = "q"
-"""Key that ends; also what a closed input counts as."""
+"""Key that ends the command; a closed input counts as this key."""
 
 
 class Keys:
     """The keys of standard input."""
 
     def __init__(self, is_terminal: bool) -> None:
-        """Take whether a person sits at it."""
+        """Keep whether standard input is a terminal."""
         self._is_terminal = is_terminal
 
     def next(self, is_waiting: bool) -> str:
-        """Return the next key, or nothing.
+        """Return the next key; empty if there is none.
 
         Args:
-            is_waiting: Whether nothing is under way. A pipe gives its next key only then, so that each has its effect; a terminal
-                gives the newest one.
+            is_waiting: True if no motion is under way. A pipe returns its next key only then, so that each key has its effect; a
+                terminal returns the newest key.
         """
         if self._is_terminal:
             key = ""
@@ -40,7 +40,7 @@ class Keys:
 
 @contextmanager
 def keys() -> Iterator[Keys]:
-    """Yield the keys of standard input; a terminal gives each at once, without Enter and without an echo."""
+    """Yield the keys of standard input; a terminal returns each at once, without Enter and without echo."""
     if not sys.stdin.isatty():
         yield Keys(False)
         return

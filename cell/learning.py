@@ -1,4 +1,4 @@
-"""The cell's learning from part to part: where each recipe's hole is, kept in one file over restarts."""
+"""Learning from part to part: the place of each recipe's hole, kept in one file over restarts."""
 
 import hashlib
 import json
@@ -28,7 +28,7 @@ FILE = "learned.json"
 LONGEST_WRITE = 1.0
 """Longest wait for the file to be written, s."""
 LONGEST_READ = 0.2
-"""Longest wait of a run that begins or has ended for the file to be read, s; the arm stands meanwhile."""
+"""Longest wait for the file to be read at the start or end of a run, s; the arm is at rest then."""
 Variance = Annotated[float, Field(gt=0.0, le=0.01)]
 Place = tuple[Coordinate, Coordinate]
 
@@ -37,7 +37,7 @@ class LearnedPlace(ConfigModel):
     """Learnt place of one recipe's hole, as the file holds it."""
 
     job: str
-    """Digest of the part and its place that this was learnt with."""
+    """Digest of the part and its place during learning."""
     mean: Place
     """Place of the fixture, m, base frame."""
     variance: tuple[Variance, Variance]
@@ -45,20 +45,20 @@ class LearnedPlace(ConfigModel):
     scatter: tuple[Variance, Variance]
     """Variance of a part's hole about the fixture along x and y, m²."""
     parts: Annotated[int, Field(ge=1)]
-    """Number of parts that the place was learnt from."""
+    """Number of parts used for learning."""
     stray: Place | None
-    """Place of the newest part's hole where it did not fit, m, base frame."""
+    """Place of the newest part's hole if it was not near the learnt place, m, base frame."""
     updated: AwareDatetime
     """Wall time of the newest part."""
 
     def doubt(self) -> str:
-        """Return in words why the place is not searched first although it is sound; empty where it is."""
+        """Return the reason why a valid place is not searched first; empty if it is."""
         if self.stray is not None:
             return "in doubt: the last part was elsewhere"
         return "" if self.parts >= NEEDED else "too few parts yet"
 
     def estimate(self) -> PlaceEstimate:
-        """Return the value that this holds."""
+        """Return the place as an estimate."""
         return PlaceEstimate(self.mean, self.variance, self.scatter, self.parts, self.stray)
 
 
@@ -72,7 +72,7 @@ class LearnedFile(ConfigModel):
 
 
 def read_learned(folder: Path) -> LearnedFile:
-    """Return what the file in a folder holds, nothing where there is none.
+    """Return the content of the file in a folder; empty without a file.
 
     Raises:
         ConfigError: The file cannot be read, or holds impossible values; one line.
@@ -103,10 +103,10 @@ def write_learned(folder: Path, learned: LearnedFile) -> None:
 
 
 def forget(folder: Path, recipe: int | None = None) -> list[int]:
-    """Forget one recipe, or all of them with whatever else the file holds; return the numbers of those forgotten.
+    """Forget one recipe, or delete the whole file; return the numbers of the forgotten recipes.
 
     Raises:
-        ConfigError: The file cannot be written, or, where one recipe shall be forgotten, not read.
+        ConfigError: The file cannot be written; or, for a single recipe, it cannot be read.
     """
     path = folder / FILE
     if recipe is None:
@@ -128,28 +128,28 @@ def forget(folder: Path, recipe: int | None = None) -> list[int]:
 
 
 class Learning:
-    """Hands each run what was learnt of its recipe, and takes from it what it has found.
+    """Gives each run the learnt place of its recipe, and learns from its result.
 
-    The file is read before every run, so that what a technician forgets meanwhile is forgotten. It is read and written beside the scan, which no
-    disk may hold up.
+    The file is read before every run, so that a technician can delete places between runs. Other threads read and
+    write it, because the disk must not delay the scan.
     """
 
     def __init__(
         self, folder: Path, learning: LearningConfig, now: Callable[[], datetime] = lambda: wall_clock.now()
     ) -> None:
-        """Keep the folder of the file, how the cell learns, and what tells the time; read what was learnt before."""
+        """Keep folder, settings and the function that returns the time; read the file."""
         self._folder, self._learning, self._now = folder, learning, now
-        known = _tried(folder)  # a file that cannot be used is told when a run needs it
+        known = _tried(folder)  # if the file cannot be used, the first run that needs it logs this
         self._newest = known if isinstance(known, LearnedFile) else LearnedFile()
         self._kept = KeptFile(folder / FILE, "what was learnt")
         self._reader: Thread | None = None
 
     def flush(self, timeout: float = LONGEST_WRITE) -> bool:
-        """Wait at most so long, s, until what was learnt is on the disk; return whether it is."""
+        """Wait up to `timeout`, s, until the learnt places are on the disk; return True if they are."""
         return self._kept.flush(timeout)
 
     def _known(self) -> LearnedFile:
-        """Return what is in the file, or will be once it is written.
+        """Return the content of the file, or the newest content if it is not yet written.
 
         Raises:
             ConfigError: The file cannot be read, or holds impossible values; one line.
@@ -157,7 +157,7 @@ class Learning:
         return self._read() if self._kept.flush(0.0) else self._newest
 
     def _read(self) -> LearnedFile:
-        """Return what is in the file, read by a thread of its own; what was known last where the disk does not answer in time.
+        """Return the content of the file, read by a separate thread; if the disk times out, return the last known content.
 
         Raises:
             ConfigError: The file cannot be read, or holds impossible values; one line.
@@ -165,7 +165,7 @@ class Learning:
         answers: SimpleQueue[LearnedFile | ConfigError] = SimpleQueue()
         try:
             if self._reader is not None and self._reader.is_alive():
-                raise Empty  # the disk still owes the last answer
+                raise Empty  # the last read has not finished yet
             self._reader = Thread(target=lambda: answers.put(_tried(self._folder)), name="learned", daemon=True)
             self._reader.start()
             answer = answers.get(timeout=LONGEST_READ)
@@ -178,7 +178,7 @@ class Learning:
         return answer
 
     def prepared(self, job: Job, recipe: int) -> Job:
-        """Return a job with what was learnt about where its hole is; a configured prior stands in until parts have told."""
+        """Return a job with the learnt place of its hole as prior; before any part is learnt, the configured prior is used."""
         if not self._learning.place:
             return job
         estimate = self._estimate(job, recipe)
@@ -188,10 +188,10 @@ class Learning:
         return job.model_copy(update={"hole": hole})
 
     def take(self, job: Job, recipe: int, records: Sequence[StageRecord]) -> None:
-        """Learn from a run, if it seated the peg; a file that cannot be written is logged and costs no run.
+        """Learn from a run that seated the peg. If the file cannot be written, this is logged and runs continue.
 
         Args:
-            job: The job as the config has it, without what was learnt.
+            job: The job from the config, without a learnt prior.
             recipe: Number of the recipe.
             records: Stages of the run.
         """
@@ -225,7 +225,7 @@ class Learning:
         self._kept.put(_text(self._newest), is_lasting=True)
 
     def forget(self, recipe: int) -> None:
-        """Forget a recipe at once, and in the file soon; a file that cannot be read is forgotten whole."""
+        """Forget a recipe at once, and queue the file for writing; if the file cannot be read, forget all recipes."""
         try:
             places = self._known().places
         except ConfigError as error:
@@ -236,7 +236,7 @@ class Learning:
         self._kept.put(_text(self._newest), is_lasting=True)
 
     def _estimate(self, job: Job, recipe: int) -> PlaceEstimate | None:
-        """Return what is known about where the hole is: learnt, else configured; None where nothing is."""
+        """Return the learnt place of the hole, else the configured one; None without both."""
         configured = from_prior(job.hole.prior, self._learning) if job.hole.prior is not None else None
         try:
             place = self._known().places.get(str(recipe))
@@ -252,7 +252,7 @@ class Learning:
 
 
 def _tried(folder: Path) -> LearnedFile | ConfigError:
-    """Return what the file in a folder holds, or why it cannot be used."""
+    """Return the content of the file in a folder, or the error why it cannot be used."""
     try:
         return read_learned(folder)
     except ConfigError as error:
@@ -260,7 +260,7 @@ def _tried(folder: Path) -> LearnedFile | ConfigError:
 
 
 def unusable(place: LearnedPlace, job: Job, learning: LearningConfig, now: datetime) -> str | None:
-    """Return in words why a learnt place must not be used for a job; None where it may."""
+    """Return the reason why a learnt place must not be used for a job; None if it can."""
     if place.job != digest(job):
         return "learnt with another part or place"
     age = (now - place.updated).total_seconds()
@@ -275,19 +275,19 @@ def unusable(place: LearnedPlace, job: Job, learning: LearningConfig, now: datet
 
 
 def digest(job: Job) -> str:
-    """Return a short digest of part and place; what was learnt with one is of no use with another."""
+    """Return a short digest of part and place; a learnt place is valid only for the same digest."""
     text = json.dumps([job.peg.model_dump(), job.hole.model_dump(exclude={"prior"})], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def hole_found(records: Sequence[StageRecord]) -> Place | None:
-    """Return where a run found the hole, shape (2,), m, base frame: by the seated peg, else by where the peg fell in last."""
+    """Return the hole found by a run, shape (2,), m, base frame: from the seated peg, else from the last edge contact."""
     searches = [record.result for record in records if isinstance(record.result, SpraySearchResult)]
     return next((search.seated or search.edge for search in reversed(searches) if search.edge is not None), None)
 
 
 def hole_of_seated(records: Sequence[StageRecord]) -> Place | None:
-    """Return where the hole is by the peg that a run seated, shape (2,), m, base frame; None where it seated none."""
+    """Return the hole's place from the seated peg, shape (2,), m, base frame; None if no peg was seated."""
     searches = [record.result for record in records if isinstance(record.result, SpraySearchResult)]
     return searches[-1].seated if searches else None
 
@@ -298,7 +298,7 @@ def _text(learned: LearnedFile) -> str:
 
 
 def _first(error: ValidationError | UnicodeDecodeError) -> str:
-    """Return in one line what is wrong first."""
+    """Return the first error as one line."""
     if isinstance(error, UnicodeDecodeError):
         return "no text"
     first = error.errors(include_url=False)[0]

@@ -21,23 +21,23 @@ PARAMETERS: tuple[Parameter, ...] = (
 """Keys of the config that a command may replace for its own run."""
 
 TOLD: dict[str, Control] = {control.name.lower(): control for control in (Control.CLEARED, Control.REFILLED)}
-"""What a person tells a cell, running or not, of the peg and the rack."""
+"""Controls with which a person confirms an action at the peg or the rack."""
 CONTROLS: dict[str, Control] = {**{event.value: Control[event.name] for event in ASKED}, **TOLD}
-"""Controls that can be asked of a running cell beside programs and skills."""
+"""Controls that can be requested from a running cell, in addition to programs and skills."""
 
 WORDS: dict[str, dict[int, str]] = {
     "report_state": {state.value: state.name for state in State},
     "report_stage": dict(CATALOGUE.stages),
     "report_reason": dict(CATALOGUE.reasons),
 }
-"""Meaning of the numbers in these registers."""
+"""Meaning of the values of these registers."""
 
 
 def _require_fits(catalogue: Catalogue) -> None:
-    """Make sure that the PLC's map and the terminal can tell all entries of the catalogue apart.
+    """Require that names and codes of the catalogue fit the PLC's map and the terminal without conflicts.
 
     Raises:
-        ConfigError: One line that names the entry, what it claims and what is allowed.
+        ConfigError: One line with the entry, the value found and the permitted values.
     """
     for name, entry in catalogue.items():
         if not FIRST_PROGRAM <= entry.code < Control.LOST:
@@ -59,30 +59,30 @@ _require_fits(CATALOGUE)
 
 
 class TerminalLine:
-    """A technician's terminal as the only line of a cell: it gives one command, and reports are shown to whoever watches."""
+    """A technician's terminal as the only line of a cell: it gives one command and passes all reports to a function."""
 
     def __init__(self, command: Command, watch: Callable[[Report], None]) -> None:
-        """Take the command, which is given once, and the function that is called with every report."""
+        """Keep the command, which is given once, and the function to call with every report."""
         self._command: Command | None = command
         self._watch = watch
         self.refusal = Refusal.NONE
-        """Why the command was refused."""
+        """Reason of the refusal; NONE without one."""
 
     def poll(self) -> Command | None:
-        """Return the command the first time."""
+        """Return the command at the first call, then None."""
         command, self._command = self._command, None
         return command
 
     def publish(self, report: Report) -> None:
-        """Pass the report to the watcher."""
+        """Call the function with the report."""
         self._watch(report)
 
     def accept(self, command: Command) -> None:
-        """Tell the watcher of a control; of a program the reports tell."""
+        """Call the function with the result of a control; for a program, the reports contain it."""
         if command.code < FIRST_PROGRAM:
             self._watch(Report(sequence=command.sequence, result=Result.SUCCESS))
 
     def refuse(self, command: Command, refusal: Refusal) -> None:
-        """Tell the watcher."""
+        """Keep the refusal and call the function."""
         self.refusal = refusal
         self._watch(Report(sequence=command.sequence, result=Result.REFUSED))

@@ -1,4 +1,4 @@
-"""The view of the scan for onlookers, and what they wish of a simulation: frozen values through bounded slots that never wait."""
+"""The view of the scan for the page, and its requests for cable faults: frozen values in bounded queues that never wait."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from skills.contract import Observation
 
 KEPT = 512
-"""Number of looks that wait for a slow onlooker; older ones are dropped."""
+"""Largest number of waiting looks; the oldest are dropped if the viewer is slow."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -19,36 +19,36 @@ class Look:
     run: int
     """Number of the run in the journal; 0 outside a run."""
     surface: float
-    """Height of the plate's surface as the part's recipe has it, m, base frame."""
+    """Height of the plate's surface in the part's recipe, m, base frame."""
 
 
 @dataclass(frozen=True, slots=True)
 class Pull:
-    """The wish of an onlooker to pull a cable of a simulated cell out, or to plug it in again."""
+    """Request to unplug a cable of a simulated cell, or to plug it in again."""
 
     cable: str
-    """Name of the device that the cable leads to."""
+    """Name of the device at the cable."""
     is_out: bool
     source: str
-    """Name of whoever wishes it."""
+    """Name of the requesting link."""
 
 
 class Live:
-    """The slot: the scan thread puts looks in, one other thread takes them out; neither ever waits for the other."""
+    """Exchange between the scan thread, which adds looks, and one other thread, which takes them; neither waits."""
 
     def __init__(self) -> None:
-        """Begin empty."""
+        """Start empty."""
         self._looks: deque[Look] = deque(maxlen=KEPT)
         self._pulls: deque[Pull] = deque(maxlen=KEPT)
         self.fault = ""
-        """Message of the last fault; the report tells whether it is still present."""
+        """Message of the last fault; the report shows whether it is still present."""
         self.evidence = ""
         """Evidence of the peg's place, one line."""
         self.unplugged: frozenset[str] = frozenset()
-        """Names of the cables that are pulled out, as the scan thread has done it."""
+        """Names of the unplugged cables; set by the scan thread."""
 
     def show(self, look: Look) -> None:
-        """Put in one look; the oldest one goes where there are too many."""
+        """Add one look; if the queue is full, drop the oldest."""
         self._looks.append(look)
 
     def take(self) -> list[Look]:
@@ -59,9 +59,9 @@ class Live:
         return looks
 
     def pull(self, pull: Pull) -> None:
-        """Let the scan thread pull or plug a cable at its next scan."""
+        """Queue a cable request for the next scan."""
         self._pulls.append(pull)
 
     def pulls(self) -> list[Pull]:
-        """Return the wishes since the last call, oldest first; for the scan thread."""
+        """Return the cable requests since the last call, oldest first; for the scan thread."""
         return [self._pulls.popleft() for _ in range(len(self._pulls))]

@@ -1,8 +1,7 @@
-"""Margins of gains against instability of the loop through the skin, by theory, at the arm's own inertia.
+"""Stability margins of gains in the loop through the skin, by theory, at the arm's own inertia.
 
-The theory takes the error to be as old as the skin's last frame, and to be used at once. A controller that knows
-nothing between two frames can be asked for no more. The law of the arm knows more; `cell study stability` shows how
-much.
+The theory uses the error of the skin's last frame, without further delay. This is the bound for a controller without
+information between two frames. The law of the arm has more information; `cell study stability` measures its margin.
 """
 
 from dataclasses import dataclass
@@ -19,45 +18,45 @@ from drivers.quantities import Vector
 from skills.motion import Gains
 
 MARGIN = 1.2
-"""Factor by which a gain can be multiplied, with its damping ratio unchanged, and has to stay stable."""
+"""Factor on a gain, with its damping ratio unchanged, with which the loop must be stable."""
 HELD: dict[str, Vector] = {
     "translation": np.diag([1.0, 1.0, 1.0, 0.0, 0.0, 0.0]),
     "rotation": np.diag([0.0, 0.0, 0.0, 1.0, 1.0, 1.0]),
 }
-"""Directions whose error is as old as the frame, shape (6, 6); the error of the others is the present one."""
+"""Projection on the directions with the error of the last frame, shape (6, 6); the other directions use the present error."""
 
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """The place and the attitude in which the arm works with a steered peg: the peg's end in the middle of the hole's area."""
+    """Place and attitude of the arm with a steered peg: the peg's end is at the centre of the hole's area."""
 
     arm: ArmModel
     tip: tuple[float, float, float]
     """End point of the peg, m, base frame."""
     part: Part
-    """Cross-section of the peg, which decides on the direction in which it is tilted."""
+    """Cross-section of the peg; it decides the direction of the tilt."""
     tilt_azimuth: float
     """Azimuth of the closing axis in the search with an upright peg, rad."""
     tilt: float
     """Tilt of the peg from the vertical in the search, rad; after it the peg is upright."""
     elbow: float
-    """Position towards which the elbow's joint is drawn, rad."""
+    """Goal position of the elbow's joint, rad."""
     length: float
     """Distance from the finger centre to the peg's end, m."""
 
     def is_within_reach(self) -> bool:
-        """Whether the arm reaches the place with the peg tilted and upright."""
+        """True if the arm reaches the place with the peg tilted and upright."""
         return all(_joints(self, tilt) is not None for tilt in (self.tilt, 0.0))
 
     def postures(self) -> tuple[Vector, Vector]:
-        """Return the joint positions, shape (7,), rad, with the peg tilted and upright; the place has to be within reach."""
+        """Return the joint positions, shape (7,), rad, with the peg tilted and upright; the place must be within reach."""
         tilted_peg, upright = (_joints(self, tilt) for tilt in (self.tilt, 0.0))
         assert tilted_peg is not None
         assert upright is not None
         return tilted_peg, upright
 
     def largest_push(self) -> float:
-        """Return the largest vertical force that the arm can hold with the peg upright, N; the place has to be within reach."""
+        """Return the largest vertical force of the arm with the peg upright, N; the place must be within reach."""
         upright = _joints(self, 0.0)
         assert upright is not None
         return largest_push(self.arm, upright, self.length)
@@ -72,21 +71,21 @@ class Margin:
     gain: float
     """Gain in force, N/m or N·m/rad."""
     limit: float
-    """First unstable gain with the damping ratio unchanged, the lower one of the two attitudes, in the unit of the gain."""
+    """First unstable gain with the damping ratio unchanged, the lower one of the two attitudes, N/m or N·m/rad."""
 
     @property
     def factor(self) -> float:
-        """Factor from the gain to its limit."""
+        """Ratio of the limit to the gain."""
         return self.limit / self.gain
 
 
 def margins(gains: Gains, rate: float, place: Place) -> tuple[Margin, ...]:
-    """Return the margins of translation and rotation with `rate` frames a second, Hz, at a place within reach."""
+    """Return the margins of translation and rotation at a frame rate, Hz, at a place within reach."""
     return tuple(_margin(kind, gains, rate, place) for kind in HELD)
 
 
 def too_high(gains: Gains, rate: float, place: Place) -> Margin | None:
-    """Return the margin that is below `MARGIN`, or None; the place has to be within reach."""
+    """Return the margin below `MARGIN`, or None; the place must be within reach."""
     for kind in HELD:
         loops = (loop_at(kind, gains, inertia, MARGIN) for inertia in inertias(place))
         if not all(radius(one_period(*loop, 1.0 / rate, 0.0)) < 1.0 for loop in loops):
@@ -101,7 +100,7 @@ def _margin(kind: str, gains: Gains, rate: float, place: Place) -> Margin:
 
 
 def loop_at(kind: str, gains: Gains, inertia: Vector, factor: float) -> Loop:
-    """Return the loop in which one gain is `factor` times as large, its damping ratio as it is, at an inertia of the tip."""
+    """Return the loop with `factor` times one gain, its damping ratio unchanged, at an inertia of the tip."""
     raised = gains.model_copy(update={kind: factor * getattr(gains, kind)})
     stiffness, held = np.diag(raised.stiffness()), HELD[kind]
     damping = gains.damping_ratio * critical_damping(inertia, raised.stiffness())

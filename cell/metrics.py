@@ -17,16 +17,16 @@ from plc_bridge.intervals import BOUNDS
 from plc_bridge.registers import table
 
 GAUGES = frozenset({"connections", "stops_held"})
-"""Names of the diagnostics that may also fall."""
+"""Names of the diagnostics that can decrease."""
 KIND = CONTENT_TYPE_LATEST
 """Media type of the text."""
 
 
 class CellCollector(Collector):
-    """Reads the bridge whenever somebody asks; between two readings it costs nothing."""
+    """Reads the bridge only when the metrics are requested."""
 
     def __init__(self, bridge: Bridge, tls: TlsConfig | None = None) -> None:
-        """Take the bridge whose figures are shown, and the keys of the cell."""
+        """Keep the bridge, and the keys of the cell."""
         self._bridge, self._tls = bridge, tls
         self._said = {r.name: r.meaning for r in table() if r.name.startswith("diagnostics_")}
         self._registry = CollectorRegistry()
@@ -37,7 +37,7 @@ class CellCollector(Collector):
         return generate_latest(self._registry)
 
     def collect(self) -> Iterator[Metric]:
-        """Yield every metric as it stands now."""
+        """Yield every metric with its present value."""
         figures = self._bridge.figures
         for name, value in asdict(figures.counts).items():
             kind = GaugeMetricFamily if name in GAUGES else CounterMetricFamily

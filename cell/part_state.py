@@ -1,6 +1,6 @@
-"""Where the peg is, and how the cell knows: values and decisions; pure.
+"""Place of the peg and its evidence: values and decisions; pure.
 
-sensor                 evidence of a scan          decision              who reads it
+sensor                 evidence of a scan          decision              readers
 ---------------------  --------------------------  --------------------  ------------------------------------------
 width of the hand  --> is_gripping, width     --.
 skin --> estimator --> touched or free        --.
@@ -20,74 +20,74 @@ from plc_bridge.messages import PartEvidence, PartPlace, Refusal
 from skills.seating import CLOSED_TOLERANCE, depth_of
 
 IN_HOLE_DEPTH = 0.004
-"""Depth by the arm from which the end of a held peg is taken to be in the hole, m: the arm knows heights no better."""
+"""Depth from which the end of a held peg counts as in the hole, m; the arm measures heights with about this accuracy."""
 UPRIGHT = 0.25
-"""Tilt of a peg below which it may slide into the hole when the hand loses it at the surface, rad; `insert.aligned` is 0.1 as shipped."""
+"""Tilt below which a peg lost at the surface can slide into the hole, rad; `insert.aligned` is 0.1 by default."""
 HOLE_MARGIN = 0.005
-"""Reach of the hole's place beyond `hole.area`, m."""
+"""Margin around `hole.area` within which the tip counts as over the hole, m."""
 SLOT_REACH = 0.01
-"""Distance from a slot's axis within which a peg that is let go below the rack's surface stands in the slot, m."""
+"""If the hand releases a peg below the rack's surface within this distance of a slot's axis, it is in the slot, m."""
 BIN_REACH = 0.05
-"""Distance from the middle of the reject bin within which a peg that is let go falls into it, m."""
+"""If the hand releases a peg within this distance of the reject bin's middle, it falls into the bin, m."""
 
 CAME_ALONG = "was seated and let go; the switch is open now"
-"""Evidence of a peg that came along with the hand, or jumped out of the hole."""
+"""Evidence text if a seated peg came out with the hand or sprang out of the hole."""
 
 UNRESOLVED = (PartPlace.UNKNOWN, PartPlace.IN_HAND, PartPlace.ON_PLATE, PartPlace.IN_HOLE)
-"""Places that a peg must leave before the next one can be taken."""
+"""Places from which a peg must be removed before the next one can be taken."""
 IN_THE_HOLE = (PartPlace.IN_HOLE, PartPlace.SEATED)
-"""Places in the hole, part of the way or all of it."""
+"""Places in the hole, partly or fully inserted."""
 RECOVERED = (PartPlace.IN_HAND, PartPlace.IN_HOLE)
-"""Places that `recover` can take a held peg from."""
+"""Places from which `recover` can remove a held peg."""
 
 
 @dataclass(frozen=True, slots=True)
 class PegEvidence:
-    """Evidence of the peg in one look at the devices."""
+    """Evidence of the peg from one reading of the devices."""
 
     width: float
     """Distance between the pads, m."""
     is_gripping: bool
     is_moving: bool
     tip: tuple[float, float, float]
-    """Place of the end of a peg in the hand, by arm and skin, m, base frame."""
+    """Position of the end of a peg in the hand, m, base frame; from arm and skin."""
     theta: float
-    """In-hand angle by the skin, rad."""
+    """In-hand angle, rad; from the skin."""
     switch: SwitchState
     tilt: float = math.pi / 2
-    """Angle between a peg in the hand and the vertical, by arm and skin, rad."""
+    """Angle between a peg in the hand and the vertical, rad; from arm and skin."""
     is_felt: bool | None = None
-    """Whether the skin shows a peg; None where it gave no frame to be trusted."""
+    """True if the skin measures a peg; None without a trusted frame."""
     push: float = 0.0
-    """Force on the hand along the peg, away from its end, N: what bears the peg presses it along the fingers with that."""
+    """Axial force on the peg, away from its end, N; above the grip's friction limit the peg slides between the fingers."""
 
 
 @dataclass(frozen=True, slots=True)
 class PartState:
-    """Place of the peg, and the evidence of it."""
+    """Place of the peg, and its evidence."""
 
     place: PartPlace
     evidence: str
     """Evidence of the place, one line."""
     is_held: bool = False
-    """Whether the hand holds the peg."""
+    """True if the hand holds the peg."""
     depth: float = 0.0
-    """Depth of the peg's end below the plate's surface, m; 0 where it is neither in the hole nor seated."""
+    """Depth of the peg's end below the plate's surface, m; 0 unless the peg is in the hole or seated."""
     tip: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Place of the peg's end when it was seen last, m, base frame; zeros before it was in the hand."""
+    """Last measured position of the peg's end, m, base frame; zeros before the first grasp."""
     was_in_hole: bool = False
-    """Whether the peg has stood in the hole, or upright at it, since the hand took hold of it."""
+    """True if the peg has been in the hole, or upright at it, since the grasp."""
     basis: PartEvidence = PartEvidence.NOTHING
-    """Evidence of the place in bits, as the buses carry it."""
+    """Evidence of the place as bits, as sent on the buses."""
     width: float = 0.0
-    """Distance between the pads in the look that the place follows from, m."""
+    """Distance between the pads in the reading that decided the place, m."""
     slid: float = 0.0
-    """Way that the hand went down the held peg at the most, m: under more than the pads bear a peg may stay where it is."""
+    """Largest distance the fingers may have slid down the peg since the grasp, m."""
 
 
 @dataclass(frozen=True, slots=True)
 class Places:
-    """The places where a peg can be."""
+    """Geometry of the places where a peg can be, and the grip's friction limit."""
 
     thickness: float
     """Width of the peg between the pads, m."""
@@ -96,11 +96,17 @@ class Places:
     """Middle of each slot on the rack's surface, m, base frame."""
     bin: Point
     bears: float = math.inf
-    """Largest force along the fingers that the pads surely bear, N."""
+    """Axial force below which the peg does not slide between the pads, N."""
 
 
 def places_of(job: Job, bin_at: Point, bears: float = math.inf) -> Places:
-    """Return the places of a job; `bin_at` is the place above the reject bin, m, base frame, and `bears` what the pads surely bear, N."""
+    """Return the places of a job.
+
+    Args:
+        job: The part, its hole and its rack.
+        bin_at: Position above the reject bin, m, base frame.
+        bears: Axial force below which the peg does not slide between the pads, N.
+    """
     rack = job.rack
     x, y, z = rack.first
     slots = tuple((x, y + rack.pitch * number, z) for number in range(rack.slots))
@@ -110,15 +116,15 @@ def places_of(job: Job, bin_at: Point, bears: float = math.inf) -> Places:
 def evidence_of(
     arm: ArmState, hand: GripperState, switch: SwitchState, tip: Vector, theta: float, is_felt: bool | None
 ) -> PegEvidence:
-    """Return what was read of the devices at one time as evidence.
+    """Return the evidence from readings of the devices at one instant.
 
     Args:
         arm: State of the arm.
         hand: State of the hand.
         switch: State of the switch under the hole.
-        tip: Place of the end of a peg in the hand, m, base frame.
+        tip: Position of the end of a peg in the hand, shape (3,), m, base frame.
         theta: In-hand angle, rad.
-        is_felt: Whether the skin shows a peg; None where it gives no frame to be trusted.
+        is_felt: True if the skin measures a peg; None without a trusted frame.
     """
     where = arm.tcp.position if not np.isfinite(tip).all() else tip
     x, y, z = (float(value) for value in where)
@@ -131,11 +137,11 @@ def evidence_of(
 
 
 def at_start(kept: PartState | None, seen: PegEvidence, places: Places) -> PartState:
-    """Return where the peg is when the program begins.
+    """Return the state of the peg when the program begins.
 
     Args:
-        kept: State that the earlier program left; None where there is no record of it.
-        seen: The first look at the devices.
+        kept: State recorded by the earlier program; None without a record.
+        seen: Evidence of the first reading.
         places: Places where a peg can be.
     """
     if _is_between(seen, places):
@@ -152,24 +158,24 @@ def at_start(kept: PartState | None, seen: PegEvidence, places: Places) -> PartS
         return replace(kept, basis=kept.basis | PartEvidence.RECORD)
     return _shown(
         now, seen, places
-    )  # also where there are no bits on record: no file, a damaged one, one of version 0.2
+    )  # also if the record has no evidence bits: no file, a damaged one, or one of version 0.2
 
 
 def after(before: PartState, seen: PegEvidence, places: Places, is_running: bool) -> PartState:
-    """Return where the peg is after one more look at the devices.
+    """Return the state of the peg after one more reading of the devices.
 
     Args:
-        before: Place of the peg before the look.
-        seen: PegEvidence of the look.
+        before: State of the peg before the reading.
+        seen: Evidence of the reading.
         places: Places where a peg can be.
-        is_running: Whether a skill moves the cell; otherwise a hand that opens was opened by somebody else.
+        is_running: True during a run; outside a run, the cell did not command the hand to open.
     """
     now = _after(before, seen, places, is_running)
     return now if now is before else _shown(now, seen, places)
 
 
 def _after(before: PartState, seen: PegEvidence, places: Places, is_running: bool) -> PartState:
-    """Return where the peg is after one more look, without the bits of the evidence; `before` itself where nothing is new."""
+    """Return the state after one more reading, without evidence bits; `before` itself if nothing changed."""
     if _is_between(seen, places):
         now = _held(seen, places, _slid(before, seen, places))
         was_in_hole = now.place in IN_THE_HOLE or _stands_at_hole(seen, places)
@@ -193,9 +199,9 @@ def _after(before: PartState, seen: PegEvidence, places: Places, is_running: boo
 def by_hand_alone(
     before: PartState, hand: GripperState, switch: SwitchState, places: Places, is_running: bool
 ) -> PartState:
-    """Return where the peg is after a look while the arm does not tell where it is; `before` itself where nothing is new.
+    """Return the state of the peg after a reading without the arm's pose; `before` itself if nothing changed.
 
-    A hand that was closing goes on to close on its peg when the arm falls silent, and one that was opening lets go of it where the arm was last.
+    If the arm times out, a closing hand still closes on its peg. An opening hand releases the peg at the arm's last pose.
     """
     seen = PegEvidence(hand.width, hand.is_gripping, hand.is_moving, before.tip, 0.0, switch)
     if not _is_between(seen, places):
@@ -207,7 +213,7 @@ def by_hand_alone(
 
 
 def proven(before: PartState, evidence: str) -> PartState:
-    """Return where a peg is that the hand has let go in a hole without a switch, once the run's success is proven by other evidence."""
+    """Return a released peg as seated, after other evidence than a switch has proven the run's success."""
     return replace(
         before,
         place=PartPlace.SEATED,
@@ -218,9 +224,10 @@ def proven(before: PartState, evidence: str) -> PartState:
 
 
 def after_run(before: PartState, seen: PegEvidence, places: Places) -> PartState:
-    """Return where the peg is when a run has ended: a seated peg whose switch has opened since came along or jumped out.
+    """Return the state of the peg at the end of a run.
 
-    One whose switch does not answer is still seated; what the switch says once it answers decides, see `_left_alone`.
+    If the switch has opened since the peg was seated, the peg came out with the hand or sprang out.
+    If the switch times out, the peg still counts as seated; its next valid reading decides, see `_left_alone`.
     """
     now = after(before, seen, places, is_running=True)
     if places.hole.evidence != "switch" or now.place is not PartPlace.SEATED or now.is_held:
@@ -233,7 +240,7 @@ def after_run(before: PartState, seen: PegEvidence, places: Places) -> PartState
 
 
 def _shown(part: PartState, seen: PegEvidence, places: Places) -> PartState:
-    """Return a state with the bits and the width of the look that it follows from."""
+    """Return a state with the evidence bits and the width of the reading that decided it."""
     is_known = seen.is_felt is not None
     signs = {
         PartEvidence.HAND_HOLDS: _is_between(seen, places),
@@ -257,14 +264,14 @@ def _is_slack(seen: PegEvidence, places: Places) -> bool:
 
 
 def _slid(before: PartState, seen: PegEvidence, places: Places) -> float:
-    """Return how far the hand has gone down the held peg at the most, m, after one more look."""
+    """Return the largest distance the fingers may have slid down the held peg, m, after one more reading."""
     if not before.is_held or seen.push <= places.bears:
         return before.slid if before.is_held else 0.0
     return max(before.slid + before.tip[2] - seen.tip[2], 0.0)
 
 
 def _held(seen: PegEvidence, places: Places, slid: float) -> PartState:
-    """Return the state of a peg between the pads, along which the hand may have slid so far, m."""
+    """Return the state of a peg between the pads; `slid` is the largest distance the fingers may have slid along it, m."""
     depth = depth_of(np.array(seen.tip), places.hole)
     hand = f"hand grips {_mm(seen.width)}"
     is_over = _is_over_hole(seen.tip, places.hole)
@@ -278,7 +285,7 @@ def _held(seen: PegEvidence, places: Places, slid: float) -> PartState:
 
 
 def _let_go(before: PartState, seen: PegEvidence, places: Places, is_running: bool) -> PartState:
-    """Return the state of a peg that was in the hand a scan ago and is not any more."""
+    """Return the state of a peg that the hand has released since the last scan."""
     hand = f"hand {_mm(seen.width)} open"
     gone = replace(before, is_held=False)
     if before.place in IN_THE_HOLE:
@@ -303,9 +310,9 @@ def _let_go(before: PartState, seen: PegEvidence, places: Places, is_running: bo
 
 
 def _left_alone(before: PartState, seen: PegEvidence, places: Places) -> PartState:
-    """Return the state of a peg that nobody holds while the cell waits: whoever takes a seated one away opens the switch, where there is one.
+    """Return the state of a free peg while the cell waits: if the switch opens, a person has removed the seated peg.
 
-    A switch that has fallen silent in the run, and is open when it answers again, may have been open all the while.
+    If the switch timed out during the run and is open at its next valid reading, it may have been open since then.
     """
     if places.hole.evidence != "switch" or before.place is not PartPlace.SEATED:
         return before
@@ -324,7 +331,7 @@ def _is_over_hole(tip: tuple[float, float, float], hole: Hole) -> bool:
 
 
 def _stands_at_hole(seen: PegEvidence, places: Places) -> bool:
-    """Whether a peg in the hand may be in the hole by less than the arm can tell."""
+    """Return True if an upright held peg is so close to the hole's surface that the arm cannot measure whether it is in."""
     is_near = abs(depth_of(np.array(seen.tip), places.hole)) < IN_HOLE_DEPTH
     return is_near and seen.tilt < UPRIGHT and _is_over_hole(seen.tip, places.hole)
 
@@ -335,8 +342,8 @@ def refusal_of(part: PartState, switch: SwitchState, is_rack_empty: bool, recove
     Args:
         part: Place of the last peg.
         switch: State of the switch under the hole.
-        is_rack_empty: Whether all slots have been emptied.
-        recovers_first: Whether a held peg is cleared away before the program begins.
+        is_rack_empty: True if all slots have been emptied.
+        recovers_first: True if `recover` removes a held peg before the program begins.
     """
     if part.place in UNRESOLVED and not (recovers_first and part.is_held and part.place in RECOVERED):
         return Refusal.PART_UNRESOLVED
@@ -348,7 +355,7 @@ def refusal_of(part: PartState, switch: SwitchState, is_rack_empty: bool, recove
 
 
 READY = "ready: "
-"""Beginning of what is said of a peg that lets the next one be taken."""
+"""First word of a remedy if the next peg can be taken."""
 REMEDIES = {
     PartPlace.RACK: f"{READY}the next peg is in the rack",
     PartPlace.BIN: f"{READY}the last peg is in the reject bin",
@@ -373,11 +380,11 @@ SIGNS = {
     PartEvidence.PERSON: "a person has taken the last peg away",
     PartEvidence.RECORD: "on record from the program before",
 }
-"""What each bit of the evidence says, in words."""
+"""Text of each evidence bit."""
 
 
 def in_words(basis: PartEvidence, width: float) -> str:
-    """Return the evidence that the buses carry as words: its bits, and the distance between the pads, m."""
+    """Return the evidence sent on the buses as words: its bits, and the distance between the pads, m."""
     by_hand = PartEvidence.HAND_HOLDS | PartEvidence.HAND_EMPTY
     slack = [] if basis & (by_hand | PartEvidence.PERSON) or not basis else ["the hand does not grip"]
     pads = [f"pads {_mm(width)} apart"] if basis & ~PartEvidence.PERSON else []
@@ -385,13 +392,13 @@ def in_words(basis: PartEvidence, width: float) -> str:
 
 
 def described(part: PartState) -> str:
-    """Return the place of the peg and the evidence of it, as one line."""
+    """Return the place of the peg and its evidence, one line."""
     depth = f", {_mm(part.depth)} deep" if part.depth > 0.0 else ""
     return f"peg {_word(part.place)}{depth} ({part.evidence})"
 
 
 def told(part: PartState) -> str:
-    """Return the place of the peg, the evidence of it, and what to do, as one line for a technician."""
+    """Return the place of the peg, its evidence and the remedy, one line for a technician."""
     return f"{described(part)}: {REMEDIES[part.place]}"
 
 

@@ -1,4 +1,4 @@
-"""Watches the peg of a cell through its devices: the state, the report's fields of it, conditions of a start, and proof of success."""
+"""Tracks the peg of a cell through its devices: its state, its fields of the report, conditions of a start, proof of success."""
 
 import logging
 import math
@@ -30,22 +30,22 @@ from skills.seating import depth_of
 logger = logging.getLogger(__name__)
 
 LONGEST_UNKNOWN = 0.5
-"""Longest time without a valid answer of the switch for which a run goes on that needs it for its success, s."""
+"""If a run needs the switch and it gives no valid reading for this time, the run ends, s."""
 EARLY_STAGES = (GRASP.name, SEARCH.name)
-"""Stages in which no peg can be on the switch: the hole is empty at the start, and the search ends where the peg dips into it."""
+"""Stages in which no peg can be on the switch: the hole is empty at the start, and the search ends when the peg dips into it."""
 EARLY_SHARE = 0.5
-"""Share of the hole's depth above which the end of a held peg cannot be on the switch, wherever the plate is felt."""
+"""While a held peg is shallower than this share of the hole's depth, it cannot be on the switch, for any plate height; fraction."""
 FELT_WITHIN = 0.25
-"""Age of the last frame that showed a peg up to which the skin counts as touched, s: now and then one of ten frames a second shows none."""
+"""The skin counts as touched until the last frame with a peg is this old, s; about one of ten frames a second misses the peg."""
 PROVEN_BY_SWITCH = (Claim.SEATED, Claim.LEFT, Claim.INSERTED)
-"""Claims that the switch has to prove."""
+"""Claims that the switch must prove."""
 
 
 class PartWatch:
-    """Where the peg of one cell is; for the scan thread."""
+    """Tracks the place of one cell's peg; for the scan thread."""
 
     def __init__(self, cell: Cell, context: SkillContext, folder: Path) -> None:
-        """Take the opened cell, the context of its skills, and the journal's folder."""
+        """Keep the opened cell and its skill context; read the peg's recorded state from the journal's folder."""
         self._cell, self._context = cell, context
         self._custody = Custody(folder, cell.config.arm.kind)
         self._places = _places(cell.config)
@@ -53,16 +53,16 @@ class PartWatch:
         self._is_running = self._has_looked = self._was_open = False
         self._needs_switch = False
         self.proof = ""
-        """Evidence by which the last run's success was proven, in words; empty where it was none or needed none."""
+        """Evidence that proved the last run's success, in words; empty without success or if no proof was required."""
         self._unknown_since: float | None = None
-        """Time since which the switch has not answered in the run, s."""
+        """Time since when the switch has given no valid reading in the run, s; None if it has."""
         self._hole, self._peak_force = (0.0, 0.0), 0.0
         self._switch = SwitchState.UNKNOWN
         self._felt_at, self._frame = -math.inf, -1
-        """Time of the last frame in which the skin showed a peg, s, and number of the last frame that was asked."""
+        """Time of the last frame with a peg, s, and sequence number of the last frame evaluated."""
 
     def begin(self, config: CellConfig, claim: Claim) -> None:
-        """Note that a run with this config begins, of a program whose success says this."""
+        """Start tracking a run with this config; `claim` is the meaning of its success."""
         self._places, self._is_running = _places(config), True
         self._was_open, self.proof = False, ""
         self._needs_switch = claim in PROVEN_BY_SWITCH and config.hole.evidence == "switch"
@@ -73,8 +73,8 @@ class PartWatch:
         """Take one scan, in a run or outside one.
 
         Raises:
-            SwitchUnknownError: The run's success could not be proven, because the switch has not answered for too long.
-            SwitchDisagreesError: The switch has closed where no peg can be on it.
+            SwitchUnknownError: The switch has given no valid reading for too long, so that success could not be proven.
+            SwitchDisagreesError: The switch has closed while no peg can be on it.
         """
         self._switch = seen.switch
         self._felt_at, self._frame = max(self._felt_at, seen.peg.stamp), seen.frame.sequence
@@ -93,7 +93,7 @@ class PartWatch:
             self._hole = part.tip[:2]
 
     def _require_switch(self, seen: Observation) -> None:
-        """Make sure that a switch on which the run's success depends answers; a recovery goes on without it."""
+        """Require valid readings of the switch if the run's success depends on it; recovery continues without it."""
         if seen.switch is not SwitchState.UNKNOWN or not self._needs_switch or self._context.stage == RECOVER.name:
             self._unknown_since = None
             return
@@ -102,7 +102,7 @@ class PartWatch:
             raise SwitchUnknownError(f"switch: no valid answer for {LONGEST_UNKNOWN:g} s; success could not be proven")
 
     def _require_plausible(self, seen: Observation) -> None:
-        """Make sure that a switch that was open does not close before the peg can be on it."""
+        """Require that an open switch does not close before the peg can be on it."""
         is_early = self._needs_switch and self._context.stage in EARLY_STAGES and self._was_open
         if not is_early or seen.switch is not SwitchState.CLOSED:
             return
@@ -116,17 +116,17 @@ class PartWatch:
             raise SwitchDisagreesError("switch: closed before the hand holds a peg; open expected until it is seated")
 
     def look(self) -> None:
-        """Look at arm, hand and switch outside a run; of what does not answer nothing is new."""
+        """Read arm, hand and switch outside a run; ignore devices that time out."""
         try:
             self._see_now(*self._devices())
-        except Exception:  # whatever it is, the run that needs the device says so
+        except Exception:  # the run that needs the device reports its fault
             self._see_hand()
 
     def judge(self, claim: Claim, ending: Ending, records: Sequence[StageRecord]) -> Ending:
-        """Return how the run under way ended by the evidence; the arm stands still.
+        """Return the ending of the run, judged by the evidence; the arm must be at rest.
 
         Raises:
-            CellError: A device does not answer, or the skills say success and the evidence says otherwise.
+            CellError: A device times out, or the evidence contradicts the success that the skills report.
         """
         arm, hand, switch = self._devices()
         self._end(arm, hand, switch)
@@ -139,24 +139,24 @@ class PartWatch:
         return judgement
 
     def end(self) -> None:
-        """Note that the run has ended, in whatever way."""
+        """Register the end of the run, after any outcome."""
         if self._is_running:
             try:
                 self._end(*self._devices())
-            except Exception:  # the run has ended by it
+            except Exception:  # the fault of this device has ended the run already
                 self._see_hand()
             self._custody.keep(is_lasting=True)
         self._is_running = False
 
     def flush(self) -> None:
-        """Wait a moment until what is known is kept, at the end of the program."""
+        """Wait a few seconds until the peg's state is on the disk, at the end of the program."""
         self._custody.flush()
 
     def _end(self, arm: ArmState, hand: GripperState, switch: SwitchState) -> None:
         self._tell(self._custody.end(self._evidence(arm, hand, switch), self._places))
 
     def refusal(self, entry: Entry, config: CellConfig) -> Refusal:
-        """Return why a program cannot be started with this config now, or NONE."""
+        """Return the reason why a program cannot start with this config now, or NONE."""
         if not entry.starts_empty:
             return Refusal.NONE
         if self._custody.part.place is PartPlace.SEATED and not self._custody.part.is_held:
@@ -173,36 +173,36 @@ class PartWatch:
 
     @property
     def is_resolved(self) -> bool:
-        """Whether the last peg lies where it may stay, so that the next one can be taken."""
+        """True if the last peg may stay at its place, so that the next one can be taken."""
         return self._custody.part.place not in UNRESOLVED
 
     def take(self, config: CellConfig) -> int:
-        """Return the slot that the next peg is taken from."""
+        """Return the slot of the next peg, and count it as emptied."""
         return self._custody.take(config.rack)
 
     def refill(self) -> None:
-        """Note that the rack has been filled."""
+        """Register that the rack has been filled."""
         self._custody.refill()
         self._cell.refill()
 
     def clear(self) -> None:
-        """Note that a person has taken the peg away."""
+        """Register that a person has removed the peg."""
         self._cell.clear()
         self._custody.clear()
         self.look()
 
     def filled(self, report: Report) -> Report:
-        """Return a report with what is known of the peg."""
+        """Return a report with the state of the peg."""
         part = self._custody.part
-        # What the run's search says of the hole at the end is better than where the peg went in; a run that is under way
-        # has not found that of the last one.
+        # The search result at the end of a run is more accurate than the position where the peg went in. During a run,
+        # the result in the report belongs to the run before and must not be used.
         hole = report.hole if any(report.hole) and not self._is_running else self._hole
         told = replace(
             report,
             part=part.place,
             part_depth=part.depth,
             part_evidence=part.basis,
-            part_width=round(part.width, 4),  # what the register has room for; less is noise and no news
+            part_width=round(part.width, 4),  # resolution of the register; smaller changes are noise
             hole=hole,
             peak_force=self._peak_force,
             obstacle=self._obstacle(),
@@ -210,7 +210,7 @@ class PartWatch:
         return report if told == report else told
 
     def _obstacle(self) -> Refusal:
-        """Return why a fresh peg could not be taken now; a simulated line takes the workpiece with a seated peg away by itself."""
+        """Return the reason why no fresh peg can be taken now, or NONE; a simulated line removes the workpiece with a seated peg."""
         config, part = self._cell.config, self._custody.part
         if config.is_simulated and part.place is PartPlace.SEATED and not part.is_held:
             return Refusal.NONE
@@ -218,19 +218,19 @@ class PartWatch:
 
     @property
     def part(self) -> PartState:
-        """State of the peg as it was known last."""
+        """Last known state of the peg."""
         return self._custody.part
 
     @property
     def told(self) -> str:
-        """Place of the peg, the evidence of it, and what to do, as one line."""
+        """Place of the peg, its evidence and the remedy, one line."""
         return told(self._custody.part)
 
     def _devices(self) -> tuple[ArmState, GripperState, SwitchState]:
         return self._context.arm.read(), self._context.read_hand(), self._cell.switch.read()
 
     def _see_hand(self) -> None:
-        """Look at hand and switch where the arm does not tell, or the switch does not; a silent hand tells nothing new."""
+        """Read hand and switch if the arm or the switch times out; if the hand times out too, change nothing."""
         switch = SwitchState.UNKNOWN
         with suppress(CellError):
             switch = self._cell.switch.read()
@@ -248,7 +248,7 @@ class PartWatch:
         return evidence_of(arm, hand, switch, tip, in_hand.theta, self._is_felt())
 
     def _is_felt(self) -> bool | None:
-        """Return whether the skin shows a peg in looks that no scan makes; None where it gives no frame to be trusted."""
+        """Return True if the skin measures a peg, for readings outside the scan; None without a trusted frame."""
         try:
             frame = self._cell.skin.read()
             if frame.sequence != self._frame:
@@ -265,10 +265,10 @@ class PartWatch:
     def _tell(self, is_new: bool) -> None:
         if not is_new:
             return
-        # A peg that is where it belongs when the program begins is no news.
+        # At the first reading, log only a peg that needs attention.
         level = logging.INFO if self._has_looked else logging.WARNING
         if self._has_looked or not self.is_resolved:
-            # A run goes on by itself with a peg in its hand: nobody has to do anything about it.
+            # During a run the remedy is left out, because the run handles the peg itself.
             logger.log(level, "%s", described(self._custody.part) if self._is_running else self.told)
         self._has_looked = True
 

@@ -1,4 +1,4 @@
-"""Logging that never waits: lines go through a bounded queue to a thread that writes them, and are dropped when nobody reads."""
+"""Logging that never waits: a thread writes lines from a bounded queue; if the queue is full, new lines are dropped."""
 
 import logging
 import math
@@ -9,22 +9,22 @@ from collections import deque
 from typing import TextIO
 
 MOST = 10_000
-"""Number of lines that may wait."""
+"""Largest number of waiting lines."""
 MOST_KINDS = 100
-"""Number of kinds of lines that are counted."""
+"""Largest number of kinds of lines that are counted."""
 FLUSH_TIME = 1.0
-"""Longest time at the end in which waiting lines are still written, s."""
+"""Longest time to write waiting lines at the end, s."""
 
 
 class SparseFilter(logging.Filter):
-    """Lets one line of a kind through in a while, and counts the others: whoever sends nonsense must not fill the log."""
+    """Passes one line of each kind per period and counts the others, so that a faulty client cannot fill the log."""
 
     def __init__(self, period: float = 10.0) -> None:
-        """Take the least time between two lines of a kind, s."""
+        """Set the least time between two lines of a kind, s."""
         super().__init__()
         self._period = period
         self._kinds: dict[tuple[str, str], tuple[float, int]] = {}
-        """Time of the next line, s, and number of lines left out since the last one, by logger and text without its values."""
+        """Time of the next permitted line, s, and number of lines left out since the last one; the key is logger and format text."""
 
     def filter(self, record: logging.LogRecord) -> bool:
         """Return True if the line is to be written."""
@@ -42,17 +42,17 @@ class SparseFilter(logging.Filter):
 
 
 class PatientHandler(logging.Handler):
-    """Writes lines to a stream on a thread of its own; whoever logs never waits for whoever reads the stream."""
+    """Writes lines to a stream on a separate thread, so that logging never waits for the stream's reader."""
 
     def __init__(self, stream: TextIO) -> None:
-        """Take the stream."""
+        """Keep the stream and start the thread."""
         super().__init__()
         self._stream = stream
         self._lines: deque[str] = deque()
         self._changed = threading.Condition()
         self._is_writing, self._is_closed = False, False
         self.dropped = 0
-        """Number of lines that were not written because too many waited."""
+        """Number of lines dropped because the queue was full."""
         threading.Thread(target=self._write, name="log", daemon=True).start()
 
     def emit(self, record: logging.LogRecord) -> None:
@@ -66,12 +66,12 @@ class PatientHandler(logging.Handler):
             self._changed.notify_all()
 
     def flush(self) -> None:
-        """Wait a moment until what was logged is written."""
+        """Wait up to `FLUSH_TIME` until all lines are written."""
         with self._changed:
             self._changed.wait_for(lambda: not self._lines and not self._is_writing, FLUSH_TIME)
 
     def close(self) -> None:
-        """End the thread, after what is queued unless nobody reads it."""
+        """End the thread after it has written the queued lines."""
         super().close()
         with self._changed:
             self._is_closed = True
@@ -95,14 +95,14 @@ class PatientHandler(logging.Handler):
             try:
                 self._put("".join(f"{line}\n" for line in lines))
             except (OSError, ValueError):
-                # Whoever read has left, or the stream is closed; the cell goes on without a log.
+                # The reader has closed the stream; the cell continues without a log.
                 continue
 
     def _put(self, text: str) -> None:
-        """Write past the stream's buffer: a thread that waits for a reader would keep its lock, which the end of the program waits for.
+        """Write without the stream's buffer: a blocked thread would hold the buffer's lock and block the end of the program.
 
         Raises:
-            OSError: Nobody reads any more.
+            OSError: The reader has closed the stream.
             ValueError: The stream is closed.
         """
         try:

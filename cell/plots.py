@@ -1,4 +1,4 @@
-"""Pictures of one run from its samples, and of both fingers."""
+"""Plots of one run from its samples, and of both fingers."""
 
 from itertools import pairwise
 from pathlib import Path
@@ -14,11 +14,11 @@ from drivers.skin.layout import Layout, finger_positions
 from skills.catalogue import ADJUST, INSERT, SEARCH
 
 COLOURS = ("#bbbbbb", "#4477aa", "#66ccee", "#228833", "#ccbb44", "#ee6677", "#aa3377")
-"""Colours of stage 0 (none) and stages 1 to 6, which colour-blind readers can tell apart."""
+"""Colours of stage 0 (none) and stages 1 to 6, which colour-blind readers can distinguish."""
 
 
 ON_SURFACE = 0.005
-"""Height above the tip's usual height up to which the plan shows the tip, m."""
+"""Largest height above the tip's median height at which the plan shows the tip, m."""
 
 
 def plot_run(row: RunRow, samples: dict[str, Vector], path: Path) -> None:
@@ -102,7 +102,7 @@ def _draw_plan(axes: Axes, samples: dict[str, Vector], stage: Vector) -> None:
     for skill in (SEARCH, INSERT, ADJUST):
         here = stage == skill.stage
         if here.any():
-            # The approach would dwarf the heights on the surface.
+            # With the approach in view, heights on the surface would be too small to read.
             here &= samples["tip_z"] < np.median(samples["tip_z"][here]) + ON_SURFACE
             axes.plot(
                 1e3 * samples["tip_x"][here],
@@ -142,6 +142,6 @@ def _colour(stage: int) -> str:
 
 
 def _hole_event(stage: Vector) -> int | None:
-    """Return the last scan of a search that another stage, other than recovery, followed."""
+    """Return the last scan of a search that was followed by a stage other than recovery."""
     found = np.flatnonzero((stage[:-1] == SEARCH.stage) & (stage[1:] == INSERT.stage))
     return int(found[-1]) if found.size else None

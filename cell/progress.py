@@ -1,4 +1,4 @@
-"""How much of a run is done: whole stages, and of the one under way the part that it says itself; pure."""
+"""Progress of a run: completed stages, plus the fraction that the present stage reports; pure."""
 
 from dataclasses import dataclass
 
@@ -7,16 +7,16 @@ from skills.entry import Entry, Program
 
 @dataclass(slots=True)
 class Progress:
-    """The share of one run that is done; it never falls, also where stages are tried again."""
+    """Completed share of one run; it never decreases, even if stages are retried."""
 
     stages: tuple[str, ...]
-    """Names of the stages of a run in which everything succeeds, in order; each counts the same."""
+    """Names of the stages of a run without failure, in order; all have equal weight."""
     percent: int = 0
 
     def update(self, stage: str, fraction: float) -> int:
-        """Take how much of a stage is done, 0 to 1, and return the percentage of the run.
+        """Set the completed fraction of a stage, 0 to 1, and return the percentage of the run.
 
-        A stage outside the usual way, as one that clears up after a failure, leaves it as it is.
+        A stage that is not in `stages`, for example recovery, does not change it.
         """
         if stage in self.stages:
             done = self.stages.index(stage) + min(max(fraction, 0.0), 1.0)
@@ -25,5 +25,5 @@ class Progress:
 
 
 def progress_of(entry: Entry) -> Progress:
-    """Return the progress of a program or a single skill before it begins."""
+    """Return the progress of a program or a single skill before its start."""
     return Progress(entry.stages if isinstance(entry, Program) else (entry.name,))

@@ -1,4 +1,4 @@
-"""The provenance of a record: versions of packages, a fingerprint of the program's own code, and one of the config."""
+"""Provenance of a record: versions of packages, and fingerprints of the program's code and of the config."""
 
 import hashlib
 import json
@@ -11,19 +11,19 @@ if TYPE_CHECKING:
     from cell.cell_config import CellConfig
 
 PACKAGES = ("tactile-insertion-cell", "mujoco", "numpy", "numba", "opencv-contrib-python-headless", "pymodbus")
-"""Packages whose versions stand in each record."""
+"""Packages whose versions are in each record."""
 OWN = ("cell", "drivers", "plc_bridge", "sim", "skills")
 """Packages of this program."""
 
 
 @lru_cache
 def versions() -> dict[str, str]:
-    """Return the versions that a record names, and a fingerprint of this program's own code and arms."""
+    """Return the versions for a record, and a fingerprint of this program's code and arm files."""
     return {**{name: _version(name) for name in PACKAGES}, "code": _code_hash()}
 
 
 def config_text(config: "CellConfig") -> str:
-    """Return a whole config as one line of JSON, the same for equal configs."""
+    """Return a whole config as one line of JSON; equal configs give equal text."""
     return json.dumps(config.model_dump(mode="json"), sort_keys=True)
 
 

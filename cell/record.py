@@ -1,4 +1,4 @@
-"""The record of a run: times by stage, samples at every scan, and the row on its end."""
+"""The record of a run: times by stage, samples at every scan, and the row of its end."""
 
 import json
 from collections.abc import Sequence
@@ -25,17 +25,17 @@ from skills.flow import StageRecord
 
 @dataclass(slots=True)
 class StageClock:
-    """Keeps the time of each stage of a run while it lasts."""
+    """Measures the time of each stage during a run."""
 
     times: dict[str, float] = field(default_factory=dict)
-    """Time of each stage that is over, all its tries together, s; it never falls."""
+    """Time of each ended stage, all its tries together, s; never decreases."""
     stage: str = ""
-    """Stage under way or reached last."""
+    """Present stage, or the last one."""
     _since: float | None = None
-    """Start of the stage under way, s; None between two stages."""
+    """Start of the present stage, s; None between two stages."""
 
     def enter(self, stage: str, now: float) -> bool:
-        """Note which stage is under way at the time `now`, s; return whether it begins with that."""
+        """Register the present stage at the time `now`, s; return True if it starts now."""
         if stage == self.stage and self._since is not None:
             return False
         self.leave(now)
@@ -43,12 +43,12 @@ class StageClock:
         return True
 
     def end(self, stage: str, elapsed: float) -> None:
-        """Take the time that a stage counts as its own, s: less than it took where the way to its place does not count."""
+        """Add the time counted by a stage, s; the skill may leave out the transfer to its place."""
         self.times[stage] = self.times.get(stage, 0.0) + elapsed
         self._since = None
 
     def leave(self, now: float) -> None:
-        """Close the account of a stage that never came to its own end: all of its time counts."""
+        """Close a stage that has not ended by itself: all of its time counts."""
         if self._since is not None:
             self.end(self.stage, now - self._since)
 
@@ -59,18 +59,18 @@ class Ending:
 
     outcome: Outcome
     stage: str
-    """Name of the stage that did not succeed, or else of the last one."""
+    """Name of the stage that did not succeed, else of the last one."""
     reason: IntEnum
     """Reason of the end, a `Reason` or one of the skill's own."""
 
     @property
     def word(self) -> str:
-        """The reason as records have it; empty where there is none."""
+        """The reason in lower case, for records; empty if there is none."""
         return "" if self.reason is Reason.NONE else self.reason.name.lower()
 
 
 def ending_of(records: Sequence[StageRecord], fault: CellError | None, stage: str) -> Ending:
-    """Return how a run ended: by its first stage that did not succeed and was not tried again, or by a fault in `stage`."""
+    """Return the ending of a run: that of the first failed stage that was not retried, else the last; or a fault in `stage`."""
     if fault is not None or not records:
         return Ending(Outcome.FAULT, stage, Reason.NONE)
     last = next(
@@ -86,19 +86,19 @@ def scene_facts(config: CellConfig) -> SceneFacts:
 
 
 class RunRecord:
-    """The record of the run under way."""
+    """The record of the present run."""
 
     def __init__(
         self, journal: Journal, command: Command, program: str, config: CellConfig, now: float, seed: int
     ) -> None:
-        """Put the run on record before it moves anything; what is put on record is written elsewhere.
+        """Record the start of the run before anything moves; the journal's own thread writes it.
 
         Args:
             journal: The opened journal.
             command: The command that started the run.
             program: Name of the program.
             config: Config of the run, its parameters included.
-            now: Time at which the command was taken, on the cell's clock, s.
+            now: Time of the command on the cell's clock, s.
             seed: Seed of the simulated world's draws and of the skills' choices in this run.
 
         Raises:
@@ -129,7 +129,7 @@ class RunRecord:
         self._stream = SampleStream(partial(journal.write, self.row.run))
 
     def add(self, seen: Observation, setpoint: ImpedanceSetpoint | None, sight: Sight | None = None) -> None:
-        """Record one scan, in a simulated cell with where peg and hole really are."""
+        """Record one scan; in a simulated cell, `sight` holds the true poses of peg and hole."""
         self._scans += 1
         self._trace.see(seen, self.clock.stage)
         self._stream.add(seen, setpoint, CATALOGUE.stage_number(self.clock.stage), sight)
@@ -143,8 +143,15 @@ class RunRecord:
         part: PartState,
         proof: str = "",
     ) -> None:
-        """Put on record how the run ended, at the time `now` on the cell's clock, s, where the peg then was by which evidence, and what proved a
-        success.
+        """Record the end of the run.
+
+        Args:
+            ending: Ending of the run.
+            fault: First fault of the run; None without one.
+            records: Stages of the run.
+            now: Time of the end on the cell's clock, s.
+            part: State of the peg at the end.
+            proof: Evidence that proved a success, in words; empty without one.
         """
         self.row = self._trace.figures(
             replace(

@@ -1,4 +1,4 @@
-"""The choice of runs that a question is about, from words to the index's own language; pure."""
+"""Selection of runs: from options to an SQL condition; pure."""
 
 import re
 from dataclasses import dataclass
@@ -7,14 +7,14 @@ from datetime import UTC, datetime, timedelta
 from drivers.errors import ConfigError
 
 OUTCOMES = ("success", "failure", "aborted", "fault", "lost", "running")
-"""Outcomes that a run on record can have, the one of a running run included."""
+"""Outcomes of recorded runs, that of the present run included."""
 _SPAN = re.compile(r"(\d{1,6})([mhdw])")
 _UNITS = {"m": "minutes", "h": "hours", "d": "days", "w": "weeks"}
 
 
 @dataclass(frozen=True, slots=True)
 class RunQuery:
-    """Conditions on runs, all of which have to hold; None sets no condition."""
+    """Conditions on runs, all of which must hold; None sets no condition."""
 
     since: str = ""
     """Earliest start of a run, wall time, ISO 8601 UTC."""
@@ -26,7 +26,7 @@ class RunQuery:
     recipe: int | None = None
 
     def where(self) -> tuple[str, list[object]]:
-        """Return a condition on the table `runs` and the values of its marks."""
+        """Return an SQL condition on the table `runs` and the values of its question marks."""
         wanted = {
             "outcome": self.outcome,
             "fault": self.fault,
@@ -40,10 +40,10 @@ class RunQuery:
 
 
 def since_text(text: str, now: datetime) -> str:
-    """Return the wall time that a span back from `now`, as in 7d, or a date and time names, as records have it.
+    """Return the wall time, in the format of records, of a span before `now`, such as 7d, or of a date and time.
 
     Raises:
-        ConfigError: It is neither.
+        ConfigError: The text is neither a span nor a date.
     """
     span = _SPAN.fullmatch(text)
     try:

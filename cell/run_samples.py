@@ -1,4 +1,4 @@
-"""The files of samples of the runs under way, as the journal's thread writes them; a run whose file fails goes on without."""
+"""Files of samples of the open runs, for the journal's thread; if a file fails, its run continues without samples."""
 
 import logging
 import os
@@ -18,42 +18,42 @@ from drivers.scene_facts import SceneFacts
 logger = logging.getLogger(__name__)
 
 FULL_SHARE = 0.1
-"""Share of the free space asked for below which no samples are written, fraction."""
+"""If the free space is below this fraction of `least_free`, no samples are written."""
 
 
 @dataclass(slots=True)
 class _OpenRun:
-    """The samples of one run under way."""
+    """The samples of one open run."""
 
     row: RunRow
     file: SampleFile | None = None
     written: int = 0
     """Number of scans on the disk."""
     lost: int = 0
-    """Number of scans that did not reach the disk."""
+    """Number of scans that were not written."""
 
 
 class RunSamples:
-    """The samples of the runs under way; all methods but `lose` belong to the thread that writes."""
+    """The samples of the open runs; only the writing thread may call its methods, except `lose`."""
 
     def __init__(self, folder: Path, least_free: int) -> None:
-        """Keep the folder, and the free space of the disk that is asked for, bytes."""
+        """Keep the folder, and the required free space of the disk, bytes."""
         self._folder, self._least_free = folder, least_free
         self._runs: dict[int, _OpenRun] = {}
         self._claimed: set[int] = set()
         self.trouble = ""
-        """Text that says why samples are not written; empty where all is well."""
+        """Reason why samples are not written; empty without trouble."""
 
     @property
     def rows(self) -> list[RunRow]:
-        """Rows of the runs under way, as they began."""
+        """Rows of the open runs, as at their start."""
         return [run.row for run in self._runs.values()]
 
     def claim(self, after: int) -> int:
-        """Return the next free number above `after`, kept by the file of its samples, which no other program then takes.
+        """Return the next free number above `after`; the file of its samples reserves it against other programs.
 
         Raises:
-            OSError: No file can be made.
+            OSError: The file cannot be created.
         """
         number = after
         while True:
@@ -66,12 +66,12 @@ class RunSamples:
             return number
 
     def give_back(self, number: int) -> None:
-        """Delete the file of a number that was claimed and not used."""
+        """Delete the file of a reserved number that is not used."""
         with suppress(OSError):
             samples_path(self._folder, number).unlink()
 
     def begin(self, row: RunRow, facts: SceneFacts | None) -> None:
-        """Begin the file of a run."""
+        """Start the file of a run."""
         run = self._runs[row.run] = _OpenRun(row)
         path = samples_path(self._folder, row.run)
         try:
@@ -84,7 +84,7 @@ class RunSamples:
             self._give_up(run, error)
 
     def write(self, number: int, block: SampleBlock, ending: str = "") -> None:
-        """Write a block of a run, the last one with the text of its ending."""
+        """Write a block of a run; `ending` is the text of the run's end, for the last block."""
         run = self._runs[number]
         if run.file is None:
             run.lost += block.used
@@ -114,13 +114,13 @@ class RunSamples:
         return row
 
     def lose(self, number: int, scans: int) -> None:
-        """Count scans of a run that are given up because the disk is too slow."""
+        """Count scans of a run that are dropped because the disk is too slow."""
         self.trouble = f"run {number}: the disk takes samples too slowly; some are lost"
         if number in self._runs:
             self._runs[number].lost += scans
 
     def close(self) -> None:
-        """Close the files of all runs under way."""
+        """Close the files of all open runs."""
         for run in self._runs.values():
             _close(run)
 
@@ -129,7 +129,7 @@ class RunSamples:
         os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_RDWR, OWNER_ONLY))
 
     def _give_up(self, run: _OpenRun, error: Exception) -> None:
-        """Record no further samples of a run."""
+        """Stop recording samples of a run."""
         _close(run)
         run.file = None
         self.trouble = f"run {run.row.run}: no further samples: {error}"

@@ -1,4 +1,4 @@
-"""The observations of a run that are kept for its row and the rows of its stages; pure."""
+"""Figures from the scans of a run, for its row and the rows of its stages; pure."""
 
 import json
 import math
@@ -17,7 +17,7 @@ from skills.seating import depth_of
 
 @dataclass(slots=True)
 class Visit:
-    """One stay in a stage, as the scans saw it."""
+    """One stay in a stage: figures from its scans."""
 
     name: str
     began: float
@@ -31,7 +31,7 @@ class Visit:
     length: float | None = None
 
     def see(self, seen: Observation, hole: Hole) -> None:
-        """Take one scan into account."""
+        """Add one scan."""
         self.ended = seen.stamp
         force = float(np.linalg.norm(seen.arm.wrench.force))
         self.peak_force = max(self.peak_force or 0.0, force)
@@ -45,21 +45,21 @@ class Visit:
 
 @dataclass(slots=True)
 class RunTrace:
-    """The stays of one run, one after the other."""
+    """The stays of one run in order."""
 
     began: float
-    """Time at which the command was taken, on the cell's clock, s."""
+    """Time of the command on the cell's clock, s."""
     hole: Hole
     visits: list[Visit] = field(default_factory=list)
 
     def see(self, seen: Observation, stage: str) -> None:
-        """Take one scan of a stage into account."""
+        """Add one scan of a stage."""
         if not self.visits or self.visits[-1].name != stage:
             self.visits.append(Visit(stage, seen.stamp, seen.stamp))
         self.visits[-1].see(seen, self.hole)
 
     def figures(self, row: RunRow) -> RunRow:
-        """Return a run's row with what its scans saw."""
+        """Return a run's row, completed with the figures from its scans."""
         last = next((visit for visit in reversed(self.visits) if visit.theta is not None), None)
         return replace(
             row,
@@ -71,9 +71,9 @@ class RunTrace:
         )
 
     def stages(self, run: int, records: Sequence[StageRecord], fault: CellError | None) -> list[StageRow]:
-        """Return the rows of the stages: with answers where the program gave any, else as far as the scans tell.
+        """Return the rows of the stages: with the program's results if there are any, else only with figures from the scans.
 
-        Where the same stage was tried several times with no other between, the scans are told at the last try.
+        If a stage was tried several times without another between, the figures are in the row of the last try.
         """
         if records:
             return [self._answered(run, place, records) for place in range(1, len(records) + 1)]
@@ -119,20 +119,20 @@ class RunTrace:
 
 
 def _is_over(seen: Observation, hole: Hole) -> bool:
-    """Tell whether the tip is over the area of the hole, with half the area's size on each side to spare."""
+    """Return True if the tip is over the hole's area, with a margin of half its size on each side."""
     x, y = seen.tip[0] - hole.centre[0], seen.tip[1] - hole.centre[1]
     return bool(abs(x) <= hole.area[0] and abs(y) <= hole.area[1])
 
 
 def _facts(result: SkillResult) -> dict[str, object]:
-    """Return the fields that a skill adds to its result; a number that is not finite becomes None, for JSON cannot express it."""
+    """Return the fields that a skill adds to its result; a number that is not finite becomes None, because JSON has none."""
     common = {each.name for each in fields(SkillResult)}
     told = {name: value for name, value in asdict(result).items() if name not in common}
     return {name: _finite(value) if isinstance(value, float) else value for name, value in told.items()}
 
 
 def _plain(value: object) -> object:
-    """Return a value that JSON has no word for as numbers in lists, or as text."""
+    """Return a value without a JSON type as lists of numbers, or as text."""
     return value.tolist() if isinstance(value, np.ndarray | np.generic) else str(value)
 
 

@@ -1,4 +1,4 @@
-"""The samples of a second of scans as arrays: filled by the scan, written elsewhere."""
+"""The samples of a second of scans as arrays, filled by the scan and written by another thread."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -51,16 +51,16 @@ COLUMNS: tuple[str, ...] = (
 """Columns in SI units, base frame; `switch` is 1 closed, 0 open, -1 unknown; `frame` is the taxel frame's sequence
 number.
 
-Columns that begin with `true_` are known to no sensor: a simulated cell records them for pictures, a physical one
-leaves them NaN. The peg's frame is in the peg's middle with z from its end upward, the hole's in the middle of its
-mouth with z outward.
+No sensor measures the columns that begin with `true_`: a simulated cell records them for pictures, in a physical cell
+they are NaN. The origin of the peg's frame is its centre, with z from its end upward. The origin of the hole's frame is
+the centre of its mouth, with z outward.
 """
 TAXEL_COLUMNS = tuple(f"taxel_{finger}_{taxel}" for finger in ("left", "right") for taxel in range(TAXELS))
-"""Columns of `taxels` in CSV, counts, one for each taxel."""
+"""Columns of `taxels` in CSV, counts, one per taxel."""
 JOINT_COLUMNS = {"joints": "joint", "velocities": "joint_velocity", "torques": "joint_torque"}
-"""Lists with a value for each joint, rad, rad/s and commanded N·m, each with what the columns of single joints begin with."""
+"""Lists with one value per joint, rad, rad/s and commanded N·m; each maps to the prefix of the columns of single joints."""
 BATCH = 100
-"""Number of rows that are written at once; one second at the usual scan rate."""
+"""Number of rows per write; one second at the usual scan rate."""
 _SWITCH = {SwitchState.CLOSED: 1.0, SwitchState.OPEN: 0.0, SwitchState.UNKNOWN: -1.0}
 _TRUTH = COLUMNS.index("true_peg_x")
 _NO_SETPOINT, _NO_SIGHT = np.full(3, np.nan), np.full(14, np.nan)
@@ -75,17 +75,17 @@ class SampleBlock:
     taxels: Vector = field(default_factory=lambda: np.empty((BATCH, FINGERS * TAXELS)))
     """Readings of the taxels, counts, shape (BATCH, 40)."""
     joints: dict[str, list[list[float]]] = field(default_factory=lambda: {name: [] for name in JOINT_COLUMNS})
-    """Values of all joints at each scan, by the names of `JOINT_COLUMNS`."""
+    """Values of all joints at each scan, by names of `JOINT_COLUMNS`."""
     used: int = 0
     """Number of scans in the block."""
 
     @property
     def is_full(self) -> bool:
-        """Whether it holds `BATCH` scans."""
+        """True if the block holds `BATCH` scans."""
         return self.used == BATCH
 
     def add(self, seen: Observation, setpoint: ImpedanceSetpoint | None, stage: int, sight: Sight | None) -> None:
-        """Add one scan with the setpoint that was held, the stage's number, and where peg and hole really were."""
+        """Add one scan, its setpoint, the stage's number, and the true poses of peg and hole."""
         row = self.values[:, self.used]
         row[0], row[1] = seen.stamp, stage
         row[2:5], row[5:8] = seen.tip, seen.axis
@@ -103,23 +103,23 @@ class SampleBlock:
 
 
 class SampleStream:
-    """Collects the scans of one run, and hands over every block that is full."""
+    """Collects the scans of one run, and passes on every full block."""
 
     def __init__(self, write: Callable[[SampleBlock], None]) -> None:
-        """Take who is given each block; it is not touched afterwards."""
+        """Keep the function to call with each full block; a block is not changed afterwards."""
         self._write = write
         self._block = SampleBlock()
 
     def add(
         self, seen: Observation, setpoint: ImpedanceSetpoint | None, stage: int, sight: Sight | None = None
     ) -> None:
-        """Add one scan with the setpoint that was held, the stage's number, and where peg and hole really were."""
+        """Add one scan, its setpoint, the stage's number, and the true poses of peg and hole."""
         self._block.add(seen, setpoint, stage, sight)
         if self._block.is_full:
             self._write(self.rest())
 
     def rest(self) -> SampleBlock:
-        """Return the block that is not full yet, and begin another."""
+        """Return the partly filled block, and start another."""
         block, self._block = self._block, SampleBlock()
         return block
 

@@ -1,4 +1,4 @@
-"""Runs and their samples in files that other people's tools open without this program: Parquet and MCAP."""
+"""Export of runs and their samples to files for other tools: Parquet and MCAP."""
 
 import json
 import math
@@ -20,7 +20,7 @@ from drivers.quantities import Vector
 from skills.catalogue import CATALOGUE
 
 FRAME = "base"
-"""Frame in which places, axes and forces are given: that of the robot's base."""
+"""Frame of positions, axes and forces: the robot's base."""
 _UNITS = {"stamp": "s", "theta": "rad", "theta_stamp": "s", "width": "m", "stage": "", "switch": "", "frame": ""}
 _PREFIXES = {
     "joint_velocity_": "rad/s",
@@ -57,7 +57,7 @@ def unit_of(column: str) -> str:
 
 
 def write_samples_parquet(row: RunRow, samples: dict[str, Vector], path: Path) -> None:
-    """Write the samples of one run as Parquet; unit, frame and note of a column are in its metadata, the run in the file's.
+    """Write the samples of one run as Parquet; column metadata hold unit, frame and note, file metadata hold the run.
 
     Raises:
         ConfigError: The file cannot be written.
@@ -69,7 +69,7 @@ def write_samples_parquet(row: RunRow, samples: dict[str, Vector], path: Path) -
 
 
 def write_runs_parquet(rows: Sequence[RunRow], path: Path) -> None:
-    """Write runs as Parquet, one row each, their starts and ends as times in UTC.
+    """Write runs as Parquet, one row per run, with starts and ends as times in UTC.
 
     Raises:
         ConfigError: The file cannot be written.
@@ -84,7 +84,7 @@ def write_runs_parquet(rows: Sequence[RunRow], path: Path) -> None:
 
 
 def write_mcap(row: RunRow, samples: dict[str, Vector], path: Path) -> None:
-    """Write the samples of one run as MCAP with JSON schemas: poses as Foxglove has them, the rest as plain numbers.
+    """Write the samples of one run as MCAP with JSON schemas: poses in Foxglove's schema, the rest as plain numbers.
 
     Raises:
         ConfigError: The package mcap is missing, or the file cannot be written.
@@ -137,7 +137,7 @@ _TOPICS: dict[str, tuple[str, dict[str, object]]] = {
     "/joints": _schema("cell.Joints", position=_NUMBERS, velocity=_NUMBERS, effort=_NUMBERS),
     "/cell": _schema("cell.State", stage={"type": "string"}, width={"type": "number"}, switch={"type": "number"}),
 }
-"""What each topic carries: SI units, radians, counts; the pose and its time are as Foxglove's schema has them."""
+"""Content of each topic: SI units, radians, counts; pose and time are in Foxglove's schema."""
 
 
 def _messages(row: RunRow, samples: dict[str, Vector]) -> Iterator[tuple[int, str, dict[str, object]]]:
@@ -165,7 +165,7 @@ def _messages(row: RunRow, samples: dict[str, Vector]) -> Iterator[tuple[int, st
 
 
 def _turn(axis: Vector) -> dict[str, float]:
-    """Return the shortest rotation that leads z to a unit axis, as a quaternion."""
+    """Return the shortest rotation from z to a unit axis, as a quaternion."""
     x, y, z = axis.tolist()
     if not math.isfinite(x + y + z) or z < -1.0 + 1e-9:
         return {"x": 1.0, "y": 0.0, "z": 0.0, "w": 0.0}

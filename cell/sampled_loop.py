@@ -1,9 +1,9 @@
-"""The gains at which an impedance loop with errors as old as a frame turns unstable, by exact discretisation; pure.
+"""Stability limit of the gains of an impedance loop with sampled errors, by exact discretisation; pure.
 
-The tip obeys M x'' = -K x(t_k) - C x - D x', as in [gibbons], Eq. (6), with the error of Eq. (5) measured every
-`period` seconds, late by `delay` periods and held in between; C x is the part that is measured without delay. Between
-two frames that is a linear system under a constant force, so one period is one matrix, and the loop is stable where
-that matrix's eigenvalues lie inside the unit circle.
+The tip obeys M x'' = -K x(t_k) - C x - D x', as in [gibbons], Eq. (6). The error of Eq. (5) is measured every `period`
+seconds, late by `delay` periods, and held in between; C x is the part measured without delay. Between two frames this is
+a linear system under a constant force, so one period is one matrix. The loop is stable if the eigenvalues of this matrix
+are inside the unit circle.
 """
 
 import math
@@ -14,14 +14,14 @@ import numpy as np
 from drivers.quantities import Vector
 
 Loop = tuple[Vector, Vector, Vector, Vector]
-"""Inertia, stiffness on the held error, stiffness on the error as it is now, damping, each shape (n, n)."""
+"""Inertia, stiffness on the held error, stiffness on the present error, damping, each shape (n, n)."""
 
 TAYLOR_TERMS = 12
 """Number of terms of the exponential series, for a matrix scaled below 1/16."""
 GROWTH = 1.25
 """Ratio of neighbouring gains in the search for the limit."""
 MOST = 1e6
-"""Factor beyond which a gain is taken for unlimited."""
+"""Factor above which a gain counts as unlimited."""
 FINENESS = 1e-4
 """Relative accuracy of the limit."""
 
@@ -29,15 +29,15 @@ FINENESS = 1e-4
 def one_period(
     inertia: Vector, held: Vector, continuous: Vector, damping: Vector, period: float, delay: float
 ) -> Vector:
-    """Return the matrix that takes the loop from one frame to the next.
+    """Return the transition matrix of the loop from one frame to the next.
 
     Args:
         inertia: M, shape (n, n), kg and kg·m².
-        held: K, stiffness on the error that is held from frame to frame, shape (n, n), N/m and N·m/rad.
+        held: K, stiffness on the error held from frame to frame, shape (n, n), N/m and N·m/rad.
         continuous: C, stiffness on the present error, shape (n, n).
         damping: D, shape (n, n), N·s/m and N·m·s/rad.
         period: Time between frames, s.
-        delay: Age of a frame when it is first used, in periods, >= 0, fractions included.
+        delay: Age of a frame at its first use, in periods, >= 0, fractions included.
 
     Returns:
         Matrix of shape (m, m), over position, velocity and the positions of earlier frames.
@@ -66,15 +66,15 @@ def radius(step: Vector) -> float:
 
 
 def largest_factor(loop: Callable[[float], Loop], period: float, delay: float) -> float:
-    """Return the factor by which a gain can be multiplied before the loop turns unstable.
+    """Return the factor on a gain at which the loop becomes unstable.
 
     Args:
         loop: Inertia, held and continuous stiffness and damping at a factor, as in `one_period`.
         period: Time between frames, s.
-        delay: Age of a frame when it is first used, in periods.
+        delay: Age of a frame at its first use, in periods.
 
     Returns:
-        First unstable factor above the smallest one examined; `MOST` when there is none, 0 when no gain is stable.
+        First unstable factor above the smallest one examined; `MOST` if there is none, 0 if no gain is stable.
     """
 
     def is_stable(factor: float) -> bool:

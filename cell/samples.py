@@ -1,4 +1,4 @@
-"""One run's samples as a stream on disk: a fixed row a scan, written once a second, readable when cut off."""
+"""One run's samples as a stream on disk: one row per scan, written once a second, readable even if truncated."""
 
 import csv
 import os
@@ -30,18 +30,18 @@ _RUN, _ENDING = b"run", b"ending"
 
 
 class SampleFile:
-    """The file of one run's samples; nothing that holds samples is written over."""
+    """The file of one run's samples; a file with content is never overwritten."""
 
     def __init__(self, path: Path, facts: SceneFacts | None = None, row: str = "") -> None:
-        """Begin the file at `path`.
+        """Start the file at `path`.
 
         Args:
             path: A new file, or an empty one.
             facts: Facts of the scene for pictures of the run.
-            row: The run's row as it begins, JSON, from which a lost index is made again.
+            row: The run's row at its start, JSON; a lost index is rebuilt from it.
 
         Raises:
-            JournalError: The file cannot be written, or holds something.
+            JournalError: The file cannot be written, or is not empty.
         """
         self.path = path
         head = {} if facts is None else {_FACTS: facts.model_dump_json().encode()}
@@ -55,7 +55,7 @@ class SampleFile:
             self._file.flush()
 
     def write(self, block: SampleBlock, ending: str = "") -> None:
-        """Write what a block holds, at the end with the run's row and its stages as JSON.
+        """Write the rows of a block; `ending` is the run's row and its stages as JSON, for the last block.
 
         Raises:
             JournalError: The file cannot be written.
@@ -73,7 +73,7 @@ class SampleFile:
             self._file.flush()
 
     def close(self) -> None:
-        """End the stream.
+        """End the stream and close the file.
 
         Raises:
             JournalError: The file cannot be written.
@@ -91,10 +91,10 @@ class SampleFile:
 
 
 def _require_empty(path: Path) -> None:
-    """Make a file for its owner alone where there is none.
+    """Create a file for its owner only, if it is missing.
 
     Raises:
-        OSError: It cannot be made, or holds something.
+        OSError: The file cannot be created, or is not empty.
     """
     number = os.open(path, os.O_CREAT | os.O_RDWR, 0o600)
     try:
@@ -105,18 +105,18 @@ def _require_empty(path: Path) -> None:
 
 
 def prepare() -> None:
-    """Let Arrow load now what it needs for its first column: it looks for pandas, which takes long where that is installed."""
+    """Make Arrow load its dependencies now: at its first column it imports pandas if installed, which is slow."""
     pa.array([0.0])
 
 
 def read_samples(path: Path) -> dict[str, Vector]:
     """Return the columns of a run, as far as they reached the disk.
 
-    Beside `COLUMNS`, `taxels` has shape (n, 40), counts, and each of `JOINT_COLUMNS` shape (n, joints). A column that an
-    earlier version did not record is NaN, and a list of joints has no columns then.
+    In addition to `COLUMNS`, `taxels` has shape (n, 40), counts, and each of `JOINT_COLUMNS` shape (n, joints). If an
+    earlier version did not record a column, it is NaN; a list of joints then has no columns.
 
     Raises:
-        JournalError: There is no such file, or its columns are damaged.
+        JournalError: The file is missing, or its columns are damaged.
     """
     schema, batches, _ = _read(path)
     try:
@@ -142,8 +142,7 @@ def read_facts(path: Path) -> SceneFacts:
     """Return the facts of a run's scene.
 
     Raises:
-        JournalError: There is no such file, its head is torn, or it was recorded by a version that did not write the facts
-            of the scene.
+        JournalError: The file is missing, its head is damaged, or its version did not record the facts of the scene.
     """
     schema, _, _ = _read(path)
     if schema is _SCHEMA:
@@ -156,17 +155,17 @@ def read_facts(path: Path) -> SceneFacts:
 
 
 def read_rows(path: Path) -> tuple[bytes, bytes]:
-    """Return the run's row as it began, and the row with its stages as it ended, both JSON; empty where not on record.
+    """Return the run's row at its start, and its row with its stages at its end, both JSON; empty if not on record.
 
     Raises:
-        JournalError: There is no such file.
+        JournalError: The file is missing.
     """
     schema, _, ending = _read(path)
     return (schema.metadata or {}).get(_RUN, b""), ending
 
 
 def _read(path: Path) -> tuple[pa.Schema, list[pa.RecordBatch], bytes]:
-    """Return the schema of a file of samples, what of it is whole, and what its last block says of the run's end."""
+    """Return the schema of a file of samples, its undamaged blocks, and the run's end from its last block."""
     schema, batches, ending = _SCHEMA, [], b""
     try:
         with pa.OSFile(str(path), "rb") as file:
@@ -174,20 +173,20 @@ def _read(path: Path) -> tuple[pa.Schema, list[pa.RecordBatch], bytes]:
             schema = reader.schema
             while True:
                 batch, told = reader.read_next_batch_with_custom_metadata()
-                batch.validate(full=True)  # lengths and places that point elsewhere would be followed
+                batch.validate(full=True)  # without it, wrong lengths and offsets would be followed
                 batches.append(batch)
                 ending = ending if told is None else told.get(_ENDING, b"")
     except FileNotFoundError:
         raise JournalError(f"{path}: no samples on record") from None
     except (StopIteration, pa.ArrowException, OSError, UnicodeError):
-        pass  # the end of the file, the place where a killed run was cut off, or damage
+        pass  # the end of the file, the truncation by a killed run, or damage
     return schema, batches, ending
 
 
 def columns_of(samples: dict[str, Vector]) -> dict[str, Vector]:
     """Return samples with one flat column for each taxel and each joint."""
     flat = {name: samples[name] for name in COLUMNS}
-    taxels = samples["taxels"].reshape(-1, len(TAXEL_COLUMNS))  # without a scan they have no columns either
+    taxels = samples["taxels"].reshape(-1, len(TAXEL_COLUMNS))  # without scans, the array has no columns
     flat |= {name: taxels[:, place] for place, name in enumerate(TAXEL_COLUMNS)}
     for name, beginning in JOINT_COLUMNS.items():
         flat |= {f"{beginning}_{place + 1}": samples[name][:, place] for place in range(samples[name].shape[1])}
@@ -195,7 +194,7 @@ def columns_of(samples: dict[str, Vector]) -> dict[str, Vector]:
 
 
 def export_csv(samples: dict[str, Vector], path: Path) -> None:
-    """Write samples as CSV, one row a scan."""
+    """Write samples as CSV, one row per scan."""
     flat = columns_of(samples)
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
@@ -204,6 +203,6 @@ def export_csv(samples: dict[str, Vector], path: Path) -> None:
 
 
 def torn(path: Path, found: Mapping[str, Any], recorded: int) -> str:
-    """Return what of a run's samples cannot be read, as one line; empty where all that were recorded can."""
+    """Return one line about unreadable samples of a run; empty if all recorded samples can be read."""
     read = len(found["stamp"])
     return f"{path}: torn: {read} of {recorded} samples can be read" if read < recorded else ""

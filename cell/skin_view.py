@@ -1,4 +1,4 @@
-"""Both fingers of the skin for people: in the terminal, as a picture, and in words what is wrong with them."""
+"""Display of both fingers of the skin: in the terminal, as a picture, and their faults in words."""
 
 import time
 from collections.abc import Callable
@@ -24,12 +24,12 @@ from drivers.transport.traffic import TrafficEndedError
 _CELL = 5
 """Width of one taxel in the terminal, characters."""
 _MM_PER_CHARACTER = 1.5
-"""Length that one character stands for, mm; both fingers fit into 80 columns."""
+"""Length represented by one character, mm; both fingers fit into 80 columns."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Seen:
-    """One frame, and the reception of the skin where it is known."""
+    """One frame, and the reception figures of the skin if available."""
 
     frame: TaxelFrame
     figures: SkinFigures | None
@@ -39,38 +39,38 @@ Show = Callable[[Seen], None]
 
 
 def watch(config: CellConfig, seconds: float, show: Show, stop: Event) -> None:
-    """Show the live skin, every new frame.
+    """Show every new frame of the live skin.
 
     Args:
-        config: Config of the cell, whose other devices stay closed.
-        seconds: Time to show, by the cell's clock, s.
-        show: Called with every new frame, at least once.
-        stop: Ends the show earlier.
+        config: Config of the cell; its other devices stay closed.
+        seconds: Duration on the cell's clock, s.
+        show: Function called with every new frame, at least once.
+        stop: Event that ends the display earlier.
 
     Raises:
-        CellError: A device cannot be opened, or the skin fell silent.
+        CellError: A device cannot be opened, or the skin has timed out.
     """
     with opened(assemble(config), only="skin") as cell:
         _watch(SkinLine(cell.skin, cell.clock, cell.skin_figures), 1.0 / config.scan_rate, seconds, show, stop)
 
 
 def play(config: CellConfig, path: Path, seconds: float, show: Show, stop: Event, at_pace: bool) -> None:
-    """Show a recording, traffic or text.
+    """Show a recording of traffic or text.
 
     Args:
-        config: Config with the board that the traffic is of.
+        config: Config with the board of the traffic.
         path: File of the recording.
-        seconds: Time to show, by the recording's clock, s.
-        show: Called with every new frame, at least once.
-        stop: Ends the show earlier.
-        at_pace: Whether to play at the pace of the recording.
+        seconds: Duration on the recording's clock, s.
+        show: Function called with every new frame, at least once.
+        stop: Event that ends the display earlier.
+        at_pace: True to play at the pace of the recording.
 
     Raises:
-        ConfigError: The file is no recording, or one of another wire than `skin.kind` says.
-        CellError: The skin was silent all the time.
+        ConfigError: The file is not a recording, or its wire differs from `skin.kind`.
+        CellError: The recording contains no frame of the skin.
     """
     felt = played_skin(config, path, _PlayClock(at_pace))
-    if felt.figures is not None:  # traffic, whose clock runs as fast as it is asked
+    if felt.figures is not None:  # traffic: its clock runs as fast as it is read
         felt = replace(felt, clock=_Paced(felt.clock, at_pace))
     _play(felt, 1.0 / config.scan_rate, seconds, show, stop)
 
@@ -91,7 +91,7 @@ def as_data(seen: Seen) -> dict[str, Any]:
 
 
 def fingers(seen: Seen, layout: Layout) -> Group:
-    """Return both fingers for a terminal, each taxel at its place, with a line on the reception of the skin."""
+    """Return both fingers for a terminal, each taxel at its position, with a line on the reception of the skin."""
     frame, figures = seen.frame, seen.figures
     table = Table(show_edge=False, pad_edge=False)
     for name in FINGER_NAMES:
@@ -106,7 +106,7 @@ def fingers(seen: Seen, layout: Layout) -> Group:
 
 
 class _PlayClock:
-    """Clock of a recording that has none of its own; its time passes while it is waited for."""
+    """Clock of a recording without one; its time advances with each wait."""
 
     def __init__(self, at_pace: bool) -> None:
         self._time, self._at_pace = 0.0, at_pace
@@ -150,7 +150,7 @@ def _watch(felt: SkinLine, period: float, seconds: float, show: Show, stop: Even
 
 
 def _play(felt: SkinLine, period: float, seconds: float, show: Show, stop: Event) -> None:
-    """Show every frame of a skin, and pass over silence."""
+    """Show every frame of a skin, and continue after timeouts."""
     shown = -1
     reason = "nothing in it"
     try:
@@ -164,7 +164,7 @@ def _play(felt: SkinLine, period: float, seconds: float, show: Show, stop: Event
                     show(_seen(felt, frame))
             except CellError as error:
                 reason = str(error)
-                if felt.figures is None:  # a text has ended; a wire may be heard again
+                if felt.figures is None:  # a text has ended; a wire can recover
                     break
             felt.clock.wait_until(felt.clock.now() + period)
     except TrafficEndedError:
@@ -184,7 +184,7 @@ def _finite(value: float) -> float | None:
 
 
 def _finger(places: Vector, values: Vector, trusted: Mask) -> Text:
-    """Return one finger, a line for every row of taxels."""
+    """Return one finger, one line per row of taxels."""
     x, y = places.T * 1e3
     columns = np.rint((x - x.min()) / _MM_PER_CHARACTER).astype(int)
     rows = sorted(set(y.round(3)), reverse=True)

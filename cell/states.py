@@ -1,6 +1,6 @@
 """Cell states, with the names and numbers of PackML, and the table of permitted transitions; pure.
 
-Source: [packml], the state model of TR88. Acting states (`-ing`) end by themselves; the others wait for a command.
+Source: [packml], the state model of TR88. Acting states (`-ing`) end by themselves; wait states end by a command.
 """
 
 from enum import Enum, IntEnum
@@ -43,9 +43,9 @@ class Event(Enum):
 
 
 ASKED = (Event.RESET, Event.STOP, Event.HOLD, Event.UNHOLD, Event.ABORT, Event.CLEAR)
-"""The controls that a PLC or a technician asks for by name; START comes with the name of a program.
+"""Controls that a PLC or a technician requests by name; START is requested with the name of a program.
 
-Line, terminal and records derive theirs from these, name by name.
+The names in line, terminal and records are derived from these.
 """
 
 _STOPPABLE = (
@@ -83,14 +83,14 @@ TRANSITIONS: dict[tuple[State, Event], State] = {
     **{(state, Event.STOP): State.STOPPING for state in _STOPPABLE},
     **{(state, Event.ABORT): State.ABORTING for state in (*_STOPPABLE, State.STOPPED, State.STOPPING, State.CLEARING)},
 }
-"""All permitted transitions; nothing suspends this cell yet, so those two ways in are left out."""
+"""All permitted transitions; those into Suspending and Unsuspending are left out, because no event suspends this cell."""
 
 BEFORE_RESET = (State.ABORTING, State.ABORTED, State.CLEARING, State.STOPPING, State.STOPPED)
-"""States of a cell that starts nothing before it is reset; CLEAR, where it is due, is part of the reset that a PLC or a technician asks for."""
+"""States in which the cell must be reset before it can start; a requested RESET includes CLEAR in Aborted."""
 
 
 def is_permitted(state: State, event: Event) -> bool:
-    """Return whether `event` changes anything in `state`."""
+    """Return True if `event` causes a transition in `state`."""
     return (state, event) in TRANSITIONS
 
 
@@ -98,10 +98,10 @@ _REACHED = {Event.STOP: BEFORE_RESET, Event.ABORT: (State.ABORTING, State.ABORTE
 
 
 def is_reached(state: State, event: Event) -> bool:
-    """Return whether the arm already stands, or is on its way to, as the stop or abort `event` asks."""
+    """Return True if the stop or abort requested by `event` is already done or under way."""
     return state in _REACHED.get(event, ())
 
 
 def after(state: State, event: Event) -> State:
-    """Return the state that follows; the same one where the event is not permitted."""
+    """Return the state after an event; the same state if the event is not permitted."""
     return TRANSITIONS.get((state, event), state)

@@ -1,4 +1,4 @@
-"""The one gate for success: what a run must have shown before the supervisor calls it one; pure."""
+"""The one gate for success: the evidence that a run needs before the supervisor reports success; pure."""
 
 import math
 from collections.abc import Sequence
@@ -22,14 +22,14 @@ from skills.signature import LIFTED, Curve
 from skills.surface import Plane, nominal
 
 PLANE_TOLERANCE = 0.005
-"""Largest distance of a felt surface from where the job says that the plate is, m."""
+"""Largest distance of the measured surface from the job's plate surface, m."""
 AWAY = 0.03
-"""Least distance between the hand and where it held the peg, once the hand has let go and drawn back, m."""
+"""Least distance of the retracted hand from its position when the peg was seated, m."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LastLook:
-    """The devices when the arm stands still after a run."""
+    """Readings of the devices when the arm is at rest after a run."""
 
     hand: GripperState
     tcp: Vector
@@ -38,47 +38,45 @@ class LastLook:
 
 
 class Evidence(Protocol):
-    """What proves that the peg is seated; the recipe chooses it."""
+    """Evidence that the peg is seated; the recipe selects the kind."""
 
     @property
     def seated_hand(self) -> Vector | None:
-        """Place of the hand where the peg was seated, shape (3,), m, base frame; None before."""
+        """Position of the hand when the peg was seated, shape (3,), m, base frame; None before."""
 
     @property
     def told(self) -> str:
-        """Evidence in words for the record of a success; empty where it proves none."""
+        """Evidence in words for the record of a success; empty without proof."""
 
     def after(self, seen: Observation, setpoint: ImpedanceSetpoint | None = None) -> "Evidence":
-        """Return the evidence after one more scan, with the setpoint that was followed in it."""
+        """Return the evidence after one more scan and its setpoint."""
 
     def require_seated(self, plane: Plane | None, look: LastLook, job: Job) -> None:
-        """Make sure that the run has seated the peg, which then stayed, on the surface that its search has felt, if any.
+        """Require that the run has seated the peg and that it stayed; depth counts from `plane` if the search measured one.
 
         Raises:
-            SuccessUnprovenError: It has not.
-            SwitchDisagreesError: The switch closed with the peg's end elsewhere than seated.
+            SuccessUnprovenError: The evidence is missing.
+            SwitchDisagreesError: The switch closed while the peg's end was not at the seated depth.
         """
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Proof:
-    """What a run has shown so far."""
+    """Evidence of a run so far, in a hole with a switch."""
 
     was_open: bool = False
-    """Whether the switch was open at some time of the run."""
+    """True if the switch was open at some time of the run."""
     seated_tip: Vector | None = None
-    """End of the held peg where the switch closed after that, shape (3,), m, base frame."""
+    """End of the held peg when the switch then closed, shape (3,), m, base frame."""
     seated_hand: Vector | None = None
-    """Place of the hand at that time, shape (3,), m, base frame."""
+    """Position of the hand at that time, shape (3,), m, base frame."""
     footing: Footing = field(default_factory=Footing)
-    """Rest of the held peg on what bears it, with the switch closed."""
+    """Contact of the held peg with the bottom while the switch is closed."""
     borne_tip: Vector | None = None
-    """End of the held peg once something had borne it for long enough, shape (3,), m, base frame."""
+    """End of the held peg after the bottom has supported it for long enough, shape (3,), m, base frame."""
 
     def after(self, seen: Observation, setpoint: ImpedanceSetpoint | None = None) -> "Proof":
-        """Return the proof after one more scan, with the setpoint that was followed in it; a switch that opens again while the peg is held
-        revokes it.
-        """
+        """Return the proof after one more scan and its setpoint; if the switch opens while the peg is held, the proof is void."""
         if seen.switch is SwitchState.OPEN and seen.gripper.is_gripping:
             return Proof(was_open=True)
         if seen.switch is SwitchState.OPEN:
@@ -98,7 +96,7 @@ class Proof:
         return "" if self.seated_tip is None else "switch"
 
     def require_seated(self, plane: Plane | None, look: LastLook, job: Job) -> None:
-        """Make sure that the switch closed under a held peg, at the hole's depth, and is still closed."""
+        """Require that the switch closed under a held peg at the hole's depth and is still closed."""
         if not self.was_open:
             raise _unproven("the switch was never open in this run")
         if look.switch is not SwitchState.CLOSED:
@@ -124,29 +122,27 @@ class Proof:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ForceProof:
-    """What a run has shown so far of a hole without a switch: the force that its latch took, and the bottom behind it."""
+    """Evidence of a run so far, in a hole without a switch: the force of its latch, and the bottom behind it."""
 
     latch: Latch
     """The latch as the recipe states it."""
     curve: Curve = field(default_factory=Curve)
     """Force against depth of the held peg."""
     seated_tip: Vector | None = None
-    """End of the held peg where it rested behind its latch, shape (3,), m, base frame."""
+    """End of the held peg when it rested behind its latch, shape (3,), m, base frame."""
     seated_hand: Vector | None = None
-    """Place of the hand at that time, shape (3,), m, base frame."""
+    """Position of the hand at that time, shape (3,), m, base frame."""
     found: Signature | None = None
-    """What the curve said then."""
+    """Signature of the latch found in the curve at that time."""
 
     def after(self, seen: Observation, setpoint: ImpedanceSetpoint | None = None) -> "ForceProof":
-        """Return the proof after one more scan, with the setpoint that was followed in it; a peg that is drawn out while it is held
-        revokes it.
-        """
+        """Return the proof after one more scan and its setpoint; if the hand draws the held peg out, the proof is void."""
         if self.seated_hand is not None and not seen.gripper.is_gripping:
             return self
         curve = self.curve.after(seen, setpoint, self.latch)
         if self.seated_hand is not None:
             risen = float(seen.arm.tcp.position[2] - self.seated_hand[2])
-            # What gives way was no bottom.
+            # If it yields, it was not the bottom.
             return replace(self, curve=curve) if -BORNE_WITHIN <= risen <= LIFTED else ForceProof(self.latch, curve)
         found = curve.signature(self.latch, seen.stamp)
         if found is None or not found.is_sure:
@@ -154,7 +150,7 @@ class ForceProof:
         return ForceProof(self.latch, curve, seen.tip.copy(), seen.arm.tcp.position.copy(), found)
 
     def require_seated(self, plane: Plane | None, look: LastLook, job: Job) -> None:
-        """Make sure that a held peg went through its latch, and rested at the hole's depth then."""
+        """Require that the held peg passed its latch and then rested at the hole's depth."""
         if self.seated_tip is None:
             raise _unproven(
                 "force against depth did not show the latch with the bottom behind it while the hand held the peg"
@@ -176,7 +172,7 @@ class ForceProof:
 
 
 def evidence_for(hole: Hole) -> Evidence:
-    """Return the evidence that the recipe of a hole asks for, of a run that has shown nothing."""
+    """Return the kind of evidence that the hole's recipe requires, as at the start of a run."""
     return ForceProof(hole.latch) if hole.evidence == "force" and hole.latch is not None else Proof()
 
 
@@ -189,20 +185,20 @@ def judged(
     part: PartState,
     job: Job,
 ) -> Ending:
-    """Return how a run ended by the evidence.
+    """Return the ending of a run, judged by the evidence.
 
     Args:
-        claim: Claim of a success of the program.
+        claim: Meaning of the program's success.
         ending: Ending as the skills reported it.
         records: Stages of the run.
-        proof: Evidence that the run has shown.
+        proof: Evidence collected in the run.
         look: Readings of the devices at the end.
         part: Place of the peg at the end.
         job: The part and its place.
 
     Raises:
-        SuccessUnprovenError: The skills say success, and what it needs is not there.
-        SwitchDisagreesError: The switch closed with the peg's end elsewhere than seated.
+        SuccessUnprovenError: The skills report success without the required evidence.
+        SwitchDisagreesError: The switch closed while the peg's end was not at the seated depth.
     """
     if ending.outcome is not Outcome.SUCCESS:
         return ending
@@ -241,7 +237,11 @@ def _require_gone(proof: Evidence, look: LastLook, job: Job) -> None:
 
 
 def _plane(records: Sequence[StageRecord], job: Job) -> Plane | None:
-    """Return the surface that the run's last search has felt, where it can be the plate's."""
+    """Return the surface measured by the run's last search; None without a search.
+
+    Raises:
+        SuccessUnprovenError: The surface is farther than `PLANE_TOLERANCE` from the plate's.
+    """
     felt = [plane for record in records if isinstance(plane := getattr(record.result, "plane", None), Plane)]
     if not felt:
         return None

@@ -1,4 +1,4 @@
-"""The scan loop: poll the line, run what it asks for, publish the report. Owns every device, on one thread."""
+"""The scan loop: poll the line, run the requested program, publish the report. One thread owns every device."""
 
 import logging
 import math
@@ -30,14 +30,14 @@ from skills.entry import Entry
 logger = logging.getLogger(__name__)
 
 ENDING = 5.0
-"""Longest time for the halt and the closing of what is open, s, where a scan never comes and the program ends."""
+"""Longest time to halt the arm and close journal and devices when a blocked scan ends the program, s."""
 EXIT_BLOCKED = 3
-"""Exit status of a program whose skill never comes back: that of a fault."""
+"""Exit status if a skill never returns; the same as for a fault."""
 _EVENT = {Control[event.name]: event for event in ASKED}
 
 
 class Supervisor:
-    """One cell at work."""
+    """Scan loop and command handling of one cell."""
 
     def __init__(
         self,
@@ -48,7 +48,16 @@ class Supervisor:
         stop: ThreadEvent | None = None,
         live: Live | None = None,
     ) -> None:
-        """Take the opened cell, its recipes, the line, the opened journal, what ends `serve`, and the slot for onlookers."""
+        """Build the supervisor's parts; nothing moves yet.
+
+        Args:
+            cell: The opened cell.
+            loaded: Config of the cell and its recipes.
+            line: Source of commands and reader of reports.
+            journal: The opened journal.
+            stop: Event that ends `serve`; None for a private one.
+            live: Slot for viewers; None for a private one.
+        """
         self._cell, self._loaded, self._journal = cell, loaded, journal
         self._context = cell.context(cell.config.first_seed)
         self._late, self._is_timed = LateScans(self._context.scan_period, cell.config.scan), False
@@ -83,31 +92,31 @@ class Supervisor:
 
     @property
     def report(self) -> Report:
-        """The report, as the line read it last or will read it next."""
+        """Current report, as last published or to be published next."""
         return self._desk.report
 
     @property
     def last(self) -> RunRow | None:
-        """The run that ended last, as the journal has it."""
+        """Journal row of the last run that ended; None before the first."""
         return self._execution.last
 
     @property
     def where_the_peg_is(self) -> str:
-        """Place of the peg, the evidence of it, and what to do, as one line."""
+        """Place of the peg, its evidence and the remedy, one line."""
         return self._part.told
 
     @property
     def misfit(self) -> str:
-        """What of the arm's calibration does not fit what the arm did in the last run, as one line; empty where all fits."""
+        """Largest disagreement of the last run's joint torques with the arm's calibration, one line; empty if they agree."""
         return self._desk.misfit
 
     # The scan outside a program.
 
     def serve(self) -> None:
-        """Scan until `quit`; whatever ends it, the arm comes to rest and the record of a run is closed first.
+        """Scan until `quit`. Before returning or raising, bring the arm to rest and close the record of an open run.
 
         Raises:
-            CellError: The scan itself cannot go on, as with simulated physics that have diverged.
+            CellError: The scan cannot continue, for example if the simulated physics have diverged.
         """
         period, self._is_timed = self._context.scan_period, is_timed(self._cell.config)
         try:
@@ -115,9 +124,9 @@ class Supervisor:
             while not self._quit.is_set():
                 started = time.monotonic()
                 self.scan()
-                # A simulated clock may be faster than the wall; nobody gains by an idle cell that spins.
+                # A simulated clock can run faster than wall time; the wait keeps an idle cell from using a whole core.
                 self._quit.wait(max(period - (time.monotonic() - started), 0.0))
-        except BaseException as error:  # the record is closed whatever happened, and the error raised again
+        except BaseException as error:  # close the run's record after any error, then raise it again
             try:
                 self._brake.wait(self._watchdog.alive)
             finally:
@@ -132,7 +141,7 @@ class Supervisor:
             self._execution.learning.flush()
 
     def quit(self) -> None:
-        """Ask `serve` to end, from any thread or signal handler; what runs is stopped first."""
+        """Request the end of `serve`, from any thread or signal handler; a running program is stopped first."""
         self._quit.set()
 
     def scan(self) -> None:
@@ -148,10 +157,10 @@ class Supervisor:
         clock.wait_until(started + self._context.scan_period)
 
     def _look(self) -> None:
-        """Read every device, and act on the commands that wait.
+        """Read every device and act on the waiting commands.
 
         Raises:
-            ScanOverrunError: This scan came so late that the arm was halted meanwhile.
+            ScanOverrunError: This scan was so late that the watchdog halted the arm.
         """
         self._watchdog.beat("scan")
         if self.state in (State.IDLE, State.COMPLETE):
@@ -164,19 +173,19 @@ class Supervisor:
         self._take_all()
 
     def _listen(self) -> None:
-        """Read what nobody looks at now: what was lost comes back, and what is there stays, only while somebody listens."""
+        """Poll idle devices: their drivers reconnect, and keep their buffers empty, only when read."""
         for device in (self._cell.gripper, self._cell.skin, self._cell.switch):
             with suppress(CellError):
                 device.read()
 
-    # The scan inside a program, which calls these.
+    # The scan inside a program: the execution calls these methods.
 
     def _beat(self) -> None:
-        """Take the start of a scan of a skill.
+        """Register the start of a skill's scan.
 
         Raises:
-            PlcLostError: Whoever started the program has fallen silent.
-            ScanOverrunError: This scan, or too many of the last ones, came too late.
+            PlcLostError: The client that started the program has timed out.
+            ScanOverrunError: This scan, or too many of the last ones, were late.
         """
         self._take_all()
         self._watchdog.beat(self._context.stage or "skill")
@@ -187,14 +196,14 @@ class Supervisor:
             self._brake.ask(Request.STOP)
 
     def _meanwhile(self) -> None:
-        """Go on telling the line and taking its commands while the arm comes to rest."""
+        """Publish reports and take commands while the arm comes to rest."""
         self._watchdog.alive()
         self._desk.publish()
         self._listen()
         self._take_all()
 
     def _rehearse(self) -> None:
-        """Pull and plug the cables of a simulated cell as onlookers wish."""
+        """Apply the cable faults requested from the page, in a simulated cell."""
         for pull in self._live.pulls():
             if (device := self._cell.cables.get(pull.cable)) is not None and device.is_unplugged != pull.is_out:
                 device.is_unplugged = pull.is_out
@@ -204,7 +213,7 @@ class Supervisor:
     # Commands.
 
     def _take_all(self) -> None:
-        """Act on every command that waits: a start behind an acknowledgement shall not wait for another scan."""
+        """Act on every waiting command: a start behind an acknowledgement must not wait for another scan."""
         self._rehearse()
         while (command := self._desk.poll()) is not None:
             self._take(command)
@@ -233,7 +242,7 @@ class Supervisor:
             self._desk.refuse(command, Refusal.UNKNOWN_CODE)
 
     def _control(self, command: Command, event: Event) -> None:
-        """Obey a control, or refuse it where the state does not permit it."""
+        """Execute a control, or refuse it if the state does not permit it."""
         is_cleared_first = event is Event.RESET and self.state is State.ABORTED
         steps = (Event.CLEAR, event) if is_cleared_first else (event,)
         if is_reached(self.state, event):
@@ -248,7 +257,7 @@ class Supervisor:
         self._desk.accept(command)
 
     def _forget(self, command: Command) -> None:
-        """Forget what was learnt of the command's recipe; not while a run learns."""
+        """Forget the learnt hole place of the command's recipe; refuse during a run."""
         if self._execution.is_running:
             self._desk.refuse(command, Refusal.BUSY)
         elif command.recipe not in self._loaded.recipes:
@@ -258,7 +267,7 @@ class Supervisor:
             self._desk.accept(command)
 
     def _note_from_a_person(self, command: Command) -> None:
-        """Take it that a person, or the line, has taken the peg away or filled the rack; not while a skill moves."""
+        """Register that a person or the line has removed the peg or filled the rack; refuse during a run."""
         if self._execution.is_running:
             self._desk.refuse(command, Refusal.BUSY)
             return
@@ -269,7 +278,7 @@ class Supervisor:
         self._desk.accept(command)
 
     def _obey(self, command: Command, event: Event) -> None:
-        """Do what a control asks for, in the state that it led to."""
+        """Do the work of a control, in the state that it entered."""
         if event in (Event.STOP, Event.ABORT):
             self._brake.ask(Request.STOP)
             if not self._execution.is_running:
@@ -282,7 +291,7 @@ class Supervisor:
             self._rearm(command, event)
 
     def _rearm(self, command: Command, event: Event) -> None:
-        """Make the arm move again after a stop or a fault: CLEAR acknowledges the fault, RESET makes the cell ready."""
+        """Enable the arm after a stop or a fault: CLEAR acknowledges the fault, RESET leads to Idle."""
         desk = self._desk
         desk.open(command, desk.report.run)
         self._cell.arm.reset()
@@ -294,7 +303,7 @@ class Supervisor:
         desk.report = replace(desk.report, result=Result.SUCCESS)
 
     def _start(self, command: Command, entry: Entry) -> None:
-        """Run a program to its end, or refuse it; afterwards the cell is in a state that waits."""
+        """Run a program to its end, or refuse it; afterwards the cell is in a waiting state."""
         config = self._config_of(command, entry)
         if isinstance(config, Refusal):
             self._desk.refuse(command, config)
@@ -308,12 +317,12 @@ class Supervisor:
         fault = self._execution.run(command, entry, config)
         if fault is not None:
             self._fault(fault)
-            # Also under sequence 0, which a counter comes to again.
+            # Sequence 0 is valid too: the counter wraps.
             desk.report = replace(desk.report, result=Result.FAULT)
         desk.events.run = 0
 
     def _config_of(self, command: Command, entry: Entry) -> CellConfig | Refusal:
-        """Return the config that a command asks a program to run with, or why it may not run."""
+        """Return the config requested by a command, or the reason why the program must not run."""
         if self._execution.is_running:
             return Refusal.BUSY
         if self.state not in (State.IDLE, State.COMPLETE):
@@ -329,15 +338,15 @@ class Supervisor:
         refusal = self._part.refusal(entry, config)
         return config if refusal is Refusal.NONE else refusal
 
-    # Trouble.
+    # Faults.
 
     def _fault(self, error: CellError) -> None:
-        """Stop and report; moving again takes a reset."""
+        """Halt the arm and report the fault; the arm moves again only after a reset."""
         self._brake.halt()
         self._desk.fault(error)
 
     def _abandon(self, error: BaseException) -> None:
-        """Halt the arm, close the record of the run under way, and tell the line, where the supervisor itself cannot go on."""
+        """Halt the arm, close the run's record and publish the fault when the supervisor cannot continue."""
         self._brake.halt()
         fault = error if isinstance(error, CellError) else CellError(f"{type(error).__name__}: {error}")
         fault_of(lambda: self._execution.abandon(fault))
@@ -345,13 +354,13 @@ class Supervisor:
         fault_of(self._desk.publish)
 
     def _say_blocked(self, why: str) -> None:
-        """Halt the arm beside a scan that does not come, and tell who watches; the scan ends the run once it comes."""
+        """Halt the arm and publish the fault while the scan is blocked; when the scan resumes, it ends the run."""
         self._brake.halt()
         self._desk.tell_blocked(self._blocked(why))
 
     def _end_blocked(self, why: str) -> None:
-        """End the program, whose scan never comes again, with the arm halted and the record closed."""
-        end = Timer(ENDING, os._exit, (EXIT_BLOCKED,))  # what hangs may hold up the halt and the closing as well
+        """End the program if the scan never resumes: halt the arm, close the record, exit."""
+        end = Timer(ENDING, os._exit, (EXIT_BLOCKED,))  # the cause of the hang can also block the halt and the closing
         end.daemon = True
         end.start()
         self._abandon(self._blocked(why))
@@ -366,5 +375,5 @@ class Supervisor:
 
 
 def is_timed(config: CellConfig) -> bool:
-    """Tell whether the scan has to keep time with the wall clock: on hardware, and in a simulation in real time."""
+    """Return True if the scan must keep wall time: on hardware, and in a simulation at real-time pace."""
     return not config.is_simulated or config.sim is None or config.sim.pace == 1.0

@@ -1,4 +1,4 @@
-"""Places that a person has shown with the end of a peg: of rack, plate, hole area and bin; pure."""
+"""Places of rack, plate, hole area and bin, shown by a person with the end of a peg; pure."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -28,16 +28,16 @@ MEANINGS = {
 }
 """Meaning of each key."""
 MOST_TAUGHT_UNEVEN = 3e-3
-"""Largest distance of a corner from the plane through all, m, rms: a person shows a place within millimetres."""
+"""Largest rms distance of the corners from the fitted plane, m; a person shows a place within millimetres."""
 MOST_TAUGHT_LEAN = 0.3
-"""Largest angle of the hand from the vertical while a place is shown, rad."""
+"""Largest angle between hand and vertical at a shown place, rad."""
 SHOWN_STILL = 0.05
-"""Largest speed of a joint while a place is shown, rad/s."""
+"""Largest speed of a joint at a shown place, rad/s."""
 
 
 @dataclass(slots=True)
 class Shown:
-    """Places shown so far, in order: key, and place of the peg's end, shape (3,), m, base frame."""
+    """Places shown so far, in order: key, and position of the peg's end, shape (3,), m, base frame."""
 
     places: list[tuple[str, Vector]] = field(default_factory=list)
 
@@ -51,7 +51,7 @@ class Shown:
 
 
 def not_shown(key: str, axis: Vector, speed: float, rack: Rack) -> str | None:
-    """Return in words why a place cannot be taken now; None if it can.
+    """Return the reason why a place cannot be recorded now; None if it can.
 
     Args:
         key: Key of the place.
@@ -70,13 +70,13 @@ def not_shown(key: str, axis: Vector, speed: float, rack: Rack) -> str | None:
 
 
 def implausible(shown: Shown, rack: Rack, length: float, limits: Limits) -> str | None:
-    """Return in words what no cell can have among the places shown; None if all is plausible.
+    """Return the first implausible value of the shown places in words; None if all are plausible.
 
     Args:
         shown: The places.
         rack: The cell's rack.
         length: Distance from the finger centre to the end of the cell's peg, m.
-        limits: Limits of the workspace, where the finger centre has to be with a peg's end at each place.
+        limits: Limits of the workspace; they must contain the finger centre with the peg's end at each place.
     """
     return _outside(shown, length, limits) or _no_plate(shown) or _no_rack(shown, rack)
 
@@ -122,7 +122,7 @@ def _no_rack(shown: Shown, rack: Rack) -> str | None:
 
 
 def lines(shown: Shown, hole: Hole, rack: Rack) -> list[tuple[str, str, str]]:
-    """Return section, key and value of each line that the places shown give the cell's file."""
+    """Return section, key and value of each line for the cell's file from the shown places."""
     surface, area, found = shown.points(PLATE + AREA), shown.points(AREA), []
     if len(surface):
         middle, extent = np.array(hole.centre[:2]), None
@@ -140,7 +140,7 @@ def lines(shown: Shown, hole: Hole, rack: Rack) -> list[tuple[str, str, str]]:
 
 
 def _firsts(shown: Shown, rack: Rack) -> Vector:
-    """Return where each slot shown has the first one, shape (n, 3), m."""
+    """Return the place of the first slot computed from each shown slot, shape (n, 3), m."""
     return np.array([place - [0.0, rack.pitch * (int(key) - 1), 0.0] for key, place in shown.of(SLOTS)]).reshape(-1, 3)
 
 
@@ -156,7 +156,7 @@ def write(path: Path, text: str, today: date, unit: str) -> None:
     """Write a file whole or not at all.
 
     Raises:
-        ConfigError: The file cannot be written; one that was there before stays.
+        ConfigError: The file cannot be written; an existing file stays unchanged.
     """
     write_whole(
         path,
@@ -168,7 +168,7 @@ def write(path: Path, text: str, today: date, unit: str) -> None:
 def key_taken(
     shown: Shown, rack: Rack, tell: Callable[[str], None], key: str, place: Vector, axis: Vector, speed: float
 ) -> None:
-    """Take the place that a key names, or take the last one back, and say so."""
+    """Record the place of a key, or remove the last one, and print it."""
     if key == UNDO:
         tell(f"taken back: {shown.places.pop()[0]}" if shown.places else "nothing to take back")
     elif key not in SLOTS + PLATE + AREA + BIN:

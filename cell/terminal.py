@@ -1,4 +1,4 @@
-"""What a command prints, and the progress that it shows; the only place that writes to the terminal."""
+"""Output and progress of commands; the only module that writes to the terminal."""
 
 import argparse
 import json
@@ -14,15 +14,15 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
 GOOD, NOT_GOOD, WRONG_USE, FAULT = 0, 1, 2, 3
-"""Exit statuses: done and good, done and not good, wrong use, fault."""
+"""Exit status: success, no success, wrong use, fault."""
 PATIENCE = 1.0
-"""Longest wait for a reader of a line on standard error, s."""
+"""Longest wait for the reader of standard error, s."""
 PIPE_WIDTH = 200
-"""Width of tables in a pipe, characters; cut to a terminal's width they would lose content."""
+"""Width of tables in a pipe, characters; at a terminal's width they would lose content."""
 
 
 def show(args: argparse.Namespace, picture: "RenderableType", data: object) -> None:
-    """Print a result at once: `picture` for people, a group part by part, or with --json `data` for programs."""
+    """Print a result at once: `picture` for people, each part of a group in turn, or with --json `data` for programs."""
     if args.json:
         print(json.dumps(data, indent=2))
     else:
@@ -32,11 +32,11 @@ def show(args: argparse.Namespace, picture: "RenderableType", data: object) -> N
         for part in picture.renderables if isinstance(picture, Group) else (picture,):
             terminal.print(_folded(part))
             sys.stdout.flush()
-    sys.stdout.flush()  # what follows may take time
+    sys.stdout.flush()  # the next part may take time
 
 
 def _folded(part: "RenderableType") -> "RenderableType":
-    """Return a part of a picture, which as a table folds what does not fit a narrow terminal: nothing is cut."""
+    """Return a part of a picture; a table then folds long cells on a narrow terminal instead of cutting them."""
     from rich.table import Table
 
     for column in part.columns if isinstance(part, Table) else ():
@@ -45,40 +45,40 @@ def _folded(part: "RenderableType") -> "RenderableType":
 
 
 def say(*words: object) -> None:
-    """Print one line beside the result, at once."""
+    """Print one line in addition to the result, at once."""
     print(*words, flush=True)
 
 
 def complain(message: str) -> None:
-    """Print one line on standard error that says what is wrong, after the program's name; not where nobody reads what is printed."""
+    """Print one line about an error on standard error, after the program's name; skip it if standard error has no reader."""
     with suppress(OSError):
         if _is_read(sys.stderr):
             print(f"cell: {message}".replace("\n", " "), file=sys.stderr)
 
 
 def _is_read(stream: TextIO) -> bool:
-    """Wait a moment until a stream takes a line, and return whether it does: a pipe that is full and that nobody reads never will."""
+    """Wait up to `PATIENCE` until a stream is writable; return False for a full pipe without a reader."""
     try:
         return bool(select.select([], [stream], [], PATIENCE)[1])
     except (OSError, ValueError):
-        return True  # no pipe and no file, as where a test reads it
+        return True  # neither pipe nor file, for example a test's buffer
 
 
 def ask(text: str) -> None:
-    """Ask somebody at the terminal to do something and wait for Enter; standard output is left to results."""
+    """Print a request to the person at the terminal and wait for Enter; standard output stays free for results."""
     print(f"\n{text}", end="", file=sys.stderr, flush=True)
     input()
 
 
 def written(args: argparse.Namespace, files: Iterable[Path]) -> None:
-    """Name the files that a command has written, unless its result is JSON."""
+    """Print the names of the files that a command has written, unless its result is JSON."""
     files = list(files)
     if files and not args.json:
         say("written:", *files)
 
 
 def console(width: int | None = None, is_error: bool = False) -> "Console":
-    """Return the terminal's console, which treats no text as markup, because serial numbers and names come from outside."""
+    """Return the terminal's console without markup, because serial numbers and names come from outside."""
     from rich.console import Console
 
     return Console(width=width, stderr=is_error, markup=False, emoji=False)

@@ -1,13 +1,14 @@
-"""Margins of gains against the arm's own torque path: torques that act late, behind a low-pass, on rotors that may be light.
+"""Stability margins of gains with the arm's own torque path: delay, low-pass, and uncertain rotor inertia.
 
-The law is taken as linear about a posture at rest: tau = -(Jᵀ K J + N) q - (Jᵀ D J + Nd) dq, every control period, with D as the law works it
-out from the inertia that it believes. Torques act some cycles later, held for a cycle, through a first-order low-pass, on the inertia of the links
-and the least that the rotors may show. One cycle is then one matrix, and the loop is stable where its eigenvalues lie inside the unit circle.
-Friction of the joints, which helps, is left out.
+The law is linearized about a posture at rest: tau = -(Jᵀ K J + N) q - (Jᵀ D J + Nd) dq, every control period. The law
+computes D from its modelled inertia. Torques act some cycles later, held for a cycle, through a first-order low-pass. They
+act on the inertia of the links plus the least rotor inertia. One cycle is then one matrix, and the loop is stable if its
+eigenvalues are inside the unit circle. Joint friction, which stabilizes, is left out.
 
-An arm that holds still has another law, -M (r² q + 2 r dq), in which M is the inertia that it counts on. Its modes are those of M against the
-true inertia, and each is one loop: with M c times the true inertia at most, along every direction, it is stable where a single joint is with c
-times its torques. `largest_hold` says how many times these torques an arm bears, with the most that it may count on and the least that may show.
+A holding arm has another law, -M (r² q + 2 r dq), in which M is its modelled inertia. Its modes are those of M relative
+to the true inertia, and each mode is one loop. If M is at most c times the true inertia in every direction, the arm is
+stable if a single joint is stable with c times its torques. `largest_hold` returns the stable factor on these torques, for
+the largest modelled and the least true inertia.
 """
 
 from collections.abc import Iterable, Sequence
@@ -27,32 +28,32 @@ from skills.motion import Gains
 GROWTH = 1.02
 """Ratio of neighbouring factors in the search for the limit."""
 MOST = 20.0
-"""Factor beyond which torques are taken for unlimited."""
+"""Factor above which torques count as unlimited."""
 SINGULAR = 1e-4
-"""Addition to J Jᵀ with which the law projects its null space."""
+"""Term added to J Jᵀ in the null-space projection of the law."""
 
 
 @lru_cache(maxsize=64)
 def is_steady(gains: Gains, place: Place, factor: float = MARGIN) -> bool:
-    """Return whether the arm stays at rest with `factor` times the torques of these gains, peg tilted and upright."""
+    """Return True if the loop is stable with `factor` times the torques of these gains, peg tilted and upright."""
     return _holds(_cycles(gains, place), factor)
 
 
 @lru_cache(maxsize=64)
 def largest(gains: Gains, place: Place) -> float:
-    """Return the factor by which all torques of these gains can be multiplied before the arm swings; `MOST` when there is none."""
+    """Return the factor on all torques of these gains at which the arm becomes unstable; `MOST` if there is none."""
     return _largest(_cycles(gains, place))
 
 
 @lru_cache(maxsize=64)
 def is_hold_steady(place: Place, factor: float = MARGIN) -> bool:
-    """Return whether an arm that holds still stays at rest with `factor` times its torques, peg tilted and upright."""
+    """Return True if a holding arm is stable with `factor` times its torques, peg tilted and upright."""
     return _holds(_hold_cycles(place), factor)
 
 
 @lru_cache(maxsize=64)
 def largest_hold(place: Place) -> float:
-    """Return the factor by which the torques of an arm that holds still can be multiplied before it swings; `MOST` when there is none."""
+    """Return the factor on the torques of a holding arm at which it becomes unstable; `MOST` if there is none."""
     return _largest(_hold_cycles(place))
 
 
@@ -65,7 +66,7 @@ def _hold_cycles(place: Place) -> list[tuple[Vector, Vector]]:
 
 
 def _cycles(gains: Gains, place: Place) -> list[tuple[Vector, Vector]]:
-    """Return, for each posture, one cycle without torques, and what one time the torques of these gains adds to it."""
+    """Return, for each posture, the matrix of one cycle without torques, and the matrix that the torques of these gains add."""
     cycles = []
     for q in place.postures():
         idle, once = (one_cycle(place.arm, q, place.length, gains, factor) for factor in (0.0, 1.0))
@@ -85,14 +86,14 @@ def _holds(cycles: Iterable[tuple[Vector, Vector]], factor: float) -> bool:
 
 
 def one_cycle(arm: ArmModel, q: Vector, length: float, gains: Gains, factor: float) -> Vector:
-    """Return the matrix that takes joints, velocities, acting torques and torques on their way from one control cycle to the next.
+    """Return the transition matrix of positions, velocities, acting torques and delayed torques over one control cycle.
 
     Args:
         arm: The arm, with its torque path.
         q: Joint positions, shape (7,), rad.
         length: Distance from the finger centre to the controlled point, m.
         gains: Stiffness and damping ratio.
-        factor: Multiple of the torques that the law commands.
+        factor: Factor on the commanded torques.
 
     Returns:
         Matrix of shape (7 (3 + delay), 7 (3 + delay)), the delay in cycles, at least 1.
@@ -101,14 +102,14 @@ def one_cycle(arm: ArmModel, q: Vector, length: float, gains: Gains, factor: flo
 
 
 def one_held_cycle(arm: ArmModel, q: Vector, factor: float) -> Vector:
-    """Return the same matrix for an arm that holds still and counts on the most inertia that it may; see `one_cycle`."""
+    """Return the same matrix for a holding arm with the largest modelled inertia; see `one_cycle`."""
     counted = joint_inertia(arm, q) + np.diag(np.array(arm.joints.rotor_inertia) + impedance.most_learnt(arm))
     rate = impedance.HOLD_RATE
     return _one_cycle(arm, q, factor * np.hstack([rate**2 * counted, 2.0 * rate * counted]))
 
 
 def _one_cycle(arm: ArmModel, q: Vector, law: Vector) -> Vector:
-    """Return the matrix of one control cycle with a law of shape (7, 14), which positions and velocities take away from the torques."""
+    """Return the matrix of one control cycle with the law tau = -`law` (q, dq), `law` of shape (7, 14)."""
     n, path = JOINTS, arm.torque_path
     delay = max(round(path.transport / arm.control_period), 1)
     rotors = path.rotor_share * np.diag(arm.joints.rotor_inertia)
@@ -129,7 +130,7 @@ def _one_cycle(arm: ArmModel, q: Vector, law: Vector) -> Vector:
 
 
 def _law(arm: ArmModel, q: Vector, length: float, gains: Gains) -> Vector:
-    """Return the torques that one unit of position, then of velocity, of each joint takes away, shape (7, 14)."""
+    """Return L of the law tau = -L (q, dq), shape (7, 14)."""
     rotations, origins = links(arm, q)
     axes = np.array([rotation[:, 2] for rotation in rotations])
     J = jacobian(origins[-1] + (arm.kinematics.flange + arm.hand.finger_centre + length) * axes[-1], axes, origins)

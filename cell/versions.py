@@ -1,4 +1,4 @@
-"""The installed version of this program, and the versions and licences of its packages beside those that it was tested with."""
+"""The installed version of this program, and versions and licences of its packages, next to the tested versions."""
 
 import platform
 import re
@@ -10,7 +10,7 @@ from cell.config_files import SHIPPED
 
 PROGRAM = "tactile-insertion-cell"
 PINS = SHIPPED / "constraints.txt"
-"""File of the pinned versions of the repository, which the wheel carries as well."""
+"""File of the repository's pinned versions; the wheel contains it too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,13 +20,13 @@ class PackageLine:
     name: str
     installed: str
     tested: str
-    """Version that the test suite runs with."""
+    """Version used by the test suite."""
     licence: str
-    """Licence as the installed package states it."""
+    """Licence stated by the installed package."""
 
 
 def packages() -> list[PackageLine]:
-    """Return the packages that the program needs, extras left out, by name."""
+    """Return the packages that the program needs, without extras, by name."""
     names = sorted(
         re.split(r"[^\w.-]", requirement, maxsplit=1)[0]
         for requirement in requires(PROGRAM) or []
@@ -40,12 +40,12 @@ def packages() -> list[PackageLine]:
 
 
 def _normalised(name: str) -> str:
-    """Return the name by which package indexes compare names: PyPA, Names and normalization."""
+    """Return the normalized name used by package indexes: PyPA, Names and normalization."""
     return re.sub(r"[-_.]+", "-", name).lower()
 
 
 def installed(name: str) -> str:
-    """Return the version of a package that is installed."""
+    """Return the installed version of a package."""
     try:
         return version(name)
     except PackageNotFoundError:
@@ -53,7 +53,7 @@ def installed(name: str) -> str:
 
 
 def licence(name: str) -> str:
-    """Return the licence that an installed package states: its expression, its classifier, or the first line of its text."""
+    """Return the licence of an installed package: its expression, its classifier, or the first line of its text."""
     try:
         stated = metadata(name)
     except PackageNotFoundError:
@@ -65,7 +65,7 @@ def licence(name: str) -> str:
 
 
 def told() -> str:
-    """Return the output of `cell --version`, at most 80 characters wide; a package in another version than the tested one is marked."""
+    """Return the output of `cell --version`, at most 80 characters wide; packages in an untested version are marked."""
     lines = packages()
     name, version_ = (max(len(getattr(line, what)) for line in lines) for what in ("name", "installed"))
     fold = TextWrapper(80, subsequent_indent=" " * (name + version_ + 4), replace_whitespace=False).wrap

@@ -1,4 +1,4 @@
-"""The computer's clock, which a person or the network may set at any moment: records carry it, and nothing that moves is timed by it."""
+"""The computer's clock, for records only: a person or the network can set it at any time, so motion must not use it."""
 
 from datetime import UTC, datetime
 
@@ -9,10 +9,10 @@ def now() -> datetime:
 
 
 def local(moment: str) -> str:
-    """Return a wall time of the records, ISO 8601, in local time with its offset from UTC; "-" if there is none."""
+    """Return a recorded wall time, ISO 8601, as local time with its offset from UTC; "-" if there is none."""
     return datetime.fromisoformat(moment).astimezone().strftime("%Y-%m-%d %H:%M:%S %z") if moment else "-"
 
 
 def now_text() -> str:
-    """Return the wall time as records have it: ISO 8601, UTC, to a millisecond."""
+    """Return the wall time in the format of records: ISO 8601, UTC, milliseconds."""
     return now().isoformat(timespec="milliseconds")

@@ -1,4 +1,4 @@
-"""Compiling for this computer: most of it once, on two cores; for a cell that keeps time, all of it before an arm moves."""
+"""Compilation for this computer: most of it once, on two cores. If the scan keeps wall time, all of it before an arm moves."""
 
 import json
 import logging
@@ -28,24 +28,24 @@ _ENGINE = "from sim.engine import compile_ahead; compile_ahead()"
 
 
 def compile_ahead(config: CellConfig) -> None:
-    """Compile what takes longest of a simulated insertion if this computer has not: the engine in a process of its own, all else here."""
+    """Compile the slowest functions of a simulated insertion, once per computer: the engine in a second process, the rest here."""
     if is_kept("sim/engine.py"):
         return
     complain("compiling for this computer, once: the first start takes about half a minute longer")
     with progress() as bars, subprocess.Popen([sys.executable, "-c", _ENGINE], stderr=subprocess.DEVNULL) as engine:
         bar = bars.add_task("compiling", total=3)
-        assemble(config)  # a stand-in compiles the contacts of its peg
+        assemble(config)  # the assembly compiles the contacts of its peg
         bars.advance(bar)
         make_estimator(config)
         bars.advance(bar)
-        engine.wait()  # if it fails, what is missing is compiled when it is called
+        engine.wait()  # if it fails, missing functions are compiled at their first call
         bars.advance(bar)
 
 
 def warm_up(loaded: LoadedConfig) -> None:
-    """Insert one peg of every recipe whose like this computer has not inserted before, if the scan has to keep time.
+    """If the scan keeps wall time, insert one simulated peg of every recipe of a kind new to this computer.
 
-    A function that is compiled in the middle of a program holds up its scan by seconds, which the watchdog takes for a device that hangs.
+    Compilation during a program would delay its scan by seconds, and the watchdog would halt the arm.
     """
     compile_ahead(loaded.cell)
     if not is_timed(loaded.cell):
@@ -55,7 +55,7 @@ def warm_up(loaded: LoadedConfig) -> None:
             continue
         logger.info("compiling for recipe %d", number)
         before = logging.root.manager.disable
-        logging.disable(logging.CRITICAL)  # how the insertion ends is nobody's concern
+        logging.disable(logging.CRITICAL)  # the result of the insertion does not matter
         try:
             with suppress(CellError):
                 _insert(_simulated(loaded, config), number)
@@ -65,13 +65,13 @@ def warm_up(loaded: LoadedConfig) -> None:
 
 
 def _kind(config: CellConfig) -> str:
-    """Return what decides which functions an insertion calls, and with what."""
+    """Return the values that decide which functions an insertion calls, and with which types."""
     sections = {name: getattr(config, name).model_dump(mode="json") for name in ("peg", "hole", "smoothing")}
     return json.dumps([sections, config.params(INSERT).estimator, config.skin.layout], sort_keys=True, default=str)
 
 
 def _simulated(loaded: LoadedConfig, config: CellConfig) -> LoadedConfig:
-    """Return the same parts and methods in the shipped simulated cell, as fast as it goes."""
+    """Return the same parts and methods in the shipped simulated cell, at the fastest pace."""
     shipped = load(sets=["sim.pace=max"]).cell
     world = {name: getattr(shipped, name) for name in ("arm", "gripper", "switch", "boards", "calibration", "sim")}
     world |= {name: getattr(config, name) or getattr(shipped, name) for name in ("contact", "grip")}

@@ -1,4 +1,4 @@
-"""Whether the scan keeps its time by the wall clock: late scans are counted, and one that does not come halts the arm."""
+"""Supervision of the scan by wall time: late scans are counted, and a blocked scan halts the arm."""
 
 import math
 import threading
@@ -11,22 +11,27 @@ from skills.scan_guards import OVERRUN_WINDOW as WINDOW
 from skills.scan_guards import ScanLimits
 
 GIVEN_UP = 2.0
-"""Delay of a scan beyond which a program that shall end does not wait for it, s."""
+"""Longest wait for a scan when the program is to end, s."""
 HANG = 60.0
-"""Delay of a scan of a cell that waits for commands beyond which whatever it waits for never comes, s; devices may need seconds for a reset or to be
-found again, and the templates of a new part some seconds of a busy computer.
+"""Time without a scan beyond which an idle cell counts as blocked, s. A device may need seconds to reset or reconnect, and
+the templates of a new part take some seconds on a busy computer.
 """
 LOOK_PERIOD = 0.02
-"""Time between two looks of the watchdog, s."""
+"""Period of the watchdog, s."""
 WARNED = 5
-"""Number of late scans in the window beyond which there is a warning."""
+"""Number of late scans in the window above which the cell warns."""
 
 
 class LateScans:
     """Counts the scans that took longer than two periods of wall time; pure, time is passed in."""
 
     def __init__(self, period: float, limits: ScanLimits) -> None:
-        """Begin with none; the period is that of the scan, s."""
+        """Start at zero.
+
+        Args:
+            period: Period of the scan, s.
+            limits: Permitted share of late scans.
+        """
         self._period, self._allowed = period, round(limits.late * WINDOW)
         self._before: float | None = None
         self._late: deque[bool] = deque(maxlen=WINDOW)
@@ -35,15 +40,15 @@ class LateScans:
 
     @property
     def is_warned(self) -> bool:
-        """Whether too many of the last scans were late."""
+        """True if more than `WARNED` of the last scans were late."""
         return sum(self._late) > WARNED
 
     def rest(self) -> None:
-        """Count nothing until the next scan: what was done since the last one has no period."""
+        """Skip the interval until the next scan, because it has no nominal period."""
         self._before = None
 
     def take(self, now: float) -> None:
-        """Take the start of a scan by the wall clock, s.
+        """Register the start of a scan at the monotonic time `now`, s.
 
         Raises:
             ScanOverrunError: More of the last scans were late than the limits allow.
@@ -63,16 +68,16 @@ class LateScans:
 
 
 def older(age: float, passed: float, *, is_simulated: bool) -> float:
-    """Return the age of the last scan, s, after `passed` seconds between two looks at it.
+    """Return the age of the last scan, s, after `passed` seconds between two checks.
 
-    A watchdog that wakes late was starved together with the scan. A simulated arm stood still meanwhile, and only the
-    time that the watchdog itself was awake counts against the scan; a real arm moved on.
+    If the watchdog wakes late, it was starved together with the scan. A simulated arm stood still during that time, so
+    that only the watchdog's own period counts. A real arm moved on, so that all of it counts.
     """
     return age + (min(passed, 2.0 * LOOK_PERIOD) if is_simulated else passed)
 
 
 class ScanWatchdog:
-    """Looks at the scan from a thread of its own, whatever the cell does."""
+    """Supervises the scan from a separate thread."""
 
     def __init__(
         self,
@@ -83,15 +88,15 @@ class ScanWatchdog:
         stop: threading.Event,
         give_up: Callable[[str], None],
     ) -> None:
-        """Take what the watchdog does when a scan does not come.
+        """Keep the limits and the callbacks for a blocked scan.
 
         Args:
-            longest: Time without a scan of a program beyond which it counts as blocked, s; outside a program it is `HANG`. It is infinite for a
-                simulation that is not timed, whose first run may compile for a minute.
-            is_simulated: Whether the arm stands still while the scan waits.
-            halt: Function that halts the arm, and is told why.
-            stop: Event that is set when the program shall end.
-            give_up: Function that ends the program without the scan, and is told why.
+            longest: Time without a scan beyond which a program counts as blocked, s; outside a program it is `HANG`. It is
+                infinite for a simulation that is not timed, because its first run may compile for a minute.
+            is_simulated: True if the arm stands still while the scan waits.
+            halt: Function that halts the arm; its argument is the reason.
+            stop: Event that is set when the program is to end.
+            give_up: Function that ends the program without the scan; its argument is the reason.
         """
         self._longest, self._is_simulated = longest, is_simulated
         self._halt, self._stop, self._give_up = halt, stop, give_up
@@ -99,32 +104,32 @@ class ScanWatchdog:
         self._end = threading.Event()
         self._beats = 0
         self._allowed = math.inf
-        """Time without a scan beyond which it counts as blocked, s; the first scan compiles, and may take its time."""
+        """Time without a scan beyond which it counts as blocked, s; infinite for the first scan, because it compiles."""
         self._blocked = ""
 
     def start(self) -> None:
-        """Begin to look."""
+        """Start the supervision."""
         self._end.clear()
         self._thread = threading.Thread(target=self._look, name="watchdog", daemon=True)
         self._thread.start()
 
     def stop(self) -> None:
-        """Look no more; harmless when repeated."""
+        """Stop the supervision; idempotent."""
         self._end.set()
         if self._thread is not None:
             self._thread.join()
             self._thread = None
 
     def watch(self, is_program: bool) -> None:
-        """Say whether the scans to come are those of a program; one that was blocked before is forgotten."""
+        """Set whether the following scans belong to a program, and clear an earlier blocked scan."""
         self._beats += 1
         self._allowed, self._blocked = self._longest if is_program else HANG, ""
 
     def beat(self, skill: str) -> None:
-        """Take the start of a scan; `skill` is what it belongs to.
+        """Register the start of a scan; `skill` is its name in messages.
 
         Raises:
-            ScanOverrunError: It came so late that the arm was halted meanwhile.
+            ScanOverrunError: The scan was so late that the watchdog halted the arm.
         """
         self._allowed = min(self._allowed, HANG) if self._beats else math.inf
         self._beats += 1
@@ -132,7 +137,7 @@ class ScanWatchdog:
             raise ScanOverrunError(f"{skill}: {self._blocked}")
 
     def alive(self) -> None:
-        """Take it that the scan goes on, while the arm comes to rest and no scan of a program or of the waiting cell begins."""
+        """Register activity while the arm comes to rest and no regular scan starts."""
         self._beats += 1
 
     def _look(self) -> None:

@@ -1,4 +1,4 @@
-"""A report of the line and a run on record in words, as terminals show them; nothing is printed here."""
+"""Reports and recorded runs as text for terminals; nothing is printed here."""
 
 import json
 import math
@@ -43,7 +43,7 @@ def report(image: ReportImage) -> dict[str, object]:
 
 
 def _next(image: ReportImage) -> str:
-    """Return what to do next, in one line: about what is broken, then the reset where the state asks for one, then about the peg."""
+    """Return the next step as one line: the remedy of a fault, then the reset if the state needs one, then the peg's remedy."""
     peg = REMEDIES[PartPlace(image.part)]
     steps = [FAULTS[FaultCode(image.fault)].remedy] if image.fault else []
     if image.state in BEFORE_RESET:
@@ -52,7 +52,7 @@ def _next(image: ReportImage) -> str:
 
 
 def _named(times: Sequence[float]) -> dict[str, float]:
-    """Return the times of the stages that were run, s, by their names."""
+    """Return the times of the executed stages, s, by name."""
     return {CATALOGUE.stages.get(number, str(number)): time for number, time in enumerate(times, 1) if time}
 
 
@@ -76,11 +76,11 @@ LABELS: Mapping[str, tuple[str, str, float]] = {
     "part": ("peg", "", 1.0),
     "part_evidence": ("evidence", "", 1.0),
 }
-"""Label, unit and factor of what a record shows in other words than its name."""
+"""Label, unit and factor of the record's fields that are not shown under their own names."""
 
 
 def run(row: RunRow, stages: Sequence[StageRow] = ()) -> Table:
-    """Return the record of one run in words, with units, and the results of its stages; what is not on record is left out."""
+    """Return the record of one run in words, with units and the results of its stages; missing values are left out."""
     table = Table(show_header=False)
     for name in RunRow.__slots__:
         if text := _shown(name, getattr(row, name)):
@@ -98,7 +98,7 @@ def run(row: RunRow, stages: Sequence[StageRow] = ()) -> Table:
 
 
 def _shown(name: str, value: object) -> str:
-    """Return a field of a run in words; empty if it is not on record or says nothing."""
+    """Return a field of a run in words; empty if it is missing or has no content."""
     if value is None or value in ("", "{}", "[]") or (name in ("fault", "recipe", "sequence") and value == 0):
         return ""
     if name in ("started", "ended"):
@@ -115,7 +115,7 @@ def _shown(name: str, value: object) -> str:
 
 
 def _short(value: object) -> str:
-    """Return a fact in three significant digits."""
+    """Return a value with three significant digits."""
     if isinstance(value, list):
         return f"({', '.join(_short(each) for each in value)})"
     return f"{value:.3g}" if isinstance(value, float) else str(value)

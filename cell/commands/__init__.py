@@ -1,1 +1,1 @@
-"""The product's commands, one a module; each imports what it needs when it is run."""
+"""The product's commands, one module each; each imports its dependencies when it runs."""

@@ -1,4 +1,4 @@
-"""`cell calibrate`: measured figures of a device, in a dated file."""
+"""`cell calibrate`: measure the figures of a device and write them to a dated file."""
 
 import argparse
 import sys
@@ -21,15 +21,15 @@ if TYPE_CHECKING:
 
 SUMMARY = "measure skin, arm or places and write a dated file"
 FRICTION_RANGE = (0.5, 2.0)
-"""Friction over the published figure that a cell is made for: what `config/reality.toml` draws, and `cell study reality` shows to be borne."""
+"""Permitted ratio of measured to published friction; the range of `config/reality.toml`, tested by `cell study reality`."""
 MOST_PEGS = 20
-"""Largest number of pegs to touch the places off with where a feeder fills the rack again."""
+"""Largest number of pegs for measuring the places if a feeder refills the rack."""
 OFFSET_RANGE = 2.0
-"""Standard deviations of the arm's own file that an offset may reach."""
+"""Largest permitted offset, in standard deviations of the arm's own file."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add which device, and where the file goes."""
+    """Add the device and the output folder."""
     add_config(parser)
     parser.add_argument("device", choices=list(DEVICES), metavar="DEVICE", help=" or ".join(DEVICES))
     parser.add_argument(
@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Measure, write the file, and show what was found."""
+    """Measure, write the file, and show the result."""
     from cell.journal import default_folder
 
     today = date.today()
@@ -159,7 +159,7 @@ def _figure(value: float, interval: float) -> str:
 
 
 def _verdict(found: "ArmCalibration", joint: int, friction: float, offset: float) -> str:
-    """Return whether a joint is one that the cell is made for."""
+    """Return the verdict on a joint: within the permitted range, or not."""
     share = found.friction[-1].value[joint] / friction if friction > 0.0 else 1.0
     told = []
     if not FRICTION_RANGE[0] <= share <= FRICTION_RANGE[1]:

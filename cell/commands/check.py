@@ -1,4 +1,4 @@
-"""`cell check`: every device of a config, opened and read once; with --plc, cell and PLC together."""
+"""`cell check`: open and read every device of a config once; with --plc, commission cell and PLC together."""
 
 import argparse
 from contextlib import suppress
@@ -20,7 +20,7 @@ PATIENCE = 300.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add --config and --set, and what commissioning asks."""
+    """Add --config, --set and the options of commissioning."""
     add_config(parser)
     add_journal(parser)
     parser.add_argument(
@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Open each device and the bridge's sockets, or walk through commissioning; return GOOD when all is well."""
+    """Open each device and the bridge's sockets, or run the commissioning; return GOOD if all checks pass."""
     if args.plc is None and (args.name or args.out is not None):
         raise ConfigError("--name, --out: only with --plc HOST")
     loaded = load_config(args)
@@ -67,19 +67,19 @@ def _check(args: argparse.Namespace, loaded: "LoadedConfig") -> int:
 
 
 def _network(plc: "PlcConfig") -> list[tuple[str, str]]:
-    """Return what is open to whom, and how long each key is valid."""
+    """Return the open ports and the remaining validity of each key."""
     from cell.checks import OK
     from cell.exposure import exposures, key_days, key_verdict
     from drivers.errors import DeviceNotOpenedError
 
     found = [("network", f"{OK}, but {line}") for line in exposures(plc)]
-    with suppress(DeviceNotOpenedError):  # the bridge has told of it
+    with suppress(DeviceNotOpenedError):  # already in the report of the bridge
         found += [(name, key_verdict(days)) for name, days in key_days(plc.tls).items()]
     return found
 
 
 def _commission(args: argparse.Namespace, loaded: "LoadedConfig") -> int:
-    """Serve the cell to the PLC and watch what it does, until every step has passed or one has not."""
+    """Serve the cell to the PLC and watch its commands until every step has passed or one has failed."""
     import json
 
     from cell.assembly import assemble, opened
@@ -112,7 +112,7 @@ def _commission(args: argparse.Namespace, loaded: "LoadedConfig") -> int:
 
 
 def _sheet(found: dict[str, object]) -> str:
-    """Return the record for people, with a line to sign on."""
+    """Return the printable record, with a line for the signature."""
     steps = found["steps"]
     assert isinstance(steps, list)
     head = [f"{key}: {found[key]}" for key in ("what", "date", "technician", "plc", "version", "map")]

@@ -1,4 +1,4 @@
-"""`cell compare`: two runs on record side by side, and where their configs and versions differ."""
+"""`cell compare`: two recorded runs side by side, with the differences of their configs and versions."""
 
 import argparse
 from typing import TYPE_CHECKING
@@ -13,14 +13,14 @@ SUMMARY = "two runs side by side, and where their configs differ"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add which two runs."""
+    """Add the two runs."""
     add_journal(parser)
     parser.add_argument("first", type=positive, metavar="RUN")
     parser.add_argument("second", type=positive, metavar="RUN")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Show what two runs have in common and where they differ."""
+    """Show two runs side by side."""
     from cell.report.comparison import compared
 
     numbers = (args.first, args.second)

@@ -1,4 +1,4 @@
-"""`cell completion`: a script with which a shell completes commands, options and names."""
+"""`cell completion`: print a shell script that completes commands, options and names."""
 
 import argparse
 
@@ -9,7 +9,7 @@ SHELLS = ("bash", "zsh", "tcsh")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add which shell."""
+    """Add the shell."""
     parser.add_argument("shell", choices=SHELLS, metavar="SHELL", help=f"{', '.join(SHELLS)}")
 
 

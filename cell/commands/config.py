@@ -21,7 +21,7 @@ SUMMARY = "what a key means, what is in force and where it came from"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the questions that can be asked of the config."""
+    """Add the subcommands."""
     asked = parser.add_subparsers(dest="asked", required=True, metavar="WHAT", parser_class=Parser)
 
     def add(name: str, text: str) -> argparse.ArgumentParser:
@@ -46,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Answer the question."""
+    """Run the subcommand."""
     return {"explain": _explain, "show": _show, "diff": _diff, "schema": _schema, "comment": _comment}[args.asked](args)
 
 
@@ -69,7 +69,7 @@ def _explain(args: argparse.Namespace) -> int:
 
 
 def _meant(word: str) -> str:
-    """Return a hint at the keys that may have been meant: keys with that ending, or with a similar name."""
+    """Return a hint with likely keys: those with the same ending, or with a similar name."""
     from cell.config_keys import keys
 
     names = list(dict.fromkeys(key.name for key in keys()))
@@ -120,7 +120,7 @@ def _list(found: "list[Key]", settings: "dict[Key, Setting]") -> "RenderableType
     from cell.config_keys import toml
 
     table = Table("key", "in force", "meaning")
-    # Keys of other kinds of a device are left out; a section that this cell does not have is shown whole.
+    # Keys of other kinds of a device are left out; if the cell lacks a section, all of it is shown.
     for key in [key for key in found if key in settings] or found:
         value = toml(settings[key].value) if key in settings else "not in this cell"
         table.add_row(key.name, value, key.summary)
@@ -153,7 +153,7 @@ def _show(args: argparse.Namespace) -> int:
 
 
 def _short(origin: str) -> str:
-    """Return a file relative to the folder that the command runs in, where it lies below that folder."""
+    """Return a file relative to the working folder if it lies below it, else unchanged."""
     path = Path(origin)
     return str(path.relative_to(Path.cwd())) if path.is_relative_to(Path.cwd()) else origin
 
@@ -185,7 +185,7 @@ def _named(args: argparse.Namespace, word: str) -> "LoadedConfig":
     """Return the config of a cell's file, or the one of --config with a preset.
 
     Raises:
-        ConfigError: There is no such file and no such preset.
+        ConfigError: Neither a file nor a preset has this name.
     """
     from cell.config import load
     from cell.config_files import presets

@@ -1,4 +1,4 @@
-"""`cell faults`: every fault code with its meaning, its cause and what to do, or one of them."""
+"""`cell faults`: meaning, cause and remedy of every fault code, or of one."""
 
 import argparse
 from dataclasses import asdict
@@ -11,7 +11,7 @@ SUMMARY = "every fault code: meaning, cause, what to do"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add which fault."""
+    """Add the fault."""
     parser.add_argument("code", nargs="?", metavar="CODE", help="number or name of one fault, as in 1002")
 
 
@@ -32,7 +32,7 @@ def _found(text: str) -> FaultCode:
     """Return the fault with a number or a name.
 
     Raises:
-        ConfigError: There is no such fault.
+        ConfigError: The fault does not exist.
     """
     known = {str(code.value): code for code in FAULTS} | {code.name: code for code in FAULTS}
     if text.upper() not in known:

@@ -1,4 +1,4 @@
-"""`cell film`: a run on record as a film, or one picture of it."""
+"""`cell film`: write a recorded run as a film or as one picture."""
 
 import argparse
 from pathlib import Path
@@ -10,7 +10,7 @@ SUMMARY = "a run on record as a film, or one picture of it"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add which run, the file, and the moment of a picture."""
+    """Add the run, the file, and the time of a picture."""
     add_journal(parser)
     parser.add_argument("number", type=positive, metavar="RUN")
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="*.mp4, *.gif or *.png")

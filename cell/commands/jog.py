@@ -1,4 +1,4 @@
-"""`cell jog`: the tool in small steps by keys."""
+"""`cell jog`: move the tool by keys."""
 
 import argparse
 from typing import TYPE_CHECKING
@@ -18,7 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Move the tool while a key is held down; 0.2 s after the last one the arm holds still."""
+    """Move the tool while a key is held down; 0.2 s after the last key the arm stops."""
     from cell.assembly import assemble, opened
     from cell.hand_motion import DEAD_MAN, JOG_SPEED, moved_by_keys
     from cell.keys import keys

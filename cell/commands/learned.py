@@ -1,4 +1,4 @@
-"""`cell learned`: what a cell has learnt of its fixtures, and how to make it forget."""
+"""`cell learned`: show or delete the learnt places of the fixtures."""
 
 import argparse
 from typing import TYPE_CHECKING
@@ -15,7 +15,7 @@ ACTIONS = ("show", "forget")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what to do, of which recipe, and where the records are."""
+    """Add the action, the recipe, and the folder of the records."""
     add_config(parser)
     add_journal(parser)
     parser.add_argument(
@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Show what was learnt, one line a recipe, or forget it."""
+    """Show the learnt places, one line per recipe, or delete them."""
     from cell.learning import forget
 
     require_known("learned", args.action, ACTIONS)
@@ -45,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _rows(args: argparse.Namespace) -> list[dict[str, object]]:
-    """Return what was learnt of each recipe, as words and figures in SI units."""
+    """Return the learnt place of each recipe, as words and figures in SI units."""
     from cell import wall_clock
     from cell.learning import read_learned, unusable
 

@@ -1,4 +1,4 @@
-"""`cell map`: the one register and object table, in the forms that PLC people import."""
+"""`cell map`: the register and object table, in formats that PLC tools import."""
 
 import argparse
 import sys
@@ -54,7 +54,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _picture(registers: "Sequence[Register]") -> "Group":
-    """Return the table for people, which fits 80 columns, below the rules that hold for all of it."""
+    """Return the table for terminals, at most 80 columns wide, below its general rules."""
     from rich import box
     from rich.console import Group
     from rich.table import Table
@@ -78,7 +78,7 @@ def _picture(registers: "Sequence[Register]") -> "Group":
 
 
 def _program(form: str, registers: "Sequence[Register]") -> str:
-    """Return what a program of the PLC's side imports, in the language that is asked for."""
+    """Return the declarations for a PLC program, in the requested language."""
     from cell.line import PROGRAMS, WORDS
     from plc_bridge.plc_names import plc_names
 

@@ -1,4 +1,4 @@
-"""`cell report`: what the records of many runs say together, printed and drawn."""
+"""`cell report`: summary of many recorded runs, printed and drawn."""
 
 import argparse
 import gc
@@ -16,15 +16,15 @@ SUMMARY = "yield, times, reasons, forces and wear over many runs, of insert_peg 
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add which runs, and the file."""
+    """Add the selection of runs, and the file."""
     add_journal(parser)
     add_query(parser)
     parser.add_argument("--out", type=Path, metavar="FILE", help="*.html or *.pdf, with everything in it")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the report; write it where that is wished."""
-    gc.disable()  # the rows of 100,000 runs hold no cycles, and to look for some takes a tenth of a second
+    """Print the report, or write it to a file if requested."""
+    gc.disable()  # the rows of 100,000 runs hold no cycles, and the search for cycles takes a tenth of a second
     try:
         return _report(args)
     finally:
@@ -58,7 +58,7 @@ def _report(args: argparse.Namespace) -> int:
         shown.append(table)
     show(args, Group(*shown), _data(facts) if args.json else None)
     if args.out is not None:
-        from cell.report.document import write  # the charts, which the words do not wait for
+        from cell.report.document import write  # imported late: the tables must not wait for the charts
 
         write(facts, args.out)
     written(args, [args.out] if args.out is not None else [])
@@ -66,7 +66,7 @@ def _report(args: argparse.Namespace) -> int:
 
 
 def _data(facts: "Facts") -> dict[str, object]:
-    """Return a report for programs; its long lists are taken as they are."""
+    """Return a report for programs; its long lists are not copied."""
     short = asdict(replace(facts, forces=(), residuals=()))
     long = {"forces": facts.forces, "residuals": facts.residuals}
     return {**short, **long, "yield": facts.total.share, "interval": facts.total.interval}

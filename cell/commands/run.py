@@ -1,4 +1,4 @@
-"""`cell run`: one skill, program or control by hand, here or on a cell that is served elsewhere."""
+"""`cell run`: run one skill, program or control, in this process or on a served cell."""
 
 import argparse
 from contextlib import ExitStack
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
 SHOWN_EVERY = 0.1
-"""Time between two looks at the progress, s."""
+"""Period of the progress display, s."""
 SUMMARY = "one skill or program, by hand"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what is to be run, on which part, and where."""
+    """Add the skill, program or control, the part, and the cell."""
     from cell.line import CONTROLS, TOLD
     from skills.catalogue import CATALOGUE
 
@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run the skill, program or control to its end; GOOD for a success."""
+    """Run the skill, program or control to its end; return GOOD for a success."""
     from cell.line import CONTROLS, TOLD
     from skills.catalogue import CATALOGUE
 
@@ -127,7 +127,7 @@ def _run_here(args: argparse.Namespace) -> int:
 
 
 class _Shown:
-    """Shows progress on a thread of its own: a terminal that is held up shall not hold up the scan."""
+    """Shows progress on a separate thread, so that a blocked terminal does not delay the scan."""
 
     def __init__(self, bars: "Progress", bar: "TaskID") -> None:
         self._bars, self._bar = bars, bar
@@ -137,7 +137,7 @@ class _Shown:
         self._thread.start()
 
     def end(self) -> None:
-        """Show nothing more."""
+        """Stop the display."""
         self._end.set()
         self._thread.join(1.0)
 

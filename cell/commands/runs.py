@@ -1,4 +1,4 @@
-"""`cell runs`: runs on record that a question is about, shown or written for other tools."""
+"""`cell runs`: show selected recorded runs, or export them for other tools."""
 
 import argparse
 import csv
@@ -24,16 +24,16 @@ if TYPE_CHECKING:
 
 SUMMARY = "runs on record, by time, outcome, fault or part"
 LAST, BLOCK = 20, 100
-"""Number of runs that are shown unless another is asked for, and of those below one head."""
+"""Default number of shown runs, and number of runs below one table head."""
 MAIN = "insert_peg"
-"""Program whose runs need no column for their program."""
+"""Default program; if all runs are of it, the column for the program is left out."""
 TAKEN, SERIAL, PROGRAM = 50, 14, 15
-"""Columns of the terminal that the other fields take, and those that a serial number and a program take in addition."""
+"""Width of the other fields, and of the additional fields for serial number and program, characters."""
 FORMATS = ("parquet", "csv", "mcap")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add where the records are, which runs, and where they are written."""
+    """Add the folder of the records, the selection of runs, and the output."""
     add_journal(parser)
     add_query(parser)
     parser.add_argument(
@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Show one line a run, newest first, or write the runs and their samples."""
+    """Show one line per run, newest first, or write the runs and their samples."""
     if (args.export is None) != (args.out is None):
         raise ConfigError("--export, --out: only together; --export parquet --out DIR allowed")
     query = query_of(args)
@@ -56,7 +56,7 @@ def run(args: argparse.Namespace) -> int:
             show(args, _blocks(shown), [asdict(row) for row in shown] if args.json else [])
             return GOOD
         folder = out_folder(args.out)
-        if not args.json:  # what is written takes time, for which the newest runs do not wait
+        if not args.json:  # show the runs first, because the export takes time
             show(args, _blocks(shown[:LAST]), [])
         rows = journal.select(query, *([args.last] if args.last else []))
         files = _exported(args, journal, rows, folder)
@@ -67,14 +67,14 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _blocks(rows: "Sequence[RunRow]") -> "Group":
-    """Return tables of so many runs that the first lines of many do not wait for the last ones."""
+    """Return tables of `BLOCK` runs each, so that the first lines appear before all rows are formatted."""
     from rich.console import Group
 
     return Group(*(_table(rows[first : first + BLOCK]) for first in range(0, max(len(rows), 1), BLOCK)))
 
 
 def _exported(args: argparse.Namespace, journal: "Journal", rows: "Sequence[RunRow]", folder: Path) -> list[Path]:
-    """Write the runs as one table, and the samples of each that has any as one file."""
+    """Write the runs as one table, and the samples of each run as one file, if it has any."""
     from cell import sample_export as to
     from cell.samples import export_csv, read_samples, torn
 
@@ -89,7 +89,7 @@ def _exported(args: argparse.Namespace, journal: "Journal", rows: "Sequence[RunR
         try:
             samples = read_samples(journal.samples_path(row.run))
         except JournalError:
-            continue  # a run may have moved nothing, or its samples may have been cleared away
+            continue  # the run has no samples, or they have been deleted
         if lack := torn(journal.samples_path(row.run), samples, row.samples):
             complain(f"warning: {lack}")
         path = folder / f"run-{row.run:06d}.{args.export}"
@@ -118,7 +118,7 @@ def _write_csv(rows: "Sequence[RunRow]", path: Path) -> None:
 
 
 def _table(rows: "Sequence[RunRow]") -> "Table":
-    """Return one line a run that fits 80 columns; only the cause is shortened, which `cell show` prints whole."""
+    """Return one line per run, at most 80 columns wide; only the cause is shortened, and `cell show` prints it whole."""
     from rich import box
     from rich.table import Table
 
@@ -148,7 +148,7 @@ def _table(rows: "Sequence[RunRow]") -> "Table":
 
 
 def _why(row: "RunRow") -> str:
-    """Return the cause in few words, then the place where the peg was left."""
+    """Return the cause in a few words, then the place of the peg."""
     cause = f"fault {row.fault}" if row.fault else row.reason.replace("_", " ") or row.message
     peg = row.part.replace("_", " ") if row.part and row.outcome != "success" else ""
     return ", ".join(filter(None, (cause, peg)))

@@ -1,4 +1,4 @@
-"""`cell serve`: the cell as a PLC has it, until it is told to stop."""
+"""`cell serve`: run the cell under PLC control until SIGINT or SIGTERM."""
 
 import argparse
 import logging
@@ -21,13 +21,13 @@ logger = logging.getLogger(__name__)
 
 SUMMARY = "obey the PLC until SIGINT or SIGTERM"
 PAGE = "127.0.0.1:8080"
-"""Where the page is, unless told otherwise: only this computer sees it there."""
+"""Default address of the page; only this computer can connect to it."""
 METRICS = "127.0.0.1:9464"
-"""Address of the figures, unless told otherwise; the port is the one that exporters of Prometheus use by default."""
+"""Default address of the metrics; the port is the default of Prometheus exporters."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what the cell is and where its records go."""
+    """Add the options of the cell, its page and its records."""
     add_config(parser)
     add_journal(parser)
     parser.add_argument(
@@ -49,14 +49,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Serve until a signal; stop the arm and return GOOD.
+    """Serve until a signal; then stop the arm and return GOOD.
 
     Raises:
-        KeyboardInterrupt: A second signal, to a cell that did not end by the first.
+        KeyboardInterrupt: A second signal, if the cell has not ended after the first.
     """
     try:
         _serve(args)
-    except KeyboardInterrupt:  # otherwise a signal before anybody is served
+    except KeyboardInterrupt:  # else a signal before the cell is served
         if args.stop.is_set():
             raise
     return GOOD
@@ -80,7 +80,7 @@ def _serve(args: argparse.Namespace) -> None:
         ExitStack() as servers,
     ):
         supervisor = Supervisor(cell, loaded, bridge, journal, args.stop, live)
-        supervisor.scan()  # the first one compiles; nobody shall meet a cell that cannot answer yet
+        supervisor.scan()  # the first scan compiles; no client may connect before the cell can answer
         servers.callback(bridge.close)
         bridge.start()
         say(f"serving on {bridge.address[0]}:{bridge.address[1]}")
@@ -95,7 +95,7 @@ def _serve(args: argparse.Namespace) -> None:
 
 
 def _warn(plc: "PlcConfig", args: argparse.Namespace) -> None:
-    """Log what is open to whom, and which keys end soon."""
+    """Log the open ports and the keys that expire soon."""
     from cell.checks import OK
     from cell.exposure import exposures, key_days, key_verdict
 
@@ -115,7 +115,7 @@ def _page(
     folder: Path,
     cables: tuple[str, ...],
 ) -> Iterator[None]:
-    """Serve the page meanwhile; a terminal is shown the token, a log only where it is kept."""
+    """Serve the page in the `with` block; print the token on a terminal, but only its file in a log."""
     from cell.page.server import PageServer
     from cell.page.token import FILE
 

@@ -1,4 +1,4 @@
-"""`cell show`: one run on record, with its plots."""
+"""`cell show`: show one recorded run and draw its plots."""
 
 import argparse
 from dataclasses import asdict
@@ -12,14 +12,14 @@ SUMMARY = "one run on record, with its plots"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add which run, and where its files go."""
+    """Add the run, and the folder of its files."""
     add_journal(parser)
     parser.add_argument("number", type=positive, metavar="RUN")
     parser.add_argument("--export", type=Path, metavar="DIR", help="folder for the raw samples as CSV")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Show what is on record; then draw the run, and export its samples if asked to."""
+    """Show the record; then draw the run, and export its samples if requested."""
     from cell import words
 
     with read_journal(args) as journal:
@@ -34,7 +34,7 @@ def run(args: argparse.Namespace) -> int:
         words.run(row, stages),
         {**asdict(row), "stages": [asdict(stage) for stage in stages], "files": [str(path) for path in files]},
     )
-    # Samples and charts, which the words do not wait for.
+    # Imported late: the text must not wait for samples and charts.
     from cell.plots import plot_run
     from cell.samples import export_csv, read_samples, torn
 

@@ -1,4 +1,4 @@
-"""`cell skin`: the readings of both fingers, live or from a recording."""
+"""`cell skin`: show the readings of both fingers, live or from a recording."""
 
 import argparse
 import math
@@ -17,7 +17,7 @@ SUMMARY = "both fingers live, or as they were recorded"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add how long, and what is recorded, replayed and drawn."""
+    """Add the duration, and the files to record, replay and draw."""
     add_config(parser)
     parser.add_argument("--seconds", type=float, metavar="S", help="duration, s; default until stopped, in a pipe 1")
     parser.add_argument("--out", type=Path, metavar="PNG", help="picture of the last frame")
@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Show every frame, on a terminal in place; in a pipe show the last one."""
+    """Show every frame in place on a terminal, or only the last one in a pipe."""
     from rich.live import Live
 
     from cell import skin_view

@@ -1,4 +1,4 @@
-"""`cell teach`: places of rack, plate, hole and bin, shown by hand."""
+"""`cell teach`: record the places of rack, plate, hole and bin, shown by hand."""
 
 import argparse
 from datetime import date
@@ -15,7 +15,7 @@ SUMMARY = "guide the arm by hand and show places with the end of a peg, for the 
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what points at the places, and where the file goes."""
+    """Add the way of moving the arm, and the output file."""
     add_config(parser)
     parser.add_argument(
         "--length",
@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Let the arm be guided, take places by keys, and write them if they are plausible."""
+    """Guide or jog the arm, record places by keys, and write them if they are plausible."""
     import numpy as np
 
     from cell import taught

@@ -1,4 +1,4 @@
-"""`cell view`: a run on record, or the one in progress, in a window that can be turned about."""
+"""`cell view`: play a recorded run, or the present one, in a 3-D window."""
 
 import argparse
 
@@ -10,13 +10,13 @@ SUMMARY = "a run on record, or the one in progress, in MuJoCo's viewer"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add which run."""
+    """Add the run."""
     add_journal(parser)
     parser.add_argument("number", type=positive, nargs="?", metavar="RUN", help="number of the run; default the newest")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Play the run in real time until its window is closed; a run in progress is shown as it is recorded."""
+    """Play the run in real time until its window is closed; follow the present run as it is recorded."""
     from cell.film.playback import play
 
     with read_journal(args) as journal:

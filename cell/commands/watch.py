@@ -1,4 +1,4 @@
-"""`cell watch`: the live state of a cell that is served elsewhere."""
+"""`cell watch`: show the live state of a served cell."""
 
 import argparse
 import json
@@ -16,7 +16,7 @@ SUMMARY = "live state of a cell that is served"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add where the cell is served, and how long it is watched."""
+    """Add the address of the cell, and the duration."""
     parser.add_argument("--connect", type=address, required=True, metavar="HOST:PORT")
     parser.add_argument("--once", action="store_true", help="show the present state once and end")
 
@@ -39,7 +39,7 @@ def run(args: argparse.Namespace) -> int:
                 told = {
                     **data,
                     "diagnostics": asdict(replace(counts, requests=0)),
-                }  # each look is a request and would count itself
+                }  # each poll is a request and would count itself
                 if told != last:
                     say(json.dumps(data) if args.json else line)
                 last.update(told)

@@ -1,4 +1,4 @@
-"""`cell where`: joint angles and tool pose of the arm."""
+"""`cell where`: print joint angles and tool pose of the arm."""
 
 import argparse
 
@@ -14,7 +14,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Open the arm alone, read it once, and print where it is."""
+    """Open only the arm, read it once, and print its pose."""
     import math
 
     from rich.table import Table

@@ -1,1 +1,1 @@
-"""Pictures and films of a run on record."""
+"""Pictures and films of a recorded run."""

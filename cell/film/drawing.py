@@ -1,4 +1,4 @@
-"""Words, lines and colours of a film's panels, drawn with OpenCV; colours are red, green, blue."""
+"""Text, lines and colours of a film's panels, drawn with OpenCV; colours are red, green, blue."""
 
 import cv2
 import numpy as np
@@ -16,18 +16,18 @@ _FACE = cv2.FontFace("sans")
 
 
 def colour(code: str) -> Colour:
-    """Return a colour written as #rrggbb."""
+    """Return the colour of a text #rrggbb."""
     red, green, blue = (int(code[place : place + 2], 16) for place in (1, 3, 5))
     return red, green, blue
 
 
 def blank(width: int, height: int) -> Image:
-    """Return a panel with nothing on it."""
+    """Return an empty panel."""
     return np.full((height, width, 3), PAPER, dtype=np.uint8)
 
 
 def write(image: Image, text: str, at: tuple[int, int], size: int = 15, ink: Colour = INK, bold: bool = False) -> None:
-    """Write one line of text whose left end stands on the point `at`, pixels."""
+    """Write one line of text with its left end at the point `at`, pixels."""
     cv2.putText(image, text, at, ink, _FACE, size, 700 if bold else 400)
 
 
@@ -40,5 +40,5 @@ def width_of(text: str, size: int, bold: bool = False) -> int:
 def write_right(
     image: Image, text: str, at: tuple[int, int], size: int = 15, ink: Colour = INK, bold: bool = False
 ) -> None:
-    """Write one line of text whose right end stands on the point `at`, pixels."""
+    """Write one line of text with its right end at the point `at`, pixels."""
     write(image, text, (at[0] - width_of(text, size, bold), at[1]), size, ink, bold)

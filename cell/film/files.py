@@ -15,33 +15,33 @@ from cell.film.recorded import RecordedRun
 from drivers.errors import ConfigError
 
 GIF_RATE = 10.0
-"""Picture rate of GIF files, Hz; a GIF is for pages, and counts time in hundredths of a second."""
+"""Picture rate of GIF files, Hz; GIF files, for pages, store times in hundredths of a second."""
 GIF_SIZE = (800, 450)
 
 Draw = Callable[[float], Image]
 """Function that returns the picture at a time since the first scan, s."""
 Done = Callable[[int, int], None]
-"""Function that is called after each picture with the number of pictures done and of all."""
+"""Function called after each picture with the number of pictures done and of all."""
 IsEnded = Callable[[], bool]
-"""Function that tells whether somebody has ended a film early."""
+"""Function that returns True if the film is to end early."""
 Write = Callable[[Path, Iterator[Image], IsEnded], int]
-"""Function that writes pictures, as many as come, and returns how many the file has; 0 where there is none."""
+"""Function that writes all pictures and returns their number in the file; 0 without a file."""
 
 
 def write_film(
     run: RecordedRun, path: Path, at: float | None, done: Done, is_ended: IsEnded = lambda: False
 ) -> tuple[int, int]:
-    """Write a run in the form of the file's ending, and return how many pictures the file has, and how many all are.
+    """Write a run in the format of the file's suffix; return the number of pictures in the file, and of all.
 
     Args:
         run: The run.
         path: `*.mp4` or `*.gif` for a film in real time, `*.png` for one picture.
-        at: Time of the one picture since the first scan, s; None takes the last scan's.
-        done: Called after each picture that is drawn.
-        is_ended: Whether somebody wants no more of the film: what is done by then is written, and no file where that is nothing.
+        at: Time of the one picture since the first scan, s; None for the last scan.
+        done: Function called after each drawn picture.
+        is_ended: Function that returns True to end the film early: the pictures so far are written; without any, no file.
 
     Raises:
-        ConfigError: The ending is unknown, the time is outside the run, the file cannot be written, or OpenGL is missing.
+        ConfigError: The suffix is unknown, the time is outside the run, the file cannot be written, or OpenGL is missing.
     """
     duration = float(run.times[-1])
     write, rate = _require_kind(path)
@@ -74,7 +74,7 @@ def _write_mp4(path: Path, pictures: Iterator[Image], is_ended: IsEnded) -> int:
 
 
 def _write_gif(path: Path, pictures: Iterator[Image], _: IsEnded) -> int:
-    """Write a GIF that repeats for ever, each picture with its own palette."""
+    """Write an endless GIF, each picture with its own palette."""
     frames = 0
 
     def small() -> Iterator[Pillow.Image]:
@@ -106,7 +106,7 @@ def _require_kind(path: Path) -> tuple[Write, float | None]:
 
 
 def instants(duration: float, rate: float) -> list[float]:
-    """Return the times of a film's pictures, s; the last scan's is among them."""
+    """Return the times of a film's pictures, s, the last scan's included."""
     times = np.arange(0.0, duration, 1.0 / rate).tolist()
     return [*times, duration]
 

@@ -1,4 +1,4 @@
-"""A run on record as pictures: the cell, the hole cut open, touch, force and stages, side by side."""
+"""Pictures of a recorded run: the cell, the hole cut open, touch, force and stages, side by side."""
 
 import math
 from collections.abc import Iterator
@@ -22,7 +22,7 @@ CELL = HEIGHT - HEAD - STRIP - 3 * GAP
 
 
 class Filmed:
-    """Draws any moment of one run."""
+    """Draws the picture of one run at any time."""
 
     def __init__(self, run: RecordedRun, camera: Camera, stage: Stage) -> None:
         """Prepare the parts of the picture that do not change."""
@@ -58,7 +58,7 @@ class Filmed:
 
 @contextmanager
 def filmed(run: RecordedRun) -> Iterator[Filmed]:
-    """Yield what draws the pictures of the run.
+    """Yield the drawer of the run's pictures.
 
     Raises:
         ConfigError: This computer cannot render.

@@ -1,4 +1,4 @@
-"""Writes a film as MP4 while it is drawn, in short pieces, so that whoever ends it early waits for no encoder and has a film."""
+"""Writes a film as MP4 while it is drawn, in short pieces, so that an early end needs no wait and leaves a film."""
 
 from collections.abc import Callable, Iterable, Iterator
 from itertools import islice
@@ -16,13 +16,13 @@ RATE = 25.0
 CODEC = cv2.VideoWriter.fourcc(*"vp09")
 """Video codec that browsers play and OpenCV's wheel can write; it cannot write H.264."""
 PIECE = 12
-"""Number of pictures of one piece, which begins with a picture that needs no other; OpenCV makes every twelfth picture so."""
+"""Number of pictures in one piece, which starts with a key frame; OpenCV makes every twelfth picture a key frame."""
 PATIENCE = 0.05
-"""Time between two looks at whether somebody has ended the film, s."""
+"""Period of the check for an early end, s."""
 
 
 class _Piece(Thread):
-    """Encodes some pictures beside the drawing of the next ones; nobody waits for it when the program ends."""
+    """Encodes some pictures while the next ones are drawn; the end of the program does not wait for it."""
 
     def __init__(self, path: Path, pictures: list[Image]) -> None:
         super().__init__(name="film piece", daemon=True)
@@ -38,13 +38,13 @@ class _Piece(Thread):
         writer.release()
 
     def is_done(self, is_ended: Callable[[], bool]) -> bool:
-        """Wait until all is encoded or somebody ends the film, and tell whether all is encoded."""
+        """Wait until all pictures are encoded or the film ends early; return True if all are encoded."""
         while self.is_alive() and not is_ended():
             self.join(PATIENCE)
         return self.is_good and not self.is_alive()
 
     def packets(self) -> Iterator[tuple[Image, bool]]:
-        """Return the encoded pictures in order, and whether each needs no other; the piece is deleted behind them."""
+        """Return the encoded pictures in order, each with True if it is a key frame; then delete the piece."""
         reader = cv2.VideoCapture(str(self.path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_FORMAT, -1])
         while (read := reader.read())[0]:
             yield np.asarray(read[1], dtype=np.uint8).ravel(), bool(reader.get(cv2.CAP_PROP_LRF_HAS_KEY_FRAME))
@@ -53,13 +53,13 @@ class _Piece(Thread):
 
 
 def write_mp4(path: Path, size: tuple[int, int], pictures: Iterable[Image], is_ended: Callable[[], bool]) -> int:
-    """Write a film and return the number of pictures in it; 0 where there is no file, or none that can be written.
+    """Write a film and return its number of pictures; 0 if no file can be written.
 
     Args:
         path: The file.
         size: Width and height, pixels.
-        pictures: Pictures in order; they end early where the film is ended.
-        is_ended: Whether somebody has ended the film: what is encoded by then is written and nothing waited for.
+        pictures: Pictures in order; the iterator stops if the film ends early.
+        is_ended: Function that returns True to end the film early: the encoded pictures are written without a further wait.
     """
     form = [cv2.VIDEOWRITER_PROP_RAW_VIDEO, 1, cv2.VIDEOWRITER_PROP_KEY_INTERVAL, PIECE]
     whole = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, CODEC, RATE, size, form)
@@ -76,7 +76,7 @@ def write_mp4(path: Path, size: tuple[int, int], pictures: Iterable[Image], is_e
 
 
 def _encoded(folder: Path, pictures: Iterable[Image], is_ended: Callable[[], bool]) -> Iterator[_Piece]:
-    """Yield the pieces that are encoded, in order; while one is encoded the pictures of the next are drawn."""
+    """Yield the encoded pieces in order; while one is encoded, the pictures of the next are drawn."""
     left, under_way = iter(pictures), None
     while (drawn := list(islice(left, PIECE))) or under_way:
         if under_way:
@@ -89,7 +89,7 @@ def _encoded(folder: Path, pictures: Iterable[Image], is_ended: Callable[[], boo
 
 
 def _append(whole: cv2.VideoWriter, piece: _Piece) -> int:
-    """Append the pictures of a piece as they are encoded, and return their number."""
+    """Append the encoded pictures of a piece, and return their number."""
     pictures = 0
     for packet, is_key in piece.packets():
         whole.set(cv2.VIDEOWRITER_PROP_KEY_FLAG, float(is_key))

@@ -1,4 +1,4 @@
-"""The panels beside the pictures of the scene: touch, force, stages and head line. Each is a function of what it shows."""
+"""The panels beside the pictures of the scene: touch, force, stages and head line."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -14,37 +14,37 @@ from drivers.quantities import FINGER_NAMES, FINGERS, Vector
 from drivers.skin.layout import Layout, finger_positions, triangles
 
 LEAST_TOUCH = 4e3
-"""Least reading that is drawn brightest, counts; otherwise that is the run's highest."""
+"""Least upper end of the brightness scale, counts; above it, the run's highest reading is used."""
 EDGE = 3e-3
-"""Width that is drawn beyond the outermost taxels, m."""
+"""Margin drawn around the outermost taxels, m."""
 FORCE_SCALE = 25.0
-"""Least end of the force's axis, N."""
+"""Least upper end of the force axis, N."""
 LIGHT = 430
-"""Sum of a colour's three parts above which letters on it are dark."""
+"""If the sum of a colour's three channels is above this value, text on it is dark."""
 _FORCE = colour("#c2374d")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Pad:
-    """The taxels that each pixel of one finger gets its value from."""
+    """Interpolation of each pixel of one finger from its taxels."""
 
     corners: Vector
-    """Taxels at the corners of the triangle about each pixel, indices, shape (height, width, 3)."""
+    """Indices of the taxels at the corners of the triangle around each pixel, shape (height, width, 3)."""
     weights: Vector
     """Weights of these taxels, shape (height, width, 3); 0 outside all triangles."""
     taxels: Vector
-    """Middles of the taxels, column and row, pixels, shape (20, 2)."""
+    """Centres of the taxels, column and row, pixels, shape (20, 2)."""
 
 
 class TouchPanel:
     """Both fingers' readings as pictures, interpolated between the taxels, with the peg's angle drawn on them.
 
-    The tip of the hand points down and both fingers are seen from the same side, as in the finger frame, so that
-    the angle is the same line on both.
+    The tip of the hand points down. Both fingers are drawn from the same side, as in the finger frame, so that the
+    angle is the same line on both.
     """
 
     def __init__(self, layout: Layout, highest: float, width: int, height: int) -> None:
-        """Find the triangle of every pixel; `highest` is the run's highest reading, counts."""
+        """Compute the triangle of every pixel; `highest` is the run's highest reading, counts."""
         self._width, self._height = width, height
         self._full = max(highest, LEAST_TOUCH)
         places = finger_positions(layout)
@@ -55,7 +55,7 @@ class TouchPanel:
         self._pads = [self._pad(places[finger], layout) for finger in range(FINGERS)]
 
     def draw(self, taxels: Vector, theta: float, age: float) -> Image:
-        """Return the panel for counts, shape (2, 20), the angle, rad, and its age, s; NaN where there is none."""
+        """Return the panel for counts, shape (2, 20), the angle, rad, and its age, s; NaN without an angle."""
         image = blank(self._width, self._height)
         for finger, pad in enumerate(self._pads):
             left = 14 + finger * (self._size[0] + 22)
@@ -107,7 +107,7 @@ class TouchPanel:
 
 
 class ForcePanel:
-    """The external force over the whole run, drawn as far as the run has come."""
+    """The external force over the whole run, drawn up to the present scan."""
 
     def __init__(self, run: RecordedRun, width: int, height: int) -> None:
         """Draw the axes once."""
@@ -123,7 +123,7 @@ class ForcePanel:
         self._points = np.column_stack([columns, self._row(run.force)]).round().astype(np.int32)
 
     def draw(self, scan: int) -> Image:
-        """Return the panel as it is at one scan."""
+        """Return the panel at one scan."""
         image = self._ground.copy()
         cv2.polylines(image, [self._points[: scan + 1]], False, _FORCE, 2, cv2.LINE_AA)
         cv2.circle(image, tuple(map(int, self._points[scan])), 4, _FORCE, -1, cv2.LINE_AA)
@@ -131,12 +131,12 @@ class ForcePanel:
         return image
 
     def _row(self, force: Any) -> Any:
-        """Return the row of a force, or of many."""
+        """Return the pixel row of one or many forces."""
         return self._height - 12 - (self._height - 40) * force / self._top
 
 
 def stage_strip(run: RecordedRun, scan: int, width: int, height: int) -> Image:
-    """Return the stages of a run as a strip in time, the present marked."""
+    """Return the stages of a run as a strip over time, with the present time marked."""
     image = blank(width, height)
     last = max(float(run.times[-1]), 1e-9)
 
@@ -163,7 +163,7 @@ def stage_strip(run: RecordedRun, scan: int, width: int, height: int) -> Image:
 
 
 def head_line(run: RecordedRun, scan: int, width: int, height: int) -> Image:
-    """Return the line that says what is seen: run, program, stage, time since its start and when it started."""
+    """Return the head line: run, program, stage, time since the start, and start time."""
     image = blank(width, height)
     row = run.row
     base = height - 15

@@ -1,4 +1,4 @@
-"""A run on record, or the one in progress, played in a window."""
+"""Playback of a recorded run, or the present one, in a window."""
 
 import time
 from threading import Event
@@ -9,16 +9,16 @@ from cell.journal_schema import RUNNING
 from sim.visual.viewer import Window
 
 REREAD = 0.5
-"""Time between two reads of the samples of a running run, s; the samples reach the disk once a second."""
+"""Period of reading new samples of the present run, s; the journal writes them once a second."""
 REDRAWN = 1.0 / 30.0
-"""Time between two pictures, s."""
+"""Period of the pictures, s."""
 
 
 class RunPlayback:
-    """A run that is played in real time; of a run in progress new samples are read as they come."""
+    """A run played in real time; for the present run, new samples are read as they are recorded."""
 
     def __init__(self, journal: Journal, number: int) -> None:
-        """Read what is on record.
+        """Read the record.
 
         Raises:
             JournalError: The run cannot be read, see `recorded`.
@@ -28,7 +28,7 @@ class RunPlayback:
         self._asked = 0.0
 
     def scan_at(self, elapsed: float) -> int:
-        """Return the number of the scan to show `elapsed`, s, after the start; the last one once there are no more."""
+        """Return the number of the scan to show at `elapsed`, s, after the start; after the end, the last one."""
         is_growing = self.run.row.outcome == RUNNING
         if is_growing and elapsed > float(self.run.times[-1]) and elapsed - self._asked > REREAD:
             self._asked = elapsed

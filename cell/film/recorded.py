@@ -1,4 +1,4 @@
-"""A run on record in the form that pictures need: the poses of everything at any of its scans."""
+"""A recorded run for pictures: the poses of all bodies at each scan."""
 
 import math
 from dataclasses import dataclass
@@ -18,13 +18,11 @@ from sim.visual.scene import Moment
 from skills.catalogue import CATALOGUE
 
 HELD = 1.3
-"""Multiple of the peg's thickness below which the opening of a hand means that it holds the peg."""
+"""If the hand's opening is below this multiple of the peg's thickness, the hand is drawn with the peg."""
 TRAIL_STEP, TRAIL_HEIGHT = 5, 0.006
-"""Number of scans between the points of the tip's line on the plate, and the height above the hole up to which points
-are kept, m.
-"""
+"""Number of scans between two points of the tip's line, and the largest height of a point above the hole, m."""
 HIGHER = 0.0006
-"""Height above the plate at which the line is drawn, m, so that the plate does not hide it."""
+"""Height of the drawn line above the plate, m; the plate would hide it otherwise."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +41,7 @@ class RecordedRun:
 
     @cached_property
     def stages(self) -> list[str]:
-        """Name of each scan's stage, empty between stages."""
+        """Name of each scan's stage; empty between stages."""
         return [CATALOGUE.stages.get(int(number), "") for number in self.samples["stage"]]
 
     @cached_property
@@ -55,11 +53,11 @@ class RecordedRun:
 
     @property
     def is_simulated(self) -> bool:
-        """Whether the samples hold the true poses of peg and hole."""
+        """True if the samples hold the true poses of peg and hole."""
         return bool(np.isfinite(self.samples["true_peg_x"]).any())
 
     def hole(self) -> Pose | None:
-        """Return the pose of the hole: the simulated one, or the peg's tip when the switch closed; None if it never closed."""
+        """Return the pose of the hole: the simulated one, else the peg's tip when the switch closed; None if it never closed."""
         if self.is_simulated:
             return self._true("hole", 0)
         closed = np.flatnonzero(self.samples["switch"] == 1.0)
@@ -69,7 +67,7 @@ class RecordedRun:
         return Pose(np.array([x, y, self.facts.job.hole.centre[2]]), np.eye(3))
 
     def at(self, time: float) -> int:
-        """Return the number of the last scan that is no later than `time`, s."""
+        """Return the number of the last scan at or before `time`, s."""
         return max(int(np.searchsorted(self.times, time, side="right")) - 1, 0)
 
     def moment(self, scan: int) -> Moment:
@@ -84,7 +82,7 @@ class RecordedRun:
         )
 
     def trail(self, scan: int) -> Vector:
-        """Return the line that the tip has drawn close to the plate up to one scan, shape (n, 3), m, NaN where it rose."""
+        """Return the path of the tip close to the plate up to one scan, shape (n, 3), m; NaN for points above the limit."""
         line = np.column_stack([self.samples[f"tip_{axis}"][: scan + 1 : TRAIL_STEP] for axis in "xyz"])
         hole = self.hole()
         surface = self.facts.job.hole.centre[2] if hole is None else float(hole.position[2])
@@ -94,7 +92,7 @@ class RecordedRun:
         return line
 
     def theta(self, scan: int) -> float:
-        """Return the angle of the peg in the hand at one scan as the skin told it, rad; NaN where the hand is too wide open to hold one."""
+        """Return the estimated in-hand angle at one scan, rad; NaN if the hand is too wide open to hold a peg."""
         if float(self.samples["width"][scan]) > HELD * self.facts.job.peg.part.thickness:
             return math.nan
         return float(self.samples["theta"][scan])
@@ -118,10 +116,10 @@ class RecordedRun:
 
 
 def recorded(journal: Journal, number: int) -> RecordedRun:
-    """Return a run on record.
+    """Return a recorded run.
 
     Raises:
-        JournalError: The run is not on record, has no samples, or was recorded without what a picture needs.
+        JournalError: The run is not on record, has no samples, or lacks the facts that a picture needs.
     """
     row = journal.find(number)
     path = journal.samples_path(number)

@@ -1,1 +1,1 @@
-"""The page for the line: what a cell does, shown in a browser, and its controls under the same lease as a PLC's."""
+"""The page for the line: the state of a cell in a browser, and its controls under the same lease as a PLC's."""

@@ -1,4 +1,4 @@
-"""The requests of a page, from their text to the command block of the line; pure."""
+"""Requests of a page: from their text to the command block of the line; pure."""
 
 from dataclasses import dataclass
 
@@ -17,30 +17,30 @@ _RECIPES = 0xFFFF
 
 
 class BadAskError(Exception):
-    """The request of a page cannot be understood; the message is one line for its sender."""
+    """The request of a page is invalid; the message is one line for its sender."""
 
 
 @dataclass(frozen=True, slots=True)
 class Ask:
-    """One request of a page: a token to be known by, a request for the lease, a command, or a cable."""
+    """One request of a page: a token, the lease, a command, or a cable fault."""
 
     token: str | None = None
     lease: int = Lease.NONE
     command: CommandImage | None = None
     cable: str | None = None
-    """Name of the simulated device whose cable is meant."""
+    """Name of the simulated device at the cable."""
     is_out: bool = False
-    """Whether that cable shall be pulled out."""
+    """True to unplug the cable, False to plug it in."""
 
 
 def parse(text: str | bytes) -> Ask:
     """Return the request in a text.
 
     Raises:
-        BadAskError: The text cannot be understood.
+        BadAskError: The text is not a valid request.
     """
     try:
-        data = from_json(text, allow_inf_nan=False)  # bounded in depth, and without half characters
+        data = from_json(text, allow_inf_nan=False)  # limits the depth, and refuses incomplete characters
     except ValueError:
         raise BadAskError("not JSON") from None
     if not isinstance(data, dict):

@@ -1,4 +1,4 @@
-"""The front of every HTTP server of a cell: one guard before all routes, and the thread that serves them."""
+"""Base of every HTTP server of a cell: one guard before all routes, and the serving thread."""
 
 import asyncio
 import logging
@@ -19,7 +19,7 @@ from cell.patient_log import SparseFilter
 from drivers.errors import DeviceNotOpenedError
 
 THREAD = "page"
-"""Name of the threads that serve."""
+"""Name of the serving threads."""
 LOGGERS = (
     "tornado.access",
     "tornado.application",
@@ -28,16 +28,16 @@ LOGGERS = (
     "cell.page.server",
     "cell.page.socket",
 )
-"""Names of the loggers whose lines other computers cause."""
+"""Names of the loggers for requests of other computers."""
 IDLE = 60.0
-"""Time without a request after which a connection is closed, s."""
+"""A connection is closed after this time without a request, s."""
 
 
 OPEN_LINE = "a token is taken only over https or from the cell's own computer"
 
 
 class Guarded(RequestHandler):
-    """Base of every handler: one line of text as error, and headers that let the browser load from the cell alone."""
+    """Base of every handler: errors are one line of text, and headers restrict the browser to content from the cell."""
 
     is_answered = True
     """True if the request has passed the guard."""
@@ -49,10 +49,10 @@ class Guarded(RequestHandler):
             self.set_header(name, value)
 
     def require_token(self, token: str) -> None:
-        """Make sure that the request has the token, in a header that no other site's page can send.
+        """Require the token, in a header that a page of another site cannot send.
 
         Raises:
-            HTTPError: It has not.
+            HTTPError: The token is missing or wrong.
         """
         assert self.request.remote_ip is not None
         if not is_private(self.request.protocol, self.request.remote_ip):
@@ -61,18 +61,18 @@ class Guarded(RequestHandler):
             raise HTTPError(401, reason="only with the token of this cell")
 
     def write_error(self, status_code: int, **_: Any) -> None:
-        """Answer one line of text."""
+        """Send the error as one line of text."""
         self.set_header("Content-Type", "text/plain; charset=utf-8")
         self.finish(f"{status_code} {self._reason}\n")
 
 
 class Refused(Guarded):
-    """Handler of every request that is not answered."""
+    """Handler of refused requests."""
 
     is_answered = False
 
     def initialize(self, status: int, why: str) -> None:
-        """Take the status and the reason."""
+        """Keep the status and the reason."""
         self._answer = HTTPError(status, reason=why)
 
     def prepare(self) -> None:
@@ -85,29 +85,29 @@ class Refused(Guarded):
 
 
 class Front(Application):
-    """The routes of one server; each request, of whatever method and to whatever route, passes the guard first."""
+    """The routes of one server; every request passes the guard first, for any method and route."""
 
     def __init__(self, routes: list[Any], names: Collection[str] = (), **settings: Any) -> None:
-        """Take the routes, and the names by which the cell may be called beside those of this computer."""
+        """Keep the routes, and the names of the cell in addition to those of this computer."""
         nothing = {"status": 404, "why": "no such page"}
         settings |= {"default_handler_class": Refused, "default_handler_args": nothing}
         super().__init__(routes, log_function=lambda handler: None, **settings)
         self._names = frozenset(name.lower() for name in names)
 
     def find_handler(self, request: HTTPServerRequest, **kwargs: Any) -> Any:
-        """Return what answers a request: the handler of its route, or a refusal."""
+        """Return the handler of a request's route, or the handler that refuses it."""
         if why := refusal(request.host, request.headers.get("Origin"), self._names):
             return self.get_handler_delegate(request, Refused, {"status": 421, "why": why})
         return super().find_handler(request, **kwargs)
 
 
 class HttpServer:
-    """One HTTP server on a thread of its own with its own event loop, beside the scan.
+    """One HTTP server on a separate thread with its own event loop.
 
-    Constructing touches nothing. `start` opens the port; `close` may be called again.
+    Constructing touches nothing. `start` opens the port; `close` is idempotent.
 
     Args:
-        what: Option that asks for this server, for messages.
+        what: Option that starts this server, for messages.
         address: Host and port; port 0 takes a free one.
     """
 
@@ -185,15 +185,15 @@ class HttpServer:
         raise NotImplementedError
 
     def context(self) -> ssl.SSLContext | None:
-        """Return the context of TLS; None to serve without.
+        """Return the TLS context; None to serve without TLS.
 
         Raises:
-            DeviceNotOpenedError: Its keys cannot be used.
+            DeviceNotOpenedError: The keys cannot be used.
         """
         return None
 
     async def work(self, is_over: asyncio.Event) -> None:
-        """Do what the server does beside answering, until it is over."""
+        """Run the server's periodic work until `is_over` is set."""
         await is_over.wait()
 
     async def _serve(self, ready: threading.Event) -> None:

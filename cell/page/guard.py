@@ -1,4 +1,4 @@
-"""Access to the page's server: names that lead to this computer alone, so that no other site reaches it by a trick; pure."""
+"""Access to the page's server: only requests under the cell's own names pass, against DNS rebinding; pure."""
 
 import ipaddress
 import re
@@ -10,21 +10,21 @@ POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; media-src 'self'; "
     "connect-src 'self' {own}; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-"""Content policy of the page: the browser loads from the cell alone."""
+"""Content policy of the page: the browser loads only from the cell."""
 
 _RANGE = re.compile(r"bytes=(?P<first>\d{0,15})-(?P<last>\d{0,15})", re.ASCII)
 _HOST = re.compile(r"(?:\[(?P<six>[0-9a-fA-F:.]+)\]|(?P<name>[\w.-]+))(?::\d{1,5})?", re.ASCII)
 
 
 def refusal(host: str, origin: str | None, names: Collection[str] = ()) -> str:
-    """Return why a request is not answered; empty if it names this cell and comes from the cell's own page, or from none.
+    """Return the reason to refuse a request; empty if it names this cell and comes from the cell's own page, or from none.
 
-    A name that is not the cell's own may have been made to lead here by somebody whose page wants to read this one.
+    If the name is not the cell's own, another site may have pointed its DNS name here to read this page.
 
     Args:
         host: The header Host.
         origin: The header Origin; None if there is none.
-        names: Names of the cell in lower case, beside addresses and the names of this computer.
+        names: Names of the cell in lower case, in addition to addresses and the names of this computer.
     """
     match = _HOST.fullmatch(host)
     if match is None or not _is_own((match["six"] or match["name"]).lower(), names):
@@ -50,7 +50,7 @@ def _names() -> frozenset[str]:
 
 
 def is_private(protocol: str, peer: str) -> bool:
-    """Return True if nobody on the way can read a request: it comes over TLS, or from this computer."""
+    """Return True if a request is private: it comes over TLS, or from this computer."""
     try:
         return protocol == "https" or ipaddress.ip_address(peer).is_loopback
     except ValueError:
@@ -58,7 +58,7 @@ def is_private(protocol: str, peer: str) -> bool:
 
 
 def part_of(asked: str, size: int) -> tuple[int, int]:
-    """Return the first and the last byte that a request's Range asks for; the whole where it asks for none that there is."""
+    """Return the first and the last byte of a request's Range; the whole file if the Range is missing or invalid."""
     match = _RANGE.fullmatch(asked)
     if match is None or not size:
         return 0, size - 1
@@ -69,7 +69,7 @@ def part_of(asked: str, size: int) -> tuple[int, int]:
 
 
 def headers(host: str) -> dict[str, str]:
-    """Return the headers of an answer to a request of this Host, or of a refusal, which repeats no name, if it is empty."""
+    """Return the headers of an answer to a request with this Host; if `host` is empty, those of a refusal, without a name."""
     own = f"ws://{host} wss://{host}" if host else ""
     return {
         "Content-Security-Policy": POLICY.format(own=own),

@@ -1,4 +1,4 @@
-"""The view that all pages share: it looks at the cell at a fixed rate, and tells every open page what has changed."""
+"""The view shared by all pages: it polls the cell at a fixed rate and sends changes to every open page."""
 
 import json
 from collections import deque
@@ -18,17 +18,17 @@ from plc_bridge.images import ReportImage
 from skills.catalogue import CATALOGUE
 
 SPECTATOR = "page"
-"""Name of the page's own link, which sends no command and therefore sees the run of any other link."""
+"""Name of the page's own link; it sends no command, so that it reads the run of any other link."""
 PERIOD = 0.05
-"""Time between two looks at the cell, s; what happens reaches a page in about this time."""
+"""Polling period, s; a change reaches a page within about this time."""
 EVERY = 2
-"""Number of looks after which touch and traces are sent once."""
+"""Number of polls between two updates of touch and traces."""
 PLACES = 32
-"""Number of pages that may be open at once."""
+"""Largest number of open pages."""
 PLACES_OF_ONE = 16
-"""Number of pages without the token that may be open at once from one address."""
+"""Largest number of open pages without the token from one address."""
 AGAIN = 100
-"""Number of looks after which the records are read again, because other programs write them too."""
+"""Number of polls between two reads of the records, because other programs write them too."""
 
 
 class Page(Protocol):
@@ -38,14 +38,14 @@ class Page(Protocol):
         """Send a text that later ones do not replace."""
 
     def show(self, text: bytes) -> None:
-        """Send a text that a slow page may miss."""
+        """Send a text that may be skipped if the page is slow."""
 
     def look(self) -> None:
-        """Tell this page what has changed for it alone."""
+        """Send the changes that concern only this page."""
 
     @property
     def is_unlocked(self) -> bool:
-        """True if the page has shown the token."""
+        """True if the page has sent the token."""
 
     @property
     def peer(self) -> str:
@@ -56,7 +56,7 @@ class Page(Protocol):
 
 
 class PageHub:
-    """Tells pages; all of it runs on the page's thread."""
+    """Sends the view to all pages; all of it runs on the page's thread."""
 
     def __init__(
         self,
@@ -67,23 +67,23 @@ class PageHub:
         build: str,
         cables: Sequence[str] = (),
     ) -> None:
-        """Take the parts that are looked at.
+        """Keep the parts that the view reads.
 
         Args:
             bridge: The mailbox of the line.
-            live: The slot that the scan fills.
+            live: The exchange filled by the scan.
             loaded: The cell and its recipes.
             records: Records of its runs.
-            build: Name of this version of the page, so that an old page loads itself anew.
-            cables: Names of the simulated devices whose cables may be pulled out.
+            build: Name of this version of the page; a page of another version reloads itself.
+            cables: Names of the simulated devices whose cables can be unplugged.
         """
         self._cables = tuple(cables)
         self._bridge, self._live, self._loaded, self._records = bridge, live, loaded, records
         self._build = build
         self.pages: list[Page] = []
-        """Pages that are shown everything, oldest first."""
+        """Admitted pages, oldest first."""
         self._lobby: deque[Page] = deque()
-        """Pages that came when there was no place, and may still show the token."""
+        """Pages that found no place and can still send the token."""
         self.traces = Traces()
         self._report: ReportImage | None = None
         self._unplugged: frozenset[str] = frozenset()
@@ -93,7 +93,7 @@ class PageHub:
         self._ticks = 0
 
     def tick(self) -> None:
-        """Look once."""
+        """Poll the cell once."""
         self._ticks += 1
         before = self.traces.run
         looks = self._live.take()
@@ -117,7 +117,7 @@ class PageHub:
             page.look()
 
     def greet(self, page: Page) -> None:
-        """Tell a page that has just opened everything that it shows."""
+        """Send the whole view to a page that has just opened."""
         page.tell(_text("hello", self._hello()))
         for text in (self._state, self._summary):
             if text:
@@ -126,7 +126,7 @@ class PageHub:
         self.pages.append(page)
 
     def full(self, page: Page) -> str:
-        """Return why there is no place for a page without the token; empty if there is one."""
+        """Return the reason why a page without the token finds no place; empty if there is one."""
         alike = sum(not each.is_unlocked and each.peer == page.peer for each in self.pages)
         if len(self.pages) < PLACES and alike < PLACES_OF_ONE:
             return ""
@@ -136,7 +136,7 @@ class PageHub:
         return f"{len(self.pages)} pages are open already, {alike} of them without the token at this address"
 
     def admit(self, page: Page) -> bool:
-        """Greet a page that has the token, for which one without it leaves if need be; return False if there is none."""
+        """Admit a page with the token, if necessary in place of one without it; return False if there is no place."""
         self.leave(page)
         if len(self.pages) >= PLACES:
             other = next((each for each in reversed(self.pages) if not each.is_unlocked), None)
@@ -149,13 +149,13 @@ class PageHub:
         return True
 
     def leave(self, page: Page) -> None:
-        """Show a page nothing more."""
+        """Remove a page from the view."""
         for pages in (self.pages, self._lobby):
             if page in pages:
                 pages.remove(page)
 
     def pull(self, pull: Pull) -> str:
-        """Pass on the wish to pull or plug a cable; return why not, where there is no such cable."""
+        """Forward a cable request to the scan; return the reason if there is no such cable, else an empty text."""
         if pull.cable not in self._cables:
             known = ", ".join(self._cables) or "none: its devices are real"
             return f"cable {pull.cable!r:.40}: {known} allowed on this cell"
@@ -163,7 +163,7 @@ class PageHub:
         return ""
 
     def history(self) -> bytes:
-        """Return what is kept of the run under way, or of the last one."""
+        """Return the stored trace of the present run, or of the last one."""
         return _text("history", {"run": self.traces.run, "points": list(self.traces.points)})
 
     def _tell_state(self, report: ReportImage) -> None:
@@ -214,7 +214,7 @@ class PageHub:
 
 
 def _moment(report: ReportImage) -> tuple[int, ...]:
-    """Return that of a report which a new or ended run changes."""
+    """Return the fields of a report that change when a run starts or ends."""
     return report.run, report.result, report.fault, report.state
 
 

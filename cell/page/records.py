@@ -1,4 +1,4 @@
-"""The records of runs as the page shows them: the last ones, the yield, and the files that other commands make of a run."""
+"""Records of runs for the page: the last runs, the yield, and files of a run made by other commands."""
 
 import asyncio
 import shutil
@@ -21,34 +21,34 @@ from plc_bridge.messages import FIRST_PROGRAM
 from skills.contract import Outcome
 
 LAST = 12
-"""Number of runs that the page lists."""
+"""Number of runs listed on the page."""
 PRODUCT = PROGRAMS[FIRST_PROGRAM]
-"""Program whose runs make a product, so that they count for the yield."""
+"""Program whose runs count for the yield."""
 SHIFT = timedelta(hours=8)
-"""Time back from now; the yield is that of the runs which began in it."""
+"""Period up to now for the yield; runs that started in it count."""
 RECENT = 200
-"""Number of runs that are searched for the last faults."""
+"""Number of runs searched for the last faults."""
 OUTCOMES = tuple(str(each) for each in Outcome)
 FILM = "film.mp4"
 FILES = {"picture.png": "show", FILM: "film"}
-"""What is made of a run when somebody asks for it, and by which command."""
+"""Files that can be requested of a run, and the command that makes each."""
 WAITING = 8
-"""Number of requests for files that may wait for each other; further ones are turned away."""
+"""Largest number of waiting requests for files; further ones are refused."""
 LONGEST = 7200.0
-"""Longest time to make one file, s; a film of a long run on a busy computer takes an hour."""
+"""Longest time to make one file, s; on a busy computer, a film of a long run takes an hour."""
 GRACE = 2.0
-"""Time for a program that is asked to end, s; afterwards it is killed."""
+"""Time between SIGTERM and SIGKILL for a process, s."""
 
 
 class Records:
     """Reads the journal for the page, on the page's own thread."""
 
     def __init__(self, folder: Path) -> None:
-        """Keep the folder of the records; each question opens the journal anew, so that it may move or come later."""
+        """Keep the folder of the records; each query opens the journal again, because it may be moved or created later."""
         self._folder = folder
         self._making, self._waiting = asyncio.Lock(), 0
         self._films: dict[int, asyncio.Task[Path | None]] = {}
-        """Films that are being made, or wait for it, by run."""
+        """Films in work or waiting, by run."""
 
     def summary(self) -> dict[str, object]:
         """Return the last runs, and the yield of the shift; empty lists if the journal cannot be read."""
@@ -65,10 +65,10 @@ class Records:
         }
 
     def whole(self, run: int) -> dict[str, object]:
-        """Return all that the index has of one run, its config aside.
+        """Return the whole record of one run except its config.
 
         Raises:
-            JournalError: It is not on record.
+            JournalError: The run is not on record.
         """
         with self._journal() as journal:
             row = journal.find(run)
@@ -82,7 +82,7 @@ class Records:
             }
 
     def config(self, run: int) -> str | None:
-        """Return the config of a run as JSON; None where it was not kept.
+        """Return the config of a run as JSON; None if it is not on record.
 
         Raises:
             JournalError: The run is not on record.
@@ -91,9 +91,9 @@ class Records:
             return journal.config(journal.find(run).config_hash)
 
     async def file(self, run: int, name: str) -> Path | None:
-        """Return a file made of a run, by another process where nobody made it yet; None where that cannot be done.
+        """Return a file of a run; if it is missing, another process makes it. None if that fails.
 
-        One is made at a time, at low priority, so that pages cannot keep the computer from the cell.
+        Files are made one at a time, at low priority, so that the scan keeps the processor.
 
         Raises:
             JournalError: The run is not on record.
@@ -113,7 +113,7 @@ class Records:
         return path if path.is_file() else None
 
     def film(self, run: int) -> Path | None:
-        """Return the film of a run; where nobody has made it yet, begin to, which takes minutes, and return None.
+        """Return the film of a run; if it is missing, start to make it, which takes minutes, and return None.
 
         Raises:
             JournalError: The run is not on record, or cannot be drawn.
@@ -130,11 +130,11 @@ class Records:
         return None
 
     def path(self, run: int, name: str) -> Path:
-        """Return where a file made of a run is, or would be."""
+        """Return the path of a file of a run; the file may not exist."""
         return self._folder / f"run-{run:06d}{Path(name).suffix}"
 
     async def _make(self, run: int, name: str, path: Path) -> None:
-        """Make a file of a run; a film that was given up leaves none behind."""
+        """Make a file of a run; if the process is stopped, remove the partial file."""
         command = [FILES[name], str(run), "--json", "--journal", str(self._folder)]
         if FILES[name] == "show":
             await _run(command)
@@ -156,7 +156,7 @@ def _can_be_drawn(journal: Journal, row: RunRow) -> bool:
 
 
 def shift(counts: Mapping[str, int]) -> dict[str, object]:
-    """Return counts and yield of the runs of a shift that have ended, by the number of runs of each outcome."""
+    """Return counts and yield of the ended runs of a shift, from the number of runs of each outcome."""
     ended = sum(counts.values()) - counts.get(RUNNING, 0)
     good = counts.get(Outcome.SUCCESS, 0)
     low, high = wilson(good, ended)
@@ -171,7 +171,7 @@ def shift(counts: Mapping[str, int]) -> dict[str, object]:
 
 
 async def _run(arguments: Sequence[str]) -> bool:
-    """Run a command of this program to its end, at low priority, and return whether it was good."""
+    """Run a command of this program to its end, at low priority; return True if it succeeded."""
     nice = ["nice", "-n", "15"] if shutil.which("nice") else []
     process = await asyncio.create_subprocess_exec(
         *nice,
@@ -189,8 +189,8 @@ async def _run(arguments: Sequence[str]) -> bool:
     except TimeoutError:
         return False
     finally:
-        if process.returncode is None:  # it takes too long, or the server ends
-            process.terminate()  # it puts away what it has begun
+        if process.returncode is None:  # timed out, or the server ends
+            process.terminate()  # so that it removes its partial file
             with suppress(TimeoutError):
                 await asyncio.wait_for(process.wait(), GRACE)
         if process.returncode is None:

@@ -1,4 +1,4 @@
-"""The servers of the page and of the figures: what each route answers."""
+"""The servers of the page and of the metrics, with the handler of each route."""
 
 import asyncio
 import hashlib
@@ -40,21 +40,21 @@ KINDS = {
     ".mp4": "video/mp4",
 }
 PIECE = 256 * 1024
-"""Size of the pieces in which a file is sent, bytes."""
+"""Block size for sending a file, bytes."""
 PINGS = 3
-"""Number of pings in the time for which a link may be silent."""
+"""Number of pings within the timeout of a link."""
 
 
 class PageServer(HttpServer):
-    """The page of one cell that is served.
+    """The page of one served cell.
 
     Args:
         address: Host and port; port 0 takes a free one.
         bridge: The mailbox of the line.
-        live: The slot that the scan fills.
+        live: The exchange filled by the scan.
         loaded: The cell and its recipes.
         folder: Folder of the records.
-        cables: Names of the simulated devices whose cables the page may pull out.
+        cables: Names of the simulated devices whose cables the page can unplug.
     """
 
     def __init__(
@@ -70,14 +70,14 @@ class PageServer(HttpServer):
         self._bridge, self._live, self._loaded, self._folder = bridge, live, loaded, folder
         self._cables = tuple(cables)
         self.token = ""
-        """Token that a page has to show before it may move anything."""
+        """Token that a page must send before it may move the cell."""
 
     def start(self) -> None:
         """Listen for browsers.
 
         Raises:
             DeviceNotOpenedError: The port is in use, or the address is not this computer's.
-            ConfigError: The token cannot be kept.
+            ConfigError: The file of the token cannot be read or written.
         """
         self.token = page_token(self._folder)
         super().start()
@@ -109,12 +109,12 @@ class PageServer(HttpServer):
         )
 
     def context(self) -> ssl.SSLContext | None:
-        """Return the context of TLS with the cell's own certificate; None on this computer alone, or if the cell has none."""
+        """Return the TLS context with the cell's certificate; None on a loopback address, or if the cell has no certificate."""
         tls = self._loaded.cell.plc.tls
         return None if tls is None or is_local(self._asked[0]) else browser_context(tls)
 
     async def work(self, is_over: asyncio.Event) -> None:
-        """Look at the cell, and show it to the pages, until it is over."""
+        """Poll the cell and update the pages until `is_over` is set."""
         beat = PeriodicCallback(self._hub.tick, 1e3 * PERIOD)
         beat.start()
         try:
@@ -124,10 +124,10 @@ class PageServer(HttpServer):
 
 
 class MetricsServer(HttpServer):
-    """The figures of one cell as Prometheus text."""
+    """The metrics of one cell as Prometheus text."""
 
     def __init__(self, address: tuple[str, int], bridge: Bridge, config: CellConfig) -> None:
-        """Take the address, and the bridge and the config of the cell whose figures are served."""
+        """Keep the address, and the bridge and the config of the cell."""
         super().__init__("--metrics", address)
         self._collector, self._names = CellCollector(bridge, config.plc.tls), config.page.names
 
@@ -137,14 +137,14 @@ class MetricsServer(HttpServer):
 
 
 class Metrics(Guarded):
-    """Handler of the figures."""
+    """Handler of the metrics."""
 
     def initialize(self, collector: CellCollector) -> None:
-        """Take what reads the figures."""
+        """Keep the collector of the metrics."""
         self._collector = collector
 
     def get(self) -> None:
-        """Answer the figures as they stand now."""
+        """Send the present metrics."""
         self.set_header("Content-Type", KIND)
         self.finish(self._collector.text())
 
@@ -153,7 +153,7 @@ class FileHandler(Guarded):
     """Base of the handlers that send files."""
 
     async def send(self, path: Path) -> None:
-        """Answer a file, or the part of it that is asked for, as by a browser that seeks in a film, piece by piece."""
+        """Send a file in blocks, or only its requested range, for example if a browser seeks in a film."""
         size = path.stat().st_size
         first, last = part_of(self.request.headers.get("Range", ""), size)
         self.set_header("Content-Type", KINDS[path.suffix])
@@ -175,11 +175,11 @@ class Static(FileHandler):
     """Handler of the page's own files."""
 
     def initialize(self, name: str = "") -> None:
-        """Take the file's name, where the address does not have it."""
+        """Keep the file's name if the route does not contain it."""
         self._name = name
 
     async def get(self, name: str = "") -> None:
-        """Answer the file."""
+        """Send the file."""
         path = STATIC / (self._name or name)
         if not path.is_file():
             raise HTTPError(404, reason="no such file")
@@ -187,14 +187,14 @@ class Static(FileHandler):
 
 
 class RunData(Guarded):
-    """Handler of one run as the journal has it, or, with the token, of the config that it was made with."""
+    """Handler of the record of one run; its config is sent only with the token."""
 
     def initialize(self, records: Records, token: str) -> None:
-        """Take the records and the token."""
+        """Keep the records and the token."""
         self._records, self._token = records, token
 
     def get(self, number: str, what: str) -> None:
-        """Answer the run as JSON."""
+        """Send the run as JSON."""
         run = int(number)
         if what == "config":
             self.require_token(self._token)
@@ -203,25 +203,25 @@ class RunData(Guarded):
         if text is None:
             raise HTTPError(404, reason=f"run {run}: its config was not kept")
         self.set_header("Content-Type", "application/json")
-        self.finish(text if what == "data" else json.dumps(json.loads(text), indent=2))  # a person reads it
+        self.finish(text if what == "data" else json.dumps(json.loads(text), indent=2))  # indented for reading
 
 
 class RunFile(FileHandler):
-    """Handler of a file made of a run: anybody may have one that there is, and whoever has the token may have it made."""
+    """Handler of a file of a run: reading an existing file is free, making one needs the token."""
 
     def initialize(self, records: Records, token: str) -> None:
-        """Take the records and the token."""
+        """Keep the records and the token."""
         self._records, self._token = records, token
 
     async def get(self, number: str, name: str) -> None:
-        """Answer the file."""
+        """Send the file."""
         path = self._records.path(int(number), name)
         if not path.is_file():
             raise HTTPError(404, reason=f"run {number}: not drawn yet")
         await self.send(path)
 
     async def post(self, number: str, name: str) -> None:
-        """Make the file if it is missing; a film takes minutes, for which nobody can wait."""
+        """Make the file if it is missing; a film takes minutes, so the answer does not wait for it."""
         self.require_token(self._token)
         run = int(number)
         with _found(run):
@@ -234,10 +234,10 @@ class RunFile(FileHandler):
 
 @contextmanager
 def _found(run: int) -> Iterator[None]:
-    """Answer in one line, without a place on the disk, that a run is not on record, or that its record is damaged.
+    """Turn errors of a run's record into one line without a path on the disk.
 
     Raises:
-        HTTPError: It is so.
+        HTTPError: The run is not on record, or its record is damaged.
     """
     try:
         yield

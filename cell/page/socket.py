@@ -1,4 +1,4 @@
-"""One open page as one more link of the cell: its requests go into the same mailbox as a PLC's commands."""
+"""One open page as a link of the cell: its requests go into the same mailbox as a PLC's commands."""
 
 import json
 import logging
@@ -23,30 +23,30 @@ from plc_bridge.messages import FIRST_PROGRAM, Result
 logger = logging.getLogger(__name__)
 
 PATIENCE = 3.0
-"""Time for which a page that has no place may still show the token, s."""
+"""Time for a page without a place to send the token, s."""
 TRIES = 5
 """Number of wrong tokens after which a page is closed."""
 BEHIND = 256 * 1024
-"""Number of bytes that may wait for a page that does not read; beyond it the page is closed and may come back."""
+"""Largest number of unsent bytes for a page, bytes; above it the page is closed and can reconnect."""
 
 
 class PageSocket(WebSocketHandler):
-    """Sends one page its view, and passes on its requests once it has shown the token."""
+    """Sends the view to one page, and forwards its requests after it has sent the token."""
 
     def initialize(self, hub: PageHub, bridge: Bridge, token: str) -> None:
-        """Take what all pages share."""
+        """Keep the parts shared by all pages."""
         self._hub, self._bridge, self._token = hub, bridge, token
         self._source = ""
-        """Name of its link; empty as long as it may only look."""
+        """Name of its link; empty until the page has sent the token."""
         self._tries = 0
         self._waiting = 0
-        """Number of bytes that have been sent and are not out yet."""
+        """Number of bytes queued and not yet sent."""
         self._has_missed = False
         self._own: dict[str, object] = {}
 
     @property
     def is_unlocked(self) -> bool:
-        """True if the page has shown the token."""
+        """True if the page has sent the token."""
         return bool(self._source)
 
     @property
@@ -55,7 +55,7 @@ class PageSocket(WebSocketHandler):
         return str(self.request.remote_ip)
 
     def open(self, *_: str, **__: str) -> None:
-        """Greet the page; if there is no place, it may still show the token, for which a page without one leaves."""
+        """Admit the page; if there is no place, wait for its token, because a page with the token replaces one without."""
         self.set_nodelay(True)
         if why := self._hub.full(self):
             self._say("full", why=why)
@@ -68,11 +68,11 @@ class PageSocket(WebSocketHandler):
             self.leave(why)
 
     def leave(self, why: str) -> None:
-        """Close this page, which may come again later."""
+        """Close this page; it can reconnect later."""
         self.close(1013, why)
 
     def on_message(self, message: str | bytes) -> None:
-        """Do what the page asks for, or send it the reason why not."""
+        """Execute the page's request, or send the reason of a refusal."""
         try:
             ask = parse(message)
         except BadAskError as error:
@@ -88,12 +88,12 @@ class PageSocket(WebSocketHandler):
             self._pass_on(ask)
 
     def on_pong(self, data: bytes) -> None:
-        """Take the answer to a ping as a sign of life for the run of this page; the lease alone it does not keep."""
+        """Count the answer to a ping as a sign of life for this page's run; it does not extend the lease."""
         if self._source and self._is_running():
             self._bridge.heard(self._source)
 
     def on_close(self) -> None:
-        """End the link; what it runs stops as that of a PLC that falls silent."""
+        """End the link; its run stops as after a timeout of a PLC."""
         self._hub.leave(self)
         if self._source:
             self._bridge.closed(self._source)
@@ -102,7 +102,7 @@ class PageSocket(WebSocketHandler):
     # Calls of the hub.
 
     def tell(self, text: bytes) -> None:
-        """Send a text that later ones do not replace; a page too far behind is closed."""
+        """Send a text that later ones do not replace; close the page if too many bytes are unsent."""
         if self._waiting > BEHIND:
             self.close(1013, "too slow")
             return
@@ -121,7 +121,7 @@ class PageSocket(WebSocketHandler):
         sent.add_done_callback(done)
 
     def show(self, text: bytes) -> None:
-        """Send a text that the page misses while an earlier one still waits; later it gets the whole history instead."""
+        """Send a text, but skip it while an earlier one is unsent; the page then gets the whole history later."""
         if self._waiting:
             self._has_missed = True
         elif self._has_missed:
@@ -131,7 +131,7 @@ class PageSocket(WebSocketHandler):
             self.tell(text)
 
     def look(self) -> None:
-        """Tell the page about its lease and its last command, where that has changed."""
+        """Send changes of the page's lease and of its last command."""
         if self._source:
             own = telling.own(self._bridge.report_for(self._source))
             if own != self._own:

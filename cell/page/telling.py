@@ -1,4 +1,4 @@
-"""The state of the cell in the words of the page: what it does, what is wrong, what to do next; pure."""
+"""The state of the cell in words for the page: activity, fault, next step; pure."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -28,18 +28,18 @@ NEXT = {
     State.CLEARING: "The fault is acknowledged.",
     State.RESETTING: "The cell becomes ready.",
 }
-"""Advice on the next step, for whoever stands before the cell."""
+"""Advice on the next step, for a person at the cell."""
 
 THEN = {
     State.IDLE: "Then start a program here, or let the PLC start one.",
     State.COMPLETE: "Then start the next run, or reset.",
 }
-"""Advice on the next step where something else comes before it."""
+"""Advice on the next step if another action must come first."""
 
 WAITING = (State.IDLE, State.COMPLETE, State.STOPPED, State.ABORTED)
-"""States in which nothing moves and a person may reach into the cell."""
+"""States at rest, in which a person may reach into the cell."""
 BY_PERSON = ("cleared", "refilled")
-"""Controls by which a person says what they have done."""
+"""Controls with which a person confirms an action at the cell."""
 
 REFUSED = {
     Refusal.UNKNOWN_CODE: "this cell has no such program",
@@ -54,7 +54,7 @@ REFUSED = {
     Refusal.RACK_EMPTY: "the rack is empty: fill it and say so",
     Refusal.STOP_HELD: "a stop coil is held at 1 somewhere; nothing starts before it falls",
 }
-"""Reason why a command was not done, by refusal."""
+"""Reason in words for each refusal."""
 
 _WARNINGS = {
     Warnings.NOT_RECORDED: "runs are not recorded",
@@ -65,7 +65,7 @@ _WARNINGS = {
 
 
 def permitted(state: State, unplugged: Sequence[str] = ()) -> list[str]:
-    """Return the permitted requests in a state: `start` with every cable in, the controls by name, and what a person may say."""
+    """Return the permitted requests in a state: `start` if every cable is plugged in, controls and confirmations by name."""
     asked = [
         event.value
         for event in ASKED
@@ -76,18 +76,18 @@ def permitted(state: State, unplugged: Sequence[str] = ()) -> list[str]:
 
 
 def still(image: ReportImage) -> ReportImage:
-    """Return a report without its life, so that two that say the same are equal."""
+    """Return a report without its life counter, so that equal contents compare equal."""
     return replace(image, life=0, life_tail=0)
 
 
 def told(image: ReportImage, message: str, evidence: str, unplugged: Sequence[str] = ()) -> dict[str, object]:
-    """Return what everybody sees of a report.
+    """Return the part of a report for all pages.
 
     Args:
         image: The report.
         message: Message of the last fault.
         evidence: Evidence of the peg's place, one line.
-        unplugged: Names of the simulated devices whose cables are pulled out.
+        unplugged: Names of the simulated devices whose cables are unplugged.
     """
     state = State(image.state) if image.state else State.IDLE
     part = PartState(PartPlace(image.part), evidence, depth=image.part_depth)
@@ -117,7 +117,7 @@ def told(image: ReportImage, message: str, evidence: str, unplugged: Sequence[st
 
 
 def _next(state: State, part: PartState, unplugged: Sequence[str]) -> str:
-    """Return what to do next; where nothing moves, with what cables and the peg ask for: where it is, why that is believed, what to do."""
+    """Return the next step; at rest, add the remedies for unplugged cables and for the peg, with its place and evidence."""
     remedy = (
         REMEDIES[part.place]
         .replace("give CLEARED", 'press "Peg taken away"')
@@ -148,7 +148,7 @@ def _fault(code: int, message: str) -> dict[str, object] | None:
 
 
 def own(image: ReportImage) -> dict[str, object]:
-    """Return what one page alone sees of its report: its lease, and what became of its last command."""
+    """Return the part of a report for one page: its lease, and the result of its last command."""
     refusal = Refusal(image.refusal)
     return {
         "lease": LeaseState(image.lease).name.lower(),
@@ -158,7 +158,7 @@ def own(image: ReportImage) -> dict[str, object]:
 
 
 def row(run: RunRow) -> dict[str, object]:
-    """Return a run on record as the page lists it."""
+    """Return a recorded run for the page's list."""
     fault = FAULTS[FaultCode(run.fault)].meaning if run.fault in set(FaultCode) and run.fault else ""
     return {
         "run": run.run,

@@ -1,4 +1,4 @@
-"""The token of the page: whoever has it may move the cell, everybody else may only look."""
+"""The token of the page: with it a page may move the cell, without it only watch."""
 
 import hmac
 import logging
@@ -19,10 +19,10 @@ logger = logging.getLogger(__name__)
 
 
 def page_token(folder: Path) -> str:
-    """Return the token of the cell whose records are in `folder`; made once, so that pages outlive a restart.
+    """Return the token of the cell with its records in `folder`; made once, so that it stays valid over restarts.
 
     Raises:
-        ConfigError: The file cannot be read or written, or others can read it.
+        ConfigError: The file cannot be read or written, or other users can read it.
     """
     path = folder / FILE
     try:
@@ -37,11 +37,11 @@ def page_token(folder: Path) -> str:
 
 
 def _kept(path: Path) -> str:
-    """Return the token in a file; empty if there is none that nobody could guess.
+    """Return the token in a file; empty if it is missing or too short.
 
     Raises:
-        ConfigError: Others can read it.
-        OSError: It cannot be read.
+        ConfigError: Other users can read the file.
+        OSError: The file cannot be read.
     """
     try:
         mode, token = path.stat().st_mode, path.read_bytes().decode(errors="replace").strip()
@@ -56,5 +56,5 @@ def _kept(path: Path) -> str:
 
 
 def is_token(found: object, token: str) -> bool:
-    """Tell whether a page has shown the token; how long that takes tells nothing about it."""
+    """Return True if a page has sent the right token; compared in constant time."""
     return isinstance(found, str) and bool(token) and hmac.compare_digest(found.encode(), token.encode())

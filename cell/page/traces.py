@@ -1,4 +1,4 @@
-"""The course of a run so far, thinned out for a page, and the present touch image; pure."""
+"""Trace of the present run, thinned out for a page, and the present touch image; pure."""
 
 import math
 from collections import deque
@@ -10,32 +10,32 @@ from cell.live import Look
 from skills.catalogue import CATALOGUE
 
 STEP = 0.05
-"""Least time between two points of a trace, s of the cell's clock."""
+"""Least time between two points of a trace on the cell's clock, s."""
 POINTS = 2400
-"""Number of points that are kept of a run: two minutes at `STEP`; of a longer run the newest."""
+"""Largest number of points of a run, two minutes at `STEP`; of a longer run the newest are kept."""
 NAMES = ("time", "force", "depth", "x", "y", "theta", "sigma", "stage")
 """Values of a point: s since the first scan of the run, N, m below the surface, m, m, rad, rad, number of the stage.
 
-The depth is left out of stages whose time does not count, because they work away from the hole.
+In stages whose time does not count, the depth is None, because they work away from the hole.
 """
 DIGITS = (2, 2, 6, 6, 6, 4, 4, 0)
 
 Point = list[float | None]
-"""The values of `NAMES`; None where there is none."""
+"""Values of `NAMES`; None for a missing one."""
 
 
 class Traces:
-    """Force, depth, place and angle over the time of the run under way, or of the last one."""
+    """Force, depth, position and angle over time, of the present run or the last one."""
 
     def __init__(self) -> None:
-        """Begin before the first run."""
+        """Start empty."""
         self.run = 0
         """Number of the run in the journal."""
         self.points: deque[Point] = deque(maxlen=POINTS)
         self._start = self._last = 0.0
 
     def add(self, looks: Iterable[Look]) -> list[Point]:
-        """Take looks, oldest first, and return the points that they add; another run begins anew."""
+        """Add looks, oldest first, and return the new points; a new run clears the earlier points."""
         added: list[Point] = []
         for look in looks:
             stamp = look.seen.stamp
@@ -63,7 +63,7 @@ def _point(look: Look, time: float) -> Point:
 
 
 def touch(look: Look) -> dict[str, object]:
-    """Return both fingers' readings and what the skin says of the peg, as a page draws them."""
+    """Return both fingers' readings and the estimated angle of the peg, for a page to draw."""
     seen = look.seen
     frame, peg = seen.frame, seen.peg
     return {
@@ -80,5 +80,5 @@ def touch(look: Look) -> dict[str, object]:
 
 
 def _number(value: float, digits: int) -> float | None:
-    """Return a number rounded to so many digits; None for a value that is not finite, which JSON cannot express."""
+    """Return a number rounded to `digits`; None if it is not finite, because JSON cannot express it."""
     return round(value, digits) if math.isfinite(value) else None

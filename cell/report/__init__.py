@@ -1,1 +1,1 @@
-"""The summary of many runs on record: facts, drawings and documents."""
+"""Summary of many recorded runs: facts, drawings and documents."""

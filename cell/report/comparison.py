@@ -8,7 +8,7 @@ from typing import Any
 from cell.journal_schema import RunRow, StageRow
 
 ComparedLine = tuple[str, str, str]
-"""Title of what is compared, and its value in each run."""
+"""Title of a compared value, and the value in each run."""
 _PLAIN = (
     "started",
     "program",
@@ -35,7 +35,7 @@ _SCALED = {
 def compared(
     rows: Sequence[RunRow], stages: Sequence[Sequence[StageRow]], configs: Sequence[str | None]
 ) -> list[tuple[str, list[ComparedLine]]]:
-    """Return tables of two runs: what is on record of each, their stages, and the config keys and versions that differ."""
+    """Return tables of two runs: their records, their stages, and the config keys and versions that differ."""
     first, second = rows
     record = [(name, str(getattr(first, name)), str(getattr(second, name))) for name in _PLAIN]
     for name, (title, scale, unit) in _SCALED.items():

@@ -1,4 +1,4 @@
-"""A report as a document: one HTML file with everything in it, or a PDF."""
+"""A report as a document: one self-contained HTML file, or a PDF."""
 
 import base64
 import io
@@ -23,10 +23,10 @@ img { width: 100%; background: #fff; border-radius: .5rem; }
 
 
 def write(facts: Facts, path: Path) -> None:
-    """Write a report as its file's ending says.
+    """Write a report in the format of the file's suffix.
 
     Raises:
-        ConfigError: The ending is unknown, or the file cannot be written.
+        ConfigError: The suffix is unknown, or the file cannot be written.
     """
     require_kind(path)
     try:

@@ -11,14 +11,14 @@ from cell.statistics import spread
 from drivers.quantities import Vector
 
 GOOD, BAD, PLAIN, FAINT = "#228833", "#bb4455", "#4477aa", "#9aa5ad"
-"""Colours that colour-blind readers can tell apart."""
+"""Colours that colour-blind readers can distinguish."""
 MOST_LOSSES, MOST_DAYS = 8, 31
 MOST_POINTS, SPANS = 2000, 100
-"""Number of runs that are drawn as points, and of spans into which more of them are put."""
+"""Largest number of runs drawn as single points, and number of spans for more runs."""
 
 
 def draw(facts: Facts) -> Figure:
-    """Return one figure with the drawings of a report, of A4's shape."""
+    """Return one figure with the drawings of a report, with the proportions of A4."""
     figure = Figure(figsize=(11.7, 8.3), layout="constrained")
     places = figure.subplot_mosaic([["yield", "losses"], ["stages", "losses"], ["forces", "drift"]])
     kinds: dict[str, Callable[[Axes, Facts], None]] = {
@@ -112,7 +112,7 @@ def _drift(axes: Axes, facts: Facts) -> None:
 
 
 def _spans(axes: Axes, time: Vector, value: Vector) -> None:
-    """Draw the median and the middle eight tenths of the values in spans of equally many runs, instead of a point for each run."""
+    """Draw median and 10th to 90th percentile of the values, in spans with equal numbers of runs, instead of single points."""
     spans = [np.array_split(values[np.argsort(time, kind="stable")], SPANS) for values in (time, value)]
     middle = [float(span.mean()) for span in spans[0]]
     low, median, high = np.array([np.percentile(span, (10, 50, 90)) for span in spans[1]]).T

@@ -16,21 +16,21 @@ from skills.catalogue import CATALOGUE, GRASP
 from skills.contract import Outcome
 
 LEAST_DRIFT = 10
-"""Least number of runs from which a drift is computed."""
+"""Least number of runs for the computation of a drift."""
 DAY, QUARTER = 86400.0, 900.0
 """Length of a day and of a quarter of an hour, s."""
 
 
 @dataclass(frozen=True, slots=True)
 class Yield:
-    """Share of the ended runs that succeeded, with its 95 % interval after [wilson]."""
+    """Share of successful runs among the ended ones, with its 95 % interval after [wilson]."""
 
     good: int
     runs: int
 
     @property
     def share(self) -> float | None:
-        """Return the share; None of no runs."""
+        """Return the share; None without runs."""
         return self.good / self.runs if self.runs else None
 
     @property
@@ -46,24 +46,24 @@ class StageTimes:
     name: str
     n: int
     counted: dict[str, float] | None
-    """Time that the skill counts as its own, as in Table I of [gibbons], s: mean, median and p95 of successful runs."""
+    """Time counted by the skill, as in Table I of [gibbons], s: mean, median and p95 of successful runs."""
     whole: dict[str, float] | None
-    """Time with the way to the stage's place, s: mean, median and p95 of successful runs."""
+    """Time with the transfer to the stage's place, s: mean, median and p95 of successful runs."""
 
 
 @dataclass(frozen=True, slots=True)
 class Loss:
-    """One way in which runs did not succeed."""
+    """One kind of run without success."""
 
     what: str
     count: int
     cumulative: float
-    """Share of all runs that did not succeed which this and the more frequent ways make up."""
+    """Share of this kind and all more frequent kinds among the runs without success."""
 
 
 @dataclass(frozen=True, slots=True)
 class Drift:
-    """Trend of the residual of theta right after the grasp: pads that wear explain less and less of what they read."""
+    """Trend of the residual of theta right after the grasp; it grows as the pads wear."""
 
     n: int
     per_day: float
@@ -74,7 +74,7 @@ class Drift:
 
     @property
     def is_shown(self) -> bool:
-        """Whether the interval leaves zero out, upward."""
+        """True if the whole interval is above zero."""
         return self.low > 0.0
 
 
@@ -92,9 +92,9 @@ class Facts:
     by_day: Sequence[tuple[str, Yield]]
     """Date in local time and its yield."""
     cycle: dict[str, float] | None
-    """Time from command to answer, s, of runs that succeeded."""
+    """Time from command to answer, s, of successful runs."""
     insertion: dict[str, float] | None
-    """Search, insertion and adjustment together, the total of [gibbons], s, of runs that succeeded."""
+    """Total time of search, insertion and adjustment as in [gibbons], s, of successful runs."""
     stages: Sequence[StageTimes]
     losses: Sequence[Loss]
     forces: Sequence[float]
@@ -105,7 +105,7 @@ class Facts:
 
 
 def facts_of(told: Told, since: str = "") -> Facts:
-    """Return what runs that have ended say together."""
+    """Return the facts of the ended runs."""
     figures = unpacked(told)
     is_good, started = figures.is_good, figures.of_run["started"]
     time, residual = _residuals(figures)
@@ -130,7 +130,7 @@ def facts_of(told: Told, since: str = "") -> Facts:
 
 
 def drift_of(time: Vector, value: Vector) -> Drift | None:
-    """Return the trend of residuals at times in days; None of too few, or of all at one time."""
+    """Return the trend of residuals at times in days; None if there are too few runs, or all have the same time."""
     if len(time) < LEAST_DRIFT:
         return None
     spent = time - time.mean()
@@ -143,18 +143,18 @@ def drift_of(time: Vector, value: Vector) -> Drift | None:
 
 
 def _known(values: Vector) -> Vector:
-    """Return the values that are on record."""
+    """Return the values without NaN."""
     return values[~np.isnan(values)]
 
 
 def _moment(seconds: Vector) -> str:
-    """Return a wall time of the records; empty where there is none."""
+    """Return a wall time of the records as text; empty without times."""
     known = _known(seconds).tolist()
     return datetime.fromtimestamp(known[0], UTC).isoformat(timespec="milliseconds") if known else ""
 
 
 def _insertions(figures: Figures) -> Vector:
-    """Return the time that the stages which count took together, s, of each good run that has any of them on record."""
+    """Return the total time of the counted stages, s, of each successful run with any of them on record."""
     counted = [figures.of_stage[name]["counted"] for name in CATALOGUE.counted if name in figures.of_stage]
     if not counted:
         return np.empty(0)
@@ -165,7 +165,7 @@ def _insertions(figures: Figures) -> Vector:
 
 
 def _by_day(figures: Figures) -> list[tuple[str, Yield]]:
-    # No time zone changes its offset but at a full quarter of an hour.
+    # Every time zone changes its offset at a full quarter of an hour.
     started = figures.of_run["started"]
     quarters, place = np.unique(np.floor(_known(started) / QUARTER).astype(int), return_inverse=True)
     good = np.bincount(place, figures.is_good[~np.isnan(started)], len(quarters)).astype(int)
@@ -180,7 +180,7 @@ def _by_day(figures: Figures) -> list[tuple[str, Yield]]:
 def _stage_times(figures: Figures) -> list[StageTimes]:
     found = []
     for name in CATALOGUE.stages.values():
-        # Of a journal of layout 1 only the times that skills count are known; they are in the insertion's alone.
+        # Journals of layout 1 hold only the times counted by skills, which are used only for the insertion time.
         of_stage = figures.of_stage.get(name)
         if of_stage is not None and (is_known := figures.is_good & ~np.isnan(of_stage["whole"])).any():
             counted, whole = (_known(of_stage[which][is_known]) for which in ("counted", "whole"))
@@ -209,7 +209,7 @@ def _way(kind: Kind) -> str:
 
 
 def _residuals(figures: Figures) -> tuple[Vector, Vector]:
-    """Return the time since the first run, days, and the residual of theta right after the grasp, of runs that have one."""
+    """Return the time since the first run, days, and the residual of theta right after the grasp, of runs with a residual."""
     if GRASP.name not in figures.of_stage:
         return np.empty(0), np.empty(0)
     started, values = figures.of_run["started"], figures.of_stage[GRASP.name]["residual"]

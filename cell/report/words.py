@@ -1,4 +1,4 @@
-"""The facts of a report as tables of words, for terminals and documents; pure."""
+"""The facts of a report as tables of text, for terminals and documents; pure."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,24 +9,24 @@ from cell.wall_clock import local
 from drivers.errors import ConfigError
 
 HTML, PDF = ".html", ".pdf"
-"""Endings of the files that a report can be written to."""
+"""Suffixes of the file formats of a report."""
 
 Table = tuple[str, tuple[str, ...], Sequence[tuple[str, ...]]]
 """Title, head and rows of a table."""
 
 
 def require_kind(path: Path) -> None:
-    """Refuse a file of another ending.
+    """Require a known suffix of the file.
 
     Raises:
-        ConfigError: The ending is unknown.
+        ConfigError: The suffix is unknown.
     """
     if path.suffix.lower() not in (HTML, PDF):
         raise ConfigError(f"--out {path}: *{HTML}, *{PDF} allowed")
 
 
 def tables(facts: Facts) -> list[Table]:
-    """Return the content of a report in words and figures."""
+    """Return the content of a report as tables."""
     low, high = facts.total.interval
     share = "no runs" if facts.total.share is None else f"{100 * facts.total.share:.1f} %"
     times = [
